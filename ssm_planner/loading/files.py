@@ -17,16 +17,13 @@ LARGEST_FILE = 10_000_000
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the shipped files.
-
-    It is in the installed package or in a checkout.
-    """
+    """Return the folder of the shipped files, in the installed package or in a checkout."""
     within = _PACKAGE / "problems"
     return within if within.is_dir() else _PACKAGE.parent / "problems"
 
 
 def shipped_names(folder: Folder) -> dict[str, Path]:
-    """Return the paths of the shipped files in a folder, by names such as "tilt_insert"."""
+    """Return the paths of the shipped files in a folder, by name (such as "tilt_insert")."""
     directory = shipped_folder() if folder == "problems" else shipped_folder() / folder
     return {file.stem: file for file in sorted(directory.glob("*.yaml"))}
 
@@ -34,7 +31,7 @@ def shipped_names(folder: Folder) -> dict[str, Path]:
 def find(name: str | Path, folder: Folder) -> Path:
     """Find a file by its path or, if no such file exists, by its shipped name.
 
-    Shipped files are searched in `folder`. Raises ProblemError if neither exists.
+    `folder` is the folder of the shipped files. Raises ProblemError if neither exists.
     """
     path = Path(name)
     names = shipped_names(folder)
@@ -55,13 +52,13 @@ def find(name: str | Path, folder: Folder) -> Path:
 
 
 def read(path: str | Path) -> Section:
-    """Read a YAML file. Raises ProblemError if its content is not a mapping."""
+    """Read a YAML file that contains a mapping. Raises ProblemError for other files."""
     file = Path(path)
     return _section(file, parse(file, text_of(file)))
 
 
 def of_text(text: str) -> Section:
-    """Parse a YAML text whose file names are relative to the working directory.
+    """Parse a YAML text. File names in it are relative to the working directory.
 
     Raises ProblemError if its content is not a mapping.
     """
@@ -77,7 +74,7 @@ def of_data(data: Mapping[str, Any]) -> Section:
 
 
 def _section(file: Path | None, root: Node) -> Section:
-    """Return the root of a file as a section. Raises ProblemError unless it is a mapping."""
+    """Return the section of a whole file. Raises ProblemError unless its root is a mapping."""
     if isinstance(root.value, dict):
         return Section(file, root)
     subject = "the problem is" if file is None else "the file holds"
@@ -91,6 +88,8 @@ def _section(file: Path | None, root: Node) -> Section:
 def follow(section: Section, *path: str | int, file_kind: str | None = None) -> Section:
     """Return the mapping under a key, or the mapping in the file that the key names.
 
+    A file name is relative to the file that contains it, or it is a shipped name.
+
     Parameters
     ----------
     section : Section
@@ -100,10 +99,10 @@ def follow(section: Section, *path: str | int, file_kind: str | None = None) -> 
     file_kind : str, optional
         Kind of the file: robot, drive, motor or problem. The default is the name of the key.
 
-    Returns
-    -------
-    Section
-        The mapping. A file name is relative to the file that contains it, or it is a shipped name.
+    Raises
+    ------
+    ProblemError
+        If the file does not exist or is not a mapping.
     """
     reference = section.sub(*path)
     if isinstance(reference.value, dict):
@@ -130,7 +129,7 @@ def follow(section: Section, *path: str | int, file_kind: str | None = None) -> 
 
 
 def bytes_of(file: Path, largest: int = LARGEST_FILE) -> bytes:
-    """Return the content of a regular file of at most `largest` bytes.
+    """Read a regular file of at most `largest` bytes.
 
     Raises ProblemError if the file is missing, too large or unreadable.
     """
@@ -149,7 +148,7 @@ def bytes_of(file: Path, largest: int = LARGEST_FILE) -> bytes:
 
 
 def text_of(file: Path) -> str:
-    """Return the content of a text file. Raises ProblemError if the file cannot be read."""
+    """Read a text file in UTF-8. Raises ProblemError if the file is empty or cannot be read."""
     data = bytes_of(file)
     try:
         text = data.decode("utf-8-sig")

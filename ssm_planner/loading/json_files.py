@@ -41,7 +41,10 @@ LONGEST_INTEGER = 18
 def read_json(path: Path, max_size: int) -> Any:
     """Read a JSON file of at most `max_size` bytes.
 
-    Raises TrajectoryError, which names the file and the fault, if the file is invalid.
+    Raises
+    ------
+    TrajectoryError
+        If the file is invalid. The message names the file and the fault.
     """
     return parse_json(path, read_bytes(path, max_size))
 
@@ -49,7 +52,7 @@ def read_json(path: Path, max_size: int) -> Any:
 def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> tuple[Any, str]:
     """Read a JSON file that may contain a long list of matrices, and compute its SHA-256.
 
-    The list of a large file is converted to an array in parts. Python objects for all its numbers
+    In a large file, this list is converted to an array in parts. Python objects for all its numbers
     would need four times the memory of the array.
 
     Parameters
@@ -58,7 +61,7 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
         File to read.
     max_size : int
         Largest permitted size, bytes.
-    long_key : tuple[str, ...]
+    long_key : tuple of str
         Keys that lead to the long list.
 
     Returns
@@ -84,10 +87,11 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
 
 
 def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
-    """Parse a file whose longest list becomes an array (n, …).
+    """Parse a file, and convert its longest list to an array (n, …).
 
-    The list is replaced by a mark while the rest of the file is parsed. A file that cannot be split
-    in this way is parsed as a whole, which also describes its faults.
+    A mark replaces the list while the rest of the file is parsed. A file that cannot be split in
+    this way is parsed as a whole, which also describes its faults. `long_key` contains the keys
+    that lead to the list.
     """
     *outer_keys, key = long_key
     start = re.search(rb'"%b"\s*:\s*(?=\[)' % key.encode(), data)
@@ -97,8 +101,8 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
     mark = token_hex(16)
     try:
         array = _array(path, data, start.end() + 1, end.end() - 1)
-        short = b'%b"%b"%b' % (data[: start.end()], mark.encode(), data[end.end() :])
-        mapping = document = parse_json(path, short)
+        shortened = b'%b"%b"%b' % (data[: start.end()], mark.encode(), data[end.end() :])
+        mapping = document = parse_json(path, shortened)
         for outer_key in outer_keys:
             mapping = mapping[outer_key]
         if mapping[key] != mark:  # the list is not at these keys
@@ -112,7 +116,7 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
 def _parse_whole(path: Path, data: mmap) -> Any:
     """Parse a file at once.
 
-    Raises TrajectoryError if it is larger than LARGEST_WHOLE or invalid.
+    Raises TrajectoryError if the file is invalid or larger than LARGEST_WHOLE.
     """
     if len(data) > LARGEST_WHOLE:
         raise TrajectoryError(f"{path}: invalid JSON, or not in the form that this program writes")
@@ -120,7 +124,7 @@ def _parse_whole(path: Path, data: mmap) -> Any:
 
 
 def _array(path: Path, data: mmap, start: int, end: int) -> Array:
-    """Convert the entries between two positions to an array (n, …).
+    """Convert the part of a file between two positions to an array (n, …), batch by batch.
 
     Raises ValueError, TypeError, OverflowError, RecursionError or TrajectoryError if the entries
     are not lists of finite numbers with equal shapes.
@@ -139,7 +143,7 @@ def _array(path: Path, data: mmap, start: int, end: int) -> Array:
 
 
 def read_bytes(path: Path, max_size: int) -> bytes:
-    """Return the content of a regular file of at most `max_size` bytes.
+    """Read a regular file of at most `max_size` bytes.
 
     Raises TrajectoryError if the file is missing, too large or unreadable.
     """
@@ -174,7 +178,7 @@ def parse_json(path: Path, data: bytes) -> Any:
 
 
 def _decoder(path: Path) -> json.JSONDecoder:
-    """Return a decoder that accepts finite numbers only. Errors name the file `path`."""
+    """Return a JSON decoder that accepts finite numbers only. Its errors name the file `path`."""
 
     def refuse(constant: str) -> NoReturn:
         raise TrajectoryError(f"{path}: contains {constant[:40]}; only finite numbers are allowed")
@@ -190,7 +194,7 @@ def _decoder(path: Path) -> json.JSONDecoder:
 def _check(path: Path, value: Any, depth: int) -> None:
     """Raise TrajectoryError if a value is nested too deeply, not finite, or contains invalid text.
 
-    A number such as 1e999 is not finite.
+    A number such as 1e999 is read as infinity. `depth` is the number of levels above the value.
     """
     if isinstance(value, float):
         if not math.isfinite(value):
@@ -214,7 +218,7 @@ def _check(path: Path, value: Any, depth: int) -> None:
 def check_text(path: Path, text: str) -> None:
     """Raise TrajectoryError if a text contains a NUL or an unpaired surrogate.
 
-    Files and file names cannot contain these characters. The error names the file `path`.
+    Neither files nor file names can contain these characters. The error names the file `path`.
     """
     if any("\ud800" <= character <= "\udfff" or character == "\0" for character in text):
         raise TrajectoryError(

@@ -49,8 +49,16 @@ from ssm_planner.typing import JsonObject
 def load_problem(name: str | Path) -> Problem:
     """Load a problem from a YAML file or by its shipped name.
 
-    The points of the motion are checked against the limits. Raises ProblemError, which names the
-    file, the line and the key, if a value is invalid.
+    Parameters
+    ----------
+    name : str or Path
+        File, or name of a shipped problem.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid, or a point of the motion is outside its limits. The error names the
+        file, the line and the key.
 
     Examples
     --------
@@ -130,7 +138,7 @@ def load_motor(name: str | Path) -> Motor:
 
 
 def _joint_parts(cls: Any) -> Any:
-    """Return the type of a mapping from joint names to instances of `cls`, which is optional."""
+    """Build the type of an optional mapping from joint names to instances of the class `cls`."""
     return by_joint(model_of(cls), model_of(cls, slides=True))
 
 
@@ -171,10 +179,7 @@ def load_controller(name: str | Path) -> Controller:
 
 
 def _stroke(slides: bool = False) -> Any:
-    """Return the model of a stroke.
-
-    The units are those of a prismatic joint if `slides` is true.
-    """
+    """Build the model of a stroke. The units are those of a prismatic joint if `slides` is true."""
     centre = reading(Stroke, "centre", slides), 0.0
     return model_of(Stroke, {"centre": centre}, slides=slides, without=("joint",))
 
@@ -200,8 +205,8 @@ class MotorisationModel(Model):
 def load_motorisation(name: str | Path) -> Motorisation:
     """Load a motorisation and its robot from a YAML file or by its shipped name.
 
-    A motorisation contains back-and-forth strokes of single joints. Raises ProblemError if a value
-    is invalid.
+    A motorisation contains back-and-forth strokes of single joints, for which motors are sized.
+    Raises ProblemError if a value is invalid.
     """
     section = read(find(name, "motorisation"))
     if section.has_key("motion") and not section.has_key("back_and_forth"):
@@ -232,7 +237,7 @@ Kind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller
 
 
 def _models(file_kind: Kind) -> tuple[Any, ...]:
-    """Return the models of a kind of file. Drive files have one model for each kind of drive."""
+    """Return the models of a kind of file: one for each kind of drive, otherwise a single one."""
     models = {
         "problem": problem_model(tuple(MOTIONS)),
         "robot": RobotModel,

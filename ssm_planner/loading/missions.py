@@ -1,4 +1,7 @@
-"""Expand abbreviations in problem files: named points, repeated motions and included problems."""
+"""Expand abbreviations in problem files: named points, repeated motions and included problems.
+
+The expansion changes the tree of the file, before the values are checked.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from ssm_planner.loading.yaml_nodes import Node, Section, plain_node
 from ssm_planner.problem import Bound
 
 LONGEST_MOTION = 10_000
+"""Largest number of entries of an expanded motion list."""
 _CURVES = {
     "spline": ("to", "through"),
     "line": ("to", "through"),
@@ -31,10 +35,10 @@ POINT_KEYS = {
 
 
 def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
-    """Return the section of a problem in which named points and motions are expanded.
+    """Return the section of a problem in which all abbreviations are expanded.
 
-    `within` contains the sections that include this one. Raises ProblemError for an unknown name or
-    if a problem includes itself.
+    `within` contains the sections that include this one. Raises ProblemError for an unknown name,
+    or if a problem includes itself.
     """
     points = _points(section)
     children = dict(section.root.children)
@@ -48,7 +52,7 @@ def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
 
 
 def _with_children(node: Node, children: Mapping[str | int, Node]) -> Node:
-    """Return a copy of a node with these children."""
+    """Return a copy of a mapping or list with other entries. Existing keys keep their lines."""
     values = {key: child.value for key, child in children.items()}
     lines = {key: node.key_lines.get(key, child.line) for key, child in children.items()}
     if isinstance(node.value, list):
@@ -62,7 +66,10 @@ def _with_children(node: Node, children: Mapping[str | int, Node]) -> Node:
 
 
 def _points(section: Section) -> Mapping[str | int, Node]:
-    """Return the named points of the problem, by name."""
+    """Return the nodes of the named points of a problem, by name.
+
+    Raises ProblemError if the key `points` does not contain a mapping of mappings.
+    """
     point_section = section.sub("points")
     if not section.has_key("points"):
         return {}
@@ -81,9 +88,21 @@ def _points(section: Section) -> Mapping[str | int, Node]:
 
 
 def _with_points(part_section: Section, node: Node, points: Mapping[str | int, Node]) -> Node:
-    """Return a node in which points replace their names.
+    """Return a copy of a node in which points replace their names.
 
-    Raises ProblemError for an unknown name.
+    Parameters
+    ----------
+    part_section : Section
+        Part of the file that the node represents.
+    node : Node
+        Tree of this part.
+    points : Mapping
+        Named points by name.
+
+    Raises
+    ------
+    ProblemError
+        If a name is unknown.
     """
     keys = [key for key in part_section.path if isinstance(key, str)]
     if keys[-1] in POINT_KEYS.get(keys[-2] if len(keys) > 1 else "", ()) and isinstance(
@@ -100,9 +119,10 @@ def _with_points(part_section: Section, node: Node, points: Mapping[str | int, N
 
 
 def _split_at_corners(motion_section: Section, entry: Node) -> list[Node]:
-    """Split a motion with corners into straight motions with rounded corners between them.
+    """Split a motion with corners into one motion to each corner and one to its end.
 
-    Raises ProblemError if the corners or `blend` are invalid.
+    The motions to the corners get the key `blend`, which rounds the corners. Raises ProblemError if
+    the corners or `blend` are invalid.
     """
     ((name, node),) = entry.children.items()
     corners = node.children.get("through")
@@ -117,11 +137,11 @@ def _split_at_corners(motion_section: Section, entry: Node) -> list[Node]:
     ends = [*corners.children.values(), *([node.children["to"]] if "to" in node.children else [])]
     motions = []
     for k, end in enumerate(ends):
-        on: dict[str | int, Node] = (
+        corner_keys: dict[str | int, Node] = (
             {"blend": node.children["blend"]} if k < len(corners.value) else {}
         )
         line_node = replace(
-            _with_children(node, {**other_children, "to": end, **on}), line=end.line
+            _with_children(node, {**other_children, "to": end, **corner_keys}), line=end.line
         )
         motions.append(
             replace(_with_children(entry, {name: line_node}), key_lines={name: end.line})
@@ -141,16 +161,19 @@ class RepeatModel(Model):
 
 
 class _Motions:
-    """Expansion of a list of motions. `within` contains the sections that include this one."""
+    """Expansion of the motion list of one problem.
+
+    `within` contains the sections of the problems that include this one.
+    """
 
     def __init__(self, section: Section, within: tuple[Section, ...]) -> None:
         self.section = section
         self.within = within
 
     def expand(self, list_section: Section, node: Node) -> list[Node]:
-        """Return the motions of a list with repetitions and included problems expanded.
+        """Return the entries of a motion list without repetitions, inclusions and corners.
 
-        Raises ProblemError if an entry is invalid.
+        Raises ProblemError if an entry is invalid or the list becomes too long.
         """
         expanded: list[Node] = []
         for i, entry in enumerate(node.children.values()):
@@ -172,7 +195,7 @@ class _Motions:
     def _repeat(self, list_section: Section, node: Node) -> list[Node]:
         """Return the motions of a `repeat` entry as often as it states.
 
-        Raises ProblemError if they are more than LONGEST_MOTION.
+        Raises ProblemError if there are more than LONGEST_MOTION.
         """
         times = validated(list_section, RepeatModel).times
         once = self.expand(list_section.sub("motion"), node.children["motion"])
@@ -183,9 +206,9 @@ class _Motions:
         return times * once
 
     def _include(self, motion_section: Section) -> list[Node]:
-        """Return the motions of an included problem.
+        """Return the motions of an included problem. Messages refer to the line that includes it.
 
-        Messages refer to the line that includes it.
+        Raises ProblemError if the problem has no motions or includes itself.
         """
         key = motion_section.sub("include")
         if not isinstance(key.value, str):

@@ -1,4 +1,4 @@
-"""Keys of the motion list of problem files: points, and the motions that each key describes."""
+"""Define the keys of the motion list of problem files, and build the motions from their values."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _FORMS = (
 
 
 class _NamedModel(Model):
-    """Base of the models of points that a file may also state by a name in `points`."""
+    """Base of the models of points. Instead of a point, a file may contain a name in `points`."""
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: Any, handler: Any) -> JsonObject:
@@ -124,7 +124,7 @@ class _ScanModel(Model):
 
 
 def or_word(reader: Reader, keyword: str, allowed: str) -> Reader:
-    """Return a reader that accepts the word `keyword` in addition to the values of `reader`.
+    """Extend a reader so that it also accepts the word `keyword`, which it returns unchanged.
 
     `allowed` describes the allowed values for messages.
     """
@@ -197,17 +197,23 @@ class _EntryModel(Model):
 def _motion_to(
     to: Any, extra_keys: Mapping[str, Any] | None = None, without: tuple[str, ...] = ()
 ) -> Any:
-    """Return the type of a mapping with the keys `to`, `duration` and `blend`.
+    """Return the type of a motion with the keys `to`, `duration` and `blend`.
 
-    `to` is the type of the end point. `extra_keys` are added, and the keys in `without` are left
-    out.
+    Parameters
+    ----------
+    to : type
+        Type of the end point.
+    extra_keys : Mapping, optional
+        Additional keys, each as a pair of type and default.
+    without : tuple of str
+        Keys that are omitted.
     """
     keys = {"to": required(to, "End point."), **(extra_keys or {})}
     return nested(model_of(Straight, keys, without=(*TASK, "name", *without)))
 
 
 def _through(model: Any, description: str) -> Keywords:
-    """Return the key `through`, which contains the optional points between start and end.
+    """Return the key `through` for the optional points between the start and the end of a motion.
 
     `model` is the model of each point, and `description` documents the key.
     """
@@ -232,9 +238,9 @@ _COORDINATE_BY_KEY = {"tilt": "tilt", "roll": "roll", "spin": "spin", "insert": 
 
 @frozen
 class MotionKey:
-    """Key of the motion list of problem files.
+    """Key of the motion list of problem files, which describes one or more motions.
 
-    To add a key, create an object and register it (docs/architecture.md).
+    To add a key, create an object of this class and register it (docs/architecture.md).
     """
 
     name: str
@@ -250,7 +256,10 @@ class MotionKey:
 
 
 def _straight(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the straight motion that a value describes."""
+    """Yield the straight motion that the value of a key describes.
+
+    `section` is the part of the file with the value, and `model` is the value in SI units.
+    """
     name = str(section.path[-1])
     coordinate = _COORDINATE_BY_KEY.get(name)
     to = {coordinate: model.to} if coordinate else set_coordinates(model.to)
@@ -259,7 +268,7 @@ def _straight(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _free(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the free motion that a value describes."""
+    """Yield the free motion that the value of a key describes, see `_straight`."""
     yield Free(
         point_from(section.sub("to"), model.to),
         _points_between(section, model),
@@ -270,21 +279,21 @@ def _free(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _spline(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the spline in joint space that a value describes."""
+    """Yield the spline in joint space that the value of a key describes, see `_straight`."""
     end = point_from(section.sub("to"), model.to)
     between = _points_between(section, model)
     yield Follow(end, between, "spline", line=section.line(), duration=model.duration)
 
 
 def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
-    """Return the points between the start and the end of a motion."""
+    """Build the points of the key `through`, which are between both ends of a motion."""
     return tuple(
         point_from(section.sub("through", k), point) for k, point in enumerate(model.through)
     )
 
 
 def _curve(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the motion along a line or an arc of the tip that a value describes."""
+    """Yield the line or arc of the tip that the value of a key describes, see `_straight`."""
     name: Any = section.path[-1]
     middle = () if name == "line" else (point_from(section.sub("through"), model.through),)
     yield Follow(
@@ -300,7 +309,7 @@ def _curve(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _retina(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the motion along the retina that a value describes."""
+    """Yield the motion along the retina that the value of a key describes, see `_straight`."""
     if model.to.depth is not None:
         reason = "do not give depth: distance already determines it"
         raise section.error(reason, "to", "depth", allowed="roll, tilt, spin")
@@ -317,17 +326,17 @@ def _retina(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _path(section: Section, file: str) -> Iterator[Motion]:
-    """Yield the motion along the path in a table, whose file name is the value."""
+    """Yield the motion through the points of a table, whose file name is the value of the key."""
     yield path_from(section, "path", section.line())
 
 
 def _dwell(section: Section, duration: float) -> Iterator[Motion]:
-    """Yield the pause that a value describes, which is its duration in s."""
+    """Yield the pause that the value of a key describes, which is its duration in s."""
     yield Dwell(duration, "dwell", section.line())
 
 
 def _scan(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the scan of the retina that a value describes."""
+    """Yield the scan of the retina that the value of a key describes, see `_straight`."""
     low, middle, high = model.diameters
     if not 0 < low < middle < high:
         reason = "rings must be concentric"
@@ -418,23 +427,29 @@ _EXPANDED = {
 
 
 def motion_list(names: tuple[str, ...]) -> Any:
-    """Return the type of a motion list whose entries have these keys of MOTIONS."""
+    """Build the type of a motion list whose entries have the keys `names` of MOTIONS."""
     keys = {name: optional(MOTIONS[name].value_type, MOTIONS[name].description) for name in names}
     entry = Annotated[Any, Part(model_from(keys | _EXPANDED, base=_EntryModel))]
     return Annotated[list[entry], Field(min_length=1, max_length=LONGEST_MOTION)]
 
 
 def motions_from(section: Section, value: Any) -> tuple[Motion, ...]:
-    """Return the motions that the value of a key describes. Raises ProblemError."""
+    """Build the motions that the value of a key describes. Raises ProblemError if it is invalid."""
     with located(section):
         return tuple(MOTIONS[str(section.path[-1])].motions(section, value))
 
 
 def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
-    """Return the locations of the parts of a motion in the file, by their names in messages.
+    """Return the location in the file of each part of a motion, by its name in error messages.
 
-    `field` is the name of the motion, such as motion[2]. `place` contains the keys and list
-    positions that lead to the value of the motion's key.
+    Parameters
+    ----------
+    field : str
+        Name of the motion in messages, such as motion[2].
+    place : tuple
+        Keys and list positions that lead to the value of the motion's key.
+    value : object
+        Value of the key.
     """
     name = place[-1]
     keys = ("blend", "duration", "constant_speed", "distance")
@@ -460,12 +475,18 @@ def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
 
 
 def set_coordinates(model: Any) -> dict[str, float]:
-    """Return the task coordinates or rates that a model states, by name."""
+    """Return the task coordinates or rates that a file states, by name.
+
+    Missing coordinates and a free spin are omitted.
+    """
     return {name: value for name in TASK if (value := getattr(model, name)) not in (None, FREE)}
 
 
 def point_from(section: Section, model: Any) -> Point:
-    """Build the point that a section describes. Raises ProblemError if a value is invalid."""
+    """Build the point that a section describes.
+
+    `model` is the validated section. Raises ProblemError if a value is invalid.
+    """
     line = section.line()
     with located(section, {"values": ("joints",), "position": ("tip",)}):
         if model.joints is not None:

@@ -23,7 +23,7 @@ from ssm_planner.units import rpm
 
 
 def _check(quantity_kind: str, description: str) -> Any:
-    """Return the type of a value that only serves to check other values."""
+    """Return the type of a quantity that is only compared with other quantities of the file."""
     hint = Annotated[Figure, sourced_field(quantity(quantity_kind, Bound(above=0.0)))]
     return hint | None, Field(None, description=description)
 
@@ -85,7 +85,10 @@ On 95 % of 641 product pages the difference is at most 0.5 %.
 
 
 def motor_from(section: Section) -> Motor:
-    """Build the motor that a section describes. Raises ProblemError if a value is invalid."""
+    """Build the motor that a section describes.
+
+    Raises ProblemError if a value is invalid, implausible or without a source.
+    """
     model: Any = validated(section, MotorModel)
     sourced = model.sourced_figures()
     for name, entry in sourced.items():
@@ -109,7 +112,10 @@ def motor_from(section: Section) -> Motor:
 
 
 def _check_torque(section: Section, values: Mapping[str, float]) -> None:
-    """Raise ProblemError if torques, power or inertia are implausible for a small motor."""
+    """Raise ProblemError if torques, power or inertia are implausible for a small motor.
+
+    `values` contains the quantities of the file by key, in SI units.
+    """
     nominal = values["nominal_torque"]
     peak_torque = values["max_torque"]
     for name in ("nominal_torque", "max_torque"):
@@ -141,7 +147,10 @@ def _check_torque(section: Section, values: Mapping[str, float]) -> None:
 
 
 def _check_constants(section: Section, values: Mapping[str, float]) -> None:
-    """Raise ProblemError if the torque constant contradicts the other electrical values."""
+    """Raise ProblemError if the torque constant contradicts the other electrical quantities.
+
+    `values` contains the quantities of the file by key, in SI units.
+    """
     constant = values.get("torque_constant")
     nominal = values["nominal_torque"]
     if constant is None:
@@ -182,10 +191,20 @@ def _check_constants(section: Section, values: Mapping[str, float]) -> None:
 def _contradicts(
     section: Section, name: str, formula: str, torque: float, share: float
 ) -> NoReturn:
-    """Raise ProblemError for a value that contradicts the torque constant.
+    """Raise ProblemError for a torque that contradicts the torque constant.
 
-    `torque` is the torque in N·m that follows from `formula`, and `share` is the relative
-    tolerance.
+    Parameters
+    ----------
+    section : Section
+        The motor file.
+    name : str
+        Key of the torque.
+    formula : str
+        Factor by which the torque constant is multiplied, as text.
+    torque : float
+        Expected torque, N·m.
+    share : float
+        Relative tolerance.
     """
     reason = (
         f"contradicts torque_constant × {formula} = {torque * 1e3:.4g} mN*m by more than "
@@ -195,9 +214,10 @@ def _contradicts(
 
 
 def _check_heat(section: Section, values: Mapping[str, float]) -> None:
-    """Raise ProblemError if the largest winding temperature is implausible.
+    """Raise ProblemError if the winding temperature in the file is implausible.
 
-    The temperature that follows from the nominal current is checked as well.
+    This concerns the largest permitted temperature, and the temperature at the nominal current.
+    `values` contains the quantities of the file by key, in SI units.
     """
     limit = values.get("max_winding_temperature")
     if limit is None:

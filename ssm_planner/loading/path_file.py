@@ -1,4 +1,4 @@
-"""Read tables of path points.
+"""Read paths from tables of points.
 
 A table contains joint positions, task coordinates, or tip positions and spin. Its headings state
 the units.
@@ -32,7 +32,7 @@ FORMS = (
 
 
 def path_from(section: Section, name: str, line: int | None) -> Follow:
-    """Read the path in the table that a key names.
+    """Read the table that a key names, and build the motion through its points.
 
     Parameters
     ----------
@@ -80,8 +80,21 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
 def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
     """Return the index of the column and the factor to SI units for each coordinate.
 
-    The coordinates are joints, task coordinates, or tip and spin. They have the order of their
-    form. Raises ProblemError if the headings do not describe exactly one form.
+    The coordinates are joint positions, task coordinates, or tip position and spin.
+
+    Parameters
+    ----------
+    line : int
+        Line of the headings.
+    names : list of str
+        Headings, such as `tilt [deg]`.
+    file : Path
+        The table, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the headings do not describe exactly one kind of coordinates.
     """
 
     def refused(reason: str, key: str | None = None, allowed: str = FORMS) -> ProblemError:
@@ -127,8 +140,19 @@ def _numbers(
 ) -> Mapping[str, float]:
     """Convert the cells of a row to values in SI units, by coordinate.
 
-    `location` is the file and the line of the row for messages. Raises ProblemError if a cell is
-    not a finite number.
+    Parameters
+    ----------
+    cells : list of str
+        Texts of the row.
+    columns : Mapping
+        Index of the column and factor to SI units of each coordinate.
+    location : (Path, int)
+        File and line of the row for messages.
+
+    Raises
+    ------
+    ProblemError
+        If a cell is not a finite number.
     """
     values: dict[str, float] = {}
     for name, (column, factor) in columns.items():
@@ -149,7 +173,7 @@ def _numbers(
 
 
 def _point(values: Mapping[str, float], line: int) -> Point:
-    """Return the point that has these coordinates in SI units."""
+    """Build the point with these coordinates in SI units. `line` is its line in the table."""
     if "q1" in values:
         return Joints((values["q1"], values["q2"], values["q3"], values["q4"]), line)
     if "x" in values:
@@ -159,7 +183,10 @@ def _point(values: Mapping[str, float], line: int) -> Point:
 
 @contextmanager
 def in_tables(motion: tuple[Motion, ...]) -> Iterator[None]:
-    """Add the file, line and column of a table to errors at its points."""
+    """Name the table, its line and its column in errors that concern one of its points.
+
+    `motion` contains the motions of the problem. Other errors are raised unchanged.
+    """
     try:
         yield
     except ProblemError as error:

@@ -1,4 +1,7 @@
-"""Read problem files, and relate the fields of a Problem to the keys of its file."""
+"""Read problem files, and relate the fields of a Problem to the keys of its file.
+
+The models describe the keys of the file. The functions build the values from a validated model.
+"""
 
 from __future__ import annotations
 
@@ -72,12 +75,12 @@ AXIS_TOLERANCE = math.radians(0.5)
 
 
 def _rate(name: str, bound: Bound = UNBOUND) -> Any:
-    """Return the type of the rate of a task coordinate, such as "tilt"."""
+    """Return the type of the rate of a task coordinate (such as "tilt") with bounds in SI units."""
     return Annotated[Any, quantity("velocity" if name == "depth" else "angular_velocity", bound)]
 
 
 def _bound_field(limit_type: type[ToolLimit]) -> Any:
-    """Return the type of the largest value of a limit on the tool. It must be positive."""
+    """Return the type of the bound of a limit on the tool, which must be positive."""
     (kind_name, *_) = (
         name for name, candidate in KINDS.items() if candidate.unit == limit_type.unit
     )
@@ -127,7 +130,10 @@ _NAMED_POINTS = Annotated[
 
 
 def _overrides(slides: bool = False) -> Any:
-    """Return the model of joint limits that replace those of the robot."""
+    """Build the model of joint limits that replace those of the robot.
+
+    `slides` is true for the prismatic joint.
+    """
     names = ("velocity", "acceleration", "jerk")
     keys = {
         name: optional(reading(Joint, name, slides), "Value instead of the robot's.")
@@ -142,7 +148,7 @@ _START = "Start point: four task coordinates, or joints, or tip with spin."
 
 @cache
 def problem_model(motion_keys: tuple[str, ...]) -> Any:
-    """Return the model of problem files whose motion list has these keys of MOTIONS."""
+    """Build the model of problem files whose motion list has the keys `motion_keys` of MOTIONS."""
     keys = {
         "name": optional(Text, "Name. The default is the file's name without its suffix."),
         "robot": (Reference, ...),
@@ -173,10 +179,10 @@ def problem_model(motion_keys: tuple[str, ...]) -> Any:
 
 
 def _motion_keys(section: Section) -> tuple[str, ...]:
-    """Return the keys of motions that the model of this file must have.
+    """Return the keys of motions that the model of a file needs.
 
-    The model has only the keys of this package unless the file contains a registered key of another
-    package.
+    They are the keys of this package or, if the file has a key of another package, all registered
+    keys. This saves time, because a model with all keys takes longer to build.
     """
     entries = section.value.get("motion")
     mappings = [entry for entry in entries if isinstance(entry, dict)] if entries else []
@@ -242,7 +248,7 @@ def problem_from(section: Section) -> Problem:
 
 
 def _robot(section: Section, model: Any) -> Robot:
-    """Return the robot of a problem with the joint limits, mounting and payload of the problem.
+    """Build the robot of a problem with the problem's joint limits, mounting and payload.
 
     Raises ProblemError if a value is invalid.
     """
@@ -299,7 +305,7 @@ def _eye(section: Section, model: Any) -> Eye:
 
 
 def _frame(section: Section, model: Any) -> Array:
-    """Return a rotation matrix (3, 3) whose columns are the directions of the semi-axes.
+    """Return the rotation matrix (3, 3) whose columns are the directions of the lens's semi-axes.
 
     Raises ProblemError if the directions in the file are not perpendicular.
     """

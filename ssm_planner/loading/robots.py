@@ -64,7 +64,7 @@ ANGLE_NAMES = ("alpha", "home_tilt", "home_roll")
 def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
     """Read a chain of rotations, such as [x 90 deg, y alpha].
 
-    Each entry has an axis, and an angle in rad or the name of an angle of the geometry.
+    Each entry consists of an axis, and of an angle in rad or the name of an angle of the geometry.
     """
     allowed = (
         "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 "
@@ -292,7 +292,10 @@ LARGEST_GYRATION = 1.0
 
 
 def robot_from(section: Section) -> Robot:
-    """Build the robot that a section describes. Raises ProblemError if a value is invalid."""
+    """Build the robot that a section describes, with its drives and motors.
+
+    Raises ProblemError if a value is invalid.
+    """
     model: Any = validated(section, RobotModel)
     omegas = _axes(section.sub("geometry"), model.geometry)
     frames: list[Array] = []
@@ -320,13 +323,28 @@ def robot_from(section: Section) -> Robot:
 
 
 def ranges_from(model: Any) -> tuple[TaskRange, ...]:
-    """Return the ranges of task coordinates that a model states."""
+    """Return the ranges of task coordinates that a robot or problem file states."""
     ranges = ((name, getattr(model, name)) for name in TASK)
     return tuple(TaskRange(name, *ends) for name, ends in ranges if ends is not None)
 
 
 def _joint(section: Section, name: str, model: Any) -> Joint:
-    """Build a joint with its drive and motors. Raises ProblemError if a value is invalid."""
+    """Build a joint with its drive and motors.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the joint.
+    name : str
+        Name of the joint.
+    model : object
+        The validated section.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
+    """
     drive = None if model.drive is None else drive_from(follow(section, "drive"))
     motor = None if model.motor is None else motor_from(follow(section, "motor"))
     indices = range(len(model.alternatives))
@@ -344,8 +362,9 @@ def _frame(
 ) -> Array:
     """Return the rotation matrix (3, 3) of a chain of rotations.
 
-    Entries of the chain may name angles of the geometry. Raises ProblemError if the file does not
-    state such an angle.
+    The chain may name angles of the geometry.
+
+    Raises ProblemError if the file does not state such an angle.
     """
     angles = []
     for axis, angle in chain:
@@ -363,9 +382,9 @@ def _frame(
 
 
 def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
-    """Return the product (3, 3) of elementary rotations.
+    """Return the product (3, 3) of rotations about coordinate axes.
 
-    Each rotation is given by the letter of its axis and an angle in rad. Its axis belongs to the
+    Each rotation consists of the letter of its axis and an angle in rad. Its axis belongs to the
     frame that the previous rotations have turned.
     """
     result = np.eye(3)
@@ -382,7 +401,10 @@ def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
 
 
 def _axes(section: Section, model: GeometryModel) -> list[Array]:
-    """Return the axes of joints 1 to 3 in the base frame at q = 0, (3,) each."""
+    """Return the axes of joints 1 to 3 in the base frame at q = 0, unit vectors (3,).
+
+    Raises ProblemError if the file states both axes and angles, or too few of them.
+    """
     angles = [
         name
         for name in ("alpha", "beta", "home_tilt", "home_roll")
@@ -403,7 +425,17 @@ def _geometry(
 ) -> Geometry:
     """Build the geometry of the robot.
 
-    `last_frame` is the rotation (3, 3) from the frame of the last body to the base at q = 0.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the geometry.
+    model : GeometryModel
+        The validated section.
+    omegas : sequence of (3,)
+        Axes of joints 1 to 3.
+    last_frame : (3, 3)
+        Rotation from the frame of the last body to the base frame at q = 0, which is the default of
+        the tool frame.
     """
     locations: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
     if model.axes is None:
@@ -416,8 +448,9 @@ def _geometry(
 
 
 def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
-    """Return ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(home_roll) Ry(home_tilt) x.
+    """Compute the axes of joints 1 to 3 from the angles in the file.
 
+    They are ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(home_roll) Ry(home_tilt) x with α = alpha.
     The tilt axis is y.
     """
     for name in ("alpha", "home_tilt"):
@@ -526,7 +559,10 @@ def _plausible(section: Section, body: Body) -> Body:
 
 
 def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> Body:
-    """Build a body as the sum of its parts. Raises ProblemError if a value is invalid."""
+    """Build a body whose mass and inertia are the sums over its parts.
+
+    Raises ProblemError if a value is invalid, or if the file also states the mass or the inertia.
+    """
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.has_key(key):
             raise section.error(
@@ -545,7 +581,10 @@ def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> B
 
 
 def _solid(section: Section, model: Any, setting: _BodyPlacement) -> shapes.Moments:
-    """Return mass, centre and inertia of a part in the frame of the body."""
+    """Compute mass, centre of mass and inertia of a part in the frame of the body.
+
+    Raises ProblemError if the shape is impossible.
+    """
     is_last = setting.place == len(setting.frames) - 1
     if isinstance(model, ArcModel):
         if setting.place > 1:
@@ -602,10 +641,10 @@ def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
 
 
 def _inertia(section: Section, model: Any) -> Array:
-    """Return the inertia tensor (3, 3) about the origin of the frame, kg·m².
+    """Return the inertia tensor (3, 3) about the origin of the body frame, kg·m².
 
-    The products of inertia in the tensor are −∫xy dm. The file may state them with the opposite
-    sign.
+    Its products of inertia are −∫xy dm. The file may state them with the opposite sign. Raises
+    ProblemError if the inertia or the sign convention is missing.
     """
     inertia = model.inertia
     convention = model.products_of_inertia
@@ -625,10 +664,10 @@ def _inertia(section: Section, model: Any) -> Array:
 
 
 def _sign_hint(model: Any, tensor: Array) -> str:
-    """Return the end of the message about a tensor that no body can have.
+    """Return the end of the message about an impossible inertia tensor.
 
-    It states whether the tensor is possible with the opposite sign of the products of inertia. It
-    is "" without products of inertia in the file.
+    The usual cause is the sign of the products of inertia. The text says whether the opposite sign
+    gives a possible tensor. It is empty if the file states no sign convention.
     """
     convention = model.products_of_inertia
     if convention is None:

@@ -1,8 +1,8 @@
 """Build strict pydantic models of files from the classes of the values that the files describe.
 
 A field of a value that is also a key of a file states its kind of quantity (`value.Quantity`), its
-bounds and its default in its annotation. The function `model_of` reads these annotations. Keys that
-have another form in the file are declared in the modules that read them. All faults of a file are
+bounds and its default in its annotation. The function `model_of` reads these annotations. The
+modules that read a file declare keys that have another form in the file. All faults of a file are
 collected in one ProblemError.
 """
 
@@ -80,7 +80,7 @@ class Model(BaseModel):
 
     @classmethod
     def key_descriptions(cls) -> dict[str, str]:
-        """Return the meaning of each documented key."""
+        """Return the description of each key, from the docstrings of the fields."""
         own_texts = {
             name: info.description for name, info in cls.model_fields.items() if info.description
         }
@@ -109,16 +109,16 @@ class Model(BaseModel):
         return schema
 
     def sourced_figures(self) -> dict[str, Figure]:
-        """Return the fields that contain a figure, by key."""
+        """Return the quantities of the file with their sources, by key."""
         return {name: value for name, value in self if isinstance(value, Figure)}
 
     def numbers(self) -> dict[str, float]:
-        """Return the values of all figures in SI units, by key."""
+        """Return the quantities of the file in SI units, by key."""
         return {name: item.value for name, item in self.sourced_figures().items()}
 
 
 def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
-    """Raise an error for the first unknown key, and suggest the most similar one."""
+    """Raise a pydantic error for an unknown or empty key, and suggest the most similar key."""
     for key in data:
         if key not in allowed:
             raise wrong(f"unknown key{suggestion(key, allowed)}", ", ".join(allowed), key)
@@ -127,7 +127,7 @@ def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
 
 
 def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> PydanticCustomError:
-    """Build an error for a wrong value, which the loader converts to a ProblemError.
+    """Build a pydantic error for a wrong value, which the loader converts to a ProblemError.
 
     Parameters
     ----------
@@ -145,10 +145,12 @@ def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> Py
 
 @record
 class Field:
-    """Metadata of an annotated type: the reader, the description and the JSON schema of a value."""
+    """Annotation of a type that reads, describes and documents one value of a file."""
 
     read: Callable[[Any], Any]
+    """Function that converts a value of the file, and raises BadQuantity if it is invalid."""
     json_schema: JsonObject
+    """JSON schema of the value in the file."""
     kinds: tuple[str, ...] = ()
     """Kinds of quantities of the components, which are keys of units.KINDS."""
     allowed: str = ""
@@ -156,7 +158,7 @@ class Field:
 
     @property
     def unit(self) -> str:
-        """Unit in a form that files accept."""
+        """Unit in a form that files accept, or "" without a unit."""
         return ", ".join(
             dict.fromkeys(
                 KINDS.get(unit_kind, NUMBER).example.partition(" ")[2] for unit_kind in self.kinds
@@ -178,7 +180,7 @@ class Field:
 
 @record
 class Part:
-    """Metadata of an annotated type whose model is built at run time."""
+    """Annotation of a nested mapping, whose model is built at run time."""
 
     model: Any
 
@@ -187,14 +189,21 @@ class Part:
 
 
 def nested(model: Any) -> Any:
-    """Return the type of a nested mapping, whose model is built at run time."""
+    """Return the type of a nested mapping with the keys of `model`."""
     return Annotated[Any, Part(model)]
 
 
 def quantity(unit_kind: str, bound: Bound = UNBOUND, integer: bool = False) -> Field:
-    """Return the type of a quantity, which is converted to SI units.
+    """Build the reader of a quantity with a unit, which converts it to SI units.
 
-    `unit_kind` is a key of units.KINDS. If `integer` is true, the value must be an integer.
+    Parameters
+    ----------
+    unit_kind : str
+        Kind of quantity, a key of units.KINDS.
+    bound : Bound
+        Bounds of the value in SI units.
+    integer : bool
+        True if the value must be an integer.
     """
 
     def read(value: object) -> float:
@@ -212,12 +221,12 @@ def quantity(unit_kind: str, bound: Bound = UNBOUND, integer: bool = False) -> F
 
 
 def positive(unit_kind: str) -> Any:
-    """Return the type of a quantity above zero."""
+    """Return the type of a quantity above zero. `unit_kind` is a key of units.KINDS."""
     return Annotated[Any, quantity(unit_kind, POSITIVE)]
 
 
 def interval(unit_kind: str) -> Field:
-    """Return the type of an interval `[lower, upper]` of one kind of quantity."""
+    """Build the reader of an interval `[lower, upper]` of one kind of quantity."""
     schema = {"type": "array", "items": _json_schema(unit_kind), "minItems": 2, "maxItems": 2}
     return Field(
         lambda value: units.interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"
@@ -225,7 +234,7 @@ def interval(unit_kind: str) -> Field:
 
 
 def vector(*kinds: str) -> Field:
-    """Return the type of a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
+    """Build the reader of a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
 
     `kinds` contains the kind of quantity of each component.
     """
@@ -242,9 +251,10 @@ def vector(*kinds: str) -> Field:
 
 
 def sourced_field(field: Field) -> Field:
-    """Return the type of a quantity that may have a source.
+    """Extend the reader of a quantity so that the file may also state a source.
 
-    The file contains the quantity, or a mapping with the keys value, source and placeholder.
+    The file then contains either the quantity itself, or a mapping with the keys `value`, `source`
+    (a text) and `placeholder` (true for an assumed value). The new reader returns a `Figure`.
     """
 
     def read(value: object) -> Figure:
@@ -265,14 +275,14 @@ def sourced_field(field: Field) -> Field:
             _read_boolean(placeholder, "placeholder"),
         )
 
-    number_and_unit = {
+    properties = {
         "value": field.json_schema,
         "source": {"type": "string"},
         "placeholder": {"type": "boolean"},
     }
     mapping_schema = {
         "type": "object",
-        "properties": number_and_unit,
+        "properties": properties,
         "required": ["value"],
         "additionalProperties": False,
     }
@@ -291,9 +301,9 @@ def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) ->
     name : str
         Name of the field.
     slides : bool
-        Use the units of a prismatic joint.
+        True for the units of a prismatic joint.
     sourced : bool
-        Allow a source for the quantity.
+        True if the file may state a source of the quantity.
     """
     hint_type, marks = strip_annotations(hints(cls)[name])
     if get_origin(hint_type) is Literal:
@@ -319,7 +329,7 @@ def model_of(
     without: tuple[str, ...] = (),
     base: type[Model] = Model,
 ) -> Any:
-    """Build the model of a value from its class.
+    """Build the model of a file from the class of the value that the file describes.
 
     The fields of the class give the kinds, bounds and defaults of the keys.
 
@@ -330,9 +340,10 @@ def model_of(
     extra_keys : Mapping, optional
         Additional keys, or keys that replace a field, each as a pair of type and default.
     slides : bool
-        Use the units of a prismatic joint.
+        True for the units of a prismatic joint.
     sourced : bool
-        Allow sources for quantities. Missing figures are then None instead of the default.
+        True if quantities may have sources. Missing quantities are then None instead of the
+        default.
     without : tuple of str
         Fields that are not keys.
     base : type
@@ -368,8 +379,8 @@ def model_from(
 ) -> Any:
     """Build a model from keys, each as a pair of type and default.
 
-    The fields of the classes `value_types` document the keys. If several classes document a key,
-    the last one applies.
+    The docstrings of the fields of the classes `value_types` describe the keys. If several classes
+    describe a key, the last one applies.
     """
     created: Any = create_model
     model = created("KeysModel", __base__=base, **fields)
@@ -378,20 +389,24 @@ def model_from(
 
 
 def required(hint: Any, description: str) -> Any:
-    """Return the type and default of a key that a file must contain."""
+    """Return the type and the default of a key that a file must contain, as pydantic expects it."""
     return hint, PydanticField(description=description)
 
 
 def optional(hint: Any, description: str = "") -> Any:
-    """Return the type and default of a key that may be missing."""
+    """Return the type and the default of a key that may be missing, as pydantic expects it."""
     return hint | None, PydanticField(None, description=description)
 
 
 def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
-    """Return the model of a mapping from joint names to values.
+    """Build the model of a mapping from joint names to values.
 
-    The values have the type `turning` for revolute joints, and the type `sliding` for the prismatic
-    joint. If `every` is true, the mapping must contain all joints.
+    Parameters
+    ----------
+    turning, sliding : type
+        Model of the value for a revolute joint, and for the prismatic joint.
+    every : bool
+        True if the mapping must contain all joints.
     """
     fields: Keywords = {}
     for i, name in enumerate(JOINTS, 1):
@@ -452,7 +467,7 @@ SOURCE: Any = optional(Text, "Source of the figures.")
 
 
 def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[Any], Any]:
-    """Return a reader that raises pydantic's error instead of BadQuantity.
+    """Convert a reader that raises BadQuantity to one that raises pydantic's error.
 
     `key` is the key of the wrong entry within the value, for messages.
     """
@@ -491,7 +506,10 @@ class Key(NamedTuple):
 
 
 def keys(model: Any, path: str = "") -> Iterator[Key]:
-    """Yield every key of a model. The keys of nested models follow their own key."""
+    """Yield a description of every key of a model. The keys of nested models follow their own key.
+
+    `path` is the beginning of each path.
+    """
     texts = model.key_descriptions()
     for name, info in model.model_fields.items():
         hints = list(_nested_hints((info.annotation, *info.metadata)))
@@ -519,13 +537,13 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
 
 
 def field_of(info: Any) -> Field:
-    """Return the metadata of a key from pydantic's description of the key."""
+    """Return the Field of a key from pydantic's description of the key."""
     hints = _nested_hints((info.annotation, *info.metadata))
     return next((hint for hint in hints if isinstance(hint, Field)), Field(str, {}))
 
 
 def _nested_hints(hint: Any) -> Iterator[Any]:
-    """Yield a type and all types that it contains."""
+    """Yield a type, and then all types that it contains."""
     yield hint.model if isinstance(hint, Part) else hint
     for inner in (
         hint
@@ -538,9 +556,12 @@ def _nested_hints(hint: Any) -> Iterator[Any]:
 
 
 def validated(section: Section, model: type[M]) -> M:
-    """Validate the value of a section, and return it as an instance of the model.
+    """Check the value of a section, and convert it to an instance of a model.
 
-    Raises ProblemError for the first fault. Its message also lists the other faults.
+    Raises
+    ------
+    ProblemError
+        For the first fault in the file. The message also lists the other faults.
     """
     try:
         return model.model_validate(section.value)
@@ -556,9 +577,14 @@ def validated(section: Section, model: type[M]) -> M:
 def located(
     section: Section, locations: Mapping[str, tuple[str | int, ...]] | None = None
 ) -> Iterator[None]:
-    """Add file and line to errors that values raise within a `with` block.
+    """Add file and line to errors that the constructors of values raise within a `with` block.
 
-    `locations` contains the path in the file by name of the field, if the field has another key.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the values.
+    locations : Mapping, optional
+        Path in the file by the name of a field, for fields whose key in the file has another name.
     """
     try:
         yield

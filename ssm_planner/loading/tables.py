@@ -17,7 +17,7 @@ DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*[^\d\s]\S*)?")
 
 
 def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line and the cells of each row of a table. The headings are the first row.
+    """Yield the line number and the cells of each row of a table. The headings are the first row.
 
     The separator is the one that occurs most often in the headings. Rows of empty cells and lines
     that begin with # are skipped. Cells may be quoted. Spaces at the ends of a cell are removed.
@@ -51,13 +51,16 @@ def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _check_row(cells: list[str], headings: list[str], separator: str) -> None:
-    """Raise ProblemError for a wrong number of cells or for a decimal comma."""
-    words = f"a decimal point, because {SEPARATORS[separator]} separate the columns"
+    """Raise ProblemError if a row has a wrong number of cells or a number with a decimal comma."""
+    number_format = f"a decimal point, because {SEPARATORS[separator]} separate the columns"
     if len(cells) != len(headings):
-        allowed = f"{len(headings)} as in the headings; numbers have {words}"
+        allowed = f"{len(headings)} as in the headings; numbers have {number_format}"
         raise ProblemError(f"{len(cells)} cells", allowed=allowed)
     for name, cell in zip(headings, cells, strict=True):
         if DECIMAL_COMMA.fullmatch(cell):
             raise ProblemError(
-                "a number with a decimal comma", key=f"column {name}", value=cell, allowed=words
+                "a number with a decimal comma",
+                key=f"column {name}",
+                value=cell,
+                allowed=number_format,
             )

@@ -1,4 +1,7 @@
-"""Parse YAML with the line of every key and value, and access parts of the result as sections."""
+"""Parse YAML into a tree that knows the line of every key and value.
+
+A `Section` is a part of this tree. It builds error messages with file, line and key.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from ssm_planner.typing import frozen
 LARGEST_TREE = 300_000
 """Largest number of values after expansion of aliases."""
 DEEPEST = 30
+"""Largest number of nested levels."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -38,16 +42,18 @@ _STRING_TAGS = (
 
 @frozen
 class Node:
-    """Value of a file, with its line, its children by key, and the lines of their keys.
-
-    `size` is the number of values in the tree after expansion of aliases.
-    """
+    """Node of the tree of a YAML file: a mapping, a list or a single value."""
 
     value: Any
+    """Value as Python data."""
     line: int | None
+    """Line on which the value begins, counted from 1. None for data from Python."""
     size: int = 1
+    """Number of values in the tree below and including this node, with aliases expanded."""
     children: Mapping[str | int, Node] = field(default_factory=dict)
+    """Nodes of the entries, by key or list position."""
     key_lines: Mapping[str | int, int | None] = field(default_factory=dict)
+    """Lines of the keys of the entries."""
 
 
 def parse(
@@ -57,19 +63,20 @@ def parse(
     trailing: bool = False,
     tree: bool = True,
 ) -> Node:
-    """Parse a YAML text that contains a single document.
+    """Parse a YAML text that contains a single document, and return its root.
 
     Parameters
     ----------
     file : Path or None
         File for messages.
     text : str
+        Text of the file.
     max_nodes : int
         Largest number of values after expansion of aliases.
     trailing : bool
-        Allow empty documents at the end, as `ros2 topic echo` writes them.
+        True to allow empty documents at the end, as `ros2 topic echo` writes them.
     tree : bool
-        Keep the nodes below the root. Without them, long files need a third of the memory.
+        False to omit the nodes below the root. Long files then need a third of the memory.
 
     Raises
     ------
@@ -99,7 +106,10 @@ def parse(
 
 
 class _Builder:
-    """Builder of a tree from the events of a YAML parser. It limits depth, size and aliases."""
+    """Builder of a tree from the events of a YAML parser.
+
+    It limits depth and size, so that a small file with many aliases cannot exhaust the memory.
+    """
 
     def __init__(
         self, file: Path | None, events: Iterator[Any], max_nodes: int, tree: bool
@@ -111,9 +121,10 @@ class _Builder:
         self.anchors: dict[str, Node] = {}
 
     def document(self, trailing: bool) -> Node:
-        """Build the tree of the only document. Raises ProblemError if there are several or none.
+        """Build the tree of the only document.
 
-        Empty documents at the end are allowed if `trailing` is true.
+        Empty documents at the end are allowed if `trailing` is true. Raises ProblemError if there
+        are several documents or none.
         """
         next(self.events)  # start of the stream
         event = next(self.events)
@@ -131,7 +142,10 @@ class _Builder:
         return root
 
     def node(self, event: Any, depth: int) -> Node:
-        """Build the node that starts with an event, at this depth below the root."""
+        """Build the node that starts with an event, at a depth below the root.
+
+        Raises ProblemError if the node is too deep, too large, or not plain YAML.
+        """
         if depth > DEEPEST:
             raise self.error("nested too deeply", event, f"at most {DEEPEST} levels")
         if isinstance(event, yaml.AliasEvent):
@@ -192,14 +206,14 @@ class _Builder:
         return Node(values, _line(start), size, *((children, key_lines) if self.tree else ()))
 
     def error(self, reason: str, event: Any, allowed: str | None = None) -> ProblemError:
-        """Return a ProblemError at the line of an event."""
+        """Build a ProblemError at the line of an event."""
         return ProblemError(reason, file=self.file, line=_line(event), allowed=allowed)
 
 
 def _scalar(event: Any) -> object:
-    """Convert a scalar to the value that YAML 1.2 defines.
+    """Convert a scalar to a number, a boolean, None or a text by the rules of YAML 1.2.
 
-    For example, `1e-5` is a number, and `yes`, `no`, `on`, `off` and `1:30` are text.
+    For example, `1e-5` is a number, and `yes`, `no`, `on`, `off` and `1:30` are texts.
     """
     text: str = event.value
     if event.style or event.tag == "tag:yaml.org,2002:str":
@@ -220,12 +234,14 @@ def _line(event: Any) -> int:
 
 @frozen
 class Section:
-    """Part of a file, which is found by a path of keys and list positions."""
+    """Part of a file, which is located by a path of keys and list positions."""
 
     file: Path | None
     """File, or None for data from Python."""
     root: Node
+    """Root of the tree of the whole file."""
     path: tuple[str | int, ...] = ()
+    """Keys and list positions that lead from the root to this part."""
 
     @property
     def name(self) -> str:
@@ -239,31 +255,40 @@ class Section:
 
     @property
     def value(self) -> Any:
-        """Value of this part as YAML gives it, without conversion."""
+        """Value of this part as the YAML parser returns it, without conversion."""
         return self._locate(())[1].value
 
     def sub(self, *path: str | int) -> Section:
-        """Return the part of this section at a path.
+        """Return the part of the file at a path below this section.
 
-        If the path does not exist, messages refer to its deepest existing part.
+        The path need not exist. Messages then refer to its deepest existing part.
         """
         return Section(self.file, self.root, (*self.path, *path))
 
     def has_key(self, key: str | int) -> bool:
-        """Return True if there is a value under this key or list position."""
+        """Return True if this part of the file has an entry with this key or list position."""
         _, node, complete = self._locate(())
         return complete and key in node.children
 
     def line(self, *path: str | int) -> int | None:
-        """Return the line of a key or, in a list, the line of an entry. Lines count from 1."""
+        """Return the line, counted from 1, of a key or list entry at a path below this section."""
         return self._locate(path)[0]
 
     def error(
         self, reason: str, *path: str | int, allowed: str | None = None, show: bool = True
     ) -> ProblemError:
-        """Build a ProblemError with the file, the line and the path of the key.
+        """Build a ProblemError with the file, the line and the key of a path below this section.
 
-        If `show` is true, the message also contains the value.
+        Parameters
+        ----------
+        reason : str
+            Fault.
+        *path : str or int
+            Keys and list positions that lead to the faulty entry.
+        allowed : str, optional
+            Description of the allowed values.
+        show : bool
+            True if the message also contains the value.
         """
         line, node, complete = self._locate(path)
         value = _original_text(node.value) if complete and show else None
@@ -273,9 +298,17 @@ class Section:
         )
 
     def _locate(self, path: tuple[str | int, ...]) -> tuple[int | None, Node, bool]:
-        """Return the line, the node and whether it exists at a path below this section.
+        """Find the node at a path below this section.
 
-        If the path does not exist, line and node are those of its deepest existing part.
+        Returns
+        -------
+        line : int or None
+            Line of the key. If the path does not exist, line and node are those of its deepest
+            existing part.
+        node : Node
+            The node.
+        exists : bool
+            True if the path exists.
         """
         node = self.root
         line = self.root.line
@@ -299,9 +332,10 @@ def key_text(path: tuple[str | int, ...]) -> str:
 
 
 def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
-    """Convert data from Python to a tree. All its values have the line `line`.
+    """Convert data from Python to a tree whose values all have the line `line`.
 
-    Raises ProblemError if the data are nested too deeply.
+    `depth` is the number of levels above the data. Raises ProblemError if there are too many
+    levels.
     """
     if depth > DEEPEST:
         raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
@@ -322,9 +356,10 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
 
 
 def _original_text(value: object) -> str | None:
-    """Return a value as the user wrote it, or None for a mapping.
+    """Format a value as the user wrote it, for messages.
 
-    If a mapping contains a value with its source, the text of the value is returned.
+    The result is None for a mapping, except for a quantity with its source, which gives the
+    quantity.
     """
     if isinstance(value, dict):
         return _original_text(value["value"]) if "value" in value else None
