@@ -1,4 +1,7 @@
-"""Quantify where the published package departs from its own equations."""
+"""Compute where the published package differs from its own equations, and by how much.
+
+The package is the MATLAB code that the authors published with the paper.
+"""
 
 from __future__ import annotations
 
@@ -35,22 +38,35 @@ if TYPE_CHECKING:
 
 
 FORMS = ("exp(−2x)", "exp(−x²)")
+"""Forms of the Stribeck term, where x is the ratio of motor speed to Stribeck speed."""
 STRIBECK_LAWS: tuple[FrictionLawName, ...] = ("stribeck_exponential", "stribeck_gaussian")
+"""Names of the friction laws with these forms."""
 
 
 def departures_section(
     inputs: Inputs, runs: Sequence[SpeedRun], rigs: Sequence[RigResult]
 ) -> Section:
-    """Return the section about the departures.
+    """Build the section about the differences between the published package and its equations.
 
-    The departures concern products of inertia, Stribeck's exponent, the velocity product, the
-    torque at standstill, and the bounds of the identification.
+    They concern the sign of the products of inertia, the exponent of the Stribeck term, the sign of
+    the velocity product, the torque at standstill, and the bounds of the identification.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        Problems, drives and recordings of the project.
+    runs : sequence of SpeedRun
+        Rows of Table III after planning.
+    rigs : sequence of RigResult
+        Results for the test rigs.
     """
     solved = [run for run in runs if run.loads]
-    single = {f"payload curves, {RUNS[name]}": run for name, run in inputs.motorisations.items()}
+    payload_runs = {
+        f"payload curves, {RUNS[name]}": run for name, run in inputs.motorisations.items()
+    }
     payload_signs = [
         (label, velocity_sign(DutyCycle.of_motorisation(run).loads()))
-        for label, run in single.items()
+        for label, run in payload_runs.items()
     ]
     payload_changes = [max(sign.torque.values()) for _, sign in payload_signs]
     forms = [stribeck_forms(inputs.rigs[rig.name], rig) for rig in rigs]
@@ -60,7 +76,7 @@ def departures_section(
         "flipped_inertia": joint_inertia(flipped(inputs.robot)),
         "inertia_changes": [
             *map(_change_of_motion, solved),
-            *itertools.starmap(_change_of_payload, single.items()),
+            *itertools.starmap(_change_of_payload, payload_runs.items()),
         ],
         "FORMS": FORMS,
         "STRIBECK_SPEEDS": STRIBECK_SPEEDS,
@@ -77,10 +93,16 @@ def departures_section(
 
 
 def _change_of_motion(run: SpeedRun) -> tuple[str, dict[str, float], dict[str, float]]:
-    """Return how much the torques of a run change if the products of inertia are negated.
+    """Return how much the motor torques of a motion change if the products of inertia are negated.
 
-    The results are the name of the motion, the largest change of the motor torque and the peak
-    torque. Torques are in N·m by driven joint.
+    Returns
+    -------
+    label : str
+        Name of the motion.
+    change : dict
+        Largest change of the motor torque by driven joint, N·m.
+    peak : dict
+        Largest motor torque by driven joint, N·m.
     """
     assert run.plan.trajectory is not None
     flipped_loads = joint_loads(run.plan.trajectory, flipped(run.plan.problem.robot))
@@ -91,7 +113,7 @@ def _change_of_motion(run: SpeedRun) -> tuple[str, dict[str, float], dict[str, f
 def _change_of_payload(
     label: str, run: Motorisation
 ) -> tuple[str, dict[str, float], dict[str, float]]:
-    """Return the results of `_change_of_motion` for a payload curve."""
+    """Return the results of `_change_of_motion` for a payload curve with the name `label`."""
     loads = DutyCycle.of_motorisation(run).loads()
     flipped_loads = DutyCycle.of_motorisation(replace(run, robot=flipped(run.robot))).loads()
     return (
@@ -102,7 +124,7 @@ def _change_of_payload(
 
 
 def _largest_starts(run: SpeedRun) -> list[float | None]:
-    """Return the largest |motor torque| with which each driven joint starts, N·m.
+    """Return the largest motor torque at the start of a motion of each driven joint, N·m.
 
     The value of a joint that never starts is None.
     """
@@ -112,7 +134,7 @@ def _largest_starts(run: SpeedRun) -> list[float | None]:
 
 
 def _stribeck_figure() -> Figure:
-    """Draw both forms of the Stribeck term."""
+    """Draw both forms of the Stribeck term over the speed."""
     figure = new_figure(4.8, 3.2)
     axes = figure.subplots()
     x = np.linspace(0.0, 3.0, 301)
@@ -126,7 +148,10 @@ def _stribeck_figure() -> Figure:
 
 @frozen
 class Outside:
-    """Published parameter in SI units that the package's own identification cannot return."""
+    """Published parameter in SI units that is outside the bounds of the package's identification.
+
+    The package can therefore not have identified it.
+    """
 
     rig: str
     parameter: str
@@ -135,7 +160,10 @@ class Outside:
 
 
 def outside_bounds(name: str, drive: Drive) -> tuple[Outside, ...]:
-    """Return the published parameters of a rig that are outside the bounds of the package."""
+    """Return the published parameters of a test rig that are outside the bounds of the package.
+
+    `name` is the name of the rig in BOUNDS, and `drive` its drive.
+    """
     published = {} if drive.rig is None else drive.rig.published
     return tuple(
         Outside(drive.name, parameter, published[parameter], bounds)
@@ -156,18 +184,18 @@ class BodyMoments:
 
     @property
     def possible(self) -> tuple[bool, bool]:
-        """True for each of `as_tensor` and `as_cad` if a body can have these moments."""
+        """True for each of `as_tensor` and `as_cad` if a rigid body can have these moments."""
         return possible(self.as_tensor), possible(self.as_cad)
 
 
 def flipped(robot: Robot) -> Robot:
-    """Return the robot with negated products of inertia, as the package interprets them."""
+    """Return a robot whose products of inertia are negated, as the package interprets them."""
     body1, body2, body3, body4 = (_flipped(body) for body in robot.bodies)
     return replace(robot, bodies=(body1, body2, body3, body4))
 
 
 def body_moments(robot: Robot) -> tuple[BodyMoments, ...]:
-    """Return the principal moments of every body with mass."""
+    """Compute the principal moments of every body that has a mass."""
     return tuple(
         BodyMoments(
             body.name,
@@ -180,25 +208,29 @@ def body_moments(robot: Robot) -> tuple[BodyMoments, ...]:
 
 
 def joint_inertia(robot: Robot) -> Array:
-    """Return the diagonal of the mass matrix at home, (4,), kg·m² and kg."""
+    """Return the diagonal of the mass matrix at q = 0, (4,), kg·m² and kg."""
     return np.diagonal(RigidBody.from_robot(robot).mass_matrix(np.zeros((1, 4)))[0]).copy()
 
 
 def largest_change(
     loads: Sequence[JointLoad], changed_loads: Sequence[JointLoad]
 ) -> dict[str, float]:
-    """Return the largest change of motor torque between two sets of loads, N·m, by joint.
+    """Return the largest change of the motor torque of each driven joint, N·m.
 
-    Both sets have the same instants. Joints without a load have 0.
+    `loads` and `changed_loads` are compared.
+
+    Both sets have the same joints and instants. A joint without a load has 0.
     """
     pairs = zip(loads, changed_loads, strict=True)
-    return _largest_magnitudes((a.joint, b.torque() - a.torque()) for a, b in pairs)
+    return _largest_magnitudes(
+        (before.joint, after.torque() - before.torque()) for before, after in pairs
+    )
 
 
 def _largest_magnitudes(values: Iterable[tuple[str, Array]]) -> dict[str, float]:
-    """Return the largest magnitude of the values (n,) of each driven joint.
+    """Return the largest magnitude of the values of each driven joint.
 
-    `values` contains pairs of a joint and its values. A joint may occur several times.
+    `values` contains pairs of a joint and its values (n,). A joint may occur several times.
     """
     largest = dict.fromkeys(DRIVEN, 0.0)
     for joint, value in values:
@@ -207,20 +239,21 @@ def _largest_magnitudes(values: Iterable[tuple[str, Array]]) -> dict[str, float]
 
 
 def _flipped(body: Body) -> Body:
-    """Return a body with negated products of inertia."""
+    """Return a body whose products of inertia are negated."""
     diagonal = np.diag(np.diag(body.inertia))
     return unchecked(body, inertia=read_only_array(2 * diagonal - body.inertia, (3, 3)))
 
 
 STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)
-"""Ratios of motor speed to Stribeck speed at which μ is shown."""
+"""Ratios of motor speed to Stribeck speed for which the document lists μ."""
 
 
 @record
 class StribeckForms:
-    """Both Stribeck forms for one rig.
+    """Comparison of both forms of the Stribeck term for one test rig.
 
-    Each pair contains the package's form and the Gaussian form.
+    In each pair, the first value belongs to the form of the package, and the second to the Gaussian
+    form.
     """
 
     title: str
@@ -239,7 +272,10 @@ class StribeckForms:
 
 
 def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
-    """Compare both forms on one rig. Return None if its authors do not state the Stribeck speed."""
+    """Compare both forms of the Stribeck term for one test rig.
+
+    The result is None if the authors do not state a Stribeck speed for this rig.
+    """
     exponential, gaussian = (published_drive(drive, law) for law in STRIBECK_LAWS)
     speed = friction_of(exponential).stribeck_speed
     if not speed:
@@ -275,7 +311,10 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
 
 @frozen
 class VelocitySign:
-    """Effect of the sign of the velocity product on one motion, by driven joint."""
+    """Effect of a wrong sign of the velocity product C q̇ on one motion, by driven joint.
+
+    C q̇ contains the Coriolis and centrifugal efforts.
+    """
 
     effort: dict[str, float]
     """Largest |C q̇|, N·m or N."""
@@ -286,12 +325,19 @@ class VelocitySign:
 
 
 def subtracted(load: JointLoad) -> JointLoad:
-    """Return the load with M q̈ − C q̇ + g instead of M q̈ + C q̇ + g."""
+    """Return the load of a joint with M q̈ − C q̇ + g instead of M q̈ + C q̇ + g.
+
+    M is the mass matrix, C q̇ the velocity product and g the effort of gravity.
+    """
     return replace(load, velocity=-load.velocity)
 
 
 def velocity_sign(loads: Sequence[JointLoad]) -> VelocitySign:
-    """Compute the effect of the sign of the velocity product on a motion."""
+    """Compute the effect of a wrong sign of the velocity product C q̇ on a motion.
+
+    C q̇ contains the Coriolis and centrifugal efforts. `loads` contains the load of each driven
+    joint.
+    """
     return VelocitySign(
         _largest_magnitudes((load.joint, load.velocity) for load in loads),
         _largest_magnitudes((load.joint, load.gravity) for load in loads),

@@ -1,4 +1,4 @@
-"""Compute all sections of the document and write it with its pictures into one folder."""
+"""Compute all sections of the document, and write it with its pictures into one folder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FILE = "README.md"
 
 @record
 class Document:
-    """Sections of the document, with the results as values."""
+    """Document with all its sections, and the results that they present."""
 
     sections: tuple[Section, ...]
     runs: tuple[SpeedRun, ...]
@@ -47,7 +47,7 @@ class Document:
         return tuple(f"{rig.title}: {rig.left_out}" for rig in self.rigs if rig.left_out)
 
     def markdown(self) -> str:
-        """Text of the document. It depends on the inputs, but not on time or folders."""
+        """Return the text of the document. It depends on the inputs, but not on time or folders."""
         return render("document", sections=self.sections)
 
 
@@ -117,7 +117,10 @@ def reproduce(
 
 
 def compute(inputs: Inputs, progress: Progress = silent) -> Document:
-    """Compute all sections. Raises RecordingError if the table of the rigs cannot be read."""
+    """Compute all sections of the document.
+
+    Raises RecordingError if the table of the test rigs cannot be read.
+    """
     number = itertools.count()
     steps = 4 + len(RIGS) + len(TABLE_III)
 
@@ -149,7 +152,7 @@ def compute(inputs: Inputs, progress: Progress = silent) -> Document:
 def write(document: Document, folder: Path, progress: Progress = silent) -> Files:
     """Write README.md and every picture as PNG and PDF, and return the paths by name.
 
-    Either all files are written or none. Raises ExportError.
+    All files are written together or not at all. Raises ExportError if a file cannot be written.
     """
     with publishing(folder) as temporary:
         for k, section in enumerate(document.sections):

@@ -1,7 +1,7 @@
-"""Compare friction with the paper: the torque–velocity maps of Table II, and the three rigs.
+"""Compare friction with the paper: the torque–velocity maps of Table II, and the three test rigs.
 
-For the rigs, the section compares parameters identified from the shipped figures with those of the
-authors, and predicted with measured torque.
+For the rigs, the section compares parameters that were identified from the shipped tables with
+those of the authors, and predicted torque with measured torque.
 """
 
 from __future__ import annotations
@@ -65,9 +65,11 @@ MAP_SPEEDS = {
 }
 """Largest joint speed of each map, which the application requires, rad/s and m/s."""
 POINTS = 121
+"""Number of speeds in a map, including 0."""
 LOADS = 81
 """Number of samples in the range of gravity loads."""
 CURVES = ("under the arm's weight", "Table II, no load", "package, no load", "breakaway, no load")
+"""Labels of the curves in the figure."""
 
 
 @record
@@ -93,26 +95,26 @@ class FrictionMap:
 
     @property
     def mesh(self) -> float:
-        """Torque of the mesh without load at the largest speed, N·m."""
+        """Part of the torque at the largest speed without load that the gear mesh causes, N·m."""
         row = TABLE_II[self.joint]
         return float(self.unloaded[0][-1] - row.b_c - row.b_v * self.w[-1])
 
     @property
     def max_friction(self) -> float:
-        """Largest |torque| under the arm's weight in both directions, N·m."""
+        """Largest motor torque under the arm's weight in both directions, N·m."""
         forwards, backwards = self.loaded
         return float(max(forwards[1].max(), -backwards[0].min()))
 
 
 def driven(robot: Robot, joint: str) -> Drive:
-    """Return the drive of a joint that has one."""
+    """Return the drive of a joint, which must have one."""
     drive = robot.joints[JOINTS.index(joint)].drive
     assert drive is not None, joint
     return drive
 
 
 def with_friction(drive: Drive, row: FrictionRow) -> Drive:
-    """Return the drive with the Coulomb friction of a published row.
+    """Return a drive with the friction parameters of a row of a published table.
 
     The friction on the output side does not change.
     """
@@ -124,9 +126,9 @@ def with_friction(drive: Drive, row: FrictionRow) -> Drive:
 
 
 def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
-    """Return the smallest and the largest effort of gravity, (4,) each, N·m and N.
+    """Return the smallest and the largest effort of gravity on each joint, (4,) each, N·m and N.
 
-    The range covers the robot's tilt range, ±30° of roll and its travel.
+    The poses cover the robot's tilt range, ±30° of roll and the required travel.
     """
     mechanism = Mechanism.from_robot(robot)
     low, high = robot.ranges["tilt"]
@@ -145,7 +147,7 @@ def gravity_ranges(robot: Robot) -> tuple[Array, Array]:
 
 
 def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
-    """Compute the maps of joints 1, 2 and 4."""
+    """Compute the torque–velocity maps of the driven joints, which are joints 1, 2 and 4."""
     low, high = gravity_ranges(robot)
     maps = []
     for joint in DRIVEN:
@@ -178,7 +180,7 @@ def friction_maps(robot: Robot) -> tuple[FrictionMap, ...]:
 
 
 def friction_section(robot: Robot) -> Section:
-    """Return the section about Table II with the maps."""
+    """Build the section about Table II with the torque–velocity maps."""
     maps, (low, high) = friction_maps(robot), robot.ranges["tilt"]
     parameters = (
         _parameter(robot, "mu", "μ_c", 1.0),
@@ -197,30 +199,45 @@ def friction_section(robot: Robot) -> Section:
     return Section("friction", values, {"friction_maps": _maps_figure(maps)})
 
 
-def _torques(m: FrictionMap) -> dict[str, str]:
-    """Return the cells of one joint by name of the row, in mN·m unless stated otherwise."""
-    row = TABLE_II[m.joint]
+def _torques(friction_map: FrictionMap) -> dict[str, str]:
+    """Return the cells of a joint in the table of torques, by name of the row.
+
+    Torques are in mN·m.
+    """
+    row = TABLE_II[friction_map.joint]
     torques = {
-        "no load, slow": m.unloaded[0][0],
-        "no load, top speed": m.unloaded[0][-1],
+        "no load, slow": friction_map.unloaded[0][0],
+        "no load, top speed": friction_map.unloaded[0][-1],
         "of which bearing, Coulomb": row.b_c,
-        "of which bearing, viscous": row.b_v * m.w[-1],
-        "of which mesh, by μ_c": m.mesh,
-        "no load, breakaway, by μ_s": m.start,
-        "the package's parameters, no load, top speed": m.package[0][-1],
+        "of which bearing, viscous": row.b_v * friction_map.w[-1],
+        "of which mesh, by μ_c": friction_map.mesh,
+        "no load, breakaway, by μ_s": friction_map.start,
+        "the package's parameters, no load, top speed": friction_map.package[0][-1],
     }
     return {
-        "top speed of the map (rpm)": f"{RPM * m.w[-1]:.0f}",
+        "top speed of the map (rpm)": f"{RPM * friction_map.w[-1]:.0f}",
         **{name: number(1e3 * torque) for name, torque in torques.items()},
-        "effort of the arm's weight (N·m, N·m, N)": " … ".join(map(number, m.gravity)),
-        "under the arm's weight, largest": number(1e3 * m.max_friction),
+        "effort of the arm's weight (N·m, N·m, N)": " … ".join(map(number, friction_map.gravity)),
+        "under the arm's weight, largest": number(1e3 * friction_map.max_friction),
     }
 
 
 def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str, ...]:
-    """Return a row of the table: symbol, printed values, our values, differences, package values.
+    """Return a row of the table of parameters.
 
-    `scale` converts SI values to the unit of the symbol.
+    The cells are the symbol, the values of the paper, those of the robot file, their differences,
+    and the values of the package, each for all driven joints.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with its drives.
+    name : str
+        Name of the parameter.
+    symbol : str
+        Symbol with its unit.
+    scale : float
+        Factor from SI units to this unit.
     """
     paper, package = (
         [getattr(rows[joint], name) for joint in DRIVEN] for rows in (TABLE_II, PACKAGE_FRICTION)
@@ -232,31 +249,40 @@ def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str,
 
 
 def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
-    """Draw the torque–velocity maps of all joints."""
+    """Draw the torque–velocity maps of all joints side by side."""
     figure = new_figure(9.6, 3.6)
     panels = figure.subplots(1, len(maps))
-    for axes, m in zip(panels, maps, strict=True):
-        colour = COLOURS[JOINTS.index(m.joint)]
+    for axes, curves in zip(panels, maps, strict=True):
+        colour = COLOURS[JOINTS.index(curves.joint)]
         for k, sign in enumerate((1.0, -1.0)):
-            x, (low, high) = sign * RPM * m.w, m.loaded[k]
+            x, (low, high) = sign * RPM * curves.w, curves.loaded[k]
             loaded, ours, package, start = CURVES if k == 0 else (None,) * 4
             axes.fill_between(x, 1e3 * low, 1e3 * high, color="0.87", label=loaded)
-            axes.plot(x, 1e3 * m.unloaded[k], "--", color=colour, linewidth=1.6, label=ours)
-            axes.plot(x, 1e3 * m.package[k], ":", color="0.2", label=package)
-            axes.plot([0.0], [sign * 1e3 * m.start], "D", color=colour, markersize=4, label=start)
+            axes.plot(x, 1e3 * curves.unloaded[k], "--", color=colour, linewidth=1.6, label=ours)
+            axes.plot(x, 1e3 * curves.package[k], ":", color="0.2", label=package)
+            axes.plot(
+                [0.0],
+                [sign * 1e3 * curves.start],
+                "D",
+                color=colour,
+                markersize=4,
+                label=start,
+            )
         zero_lines(axes, down=True)
         axes.locator_params(axis="x", nbins=5)
-        torque = "motor torque (mN·m)" if m is maps[0] else ""
-        finish(axes, "motor speed (rpm)", torque, f"joint {NUMBER[m.joint]} ({m.joint})")
+        torque = "motor torque (mN·m)" if curves is maps[0] else ""
+        finish(
+            axes,
+            "motor speed (rpm)",
+            torque,
+            f"joint {NUMBER[curves.joint]} ({curves.joint})",
+        )
     legend_above(figure, panels[-1], 4, SIZE - 1)
     return figure
 
 
 def with_rows(robot: Robot, rows: Mapping[str, FrictionRow]) -> Robot:
-    """Return the robot with published friction in its drives.
-
-    `rows` contains the friction by joint.
-    """
+    """Return a robot with published friction in its drives, by joint."""
 
     def with_published(joint: Joint) -> Joint:
         row = rows.get(joint.name)
@@ -274,30 +300,34 @@ LAWS = ("coulomb", "stribeck_exponential")
 
 @record
 class Tested:
-    """NRMSD of one recording of a moving rig with the parameters of the authors and with ours."""
+    """Errors of the predicted torque of one start–stop recording of a test rig."""
 
     recording: str
+    """Name of the recording."""
     published: float
+    """Relative error (NRMSD) with the parameters of the authors."""
     ours: float
+    """Relative error (NRMSD) with the parameters that this program identified."""
     repairs: tuple[str, ...]
+    """Repairs of the file."""
 
 
 @record
 class RigResult:
-    """Results for one rig.
-
-    `name` is the stem of the drive file. `published` is the drive with the parameters and the
-    Stribeck form of the authors.
-    """
+    """Identified friction of one test rig, and its comparison with the authors' parameters."""
 
     name: str
+    """Name of the drive file without suffix."""
     rig: Rig
+    """Payload and recorder settings of the test rig."""
     data: TorqueMap
+    """Mean speeds and torques of the steady-state recordings."""
     published: Drive
+    """Drive with the parameters and the Stribeck form of the authors."""
     fits: Mapping[str, MapFit]
-    """Fits by law."""
+    """Fits by friction law."""
     chosen: str
-    """Law with the smaller error on recordings outside the fit."""
+    """Law with the smaller error on recordings that the fit has not used."""
     tested: tuple[Tested, ...] = ()
     left_out: str = ""
     """Reason for missing predictions. Empty if there are predictions."""
@@ -308,11 +338,15 @@ class RigResult:
         return self.published.name
 
     def map_nrmsd(self, drive: Drive) -> float:
-        """Return the NRMSD of the map that a drive predicts."""
+        """Return the relative error (NRMSD) of the torque–velocity map that a drive predicts."""
         return nrmsd(map_torque(drive, self.data.w, _rig(drive).load), self.data.tau)
 
     def parameters(self) -> Iterator[list[str]]:
-        """Yield rows: symbol, published value, and for each law the estimate and difference."""
+        """Yield the rows of the table that compares identified and published parameters.
+
+        The cells of a row are the symbol, the published value and, for each friction law, the
+        estimate and its difference from the published value.
+        """
         for name, (symbol, scale) in SHOWN.items():
             value = self.rig.published.get(name)
             estimates = (
@@ -321,14 +355,15 @@ class RigResult:
             yield [symbol, NOTHING if value is None else number(scale * value), *estimates]
 
     def reasons(self) -> list[str]:
-        """Return properties of the fits that explain why parameters differ."""
+        """Return sentences that explain why identified and published parameters differ."""
         return [reason for law, fit in self.fits.items() for reason in _reasons(fit, NAMES[law])]
 
 
 def published_drive(drive: Drive, law: FrictionLawName = "stribeck_exponential") -> Drive:
-    """Return a rig's drive with the authors' parameters.
+    """Return the drive of a test rig with the parameters of the authors.
 
-    Without a Stribeck speed, the drive has Coulomb friction.
+    `law` is the form of the Stribeck term. If the authors do not state a Stribeck speed, the drive
+    has Coulomb friction.
     """
     values = dict(_rig(drive).published)
     form = law if values.get("stribeck_speed") else "coulomb"
@@ -343,10 +378,21 @@ def published_drive(drive: Drive, law: FrictionLawName = "stribeck_exponential")
 
 
 def rig_result(inputs: Inputs, name: str) -> RigResult:
-    """Identify one rig from the table of figures, and predict its start–stop recordings.
+    """Identify the friction of one test rig from the shipped table, and predict its recordings.
 
-    Predictions are left out if the recordings are missing. Raises RecordingError if the table
-    cannot be read.
+    Predictions are left out if the recordings are missing.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        Drives and recordings of the project.
+    name : str
+        Name of the rig.
+
+    Raises
+    ------
+    RecordingError
+        If the table cannot be read.
     """
     drive = inputs.rigs[name]
     rig = _rig(drive)
@@ -371,7 +417,10 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
 
 
 def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
-    """Predict all recordings in a folder. Raises RecordingError if a recording is invalid."""
+    """Predict the torque of all recordings in a folder, and return the errors.
+
+    Raises RecordingError if a recording is invalid.
+    """
     rig = result.rig
     fit = result.fits[result.chosen]
     recordings = read_recordings(
@@ -391,12 +440,12 @@ def _tested(result: RigResult, folder: Path) -> tuple[Tested, ...]:
 
 
 def _plain(error: RecordingError, folder: Path) -> str:
-    """Return an error message without the path of the folder, which may differ."""
+    """Return an error message without the path of the folder, which differs between computers."""
     return str(error).replace(f"{folder}/", "").replace(str(folder), folder.name).replace("|", "/")
 
 
 def _rig(drive: Drive) -> Rig:
-    """Return the rig of a drive. The drive must have one."""
+    """Return the test rig of a drive, which must have one."""
     assert drive.rig is not None, drive.name
     return drive.rig
 
@@ -417,16 +466,30 @@ SHOWN = {
     "mu_stribeck": ("μ_str", 1.0),
     "stribeck_speed": ("w_s (rad/s)", 1.0),
 }
+"""Symbol with unit, and factor from SI units, of each parameter in the table."""
 NAMES = dict(zip(LAWS, ("Coulomb", "Stribeck"), strict=True))
+"""Names of the friction laws in the document."""
 
 
 def rigs_section(results: tuple[RigResult, ...]) -> Section:
-    """Return the section about parameters, maps and predictions of the three rigs."""
+    """Build the section about parameters, maps and predictions of the three test rigs."""
     return Section("rigs", {"rigs": results, "NAMES": NAMES}, {"rig_maps": _rigs_figure(results)})
 
 
 def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> tuple[str, str]:
-    """Return the cells with an estimate and its relative difference from the published value."""
+    """Return two cells: the estimate of a parameter with its interval, and its relative difference.
+
+    Parameters
+    ----------
+    fit : MapFit
+        Fit of one friction law.
+    name : str
+        Name of the parameter.
+    scale : float
+        Factor from SI units to the unit of the table.
+    published : float, optional
+        Value of the authors in SI units.
+    """
     estimate = fit.estimates.get(name)
     if estimate is None:
         return NOTHING, NOTHING
@@ -439,7 +502,10 @@ def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> 
 
 
 def _reasons(fit: MapFit, law: str) -> list[str]:
-    """Return properties of one fit that explain why its parameters differ."""
+    """Return sentences that explain why the parameters of one fit differ from the published ones.
+
+    `law` is the name of the friction law in the document.
+    """
     reasons = []
     if fit.inseparable:
         groups = " and ".join(
@@ -457,7 +523,7 @@ def _reasons(fit: MapFit, law: str) -> list[str]:
 
 
 def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
-    """Draw the maps of the rigs with the published and the fitted laws."""
+    """Draw the torque–velocity maps of the test rigs with the published and the fitted laws."""
     figure = new_figure(9.6, 3.6)
     for axes, result in zip(figure.subplots(1, len(results)), results, strict=True):
         data = result.data

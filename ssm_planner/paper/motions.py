@@ -61,31 +61,31 @@ if TYPE_CHECKING:
 
 @record
 class SpeedRun:
-    """One row of Table III after planning.
-
-    `loads` contains the loads of the driven joints. It is empty without a plan.
-    """
+    """Planned motion of one row of Table III, with the loads of its drives."""
 
     row: SpeedRow
+    """Row of the table."""
     plan: Plan
+    """Motion within the speeds of this row."""
     loads: tuple[JointLoad, ...]
+    """Loads of the driven joints. Empty if no motion was found."""
 
     def envelope(self, joint: str) -> Range:
-        """Return the smallest and the largest motor torque while the joint moves, N·m."""
+        """Return the smallest and the largest motor torque of a joint while it moves, N·m."""
         load = self.load(joint)
         torque = load.torque()[load.direction != 0]
         return float(torque.min()), float(torque.max())
 
     def load(self, joint: str) -> JointLoad:
-        """Return the load of a joint."""
+        """Return the load of the joint with this name."""
         return next(load for load in self.loads if load.joint == joint)
 
     def top_speed(self, joint: str) -> float:
-        """Return the largest motor speed, rpm."""
+        """Return the largest motor speed of a joint, rpm."""
         return RPM * float(np.abs(self.load(joint).speed()).max())
 
     def tilt_rate(self, robot: Robot) -> float:
-        """Return the largest tilt rate, rad/s."""
+        """Return the largest tilt rate of the motion in rad/s, or NaN without a motion."""
         if self.plan.trajectory is None:
             return math.nan
         samples = self.plan.trajectory.uniform(1000.0)
@@ -93,7 +93,7 @@ class SpeedRun:
         return float(np.abs(rates[:, TASK.index("tilt")]).max())
 
     def reaches(self) -> bool:
-        """True if a rotary joint and the translation both reach the printed speeds."""
+        """Return True if a rotary joint and joint 4 both reach the speeds of the row."""
         trajectory = self.plan.trajectory
         if trajectory is None:
             return False
@@ -104,7 +104,7 @@ class SpeedRun:
 
 
 def at_speeds(problem: Problem, row: SpeedRow) -> Problem:
-    """Return the problem with its joint velocities limited to the printed speeds."""
+    """Return a problem whose joint velocities are limited to the speeds of a row of Table III."""
     speed = {"revolute": row.tilt, "prismatic": row.insertion}
     joint1, joint2, joint3, joint4 = (
         replace(joint, velocity=speed[joint.kind]) for joint in problem.robot.joints
@@ -116,7 +116,10 @@ def at_speeds(problem: Problem, row: SpeedRow) -> Problem:
 def speed_runs(
     problem: Problem, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[SpeedRun, ...]:
-    """Plan all rows of Table III within the published accelerations."""
+    """Plan the motion of each row of Table III within the published accelerations.
+
+    `progress` is called with a text before each row.
+    """
     runs = []
     for row in TABLE_III:
         progress(f"Table III: {row.label}")
@@ -128,18 +131,18 @@ def speed_runs(
 
 
 def tilts_of(problem: Problem) -> Range:
-    """Return the lowest and the highest tilt in the problem, rad."""
+    """Return the smallest and the largest tilt among the points of a problem, rad."""
     values = _values(problem, "tilt")
     return min(values), max(values)
 
 
 def depth_of(problem: Problem) -> float:
-    """Return the largest depth in the problem, m."""
+    """Return the largest depth among the points of a problem, m."""
     return max(_values(problem, "depth"))
 
 
 def _values(problem: Problem, name: str) -> list[float]:
-    """Return the values of a task coordinate in the start and the targets of a problem."""
+    """Return the values of a task coordinate at the start and at the targets of a problem."""
     points = [
         problem.start,
         *(motion.to for motion in problem.motion if isinstance(motion, (Straight, Free))),
@@ -152,7 +155,7 @@ def _values(problem: Problem, name: str) -> list[float]:
 
 
 def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
-    """Return the section about Table III."""
+    """Build the section about Table III from the planned motions."""
     mechanism = Mechanism.from_robot(problem.robot)
     allowed = problem.robot.ranges["tilt"]
     tilts = tilts_of(problem)
@@ -178,7 +181,7 @@ def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
 
 
 def _plot(runs: tuple[SpeedRun, ...]) -> Figure:
-    """Draw the motor torques of all runs."""
+    """Draw the motor torques of all motions over time."""
     figure = new_figure(9.6, 5.6)
     panels = figure.subplots(len(DRIVEN), len(runs), sharex="col", sharey="row", squeeze=False)
     for column, run in enumerate(runs):
@@ -203,14 +206,17 @@ RUNS = {"paper": "the paper's speeds", "package": "the package's speeds"}
 
 @record
 class Payload:
-    """One motorisation run with the friction of Table II and with the friction of the package."""
+    """Sizing of one motorisation, with the friction of Table II and with that of the package."""
 
     run: Motorisation
+    """Strokes of the joints."""
     identified: Sizing
+    """Required torques with the friction of Table II."""
     package: Sizing
+    """Required torques with the friction of the package."""
 
     def rows(self) -> Iterator[tuple[str, MotorRequirement, MotorRequirement]]:
-        """Yield the name of every stroke, and its requirements with both frictions."""
+        """Yield the label of every stroke, and its motor requirements for both frictions."""
         for stroke, ours, theirs in zip(
             self.run.strokes, self.identified.joints, self.package.joints, strict=True
         ):
@@ -218,7 +224,7 @@ class Payload:
 
 
 def payloads(inputs: Inputs) -> tuple[Payload, ...]:
-    """Compute both motorisation runs with both frictions."""
+    """Size both motorisations with both frictions."""
     return tuple(
         Payload(run, _sized(run, TABLE_II), _sized(run, PACKAGE_FRICTION))
         for run in inputs.motorisations.values()
@@ -226,7 +232,7 @@ def payloads(inputs: Inputs) -> tuple[Payload, ...]:
 
 
 def payload_section(results: tuple[Payload, ...]) -> Section:
-    """Return the section about the payload curves."""
+    """Build the section about the payload curves."""
     figures = {
         "payload_curves_package": payload_curves(results[0].package),
         "payload_curves_table_ii": payload_curves(results[0].identified),
@@ -244,5 +250,5 @@ def _label(stroke: Stroke) -> str:
 
 
 def _sized(run: Motorisation, rows: Mapping[str, FrictionRow]) -> Sizing:
-    """Size a motorisation run with published friction."""
+    """Size a motorisation with the friction of a published table, by joint."""
     return size(DutyCycle.of_motorisation(replace(run, robot=with_rows(run.robot, rows))))

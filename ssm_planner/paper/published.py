@@ -1,6 +1,7 @@
-"""Define the published figures of paper and software package in SI units, and read the inputs.
+"""Define the numbers that the paper and its software package publish, in SI units.
 
-The drive files contain the published parameters of the rigs.
+The module also reads the problem files of the project. The drive files contain the published
+parameters of the test rigs.
 """
 
 from __future__ import annotations
@@ -21,15 +22,22 @@ NUMBER = {"roll": 1, "tilt": 2, "spin": 3, "insertion": 4}
 """Number of each joint in the paper."""
 
 ALPHA = math.radians(30.0)
+"""Angle α between the axes of joints 1 and 2 (§IV-B)."""
 BETA = math.radians(110.0)
-"""Angle β of §IV-B. It is about 110° and follows from the first position of the tool."""
+"""Angle β between the axes of joints 2 and 3 (§IV-B).
+
+It is about 110° and follows from the first position of the tool.
+"""
 FIRST_TILT = math.radians(-113.0)
 """First signed tilt (§IV-B). The tool is 23° beyond the normal of the plane of ω1 and ω2."""
 REQUIRED_TILT = math.radians(50.0)
 """Required range of the tilt (§IV-A)."""
 REQUIRED_ROLL = math.radians(60.0)
+"""Required range of the roll (§IV-A)."""
 REQUIRED_SPIN = math.radians(360.0)
+"""Required range of the spin (§IV-A)."""
 REQUIRED_TRAVEL = 0.030
+"""Required travel of the insertion, m (§IV-A)."""
 TILT_AGREEMENT = 0.985
 """Agreement of measured and theoretical tilt range (§V-A)."""
 TABLE_I_MEASURED = (math.radians(-138.6), math.radians(-79.5))
@@ -38,24 +46,27 @@ TABLE_I = (math.radians(-140.0), math.radians(-80.0))
 """Theoretical tilt range as the paper prints it, with β rounded to 110°."""
 
 ROTARY_SPEED = math.radians(65.0)
+"""Required speed of the rotary joints, rad/s."""
 ROTARY_ACCELERATION = math.radians(200.0)
-"""Approximate joint acceleration (§IV-C)."""
+"""Approximate acceleration of the rotary joints, rad/s² (§IV-C)."""
 LINEAR_SPEED = 0.020
+"""Required speed of joint 4, m/s."""
 LINEAR_ACCELERATION = 0.100
+"""Approximate acceleration of joint 4, m/s²."""
 
 
 @frozen
 class FrictionRow:
-    """Friction of one joint.
-
-    The row contains the coefficients of the mesh, the Coulomb torque of the bearings in N·m, and
-    their viscous coefficient in N·m·s/rad.
-    """
+    """Friction of one joint, as a row of a published table."""
 
     mu: float
+    """Sliding friction coefficient of the gear mesh."""
     mu_static: float
+    """Static friction coefficient of the gear mesh."""
     b_c: float
+    """Coulomb torque of the bearings, N·m."""
     b_v: float
+    """Viscous coefficient of the bearings, N·m·s/rad."""
 
 
 TABLE_II: Mapping[str, FrictionRow] = {
@@ -75,20 +86,23 @@ PACKAGE_FRICTION: Mapping[str, FrictionRow] = {
 
 @frozen
 class SpeedRow:
-    """One row of Table III: printed speeds in rad/s and m/s, and NRMSD by joint."""
+    """Row of Table III: printed joint speeds, and errors of the predicted torque."""
 
     tilt: float
+    """Speed of the rotary joints, rad/s."""
     insertion: float
+    """Speed of joint 4, m/s."""
     nrmsd: Mapping[str, float]
+    """Relative error (NRMSD) of the torque by joint."""
 
     @property
     def label(self) -> str:
-        """Both speeds as text."""
+        """Both speeds as text, in °/s and mm/s."""
         return f"{math.degrees(self.tilt):.0f}°/s, {1e3 * self.insertion:.0f} mm/s"
 
 
 def _row(tilt: float, insertion: float, *nrmsd: float) -> SpeedRow:
-    """Return a row with a tilt speed in °/s, an insertion speed in mm/s, and NRMSDs by joint."""
+    """Build a row of Table III from speeds in °/s and mm/s, and an NRMSD for each driven joint."""
     return SpeedRow(math.radians(tilt), 1e-3 * insertion, dict(zip(DRIVEN, nrmsd, strict=True)))
 
 

@@ -21,25 +21,25 @@ if TYPE_CHECKING:
 
 
 WIDTH = 120
+"""Largest number of characters of a line in the document."""
 
 
 @record
 class Section:
-    """Section of the document.
-
-    `name` is the name of the template, and `values` are its variables. `figures` contains the
-    figures by file name without suffix. The template shows a figure by `picture`.
-    """
+    """Section of the document, whose text follows from a template."""
 
     name: str
+    """Name of the template without suffix."""
     values: Mapping[str, Any]
+    """Variables of the template."""
     figures: Mapping[str, Figure] = field(default_factory=dict)
+    """Figures by file name without suffix. The template inserts them by the macro `picture`."""
 
     @cached_property
     def text(self) -> str:
         """Markdown of the section, which starts with the heading.
 
-        Paragraphs are wrapped to WIDTH. Tables and pictures are not changed.
+        Paragraphs are wrapped to WIDTH characters, but tables and pictures are not.
         """
         blocks = render(self.name, **self.values).rstrip().split("\n\n")
         return (
@@ -51,22 +51,22 @@ class Section:
 
     @property
     def title(self) -> str:
-        """Heading without its marks."""
+        """Text of the heading."""
         return self.text.splitlines()[0].removeprefix("## ")
 
     @property
     def anchor(self) -> str:
-        """Anchor that GitHub derives from the heading."""
+        """Anchor of the section in links, as GitHub derives it from the heading."""
         return re.sub(r"[^\w -]", "", self.title.lower()).replace(" ", "-")
 
 
 def render(name: str, **values: Any) -> str:
-    """Fill in a template, with one empty line between blocks."""
+    """Fill in a template of Markdown, with exactly one empty line between blocks."""
     return re.sub(r"\n{2,}", "\n\n", render_template(_templates(), f"{name}.md", **values).lstrip())
 
 
 def wrapped(paragraph: str) -> str:
-    """Wrap a paragraph to WIDTH. Commands are not broken."""
+    """Wrap a paragraph to WIDTH characters, without line breaks in code between backticks."""
     joined = re.sub(
         "`[^`]*`", lambda code: code.group().replace(" ", "\0"), " ".join(paragraph.split())
     )
@@ -77,7 +77,7 @@ def wrapped(paragraph: str) -> str:
 
 @cache
 def _templates() -> Environment:
-    """Return the environment of the document's templates."""
+    """Return the Jinja2 environment of the document, with filters for angles and milli-units."""
     templates = environment(
         "ssm_planner.paper",
         escape=False,

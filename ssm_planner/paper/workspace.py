@@ -41,11 +41,14 @@ if TYPE_CHECKING:
 
 @frozen
 class TiltRow:
-    """One row of the table of tilts, rad."""
+    """Row of Table I: an end or the width of the tilt range, rad."""
 
     name: str
+    """Name of the row."""
     theoretical: float
+    """Value that follows from the geometry."""
     measured: float
+    """Value that the authors measured."""
     paper: float
     """Theoretical value that the paper states."""
 
@@ -56,7 +59,7 @@ class TiltRow:
 
 
 def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
-    """Return the rows of Table I: width, lower end and upper end of the tilt range."""
+    """Compute the rows of Table I: width, lower end and upper end of the tilt range."""
     low, high = tilt_interval(mechanism)
     measured = TABLE_I_MEASURED
     return (
@@ -67,7 +70,10 @@ def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
 
 
 def tilt_disks(mechanism: Mechanism) -> Figure:
-    """Draw both reachable sectors of the width 2α, symmetric about ω₁, and the measured limits."""
+    """Draw the tilts that the tool reaches, as two sectors that are symmetric about ω₁.
+
+    The measured limits of Table I are drawn as lines.
+    """
     figure = new_figure(5.2, 4.4)
     axes = figure.subplots()
     interval = tilt_interval(mechanism)
@@ -93,7 +99,10 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
 
 
 def _sector(axes: Axes, interval: Range, sign: float, **style: Any) -> None:
-    """Draw a sector of tilts. The tilts are those of an interval, rad, multiplied by a sign."""
+    """Draw a sector of tilts with its label.
+
+    The tilts are those of `interval` in rad, times `sign`.
+    """
     from matplotlib.patches import Wedge
 
     ends = sorted(sign * math.degrees(end) for end in interval)
@@ -105,28 +114,31 @@ def _sector(axes: Axes, interval: Range, sign: float, **style: Any) -> None:
 
 
 def _ray(axes: Axes, tilt: float, length: float, **style: Any) -> None:
-    """Draw a line from the centre in the direction of a tilt (rad)."""
+    """Draw a line of the given length from the centre in the direction of a tilt in rad."""
     axes.plot([0.0, length * math.cos(tilt)], [0.0, -length * math.sin(tilt)], **style)
 
 
 @record
 class TiltRange:
-    """Table I with the printed β, and with the β of the first tool position."""
+    """Table I for two values of β: the rounded one in the paper, and that of the robot file."""
 
     printed: tuple[TiltRow, TiltRow, TiltRow]
+    """Rows with the rounded β."""
     exact: tuple[TiltRow, TiltRow, TiltRow]
+    """Rows with the β of the robot file."""
     beta: float
+    """β of the robot file, rad."""
 
 
 def tilt_range(robot: Robot) -> TiltRange:
-    """Compute both versions of Table I, rad."""
+    """Compute Table I for the β that the paper prints and for that of the robot file, rad."""
     mechanism = Mechanism.from_robot(robot)
     rounded = Mechanism.from_angles(published.ALPHA, published.BETA, published.FIRST_TILT)
     return TiltRange(tilt_table(rounded), tilt_table(mechanism), mechanism.beta)
 
 
 def workspace_section(robot: Robot) -> Section:
-    """Return the section about Table I, the reason for its differences, and the figures."""
+    """Build the section about Table I, with the reason for its differences and with figures."""
     mechanism = Mechanism.from_robot(robot)
     figures = {
         "axes": axes_figure(mechanism),
@@ -138,14 +150,14 @@ def workspace_section(robot: Robot) -> Section:
 
 @record
 class DesignChoice:
-    """The angles (α, β) with the smallest α that reach a tilt range, rad."""
+    """Smallest α with which a mechanism reaches the required tilts, and its margin, rad."""
 
     region: DesignRegion
     """Region for the printed tilt range."""
     least: tuple[float, float]
-    """Angles (α, β) with the required tilt range in the middle of the printed range."""
+    """Angles (α, β) with the smallest α that reach the required tilts, without a margin."""
     spare: float
-    """Additional tilt at both ends of the required range with the published α and β."""
+    """Margin at both ends of the required tilt range with the published α and β."""
     speed: tuple[float, float]
     """Ratio of the speed of joint 2 to the tilt speed.
 
@@ -155,7 +167,10 @@ class DesignChoice:
 
 
 def design_choice() -> DesignChoice:
-    """Compute the angles of the axes from the required ranges."""
+    """Compute the angles α and β for the required tilt range, and compare them with the paper.
+
+    The required range is in the middle of the range in Table I.
+    """
     middle = (TABLE_I[0] + TABLE_I[1]) / 2
     required = (middle - published.REQUIRED_TILT / 2, middle + published.REQUIRED_TILT / 2)
     mechanism = Mechanism.from_angles(published.ALPHA, published.BETA)
@@ -174,7 +189,7 @@ def design_choice() -> DesignChoice:
 
 
 def design_section(robot: Robot, eye: Eye) -> Section:
-    """Return the section about the axes, the other required ranges, the eye and the offset."""
+    """Build the section about the choice of the axes, the other required ranges, and the eye."""
     choice = design_choice()
     mechanism = Mechanism.from_robot(robot)
     low, high = robot.joints[3].position
@@ -195,7 +210,7 @@ def design_section(robot: Robot, eye: Eye) -> Section:
 def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
     """Draw the eye with the required ranges of tilt and roll, from the port to the retina, in mm.
 
-    The tilt range is shown at roll 0, and the roll range at the middle tilt.
+    The tilt range is drawn at roll 0, and the roll range at the middle tilt.
     """
     figure = new_figure(7.2, 4.2)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -218,10 +233,20 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
 def _eye_section(
     axes: Axes, eye: Eye, i: int, directions: Array, labels: tuple[str, str, str]
 ) -> None:
-    """Draw the eye and a range of directions in the plane of component `i` and the height.
+    """Draw a section of the eye, with a range of tool directions.
 
-    `directions` (n, 3) are unit vectors from the port to the retina. `labels` are the titles of the
-    horizontal axis, of the vertical axis and of the section.
+    Parameters
+    ----------
+    axes : Axes
+        Axes of the figure.
+    eye : Eye
+        The eye.
+    i : int
+        Index of the horizontal component of the base frame. The vertical component is z.
+    directions : (n, 3)
+        Unit vectors from the port to the retina.
+    labels : (str, str, str)
+        Titles of the horizontal axis, of the vertical axis and of the section.
     """
     from matplotlib.patches import Circle, Ellipse, Polygon
 
@@ -231,6 +256,7 @@ def _eye_section(
     axes.add_patch(Circle(centre, radius, fill=False, edgecolor="black", label="retina"))
     axes.add_patch(Circle(centre, clear_radius, fill=False, label="clearance", **dashed))
     if eye.lens is not None:
+        # The projection of an ellipsoid on an axis has the half width √(Σ (R_ik a_k)²).
         widths = _mm(2 * np.sqrt(eye.lens.frame**2 @ eye.lens.semi_axes**2), i)
         lens = Ellipse(_mm(eye.lens.centre, i), *widths, color="0.6", linewidth=0, label="lens")
         axes.add_patch(lens)
@@ -246,11 +272,11 @@ def _eye_section(
 
 
 def _mm(vector: Array, i: int) -> tuple[float, float]:
-    """Return component `i` and the height of a vector (3,) in m, converted to mm."""
+    """Return component `i` and the height z of a vector (3,) in m, converted to mm."""
     return 1e3 * float(vector[i]), 1e3 * float(vector[2])
 
 
 def _to_retina(eye: Eye, directions: Array) -> Array:
-    """Return the distances (n,), m, from the port to the retina along unit directions (n, 3)."""
+    """Return the distances (n,) in m from the port to the retina along unit vectors (n, 3)."""
     projection = directions @ eye.centre
     return projection + np.sqrt(projection**2 - eye.centre @ eye.centre + eye.radius**2)
