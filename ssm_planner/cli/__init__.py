@@ -20,6 +20,7 @@ from typing import Any
 from ssm_planner.errors import ProblemError, SsmPlannerError, suggestion
 
 BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
+"""Exit statuses that do not come from a command."""
 DEBUG = "SSM_PLANNER_DEBUG"
 """Environment variable that makes an internal fault show its traceback."""
 ISSUES = "the issue list of ssm_planner"
@@ -31,6 +32,7 @@ The default is too small here: imported modules create many objects that are nev
 RETRY_DELAY = 0.01
 """Delay before the program repeats an interruption that the interpreter ignored, s."""
 STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
+"""Numbers of errors that mean that stdout cannot be written."""
 
 COMMANDS = {
     "plan": (
@@ -134,7 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Parameters
     ----------
-    arguments : Sequence[str], optional
+    arguments : sequence of str, optional
         Name of the command and its arguments. The default is the command line of the process.
     """
     if arguments is None:
@@ -178,10 +180,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _fix_kernels() -> None:
     """Make NumPy and SciPy round alike on every processor with AVX2 and FMA.
 
-    OpenBLAS and NumPy choose their kernels when they load, and each kernel rounds differently.
-    Environment variables determine this choice, so this function sets them before NumPy loads. If
-    the Python installation has already loaded NumPy, the command restarts in the same process.
-    Child processes inherit the variables.
+    OpenBLAS and NumPy choose their kernels for the processor when they load, and each kernel rounds
+    differently. Environment variables determine this choice, so this function sets them before
+    NumPy loads. If the Python installation has already loaded NumPy, the command restarts in the
+    same process. Child processes inherit the variables.
     """
     from ssm_planner.native import library
 
@@ -198,9 +200,9 @@ def _fix_kernels() -> None:
 
 
 def _name_option(error: ProblemError, words: Sequence[str]) -> None:
-    """Replace the name and the value of a Python argument in an error by those of its option.
+    """Replace the name and value of a Python argument in an error by those of its option.
 
-    `words` are the words of the command line. Errors of a file are not changed.
+    `words` are the words of the command line. Errors in files are not changed.
     """
     names = [] if error.key is None or error.file is not None else error.key.split(".")
     for name in reversed(names):
@@ -229,17 +231,20 @@ def _report_error(error: SsmPlannerError, as_json: bool = False) -> int:
 
 
 def _discard_output() -> None:
-    """Discard the output that Python would otherwise flush at exit."""
+    """Redirect stdout to the null device, because Python flushes its buffer at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Signals:
-    """Context that treats SIGTERM and SIGHUP like Ctrl-C and records the signal."""
+    """Context in which SIGTERM and SIGHUP interrupt the command like Ctrl-C.
+
+    `arrived` is the number of the signal, or None.
+    """
 
     def __init__(self, for_good: bool) -> None:
         """Create the context.
 
-        If `for_good` is true, the program ends after the context, and further signals are ignored.
+        If `for_good` is true, the program ends after the context, and ignores further signals.
         """
         self.arrived: int | None = None
         self.for_good = for_good
@@ -266,7 +271,10 @@ class _Signals:
         raise KeyboardInterrupt
 
     def _ignored(self, unraisable: Any) -> None:
-        """Repeat an interruption that was lost in a finaliser or a weak reference's callback."""
+        """Repeat an interruption that a finaliser or a weak reference's callback has swallowed.
+
+        The interpreter passes exceptions that it ignores to this hook.
+        """
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             self._hook(unraisable)
         elif self.arrived is not None:
@@ -279,7 +287,7 @@ class _Signals:
 
 
 def _report_interruption(signals: _Signals) -> int:
-    """Report which results were complete before an interruption, and return the exit status."""
+    """Print which results were complete before an interruption, and return the exit status."""
     # CPython records an interruption, and would later end the process. exec() resets the record.
     exec("")
     atomic = sys.modules.get("ssm_planner.atomic")
@@ -295,7 +303,7 @@ def _report_interruption(signals: _Signals) -> int:
 
 
 def _report_fault(error: Exception) -> int:
-    """Report an internal fault in one line, and return the exit status."""
+    """Print an internal fault in one line, and return the exit status."""
     if os.environ.get(DEBUG):
         import traceback
 
@@ -328,6 +336,10 @@ def _prepare_streams() -> None:
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """Build the argument parser, with the arguments of only the commands that `words` contain.
+
+    Raises UsageError for an unknown command.
+    """
     from ssm_planner.cli.terminal import Parser, UsageError
 
     request = next((word for word in words if not word.startswith("-")), None)
@@ -367,9 +379,9 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _shield(word: str) -> str:
-    """Prepend a space to a negative value such as `-140deg`.
+    """Prepend a space to a negative value such as `-140deg`, so that it is not read as an option.
 
-    argparse treats a word that contains a space as a value and not as an option.
+    argparse treats a word that contains a space as a value.
     """
     return f" {word}" if re.match(r"-\.?\d", word) else word
 

@@ -35,6 +35,7 @@ STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
 
 
 def check_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `check`."""
     parser.add_argument(
         "trajectory",
         type=Path,
@@ -79,6 +80,7 @@ def check_arguments(parser: ArgumentParser) -> None:
 
 
 def run_check(options: Namespace) -> int:
+    """Check a trajectory, print its certificate, and return the exit status."""
     progress = progress_reporter(f"reading {options.trajectory}")
     document: JsonObject
     from ssm_planner.verification import with_task
@@ -112,7 +114,7 @@ def run_check(options: Namespace) -> int:
 
 
 def _signature_fault(folder: Path, key: Path) -> str | None:
-    """Return why a folder is not an export that was signed with a key, or None."""
+    """Return the reason why a folder is not an export that was signed with a key, or None."""
     from ssm_planner.formats import read_manifest, signature_fault
 
     try:
@@ -122,9 +124,9 @@ def _signature_fault(folder: Path, key: Path) -> str | None:
 
 
 def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
-    """Return the certificate with the limits that the option --allow-unjudged names.
+    """Return the certificate with the limits that may remain unjudged (option --allow-unjudged).
 
-    Raises ProblemError if no limit has such a name.
+    `text` contains their names, separated by commas. Raises ProblemError for an unknown name.
     """
     from ssm_planner.verification import DYNAMIC
 
@@ -149,11 +151,25 @@ def _check_speeds(
     limits: TaskLimits,
     document: JsonObject,
 ) -> int:
-    """Check the motion at one lower speed or at all speeds of a range, and return the exit status.
+    """Check a motion at one lower speed or in a range of speeds, and return the exit status.
 
-    document: beginning of the output of --json.
+    Parameters
+    ----------
+    options : Namespace
+        Options of the command.
+    reading : Reading
+        Trajectory that was read.
+    robot : Robot
+        Robot that executes the motion.
+    limits : TaskLimits
+        Limits of the task.
+    document : dict
+        Beginning of the output of --json.
 
-    Raises ProblemError if the option --speed or the trajectory does not permit such a check.
+    Raises
+    ------
+    ProblemError
+        If the option --speed or the trajectory does not permit such a check.
     """
     from ssm_planner.verification import check_slower, check_speeds
 
@@ -189,7 +205,10 @@ def _check_speeds(
 
 
 def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
-    """Return lines that state the worst speed for every limit that a slower motion may violate."""
+    """Return a table of the speeds at which each limit is nearest, as lines of text.
+
+    It contains the limits that a slower motion may violate.
+    """
     from ssm_planner.display import number
     from ssm_planner.reporting import Table, limit_cells
 
@@ -209,7 +228,7 @@ def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
 def read(
     path: Path, robot_file: Path | None, problem_file: Path | None = None
 ) -> tuple[Reading, Robot, ssm.TaskLimits]:
-    """Read a trajectory file, and return its trajectory, robot and task limits.
+    """Read a trajectory file, and determine the robot and the limits for its check.
 
     A plan.json contains a robot and limits. A problem file overrides both. A robot file overrides
     the robot of the plan and of the problem file.
@@ -220,6 +239,15 @@ def read(
         Trajectory file, or the folder of a plan or an export.
     robot_file, problem_file : Path, optional
         Files that override the robot, or the robot and the limits.
+
+    Returns
+    -------
+    reading : Reading
+        The trajectory with remarks.
+    robot : Robot
+        Robot that executes the motion.
+    limits : TaskLimits
+        Limits of the task.
 
     Raises
     ------
@@ -275,7 +303,7 @@ def read(
 
 
 def _declared(options: Namespace, limits: TaskLimits) -> TaskLimits:
-    """Return the limits with the start and end rates that the options declare.
+    """Return the limits with the rates at both ends that the options declare.
 
     Raises ProblemError if a rate is invalid.
     """
@@ -287,10 +315,17 @@ def _declared(options: Namespace, limits: TaskLimits) -> TaskLimits:
 
 
 def _rates(option: str, text: str) -> dict[str, float] | None:
-    """Parse the value of a rate option.
+    """Parse the value of the option --start-rate or --end-rate.
 
-    Returns the rates (rad/s or m/s) by task coordinate, or None if the option permits any rate.
-    Raises ProblemError if the text is invalid.
+    Returns
+    -------
+    dict or None
+        Rates in rad/s or m/s by task coordinate. None if the option permits any rate.
+
+    Raises
+    ------
+    ProblemError
+        If the text is invalid.
     """
     from ssm_planner.problem import TASK
 
@@ -312,7 +347,7 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
 def certificate_lines(
     certificate: ssm.Certificate, notes: tuple[str, ...], robot: Robot
 ) -> list[str]:
-    """Return the certificate as lines of text: a table of limits, notes and the verdict.
+    """Return a certificate as lines of text: a table of the limits, remarks and the verdict.
 
     The limit with the smallest margin is first. Each row of the table states the worst value, the
     bound, the margin, the joint and the time.

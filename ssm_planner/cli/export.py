@@ -22,6 +22,7 @@ from ssm_planner.typing import Keywords
 
 
 def export_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `export`."""
     plan_argument(parser)
     parser.add_argument("--to", required=True, choices=[*FORMATS], help="format to write")
     output_arguments(parser, "folder (default: beside the plan)")
@@ -48,7 +49,10 @@ def export_arguments(parser: ArgumentParser) -> None:
 
 
 def _options() -> dict[str, dict[str, list[str]]]:
-    """Return the formats that have an option, by the option and its meaning."""
+    """Return the names of the formats by option and by the help text of the option.
+
+    Formats may have the same option with different meanings.
+    """
     options: dict[str, dict[str, list[str]]] = {}
     for form in FORMATS.values():
         for option, text in form.options.items():
@@ -57,6 +61,7 @@ def _options() -> dict[str, dict[str, list[str]]]:
 
 
 def run_export(options: Namespace) -> int:
+    """Write a plan in another format, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
 
     stated = {name: getattr(options, name) for name in ("speed", "sign", *_options())}
@@ -79,9 +84,10 @@ def run_export(options: Namespace) -> int:
 
 
 def _counts(words: list[str]) -> int | dict[str, int]:
-    """Parse [JOINT=]N words, and return the increments of all joints or a mapping by joint.
+    """Parse words of the form [JOINT=]N, which state the encoder increments per motor turn.
 
-    Raises ExportError if a word is invalid.
+    The result is one number for all joints, or a mapping by joint. Raises ExportError for other
+    words.
     """
     counts: dict[str, int] = {}
     for word in words:

@@ -12,15 +12,18 @@ from ssm_planner.templates import FILE_KINDS, TEMPLATES, schema, template
 
 
 def schema_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `schema`."""
     parser.add_argument("kind", choices=FILE_KINDS, help="kind of file")
 
 
 def run_schema(options: Namespace) -> int:
+    """Print the JSON schema of a kind of file, and return the exit status."""
     print(json.dumps(schema(options.kind), indent=1, ensure_ascii=False))
     return OK
 
 
 def new_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `new`."""
     parser.add_argument(
         "kind", choices=TEMPLATES, help="kind of file (drive: worm gear, screw: lead screw)"
     )
@@ -30,6 +33,10 @@ def new_arguments(parser: ArgumentParser) -> None:
 
 
 def run_new(options: Namespace) -> int:
+    """Write or print a template of a file, and return the exit status.
+
+    Raises ExportError if the file exists.
+    """
     name = options.file.stem if options.file is not None else f"my_{options.kind}"
     text = template(options.kind, name)
     if options.file is None:

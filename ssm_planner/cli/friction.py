@@ -22,6 +22,7 @@ LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
 
 
 def identify_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `identify`."""
     parser.add_argument(
         "drive", type=Path, help="drive file (YAML) with the rig's payload and recorder settings"
     )
@@ -58,6 +59,7 @@ def identify_arguments(parser: ArgumentParser) -> None:
 
 
 def run_identify(options: Namespace) -> int:
+    """Identify the friction of a drive, write its file, and return the exit status."""
     fixed = dict(_fixed_parameter(text) for text in options.fix)
     progress = progress_reporter(f"identifying {options.drive}")
     identification = ssm.identify(
@@ -79,11 +81,26 @@ def run_identify(options: Namespace) -> int:
 
 
 def _write_drive(identification: ssm.Identification, drive: Path, output: Path | None) -> Files:
-    """Write the identified drive file and the figure of its map.
+    """Write the drive file with the identified friction, and a figure of its torque–velocity map.
 
-    `drive` is the path of the original drive file, which provides the default name. `output` is
-    the value of -o. Returns the paths of the files by name. Raises ExportError if a file cannot be
-    written.
+    Parameters
+    ----------
+    identification : Identification
+        Identified drive.
+    drive : Path
+        Original drive file, which provides the default name.
+    output : Path, optional
+        Value of the option --output: a folder, or the name of the drive file.
+
+    Returns
+    -------
+    dict
+        Paths of the files by name.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     from ssm_planner.publishing import publishing
     from ssm_planner.reporting import map_figure, save_figure
@@ -100,7 +117,10 @@ def _write_drive(identification: ssm.Identification, drive: Path, output: Path |
 
 
 def _fixed_parameter(text: str) -> tuple[str, float]:
-    """Parse NAME=VALUE, and return the name and the value (SI). Raises ProblemError."""
+    """Parse NAME=VALUE, and return the name and the value in SI units.
+
+    Raises ProblemError for other texts.
+    """
     name, sign, value = text.partition("=")
     try:
         return name.strip(), float(value)
@@ -112,6 +132,10 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
 
 
 def _identified_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
+    """Return the result of `identify` as lines of text. The last line is the verdict.
+
+    `result` is the output of --json, and `drive` the identified drive.
+    """
     from ssm_planner.display import format_fixed, number
     from ssm_planner.identification import unit_of
     from ssm_planner.reporting import Table
@@ -120,23 +144,27 @@ def _identified_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
     shares = ", ".join(f"{law} {share:.0%}" for law, share in result["law_shares"].items())
     likely = f"  (how likely: {shares})" if len(result["law_shares"]) > 1 else ""
     lines, rows = [], []
-    for name, p in result["parameters"].items():
-        flags = [text for key, text in (("fixed", "fixed"), ("at_bound", "at its bound")) if p[key]]
-        if not p["separable"] and not p["fixed"]:
+    for name, parameter in result["parameters"].items():
+        flags = [
+            text
+            for key, text in (("fixed", "fixed"), ("at_bound", "at its bound"))
+            if parameter[key]
+        ]
+        if not parameter["separable"] and not parameter["fixed"]:
             flags.append("cannot be separated by these data")
         unit = (unit_of(drive, name) or "").replace("*", "·")
         scale, unit = (RPM, "rpm") if name == "stribeck_speed" else (1.0, unit)
-        values = (number(scale * p[key], 4) for key in ("value", "low", "high"))
+        values = (number(scale * parameter[key], 4) for key in ("value", "low", "high"))
         rows.append((name, *values, unit, ", ".join(flags)))
     lines += Table(
         ("parameter", "value", "95 % low", "95 % high", "unit", ""), rows, (1, 2, 3)
     ).lines()
     if result["inseparable"]:
-        sums = (
+        torques = (
             f"{1e3 * c['value']:.3f} [{1e3 * c['low']:.3f}, {1e3 * c['high']:.3f}] mN·m {direction}"
             for direction, c in result["combinations"].items()
         )
-        lines.append(f"together     {', '.join(sums)}, in slow motion")
+        lines.append(f"together     {', '.join(torques)}, in slow motion")
     for row in result["start_stop"]:
         lines.append(
             f"start–stop  {row['recording']}: NRMSD {row['nrmsd_map_only']:.4f} by the map, "
@@ -168,6 +196,7 @@ def _identified_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
 
 
 def predict_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `predict`."""
     parser.add_argument("drive", type=Path, help="drive file (YAML)")
     parser.add_argument(
         "recordings",
@@ -180,6 +209,7 @@ def predict_arguments(parser: ArgumentParser) -> None:
 
 
 def run_predict(options: Namespace) -> int:
+    """Predict the torque of recordings, and return the exit status."""
     progress = progress_reporter(f"predicting with {options.drive}")
     from ssm_planner.identification import friction_origin, predict
 
@@ -206,6 +236,7 @@ def run_predict(options: Namespace) -> int:
 
 
 def _predicted_lines(result: JsonObject) -> Iterator[str]:
+    """Yield the result of `predict` for one recording as lines of text."""
     name, nrmsd, origin = (result[key] for key in ("recording", "nrmsd", "friction"))
     yield f"{name:<40}  NRMSD {nrmsd:.4f}   friction from {origin}"
     if result["mean_band"] is not None:
@@ -227,9 +258,10 @@ def _predicted_lines(result: JsonObject) -> Iterator[str]:
 
 
 def _write_figures(prediction: ssm.Prediction, folder: Path | None) -> Files:
-    """Write the figure of one recording as PNG and PDF, and return the paths by name.
+    """Draw the predicted and the measured torque of a recording as PNG and PDF.
 
-    Without a folder, nothing is written. Raises ExportError if a file cannot be written.
+    The result contains the paths by name. It is empty without a folder. Raises ExportError if a
+    file cannot be written.
     """
     if folder is None:
         return {}

@@ -23,6 +23,7 @@ from ssm_planner.typing import JsonObject
 
 
 def ik_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `ik`."""
     parser.add_argument("robot", type=Path, help="robot file (YAML)")
     quantity_option(parser, "--roll", "angle", "such as 10deg (default 0)", 0.0)
     parser.add_argument(
@@ -37,6 +38,7 @@ def ik_arguments(parser: ArgumentParser) -> None:
 
 
 def run_ik(options: Namespace) -> int:
+    """Print the joint solutions of a tool pose, and return the exit status."""
     from ssm_planner.problem import TASK
 
     robot, point = ssm.load_robot(options.robot), {name: getattr(options, name) for name in TASK}
@@ -46,6 +48,7 @@ def run_ik(options: Namespace) -> int:
 
 
 def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
+    """Yield a table of joint solutions in deg and mm as lines of text."""
     yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
     for q, inside in zip(solutions.joints, solutions.in_limits, strict=True):
         angles = "   ".join(f"{format_fixed(math.degrees(value), 5):>11}" for value in q[:3])
@@ -56,6 +59,7 @@ def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
 
 
 def workspace_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `workspace`."""
     parser.add_argument("robot", type=Path, nargs="?", help="robot file (YAML)")
     parser.add_argument(
         "--reach",
@@ -71,6 +75,12 @@ def workspace_arguments(parser: ArgumentParser) -> None:
 
 
 def run_workspace(options: Namespace) -> int:
+    """Print the workspace of a robot, or the designs that reach a tilt range.
+
+    The function returns the exit status.
+
+    Raises ProblemError if neither a robot nor a range is stated.
+    """
     if options.robot is None and options.reach is None:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
     robot = None if options.robot is None else ssm.load_robot(options.robot)
@@ -87,9 +97,10 @@ def run_workspace(options: Namespace) -> int:
 
 
 def _workspace(robot: ssm.Robot, output: Path | None) -> JsonObject:
-    """Return the workspace as JSON types with the keys alpha, beta, tilt_range, home and extremes.
+    """Return the workspace of a robot as JSON types.
 
-    With a folder `output`, write the figures there and add their paths under the key files.
+    With a folder `output`, the figures are written there, and their paths are added under the key
+    `files`.
     """
 
     result = ssm.workspace(robot).to_dict()
@@ -152,6 +163,8 @@ def _designs(
 
 
 def _workspace_lines(result: JsonObject) -> list[str]:
+    """Return the result of the command `workspace` as lines of text."""
+
     def degrees(value: float) -> str:
         return f"{format_fixed(math.degrees(value), 4)} deg"
 

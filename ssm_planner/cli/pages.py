@@ -22,6 +22,7 @@ from ssm_planner.progress import Step
 
 
 def report_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `report`."""
     plan_argument(parser)
     parser.add_argument("other", type=Path, nargs="?", help="second plan for a comparison")
     output_arguments(parser, "folder of the page (default: that of PLAN); FILE.html names the page")
@@ -40,6 +41,7 @@ def report_arguments(parser: ArgumentParser) -> None:
 
 
 def run_report(options: Namespace) -> int:
+    """Write the page of a plan or of a comparison of two plans, and return the exit status."""
     if options.width is not None and options.figures is None:
         raise ProblemError(
             "--width requires a folder for the figures", key="--width", allowed="--figures DIR"
@@ -59,6 +61,7 @@ def run_report(options: Namespace) -> int:
 
 
 def film_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `film`."""
     plan_argument(parser)
     quantity_option(parser, "--speed", "share", "playback speed, such as 25%%", 1.0)
     output_arguments(
@@ -69,6 +72,7 @@ def film_arguments(parser: ArgumentParser) -> None:
 
 
 def run_film(options: Namespace) -> int:
+    """Write a film of a motion, and return the exit status."""
     plan = ssm.load_plan(options.plan)
     out = options.output or plan.path.with_name("film")
     files = ssm.film(plan, out, options.speed)
@@ -80,6 +84,7 @@ def run_film(options: Namespace) -> int:
 
 
 def view_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `view`."""
     parser.add_argument(
         "problem",
         type=Path,
@@ -93,6 +98,7 @@ def view_arguments(parser: ArgumentParser) -> None:
 
 
 def run_view(options: Namespace) -> int:
+    """Serve the local page until Ctrl-C, and return the exit status."""
     with ssm.serve_view(options.problem, options.port) as server:
         print(f"{server.url}  (Ctrl-C ends it)", file=sys.stderr, flush=True)
         if not options.no_browser:
@@ -107,6 +113,7 @@ def run_view(options: Namespace) -> int:
 
 
 def reproduce_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `reproduce`."""
     output_arguments(parser, "the document goes into DIR/paper", default=Path("results"))
     parser.add_argument(
         "--recordings",
@@ -126,6 +133,7 @@ def reproduce_arguments(parser: ArgumentParser) -> None:
 
 
 def run_reproduce(options: Namespace) -> int:
+    """Recompute the tables and figures of the paper, and return the exit status."""
     progress, folder = progress_reporter(), options.output / "paper"
     outcome = ssm.reproduce(folder, options.problems, options.recordings, progress)
     progress(Step("done"))

@@ -20,6 +20,7 @@ from ssm_planner.progress import Step
 
 
 def plan_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `plan`."""
     parser.add_argument(
         "problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert"
     )
@@ -54,6 +55,7 @@ def plan_arguments(parser: ArgumentParser) -> None:
 
 
 def run_plan(options: Namespace) -> int:
+    """Plan a motion, write its result folder, and return the exit status."""
     from ssm_planner.reporting import FigureProcess
 
     progress = progress_reporter(f"reading {options.problem}")

@@ -20,6 +20,7 @@ from ssm_planner.progress import Step
 
 
 def retime_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `retime`."""
     parser.add_argument(
         "path",
         type=Path,
@@ -35,6 +36,7 @@ def retime_arguments(parser: ArgumentParser) -> None:
 
 
 def run_retime(options: Namespace) -> int:
+    """Compute the fastest timing of a path, write the result folder, and return the exit status."""
     progress = progress_reporter(f"reading {options.path}")
     import numpy as np
 
@@ -50,7 +52,7 @@ def run_retime(options: Namespace) -> int:
     folder = options.output or Path("results") / file_name(problem.name)
     result, files = plan_to_folder(problem, folder, progress, rate=options.rate)
     progress(Step("done"))
-    before = reading.trajectory.duration
+    recorded_duration = reading.trajectory.duration
     runs = "one smooth curve"
     if len(problem.motion) > 1:
         runs = f"{len(problem.motion)} smooth runs, at rest between them"
@@ -60,14 +62,14 @@ def run_retime(options: Namespace) -> int:
     )
     lines = [
         f"the path       {runs}, at most {distance}",
-        f"in the file    {before:.4f} s, {reading.interpolation}",
+        f"in the file    {recorded_duration:.4f} s, {reading.interpolation}",
         "",
     ]
     document = {**result.summary(), "files": files}
     document |= {
         "runs": len(problem.motion),
         "off_lines": deviation.tolist(),
-        "duration_in_file": before,
+        "duration_in_file": recorded_duration,
     }
     lines += summary_lines(result, folder if result.passed else None, verbose=True)
     lines += [f"file     {files['page']}"] if "page" in files else []

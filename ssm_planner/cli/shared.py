@@ -22,6 +22,7 @@ from ssm_planner.progress import Progress, Step
 from ssm_planner.typing import Files
 
 OK, FAILED, UNJUDGED = 0, 1, 4
+"""Exit statuses: all checks passed, a check failed, and a limit could not be judged."""
 LARGEST_RATE = 100_000.0
 """Largest rate of written files, Hz. A file of a faster rate would not fit into memory."""
 
@@ -29,18 +30,19 @@ LARGEST_RATE = 100_000.0
 def plan_argument(
     parser: ArgumentParser, text: str = "plan.json, or the result folder that contains it"
 ) -> None:
-    """Add the argument PLAN."""
+    """Add the argument PLAN with the help text `text`."""
     parser.add_argument("plan", type=Path, help=text)
 
 
 def output_arguments(
     parser: ArgumentParser, text: str | None = None, default: Path | None = None
 ) -> None:
-    """Add the option --json, and --output if the command writes files.
+    """Add the option --json, and the option --output if the command writes files.
 
     Parameters
     ----------
     parser : ArgumentParser
+        Parser of the command.
     text : str, optional
         Help text of --output. Without it, the option is not added.
     default : Path, optional
@@ -69,9 +71,9 @@ def output_file(path: Path | None, suffix: str, default: Path) -> Path:
 
 
 def quantity_argument(kind: str) -> Callable[[str], float]:
-    """Return an argparse type for a quantity with unit, such as `-140deg`.
+    """Return the function by which argparse converts a quantity such as `-140deg` to SI units.
 
-    `kind` is a key of units.KINDS, such as "length". The type converts text to a value in SI units.
+    `kind` is a key of units.KINDS, such as "length". The function raises ArgumentTypeError.
     """
 
     def convert(text: str) -> float:
@@ -88,11 +90,12 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
 def quantity_option(
     parser: ArgumentParser, flag: str, kind: str, text: str, default: float | None = None
 ) -> None:
-    """Add an option whose value is a quantity with unit, or a share in percent.
+    """Add an option whose value is a quantity with a unit, or a share in percent.
 
     Parameters
     ----------
     parser : ArgumentParser
+        Parser of the command.
     flag : str
         Name of the option.
     kind : str
@@ -108,7 +111,11 @@ def quantity_option(
 
 
 def rate_argument(text: str) -> float:
-    """Convert `500`, `500 Hz` or `1kHz` to a rate in Hz, as an argparse type."""
+    """Convert a text such as `500`, `500 Hz` or `1kHz` to a rate in Hz.
+
+    argparse calls this function. Raises ArgumentTypeError for other texts and for rates above
+    LARGEST_RATE.
+    """
     match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)
     try:
         value = float(match.group(1)) if match else -1.0
@@ -156,9 +163,9 @@ def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -
 
 
 def share(text: str, option: str = "--speed") -> float:
-    """Convert a percentage or a fraction to a fraction: `10%`, `10 %` and `0.1` give 0.1.
+    """Convert a percentage or a fraction to a fraction: `10%`, `10 %` and `0.1` all give 0.1.
 
-    `option` is the name of the option, for messages. Raises ProblemError if the text is neither.
+    `option` is the name of the option, for messages. Raises ProblemError for other texts.
     """
     return part_quantity(option, text, "share")
 
@@ -166,14 +173,14 @@ def share(text: str, option: str = "--speed") -> float:
 REPORT_INTERVAL = 1.0
 """Shortest interval between two reports of counted steps, s."""
 FIRST = 5
-"""Number of counted steps that are reported without regard to the interval."""
+"""Number of the first counted steps that are always reported."""
 
 
 def progress_reporter(first: str = "") -> Progress:
-    """Return a function that reports a step on stderr with the elapsed time.
+    """Return a function that prints each step on stderr with the elapsed time.
 
-    If the step counts items, the report contains an estimate of the remaining time. `first` is the
-    name of a step that is reported at once.
+    If a step counts items, an estimate of the remaining time is added. On a terminal, a counted
+    step replaces the line of the one before it. `first` is a step that is printed at once.
     """
     begin = last_report = time.perf_counter()
     first_done, series_begin = -1, begin
@@ -207,7 +214,14 @@ def progress_reporter(first: str = "") -> Progress:
 def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
     """Print a result on stdout, as one JSON document or as lines of text.
 
-    `document` holds JSON types. `lines` returns the text and is called only if text is printed.
+    Parameters
+    ----------
+    as_json : bool
+        True for JSON.
+    document : object
+        Result as JSON types and paths.
+    lines : callable
+        Function that returns the lines. It is called only if text is printed.
     """
     if as_json:
         print(_json(document))
@@ -222,7 +236,7 @@ def show_with_page(
     lines: Sequence[str],
     files: Iterable[Path] = (),
 ) -> None:
-    """Print a result, and write it as a page into the folder of -o.
+    """Print a result, and write it as an HTML page if the option --output is set.
 
     Parameters
     ----------
@@ -230,11 +244,11 @@ def show_with_page(
         Options of the command, with `output` and `json`.
     name : str
         Title of the page, and name of its file without suffix.
-    document : Any
+    document : object
         Result as JSON types and paths.
-    lines : Sequence[str]
+    lines : sequence of str
         Result as text. The last line is the verdict.
-    files : Iterable[Path]
+    files : iterable of Path
         Paths of written files. The page shows the PNG files among them.
 
     Raises
@@ -259,17 +273,17 @@ def write_results(
     Parameters
     ----------
     folder : Path or None
-        Destination. Without it, nothing is written and the result is empty.
+        Destination. None writes nothing, and the result is empty.
     name : str
         Name of the JSON file without suffix.
-    document : Any
+    document : object
         Content of the JSON file as JSON types and paths.
-    write : Callable[[Path], Mapping[str, Path]]
+    write : callable
         Function that writes the further files into a folder and returns their paths by name.
 
     Returns
     -------
-    Files
+    dict
         Paths of all files by name.
 
     Raises
@@ -289,4 +303,5 @@ def write_results(
 
 
 def _json(document: Any) -> str:
+    """Format a document as JSON text. Paths become texts, and numbers must be finite."""
     return json.dumps(document, indent=1, allow_nan=False, default=os.fspath)

@@ -23,6 +23,7 @@ from ssm_planner.typing import Files, JsonObject
 
 
 def simulate_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of the command `simulate`."""
     plan_argument(parser)
     parser.add_argument(
         "--controller", metavar="FILE", help="controller file (YAML); default: tuned from the plant"
@@ -81,6 +82,7 @@ def simulate_arguments(parser: ArgumentParser) -> None:
 
 
 def run_simulate(options: Namespace) -> int:
+    """Simulate how the arm executes a plan, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.simulation.simulate import EVERYWHERE, simulate
 
@@ -116,9 +118,14 @@ def run_simulate(options: Namespace) -> int:
 
 
 def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
-    """Build the scenario that the command's options describe.
+    """Build the scenario that the options of the command describe.
 
-    Raises ProblemError, which names the option, its value and the allowed values.
+    `robot` is the robot of the plan.
+
+    Raises
+    ------
+    ProblemError
+        If an option is invalid. The error names the option, its value and the allowed values.
     """
     from ssm_planner.problem import attributes
     from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR
@@ -169,10 +176,10 @@ def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
 
 
 def simulation_lines(result: ssm.SimulationResult, stops: ssm.Stops | None = None) -> list[str]:
-    """Return lines of text that report a simulation.
+    """Return the result of a simulation as lines of text.
 
     They state the tracking errors, the motor loads, the stops without and with power, the reasons
-    for a failure, and the verdict. `stops` are the plan's controlled stops.
+    for a failure, and the verdict. `stops` are the controlled stops of the plan.
     """
     from ssm_planner.reporting import simulation_tables
 

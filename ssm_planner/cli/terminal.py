@@ -18,8 +18,9 @@ LABEL = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
 WIDEST_LABEL = 20
 """Largest number of characters of a label with which continuation lines are aligned."""
 SHORT, LAST = 25, 6
-"""Largest number of lines of a shortened text, and the number of its last lines that remain."""
+"""Largest number of lines of a shortened text, and the number of last lines that it keeps."""
 RED, GREEN, YELLOW = 31, 32, 33
+"""ANSI codes of the colours."""
 COLOURS = (
     (
         RED,
@@ -29,6 +30,7 @@ COLOURS = (
     (GREEN, r"PASSED|held in reality|suffices?"),
     (YELLOW, r"not known|not checked|not decided|placeholder figures|CANNOT TELL"),
 )
+"""Colours of the words of a verdict."""
 VERDICT = re.compile("|".join(rf"(?P<c{colour}>\b(?:{words})\b)" for colour, words in COLOURS))
 OPTION = re.compile(r"unrecognized arguments: (.*)")
 
@@ -38,7 +40,7 @@ class UsageError(SsmPlannerError):
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that raises UsageError with usage and a suggestion."""
+    """Argument parser that raises UsageError with the usage and a suggestion."""
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError with the message, the usage and a suggestion for unknown options."""
@@ -49,7 +51,7 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}{hint}\n{self.format_usage().strip()}")
 
     def options(self) -> Iterator[str]:
-        """Yield every option, including the options of all commands that were loaded."""
+        """Yield every option of the parser, and those of all commands whose modules were loaded."""
         for action in self._actions:
             yield from action.option_strings
             if isinstance(action, argparse._SubParsersAction):
@@ -58,10 +60,10 @@ class Parser(argparse.ArgumentParser):
 
 
 def wrap_line(line: str, width: int) -> list[str]:
-    """Wrap a line into lines of at most `width` characters, without breaking words.
+    """Wrap a line to at most `width` characters, without breaking words.
 
-    Continuation lines are aligned with the text behind the label of the first line. A line that
-    names a file is not wrapped, so that its path can be copied.
+    Continuation lines start below the first character after the label of the line, if it has one. A
+    line that names a file is not wrapped, so that its path can be copied.
     """
     if len(line) <= width or line.startswith("file  "):
         return [line]
@@ -74,9 +76,9 @@ def wrap_line(line: str, width: int) -> list[str]:
 
 
 def shorten(lines: Iterable[str]) -> list[str]:
-    """Wrap lines to the terminal, and replace the middle of a text that exceeds SHORT lines.
+    """Wrap lines to the terminal, and omit the middle of a text of more than SHORT lines.
 
-    The last LAST lines always remain, because they contain the verdict.
+    The last LAST lines remain, because they contain the verdict.
     """
     screen = [part for line in lines for part in wrap_line(line, columns())]
     if len(screen) <= SHORT:
@@ -85,9 +87,9 @@ def shorten(lines: Iterable[str]) -> list[str]:
 
 
 def print_lines(lines: Iterable[str], stream: TextIO | None = None) -> None:
-    """Print lines, wrapped to the terminal, and coloured if the terminal supports colours.
+    """Print lines, wrapped to the width of the terminal and with coloured verdicts.
 
-    `stream` is the destination. The default is stdout.
+    `stream` is the destination, by default stdout. Colours are omitted if it is not a terminal.
     """
     stream = sys.stdout if stream is None else stream
     colour = stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
@@ -98,4 +100,5 @@ def print_lines(lines: Iterable[str], stream: TextIO | None = None) -> None:
 
 
 def _coloured(match: re.Match[str]) -> str:
+    """Add the ANSI codes of its colour to a word. The name of the matched group is the code."""
     return f"\x1b[{(match.lastgroup or '')[1:]}m{match[0]}\x1b[0m"
