@@ -57,8 +57,7 @@ def lens_limit(eye: Eye) -> float:
 
 
 def eye_limits(xp: Namespace, eye: Eye, tip: Any) -> dict[str, tuple[Any, float]]:
-    """Return the value and the smallest permitted value of each eye limit, by the name of the
-    limit.
+    """Return the value and the smallest permitted value of each eye limit, by its name.
 
     The value of the retina is a distance in m (`retina_distance`). The value of the lens, if the
     eye has one, is the ratio ρ of `lens_ratio`.
@@ -87,9 +86,7 @@ def lens_row(xp: Namespace, eye: Eye, lens: Lens, tip: Any) -> Any:
 
 
 def eye_rows(xp: Namespace, eye: Eye, tip: Any) -> dict[str, Any]:
-    """Return the left-hand sides of the optimiser's constraints row ≤ 0, by the name of the eye
-    limit.
-    """
+    """Return the expressions that the optimiser keeps ≤ 0, by the name of the eye limit."""
     rows = {RetinaClearance.name: retina_row(xp, eye, tip)}
     if eye.lens is not None:
         rows[LensClearance.name] = lens_row(xp, eye, eye.lens, tip)

@@ -83,8 +83,7 @@ class Family:
         return np.abs(self.alpha - self.beta), np.minimum(total, 2.0 * np.pi - total)
 
     def boundary_distance(self, tilts: Array) -> Array:
-        """Return the smallest distance (n,) of the given tilts from the ends of each tilt range,
-        rad.
+        """Return the smallest distance (n,) of tilts from the ends of each tilt range, rad.
 
         `tilts` (k,) are signed, in rad. The distance is negative for a mechanism that cannot reach
         all of them. It is −∞ if they require the other sign of tilt than home and the mechanism

@@ -125,9 +125,9 @@ def _pose(
         Axes and tool frame.
     theta4 : (n,)
         Positions of joint 4, m.
-    elbow : (9, n)
+    products_12 : (9, n)
         Products of the terms (1, cos θ, sin θ) of joint 1 and joint 2.
-    three : (3, n)
+    terms_3 : (3, n)
         Terms of joint 3.
     results : ((n, 9), (n, 3))
         Arrays that receive the rows of R one after the other, and the tip positions in m.

@@ -225,8 +225,9 @@ def _pointing(
 
 
 def _refuse_parallel(mech: Mechanism) -> None:
-    """Raise GeometryError if two adjacent axes are parallel, because the solution is not unique
-    then.
+    """Raise GeometryError if two adjacent axes are parallel.
+
+    The inverse kinematics then has no unique solution.
     """
     for name, angle, joints in (("alpha", mech.alpha, "1 and 2"), ("beta", mech.beta, "2 and 3")):
         if math.sin(angle) < PARALLEL:

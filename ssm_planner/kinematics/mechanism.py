@@ -191,9 +191,7 @@ class Mechanism:
 
     @cached_property
     def delta(self) -> float:
-        """Angle δ in [−π, π] rad: the θ2 at which the angle between ω1 and the tool axis is
-        smallest.
-        """
+        """Angle δ in [−π, π] rad: the θ2 with the smallest angle between ω1 and the tool axis."""
         return -math.atan2(
             -float(self.omega3 @ self.frame[:, 2]), float(self.omega3 @ self.toward_omega1)
         )
@@ -251,8 +249,7 @@ class Mechanism:
 
     @cached_property
     def tool_on_omega1(self) -> Array:
-        """Orientation (3, 3) of the tool when roll, tilt and spin are zero: the tool points along
-        ω1.
+        """Orientation (3, 3) of the tool at zero roll, tilt and spin, where it points along ω1.
 
         It is e^{−t̂ φ_h} e^{−ω̂1 ψ_h} R_0 with the home roll ψ_h, the home tilt φ_h and R_0 =
         `tool_home`.
@@ -284,7 +281,7 @@ class Mechanism:
 
 
 def check_angles(alpha: float, beta: float) -> None:
-    """Raise GeometryError for an angle between axes outside [0, π]."""
+    """Raise GeometryError unless both angles between the axes are in [0, π] rad."""
     for name, angle in (("alpha", alpha), ("beta", beta)):
         if not 0.0 <= angle <= math.pi:
             raise GeometryError(

@@ -69,8 +69,7 @@ def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
 
 
 def constant(value: Any) -> Any:
-    """Convert an array to a sparse CasADi constant, and drop entries that are rounding errors of
-    zero.
+    """Convert an array to a sparse CasADi constant, and drop rounding errors of zero.
 
     CasADi expressions are returned unchanged.
     """

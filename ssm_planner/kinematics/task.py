@@ -350,7 +350,7 @@ def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> ca
     )
 
 
-def joint_rates(mechanism: Mechanism, q: Array, task_velocity: Array) -> Array:
+def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:
     """Return the joint velocities (4,) that change the task coordinates at given rates.
 
     The result is exactly zero for rates of zero, also where the Jacobian is singular.
@@ -364,9 +364,9 @@ def joint_rates(mechanism: Mechanism, q: Array, task_velocity: Array) -> Array:
     rate : (4,)
         Rates of roll, tilt, spin and depth, rad/s and m/s.
     """
-    if not np.any(task_velocity):
+    if not np.any(rate):
         return np.zeros(4)
     jacobian = task_rates(mechanism, np.tile(q, (4, 1)), np.eye(4)).T
-    qd = np.asarray(np.linalg.solve(jacobian, task_velocity), dtype=float)
+    qd = np.asarray(np.linalg.solve(jacobian, rate), dtype=float)
     qd[np.abs(qd) < 1e-12 * np.abs(qd).max()] = 0.0
     return qd

@@ -158,10 +158,14 @@ def check_branch(branch: int) -> int:
 
 
 def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
-    """Return the angles in rad from tilts to the nearer end of the tilt range, in the shape of
-    `tilt`.
+    """Return the angles from tilts to the nearer end of the tilt range, rad.
 
-    An angle is negative outside the workspace. Raises GeometryError for a tilt outside [−π, π].
+    The result has the shape of `tilt`. It is negative outside the workspace.
+
+    Raises
+    ------
+    GeometryError
+        If a tilt is outside [−π, π].
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     magnitude = np.abs(_tilts(tilt))
@@ -327,9 +331,7 @@ class DesignRegion(ShortRepr):
         return (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
 
     def contains(self, alpha: float, beta: float) -> bool:
-        """Return True if a mechanism with the angles (α, β) in rad reaches the range with the
-        margin.
-        """
+        """Return True if the angles (α, β) in rad reach the range with the margin."""
         return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
 
 
@@ -382,7 +384,9 @@ def design_region(tilt_low: float, tilt_high: float, margin: float = 0.0) -> Des
         (largest_sum, largest_difference),
         (largest_sum, -largest_difference),
     )
-    vertices = np.array([((total + gap) / 2.0, (total - gap) / 2.0) for total, gap in corners])
+    vertices = np.array(
+        [((total + difference) / 2.0, (total - difference) / 2.0) for total, difference in corners]
+    )
     return DesignRegion((tilt_low, tilt_high), margin, vertices)
 
 

@@ -132,7 +132,7 @@ def bandwidth_of(period: float, lag: float) -> float:
         Time constant of the current loop, s.
     """
     low, high = 1e-3 / period, 1.0 / period
-    for _ in range(60):
+    for _ in range(60):  # Each step halves the interval of the logarithm.
         middle = math.sqrt(low * high)
         low, high = (middle, high) if phase_margin(middle, period, lag) > MARGIN else (low, middle)
     return low
@@ -235,8 +235,7 @@ def loop_step(
     w: ca.SX,
     feedforward: ca.SX,
 ) -> LoopStep:
-    """Advance the position loop and the current loop of one motor by one sampling period, in
-    CasADi.
+    """Advance the position loop and the current loop of a motor by one period, in CasADi.
 
     While the current is limited, the integral term changes only if this reduces the demanded
     current (anti-windup).

@@ -60,9 +60,7 @@ class Draws(ShortRepr):
 
     @property
     def passed(self) -> Mask:
-        """Mask (n,) of the playbacks without a saturated motor, a tripped drive or a large tip
-        error.
-        """
+        """Mask (n,) of the playbacks without saturated motor, tripped drive or large tip error."""
         failed = self.saturated.any(axis=1) | self.tripped.any(axis=1)
         return ~failed & (self.tip_error <= self.tip_limit)
 
@@ -216,8 +214,7 @@ def play_draws(
 
 
 def _inputs(width: int, offsets: Array, friction: Array) -> Array:
-    """Allocate the inputs (n, 57) of one period, and fill in encoder offsets and friction
-    parameters.
+    """Allocate the inputs (n, 57) of one period, with encoder offsets and friction.
 
     The caller writes the commands of each period into the first `width` columns, which are not
     initialised.

@@ -44,8 +44,7 @@ def drive_step(
     h: float,
     middle: ca.SX | None = None,
 ) -> DriveStep:
-    """Advance a drive by one time step with constant motor torque and constant effort on its
-    output.
+    """Advance a drive by one time step with constant motor torque and constant load.
 
     If the sign of the speed would change, the step ends at speed zero, and the next step determines
     whether the drive stays at rest. The speed is linear within a step, so the mean speed determines

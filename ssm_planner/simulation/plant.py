@@ -257,8 +257,7 @@ class ArmPlant:
     def _forces(
         self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
     ) -> _Forces:
-        """Compute the efforts on the joints in a step, and the motion of the drives that they
-        cause.
+        """Compute the efforts on the joints in a step, and the resulting motion of the drives.
 
         Parameters
         ----------
@@ -288,8 +287,7 @@ class ArmPlant:
         return _Forces(*[*columns, loss])
 
     def _mean_stretch(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
-        """Return the mean deflection of a spring over a step, and the share of the step with
-        contact.
+        """Return the mean deflection of a spring over a step, and its share of contact.
 
         The twist is the position of the drive's output minus that of the joint. It is linear in
         time, so contact begins and ends at the exact position. The mean force times the change of
@@ -313,8 +311,7 @@ class ArmPlant:
         return contact * (stretch_start + stretch_end) / 2, contact
 
     def friction(self, scale: float = 1.0) -> Array:
-        """Return the friction parameters of all joints, (28,), in the form that the step function
-        expects.
+        """Return the friction parameters of all joints, (28,), as the step function expects them.
 
         They are the seven parameters FRICTION of joint 1, then those of joint 2, and so on. Joints
         without a drive have zeros. `scale` multiplies all parameters.
@@ -326,9 +323,7 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """Return the drive of the joint with index k. Raises GeometryError if the joint has no
-        drive.
-        """
+        """Return the drive of joint k, from 0. Raises GeometryError if it has none."""
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")

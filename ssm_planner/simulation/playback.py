@@ -245,16 +245,15 @@ class ControlledArm(ArmPlant):
         return state
 
     def offsets(self, q: Array) -> Array:
-        """Return the motor angles (4,) in rad at which the encoders show zero for joints at zero.
+        """Return the offsets (4,) of the encoders, rad.
 
         The encoders were set to ratio · q while the arm rested at joint positions q (4,), although
-        the weight deflected the joints. An offset is therefore the motor angle minus ratio · q in
-        this state.
+        the weight deflected the joints. The offset is the motor angle minus this value.
         """
-        state, angles = self.at_rest(q), np.zeros(4)
+        state, offsets = self.at_rest(q), np.zeros(4)
         for k in self.driven:
-            angles[k] = state[MOTOR][k] - self.drive(k).ratio * q[k]
-        return angles
+            offsets[k] = state[MOTOR][k] - self.drive(k).ratio * q[k]
+        return offsets
 
     def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Played:
         """Simulate the arm while its controllers execute commands.

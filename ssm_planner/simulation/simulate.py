@@ -495,7 +495,7 @@ class _Stage:
         )
 
     def lose_power(self, played: Played, progress: Progress) -> PowerLosses:
-        """Simulate losses of power, each from the state that the playback had at this instant.
+        """Simulate losses of power, each beginning with the state of the playback at its instant.
 
         Parameters
         ----------
@@ -507,32 +507,33 @@ class _Stage:
         Returns
         -------
         PowerLosses
-            One entry for each instant of the scenario. Without an instant, it is the end of the
-            playback.
+            One entry for each instant of the scenario. If the scenario states no instant, power is
+            lost at the end of the playback.
         """
         loss, duration = self.scenario.power_loss, self.plan.motion.duration
         if loss == EVERYWHERE:
             instants = np.linspace(0.0, duration, self.scenario.instants)
         else:
             instants = np.array([loss if isinstance(loss, float) else self.time[-1]])
-        off = rows_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
-        off = replace(off, power=np.zeros(len(off.power)))
+        # Without power, the demanded positions have no effect, so the first row is repeated.
+        unpowered = rows_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
+        unpowered = replace(unpowered, power=np.zeros(len(unpowered.power)))
         travel, rest_time = np.zeros(len(instants)), np.zeros(len(instants))
         for i, instant in enumerate(instants):
             if len(instants) > 1 and i % 250 == 0:
                 progress(Step("losing power at all instants", i, len(instants)))
             k = min(round(instant / self.period), len(self.time))
-            travel[i], rest_time[i] = self._stop(played.states[k], off, instant)
+            travel[i], rest_time[i] = self._stop(played.states[k], unpowered, instant)
         return PowerLosses(instants, travel, rest_time)
 
-    def _stop(self, state: Array, off: Commands, instant: float) -> tuple[float, float]:
+    def _stop(self, state: Array, unpowered: Commands, instant: float) -> tuple[float, float]:
         """Simulate the arm without power until it rests.
 
         Parameters
         ----------
         state : (44,)
             State at the loss of power.
-        off : Commands
+        unpowered : Commands
             Commands without power.
         instant : float
             Instant of the loss in the motion, s. It determines whether the arm carries the payload.
@@ -542,12 +543,12 @@ class _Stage:
         travel : float
             Largest distance of the tip from its initial position, m.
         time : float
-            Time until the arm rests, s. Infinite if it still moves at the end of `off`.
+            Time until the arm rests, s. Infinite if it still moves at the end of `unpowered`.
         """
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
         states, chunk, still_periods = [state[None, :]], 250, round(STILL / self.period)
-        for k in range(0, len(off.power), chunk):
-            commands = rows_of(off, slice(k, k + chunk))
+        for k in range(0, len(unpowered.power), chunk):
+            commands = rows_of(unpowered, slice(k, k + chunk))
             continuation = arm.play(states[-1][-1], commands, self.offsets, self.friction)
             states.append(continuation.states[1:])
             if np.all(self._standing(continuation.states)[-still_periods:]):
