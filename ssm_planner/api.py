@@ -1,4 +1,4 @@
-"""Provide functions that accept a plan, a file or a trajectory and return values."""
+"""Provide the public functions that accept a plan, a file or a trajectory."""
 
 from __future__ import annotations
 
@@ -123,14 +123,17 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int = INSTANTS,
 ) -> Stops:
-    """Compute the quickest controlled stops along the path, and check them.
+    """Compute the quickest controlled stops along the path of a motion, and check them.
+
+    A stop may be necessary at any instant. Each result belongs to one of many instants, which are
+    distributed over the motion.
 
     Parameters
     ----------
     motion, robot, limits
         See `check`. A file must be a plan.
     instants : int
-        Number of stops.
+        Number of instants at which a stop begins.
 
     Returns
     -------
@@ -301,7 +304,11 @@ def report(
 def _smooth(
     motion: Plan | Trajectory | str | Path, robot: Robot | None, limits: TaskLimits | None
 ) -> tuple[Trajectory, Robot, TaskLimits]:
-    """Return the trajectory, the robot and the limits of a motion that is not a table."""
+    """Return the trajectory, the robot and the limits of a motion.
+
+    The motion is a trajectory, a plan or the file of a plan, but not a table of samples. The
+    default of the limits is those of the plan. Raises TrajectoryError if the robot is missing.
+    """
     if isinstance(motion, Trajectory):
         robot = _require_robot(robot, "a trajectory")
         return motion, robot, limits or TaskLimits(robot.limits)
@@ -311,7 +318,7 @@ def _smooth(
 
 
 def _require_robot(robot: Robot | None, motion: str | Path) -> Robot:
-    """Return the robot. Raises TrajectoryError if it is missing."""
+    """Return the robot. Raises TrajectoryError, which names the motion, if it is missing."""
     if robot is None:
         if isinstance(motion, Path) and not motion.exists():
             raise TrajectoryError(f"{motion}: no such file or folder")

@@ -1,4 +1,4 @@
-"""Check the arguments of public functions."""
+"""Check the arguments of public functions against their type annotations."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ T = TypeVar("T")
 
 
 class _Numbers:
-    """Placeholder for ArrayLike, which cannot have instances."""
+    """Stand-in for the type ArrayLike, which isinstance does not accept."""
 
 
 def checked(function: Callable[P, T]) -> Callable[P, T]:
-    """Return a function that checks its arguments against their annotations.
+    """Decorate a function so that it checks its arguments against their annotations.
 
-    Numbers must be finite. The error message names the argument, its value and the allowed types.
-    The error is a GeometryError for arrays, and otherwise a ProblemError.
+    Numbers must be finite. The error names the argument, its value and the allowed types. It is a
+    GeometryError for arrays, and otherwise a ProblemError.
     """
     signature = inspect.signature(function)
     hints = cache(lambda: get_type_hints(function, localns={"ArrayLike": _Numbers}))
@@ -48,7 +48,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def _matches(hint: Any, value: Any) -> bool:
-    """Return whether a value has the type of an annotation."""
+    """Return True if a value has the type of an annotation."""
     kind = get_origin(hint) or hint
     arguments = get_args(hint)
     if kind is Any:
@@ -66,7 +66,7 @@ def _matches(hint: Any, value: Any) -> bool:
 
 
 def _matches_items(kind: type, hint: Any, value: Any) -> bool:
-    """Return whether a value is a mapping or sequence of items of a type.
+    """Return True if a value is a mapping or a sequence (`kind`) whose items have the type `hint`.
 
     A text is not a sequence.
     """
@@ -77,7 +77,7 @@ def _matches_items(kind: type, hint: Any, value: Any) -> bool:
 
 
 def _numeric(value: Any) -> bool:
-    """Return whether a value can be an array of numbers."""
+    """Return True if a value can be converted to an array of numbers."""
     import numpy as np
 
     try:

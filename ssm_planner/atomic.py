@@ -20,7 +20,9 @@ from ssm_planner.errors import ExportError
 HELD = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
+"""Signals that are delayed while files are replaced."""
 LONGEST_STEM = 60
+"""Largest number of characters of a name that the name of its temporary folder repeats."""
 SWEPT_AFTER = 60.0
 """Age in s at which an abandoned temporary folder is removed."""
 _temporaries: set[Path] = set()
@@ -102,9 +104,9 @@ def staging(folder: Path) -> Iterator[Path]:
 
 
 def remove_temporaries() -> None:
-    """Remove the temporary files that an interruption left behind.
+    """Remove the temporary files and folders of this process after an interruption.
 
-    The function must be the last step of the process.
+    This must be the last step of the process, because other threads may still use them.
     """
     for path in list(_temporaries):
         if path.is_dir():
@@ -116,7 +118,10 @@ def remove_temporaries() -> None:
 
 
 def _sweep(parent: Path, stem: str) -> None:
-    """Remove temporary folders of killed processes, which no longer hold their lock."""
+    """Remove temporary folders that killed processes left behind.
+
+    `stem` is the beginning of their names. A process that still runs holds a lock on its folder.
+    """
     for stale_path in parent.glob(f"{glob.escape(stem)}{'[0-9a-f]' * 12}"):
         with suppress(OSError):
             if time.time() - stale_path.stat().st_mtime > SWEPT_AFTER:
@@ -126,9 +131,10 @@ def _sweep(parent: Path, stem: str) -> None:
 
 @contextmanager
 def locked(folder: Path, wait: bool = True) -> Iterator[None]:
-    """Hold an exclusive lock on the folder during the block.
+    """Hold an exclusive lock on a folder during a `with` block.
 
-    Raises OSError if `wait` is false and another process has the lock.
+    The lock has no effect on systems or file systems without locks. Raises OSError if `wait` is
+    false and another process has the lock.
     """
     if os.name != "posix":
         yield
@@ -152,7 +158,7 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
 
 
 def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
-    """Return the path after following symbolic links.
+    """Follow symbolic links, and return the path to which they lead.
 
     Raises ExportError if the path exists and is not of the wanted type, such as stat.S_IFREG.
     """
@@ -172,7 +178,7 @@ def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
 
 
 def sync(path: Path, content: bool = True) -> None:
-    """Flush a file, or a folder and its content, to the disk."""
+    """Flush a file to the disk, or a folder with (`content`) the files in it."""
     if path.is_dir():
         for entry in path.iterdir() if content else ():
             sync(entry)
@@ -188,7 +194,7 @@ def sync(path: Path, content: bool = True) -> None:
 
 @contextmanager
 def held_signals() -> Iterator[None]:
-    """Delay Ctrl-C and termination signals until the end of the block.
+    """Delay Ctrl-C and termination signals until the end of a `with` block.
 
     The block must be short, such as the replacement of files, which takes a few milliseconds.
     """
@@ -218,11 +224,11 @@ def held_signals() -> Iterator[None]:
 
 @contextmanager
 def first_interruption() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether the first Ctrl-C in the block has arrived.
+    """Yield a function that returns True after the first Ctrl-C in a `with` block.
 
     The first Ctrl-C raises KeyboardInterrupt in the block. The next one is handled as outside the
-    block. A thread that is not the main thread receives no signals, so the function then always
-    returns False.
+    block. Only the main thread receives signals; in another thread the function always returns
+    False.
     """
     handler = signal.getsignal(signal.SIGINT)
     arrived = threading.Event()

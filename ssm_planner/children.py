@@ -17,10 +17,10 @@ if os.name == "posix":
 
 
 def python_command(code: str) -> list[str]:
-    """Return the command that runs `code` in this interpreter until its parent ends.
+    """Return the command that runs Python code in a child process.
 
-    The child imports modules from the same folders as this process and ignores the working
-    directory and the environment.
+    The child ends when this process ends. It imports modules from the same folders as this process,
+    and ignores the working directory and the environment.
     """
     preamble = (
         f"import os, sys, threading, time; sys.path[:] = {module_folders()!r}; parent = "
@@ -30,7 +30,7 @@ def python_command(code: str) -> list[str]:
 
 
 def module_folders() -> list[str]:
-    """Return the module folders of this process without the working directory.
+    """Return the folders from which this process imports modules, without the working directory.
 
     The working directory remains if it contains this package.
     """

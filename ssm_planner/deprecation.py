@@ -1,4 +1,4 @@
-"""Old public names that work for one more release."""
+"""Keep old public names for one more release, with a warning."""
 
 from __future__ import annotations
 
@@ -7,10 +7,7 @@ from warnings import warn
 
 
 class Renamed:
-    """Old name of an attribute that warns.
-
-    Access returns the attribute of the new name with a DeprecationWarning.
-    """
+    """Old name of an attribute. Access to it warns and returns the attribute with the new name."""
 
     def __init__(self, new: str) -> None:
         self.new = new

@@ -14,54 +14,65 @@ NOTHING = "–"
 
 
 PRINTED = 100
-"""Number of columns of text that does not go to a terminal."""
+"""Width of text that is not printed on a terminal, in characters."""
 
 
 def columns() -> int:
-    """Return the width of the terminal, or the value of COLUMNS."""
+    """Return the width of the terminal in characters, or the value of the variable COLUMNS."""
     return max(40, shutil.get_terminal_size((PRINTED, 24)).columns)
 
 
 def minus(text: str) -> str:
-    """Return text with minus signs instead of hyphens."""
+    """Replace hyphens in the text of a number by minus signs."""
     return text.replace("-", "−")
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with significant digits. Rounding errors become 0."""
+    """Format a number with significant digits. Magnitudes below 1e-12 become 0."""
     if value is None:
         return NOTHING
     return "0" if abs(value) < 1e-12 else minus(f"{value:.{digits}g}")
 
 
 def format_fixed(value: float | None, decimals: int) -> str:
-    """Return a number with fixed decimals and without a negative zero."""
+    """Format a number with fixed decimals. A result of −0 becomes 0."""
     if value is None:
         return NOTHING
     return minus(f"{round(value, decimals) + 0.0:.{decimals}f}")
 
 
 def signed(value: float | None, decimals: int) -> str:
-    """Return a difference with its sign, or 0 if it is 0 at this number of decimals."""
+    """Format a difference with its sign and fixed decimals. It has no sign if it rounds to 0."""
     text = format_fixed(value, decimals)
     return f"+{text}" if value is not None and round(value, decimals) > 0 else text
 
 
 def percent(share: float | None, decimals: int = 1) -> str:
-    """Return a margin or a relative difference in percent with its sign."""
+    """Format a margin or a relative difference in percent with its sign."""
     return NOTHING if share is None else f"{signed(100.0 * share, decimals)} %"
 
 
 def plain_words(name: str) -> str:
-    """Return the name of a field or key with spaces instead of underscores."""
+    """Replace the underscores in the name of a field or key by spaces."""
     return name.replace("_", " ")
 
 
 def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> Environment:
-    """Return a Jinja2 environment with the templates of a package and with these filters.
+    """Return a Jinja2 environment with the templates of a package.
 
-    A name that is missing in a template raises UndefinedError. If `escape` is true, values are
-    escaped for XML and HTML.
+    Parameters
+    ----------
+    package : str
+        Package that contains the folder `templates`.
+    escape : bool
+        True to escape values for XML and HTML.
+    **filters : callable
+        Filters of the templates, in addition to those of this module.
+
+    Returns
+    -------
+    Environment
+        A template that uses a missing name raises UndefinedError.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -79,5 +90,5 @@ def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> En
 
 
 def render_template(templates: Environment, template: str, /, **values: Any) -> str:
-    """Return a rendered template that ends with one newline."""
+    """Fill in a template, and return the text with exactly one newline at its end."""
     return templates.get_template(template).render(values).rstrip("\n") + "\n"

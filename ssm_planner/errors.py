@@ -64,7 +64,7 @@ class ProblemError(SsmPlannerError):
         self.others: tuple[ProblemError, ...] = ()
         """Further faults of the same file."""
         self.unshown = 0
-        """How many more there are."""
+        """Number of further faults that are not in `others`."""
         super().__init__(reason)
 
     def __str__(self) -> str:
@@ -88,7 +88,7 @@ class ProblemError(SsmPlannerError):
 
 @contextmanager
 def within(prefix: str) -> Iterator[None]:
-    """Put a key such as motion[0].tilt before the keys of problem errors that the block raises."""
+    """Prepend a key such as motion[0].tilt to the keys of problem errors in a `with` block."""
     try:
         yield
     except ProblemError as error:
@@ -153,6 +153,6 @@ class ExportError(SsmPlannerError):
 
 
 def _shorten(value: object) -> str:
-    """Return a value as a text of at most 80 characters."""
+    """Format a value as a text of at most 80 characters."""
     text = value if isinstance(value, str) else repr(value)
     return text if len(text) <= 80 else text[:79] + "…"

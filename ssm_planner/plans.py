@@ -55,6 +55,7 @@ if TYPE_CHECKING:  # the check reads plans and must not load the planner
     from ssm_planner.planning.reason import Reason
 
 FORMAT = "ssm_planner plan"
+"""Value of the key `format` of a plan.json."""
 VERSION = 1
 FILE = "plan.json"
 PLOT_RATE = 200.0
@@ -79,14 +80,14 @@ UNITS = {
 
 
 def software() -> dict[str, str]:
-    """Return the versions of the software that makes a plan, by name."""
+    """Return the versions of the programs that make a plan, by name."""
     versions = {"python": platform.python_version()}
     return versions | {name: _version(name) for name in ("ssm-planner", "casadi", "numpy", "scipy")}
 
 
 @cache
 def _version(package: str) -> str:
-    """Return the version of an installed package."""
+    """Return the version of an installed package, or "unknown"."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -95,7 +96,9 @@ def _version(package: str) -> str:
 
 @frozen
 class PhaseSummary(ShortRepr):
-    """Phase of a plan with its motion, duration and reference durations, in s, rad and m.
+    """Summary of one phase of a plan, with its duration and reference durations, in s, rad and m.
+
+    A phase is an entry of the motion list of the problem.
 
     Examples
     --------
@@ -138,10 +141,10 @@ class PhaseSummary(ShortRepr):
     confirmation_residual: float | None = None
     """Largest violation of the optimality conditions (KKT residual) in Ipopt's confirmation."""
     reversal_multiplier: float | None = None
-    """Largest remaining multiplier of a joint's direction, as a share of the duration.
+    """Share of the duration that a further reversal of a joint would save, to first order.
 
-    It estimates, to first order, how much a further reversal would save. None for motions along
-    paths.
+    It is the largest multiplier of the constraints on the directions of the joints. None for
+    motions along paths.
     """
     corner_departure: float | None = None
     """Largest distance of the tip from its lines between rounded corners, m."""
@@ -163,7 +166,7 @@ class PhaseSummary(ShortRepr):
     """Lower bound of the duration along the path of the phase, s. None if toppra was not called."""
 
     def to_dict(self) -> JsonObject:
-        """Return JSON types. Fields that do not apply to this phase are omitted."""
+        """Convert the summary to JSON types. Fields that do not apply to this phase are omitted."""
         data = plain(asdict(self))
         return {
             name: value for name, value in data.items() if value is not None or name not in OF_SOME
@@ -171,16 +174,15 @@ class PhaseSummary(ShortRepr):
 
     @property
     def difference(self) -> float:
-        """Relative difference from the duration by toppra.
-
-        It is 0 without a duration by toppra.
-        """
+        """Relative difference of the duration from toppra's, or 0 if toppra has none."""
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
     def with_opinion(self, opinion: Opinion) -> PhaseSummary:
-        """Return the phase with toppra's duration and with the bound along its path.
+        """Return the summary with toppra's duration and the lower bound along the path.
 
-        If toppra's duration is below the proven lower bound, toppra is wrong and not the plan.
+        If toppra's duration is below the proven lower bound of the phase, toppra is wrong and not
+        the plan. The result then states this in `not_judged`. Rounding errors below the bound are
+        removed.
         """
         duration, reason = opinion.duration, opinion.not_judged
         if duration is not None and duration < (1 - OPINION_ERROR) * self.lower_bound:
@@ -222,19 +224,15 @@ speed.
 OPINION_ERROR = 1e-5
 """Relative error of a duration that toppra computes."""
 FASTER = 1e-4
+"""Relative difference to toppra's duration above which a motion is faster than its path allows."""
 SLOWER = 1e-3
-"""Relative difference to toppra's duration above which a motion is slower than necessary.
-
-FASTER is the difference above which it is faster than its path allows (docs/planning.md).
-"""
+"""Relative difference to toppra's duration above which a motion is slower than necessary."""
 TRADED = 1e-3
 """Share of the duration that the objective "time then heat" may add."""
 NOT_IN_PATH = ("continuous torque", "nut contact", "self-locking")
+"""Names of limits that toppra does not consider."""
 BINDS = 0.01
-"""Margin below which a limit of NOT_IN_PATH can slow a motion down.
-
-NOT_IN_PATH contains limits that toppra does not know.
-"""
+"""Margin below which a limit of NOT_IN_PATH can slow a motion down."""
 
 
 @record
@@ -355,12 +353,12 @@ class Plan(ShortRepr):
     def __bool__(self) -> bool:
         """Raise TypeError, because the truth value of a plan is ambiguous.
 
-        A plan can lack a motion.
+        A plan may lack a motion.
         """
         raise TypeError("a plan is neither true nor false: ask for plan.passed")
 
     def _repr_html_(self) -> str:
-        """Return the summary and the limits as tables for notebooks."""
+        """Return the summary and the limits as HTML tables for notebooks."""
         limits = self.certificate._repr_html_() if self.certificate else ""
         return html_table([attributes(self, SUMMARY)]) + limits
 
@@ -390,16 +388,16 @@ class Plan(ShortRepr):
 
     @property
     def passed(self) -> bool:
-        """True if the motion passed the check and does not contradict the cross-check."""
+        """True if the motion passed the check and is not faster than toppra considers possible."""
         certified = self.certificate is not None and self.certificate.passed
         return certified and not self.disagreements
 
     def cross_checked(self, ask: Callable[[], Sequence[Opinion] | None] = lambda: None) -> Plan:
-        """Return the plan with toppra's duration along the path of every phase.
+        """Return the plan with the durations that the package toppra computes along its paths.
 
         The command `plan` and the method `save` call this method, but the function `plan` does not.
-        Only plans by the planner `optimal` that passed the check are judged. Other plans are
-        returned unchanged.
+        Plans that did not pass the check, and plans by another planner than `optimal`, are returned
+        unchanged.
 
         Parameters
         ----------
@@ -429,7 +427,7 @@ class Plan(ShortRepr):
 
     @property
     def cross_check(self) -> JsonObject | None:
-        """Program, duration (s) and relative difference of the cross-check of all judged phases.
+        """Program, duration in s and relative difference of the cross-check by toppra.
 
         None if no phase was judged.
         """
@@ -445,15 +443,12 @@ class Plan(ShortRepr):
 
     @property
     def toppra_duration(self) -> float | None:
-        """Duration by toppra along the same paths, s. None if it is missing for a phase."""
+        """Shortest duration along the same paths by toppra, s. None if a phase has none."""
         return self._total("toppra_duration")
 
     @property
     def path_bound(self) -> float | None:
-        """Lower bound of the duration along the same paths, s.
-
-        None if it is missing for a phase.
-        """
+        """Lower bound of the duration along the same paths, s. None if a phase has none."""
         return self._total("path_bound")
 
     @property
@@ -476,14 +471,14 @@ class Plan(ShortRepr):
         return self._total("lower_bound")
 
     def _total(self, name: str) -> float | None:
-        """Return the sum of a duration of all phases, or None if one is unknown."""
+        """Return the sum of a field of all phases, or None if a phase does not have it."""
         values = [getattr(phase, name) for phase in self.phases]
         is_complete = self.trajectory is not None and values and None not in values
         return float(sum(values)) if is_complete else None
 
     @property
     def gap(self) -> float | None:
-        """Relative gap, (duration − lower bound) / lower bound."""
+        """Relative gap (duration − lower bound) / lower bound."""
         if self.duration is None or not self.lower_bound:
             return None
         return (self.duration - self.lower_bound) / self.lower_bound
@@ -502,7 +497,7 @@ class Plan(ShortRepr):
 
     @property
     def requirements(self) -> tuple[MotorRequirement, ...]:
-        """Requirements of the motion on the motor of every driven joint."""
+        """Torque, speed and power that the motion requires of the motor of every driven joint."""
         if self.sizing is None:
             return ()
         return tuple(joint.requirement for joint in self.sizing.joints)
@@ -530,7 +525,7 @@ class Plan(ShortRepr):
         return tuple(notes)
 
     def limit_differences(self, robot: Robot) -> tuple[str, ...]:
-        """Return sentences on the limits of another robot, its joints and motors that differ."""
+        """Return one sentence for each limit that differs between another robot and the plan's."""
         of_robot = {limit.key: limit for limit in _limits_of(robot)}
         of_plan = {limit.key: limit for limit in _limits_of(self.robot)}
         notes = []
@@ -561,7 +556,7 @@ class Plan(ShortRepr):
         )
 
     def _slow_phases(self) -> list[str]:
-        """Return remarks on phases that are slower than toppra considers necessary."""
+        """Return remarks on phases for which toppra finds a shorter motion along the path."""
         limits = self.certificate.limits if self.certificate else ()
         slowed = any(limit.name in NOT_IN_PATH and limit.margin < BINDS for limit in limits)
         allowed = SLOWER + TRADED * (self.problem.objective == "time then heat")
@@ -574,16 +569,16 @@ class Plan(ShortRepr):
 
     @property
     def path(self) -> Path:
-        """File plan.json from which the plan was loaded, or to which the command would write it."""
+        """File plan.json of a loaded plan, or the file that the command would write."""
         return self.file or Path("results") / file_name(self.problem.name) / FILE
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the loaded plan.json, or of the text that would be written, in hexadecimal."""
+        """SHA-256 in hexadecimal of the loaded plan.json, or of the text that would be written."""
         return self.file_sha256 or hashlib.sha256(self.to_json().encode()).hexdigest()
 
     def summary(self) -> JsonObject:
-        """Return the object that `plan --json` prints, in SI units and radians."""
+        """Return the content of the output of `plan --json`, in SI units and radians."""
         return {
             **attributes(self, SUMMARY),
             "cross_check": self.cross_check,
@@ -598,9 +593,9 @@ class Plan(ShortRepr):
         }
 
     def to_dict(self) -> JsonObject:
-        """Return the content of plan.json as JSON types, in SI units and radians.
+        """Convert the plan to the content of plan.json as JSON types, in SI units and radians.
 
-        The same plan always gives the same text.
+        The same plan always gives the same content.
         """
         summary = self.summary()
         phases = summary.pop("phases")
@@ -620,12 +615,15 @@ class Plan(ShortRepr):
 
     @cached_property
     def document(self) -> JsonObject:
-        """Result of `to_dict`, which pages use. It is computed once."""
+        """Content of plan.json (`to_dict`), which is computed once."""
         return self.to_dict()
 
     @cached_property
     def _text(self) -> str:
-        """Text of plan.json, which is computed once. Each piece of the motion is on one line."""
+        """Text of plan.json, which is computed once.
+
+        Each polynomial piece of the motion is on one line.
+        """
         text = json.dumps({**self.document, "trajectory": None}, indent=1, allow_nan=False)
         trajectory = json.dumps(self.document["trajectory"], allow_nan=False)
         lines = trajectory.replace("]], [[", "]],\n  [[")
@@ -637,16 +635,26 @@ class Plan(ShortRepr):
 
     @classmethod
     def from_json(cls, data: bytes, file: Path) -> Plan:
-        """Build the plan from a text of `to_json` or of an earlier version of this program.
+        """Build the plan from the text of a plan.json.
 
-        `file` is the name of the file for messages. Raises TrajectoryError (unknown version or no
-        trajectory) or ProblemError.
+        `file` is the name of the file for messages.
+
+        Raises
+        ------
+        TrajectoryError
+            If the version is unknown or the trajectory is missing.
+        ProblemError
+            If the problem is invalid.
         """
         return cls._from_document(parse_json(file, data), hashlib.sha256(data).hexdigest(), file)
 
     @classmethod
     def _from_document(cls, data: Any, sha256: str, file: Path) -> Plan:
-        """Build the plan from the content of a plan.json."""
+        """Build the plan from the content of a plan.json.
+
+        `sha256` is the hash of the file, and `file` its name. Raises TrajectoryError or
+        ProblemError if the content is invalid.
+        """
         document = _document(data, file)
         problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
@@ -675,16 +683,20 @@ class Plan(ShortRepr):
         return plan
 
     def write(self, path: Path) -> Path:
-        """Write plan.json alone, and return its path. Raises ExportError."""
+        """Write plan.json alone, and return its path. Raises ExportError if this fails."""
         with replacing(path) as temporary:
             temporary.write_text(self.to_json(), encoding="utf-8")
         return path
 
     def save(self, folder: str | Path) -> dict[str, Path]:
-        """Write the result folder of `ssm-planner plan`, and return the paths by name.
+        """Write the result folder of `ssm-planner plan`, and return the paths of its files by name.
 
-        The folder contains plan.json, report.html, trajectory.csv and figures. Raises ExportError
-        if a file cannot be written, or if the plan did not pass its check.
+        The folder contains plan.json, report.html, trajectory.csv and figures.
+
+        Raises
+        ------
+        ExportError
+            If a file cannot be written, or if the plan did not pass its check.
         """
         plan = self.cross_checked()
         if not plan.passed:
@@ -725,7 +737,7 @@ def load_plan(path: str | Path) -> Plan:
 
 
 def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) -> Plan:
-    """Return the plan of a trajectory of the robot, or the plan in a plan.json.
+    """Convert a trajectory of a robot, or the file of a plan, to a plan.
 
     A plan is returned unchanged. Raises TrajectoryError for a trajectory without a robot, and the
     errors of `load_plan`.
@@ -738,9 +750,9 @@ def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) 
 
 
 def _document(document: Any, path: Path) -> JsonObject:
-    """Return the content of a plan.json as a mapping.
+    """Check that data are the content of a plan.json, and return them.
 
-    Raises TrajectoryError unless it has the format and version of this program.
+    Raises TrajectoryError unless the data have the format and version of this program.
     """
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
@@ -761,14 +773,17 @@ def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
 
 
 def _number(value: Any, path: Path) -> float | None:
-    """Return an optional number. Raises TrajectoryError if the value is not a number."""
+    """Return a value that must be a number or None. Raises TrajectoryError for others."""
     if value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
         raise TrajectoryError(f"{path}: nominal_duration is not a number: incomplete plan.json")
     return value
 
 
 def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
-    """Build the phases of a plan from JSON types. Raises TrajectoryError or ProblemError."""
+    """Build the phases of a plan from JSON types.
+
+    Raises TrajectoryError or ProblemError if the data are invalid.
+    """
     if not isinstance(data, list):
         raise TrajectoryError("phases is not a list: incomplete plan.json")
     try:
@@ -779,12 +794,12 @@ def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
 
 
 def _limits_of(robot: Robot) -> list[Limit]:
-    """Return the limits of the joints and of the tool."""
+    """Return the limits of a robot's joints and tool."""
     return [*(limit for joint in robot.joints for limit in joint.limits), *robot.limits]
 
 
 def _excess_ranges(problem: Problem) -> list[str]:
-    """Return notes on requested ranges that the robot or the travel of joint 4 narrows."""
+    """Return remarks on requested ranges that exceed those of the robot or of joint 4."""
     notes = []
     for name, requested in problem.excess_ranges.items():
         if (joint_range := problem.ranges.get(name)) is None:
@@ -800,7 +815,7 @@ def _excess_ranges(problem: Problem) -> list[str]:
 
 
 def _whole_turns(problem: Problem, trajectory: Trajectory) -> list[str]:
-    """Return notes on joints that start a whole turn away from zero if the problem allows both."""
+    """Return remarks on joints whose start position is a whole turn away from a smaller angle."""
     if isinstance(problem.start, Joints):
         return []
     start_angles = np.degrees(trajectory.sample(0.0).q[0])
@@ -816,17 +831,22 @@ def _whole_turns(problem: Problem, trajectory: Trajectory) -> list[str]:
 def _ways_round(
     problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]
 ) -> list[str]:
-    """Return notes on changes of branch and on joints that turn by more than half a turn."""
+    """Return remarks on free motions with unexpected turns.
+
+    They change the branch, or turn a joint by more than half a turn.
+    """
     mechanism = Mechanism.from_robot(problem.robot)
     joints = problem.robot.joints
     if not any(isinstance(entry, Free) for entry in problem.motion):
         return []
     instants = np.concatenate([[0.0], np.cumsum([phase.duration for phase in phases])])
-    ends = trajectory.sample(trajectory.breaks[0] + np.minimum(instants, trajectory.duration)).q
-    branches = mechanism.branch_of(ends)
+    joints_at_ends = trajectory.sample(
+        trajectory.breaks[0] + np.minimum(instants, trajectory.duration)
+    ).q
+    branches = mechanism.branch_of(joints_at_ends)
     notes = []
     for phase, branch_before, branch_after, (start_joints, end_joints) in zip(
-        phases, branches, branches[1:], pairwise(ends), strict=False
+        phases, branches, branches[1:], pairwise(joints_at_ends), strict=False
     ):
         if branch_before != branch_after:
             notes.append(
@@ -843,7 +863,7 @@ def _ways_round(
 
 
 def _motor_notes(requirement: MotorRequirement) -> list[str]:
-    """Return a note if a joint lacks a motor, or if figures of the motor are placeholders."""
+    """Return a remark if a joint lacks a motor, or if values of the motor are placeholders."""
     joint, motor = requirement.joint, requirement.motor
     if motor is None:
         return [f"joint {joint}: no motor given, its torque is not limited"]
@@ -854,7 +874,11 @@ def _motor_notes(requirement: MotorRequirement) -> list[str]:
 
 
 def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
-    """Return notes on friction beyond the identified speeds and on joints without self-locking."""
+    """Return remarks on the friction of a joint.
+
+    They concern a drive without self-locking, and friction beyond the speeds at which it was
+    identified.
+    """
     drive = robot.joints[JOINTS.index(requirement.joint)].drive
     if drive is None or drive.friction is None:
         return []

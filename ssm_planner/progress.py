@@ -48,4 +48,4 @@ Progress = Callable[[Step], None]
 
 
 def silent(_: object) -> None:
-    """Ignore a value."""
+    """Do nothing. This is the default of arguments that receive the progress."""

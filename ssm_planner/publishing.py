@@ -1,10 +1,9 @@
-"""Publish result folders as consistent generations.
+"""Publish the files of a result folder such that they always belong to one plan.
 
-All files of a generation belong to one plan and appear together. They are first written to a
-temporary folder. Then a manifest.json with the hash of every file and a mark of incompleteness is
-written to the result folder. The files follow, and finally the manifest without the mark. If the
-program is interrupted, the folder either contains one generation, or its mark shows that it does
-not.
+A generation consists of all files that belong to one plan. They are first written to a temporary
+folder. Then a manifest.json with the hash of every file and a mark of incompleteness is written to
+the result folder. The files follow, and finally the manifest without the mark. If the program is
+interrupted, the folder either contains one generation, or its mark shows that it does not.
 """
 
 from __future__ import annotations
@@ -32,16 +31,21 @@ from ssm_planner.typing import JsonObject
 MANIFEST = "manifest.json"
 PLAN = "plan.json"
 EXPORT = "ssm_planner export"
+"""Value of the key `format` in the manifest of an export folder."""
 RESULTS = "ssm_planner results"
-"""Format keys of the manifests of an export folder and of a result folder."""
+"""Value of the key `format` in the manifest of a result folder."""
 VERSION = 1
+"""Version of the format of a manifest."""
 INCOMPLETE = "incomplete"
+"""Key of a manifest whose folder is being changed."""
 LARGEST_MANIFEST = 64 * 2**20
+"""Largest size of a manifest in bytes."""
 LONGEST_NAME = 100
+"""Largest number of characters of a file name."""
 
 
 def file_name(text: str) -> str:
-    """Return a name as one component of a path, so that data cannot select a folder.
+    """Convert a name from data to a file name that cannot select another folder.
 
     Characters other than ASCII letters, digits, `-`, `_` and `.` are replaced by `_`.
     """
@@ -50,7 +54,7 @@ def file_name(text: str) -> str:
 
 
 def one_line(text: str, without: str = "") -> str:
-    """Return a name for a comment or title, on one line.
+    """Convert a name from data to text for a comment or title, on one line.
 
     Characters that are not printable or are in `without` are replaced by `_`.
     """
@@ -101,7 +105,7 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
 
 
 def hashes(folder: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file below a folder by relative path, without the manifest."""
+    """Return the SHA-256 of every file below a folder except the manifest, by relative path."""
     files = (
         path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST
     )
@@ -118,7 +122,10 @@ def sha256(path: Path) -> str:
 
 
 def read_manifest(folder: Path) -> JsonObject:
-    """Return the manifest of results or of an export in a folder, or an empty mapping."""
+    """Read the manifest of a result or export folder.
+
+    The mapping is empty without a valid manifest.
+    """
     path = folder / MANIFEST
     try:
         if not path.is_file() or path.stat().st_size > LARGEST_MANIFEST:
@@ -132,9 +139,9 @@ def read_manifest(folder: Path) -> JsonObject:
 
 
 def listed_files(manifest: JsonObject) -> dict[str, str]:
-    """Return the SHA-256 by name of the files in a manifest.
+    """Return the SHA-256 of each file that a manifest lists, by name.
 
-    Names that leave its folder are omitted.
+    Names that lead out of its folder are omitted.
     """
     files = manifest.get("files")
     if not isinstance(files, dict):
@@ -143,7 +150,7 @@ def listed_files(manifest: JsonObject) -> dict[str, str]:
 
 
 def check_generation(folder: Path) -> None:
-    """Raise TrajectoryError if the files in a folder differ from those in its manifest.
+    """Raise TrajectoryError if a file in a folder differs from the one that its manifest lists.
 
     Folders without a manifest are accepted, and so are missing files.
     """
@@ -162,7 +169,10 @@ def check_generation(folder: Path) -> None:
 
 
 def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
-    """Rename a new folder into place, or move its files into an existing one."""
+    """Rename a temporary folder to its final name, or move its files into an existing folder.
+
+    `displayed_path` is the path of the folder as the user wrote it, for messages.
+    """
     sync(source)
     with held_signals():
         if not folder.exists():
@@ -178,7 +188,10 @@ def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
 
 
 def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
-    """Move the content of `source` into a folder. Files that it replaces are moved away first."""
+    """Move the content of `source` into a folder. The files that it replaces are moved away first.
+
+    Raises ExportError, before any change, if a file that no export wrote would be replaced.
+    """
     manifest = read_manifest(source)
     old = read_manifest(folder)
     ours = listed_files(old)
@@ -224,8 +237,21 @@ def _merged(
 ) -> JsonObject:
     """Return the manifest of the new generation.
 
-    Files without a plan.json join the unchanged files of the same plan. Raises ExportError if the
-    folder contains files of another format or another plan.
+    Files without a plan.json are added to the unchanged files of the same plan.
+
+    Parameters
+    ----------
+    source, folder : Path
+        Temporary folder with the new files, and folder into which they will be moved.
+    displayed_path : Path
+        Path of the folder for messages.
+    manifest, old : dict
+        Manifests of the new files, and of the files in the folder.
+
+    Raises
+    ------
+    ExportError
+        If the folder contains files of another format or another plan.
     """
     if not old:
         return manifest
@@ -253,7 +279,21 @@ def _write_manifest(path: Path, manifest: JsonObject) -> None:
 def _check_way(
     target: Path, displayed_path: Path, is_folder: bool, ours: Mapping[str, str], strict: bool
 ) -> None:
-    """Raise ExportError if a file or folder that no export wrote would be replaced."""
+    """Raise ExportError if a file that no export wrote would be replaced.
+
+    Parameters
+    ----------
+    target : Path
+        File or folder that would be replaced.
+    displayed_path : Path
+        Its path for messages.
+    is_folder : bool
+        True if a folder replaces it.
+    ours : Mapping
+        Files that the present manifest lists.
+    strict : bool
+        True if the new files are an export. Results may replace any single file.
+    """
     if not os.path.lexists(target):
         return
     destination(target, file_type_wanted=stat.S_IFDIR if is_folder else stat.S_IFREG)
@@ -268,7 +308,10 @@ def _check_way(
 
 
 def _remove_stale(folder: Path, stale_files: Mapping[str, str]) -> None:
-    """Remove unchanged files of an earlier generation, and folders that become empty."""
+    """Remove the unchanged files of an earlier generation, and folders that become empty.
+
+    `stale_files` contains the SHA-256 of the files by name.
+    """
     for name, sha in stale_files.items():
         with suppress(OSError):
             if _is(folder / name, sha):
@@ -284,7 +327,7 @@ def _is(path: Path, sha: str) -> bool:
 
 
 def is_inside(name: str) -> bool:
-    """Return True if a relative name refers to a file inside its folder on every system."""
+    """Return True if a relative name stays inside its folder on every operating system."""
     path = PurePosixPath(name)
     return (
         bool(name)

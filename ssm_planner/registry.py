@@ -1,4 +1,4 @@
-"""Register declared objects, to which other packages add objects by entry points."""
+"""Provide registries of objects, such as drives and formats, that other packages can extend."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ N = TypeVar("N", bound=Any)
 
 
 class Registry(Mapping[str, N]):
-    """Mapping of declared objects by name.
+    """Mapping of objects by name, to which other installed packages can add objects.
 
-    Entry points of installed packages are loaded when an unknown name is requested or when all
-    objects are listed, so they do not delay the start. Their objects are last.
+    Other packages declare their objects as entry points. These are loaded when an unknown name is
+    requested or when all objects are listed, so they do not delay the start. Their objects are
+    last.
 
     Parameters
     ----------
@@ -25,7 +26,7 @@ class Registry(Mapping[str, N]):
     noun : str
         Word for one object in messages.
     *declared : object
-        Objects of this package.
+        Objects of this package. Each has an attribute `name`.
     """
 
     def __init__(self, group: str, noun: str, *declared: N) -> None:
@@ -34,7 +35,7 @@ class Registry(Mapping[str, N]):
         self._declared = {item.name: item for item in declared}
 
     def add(self, item: N) -> N:
-        """Add an object and return it. Raises ValueError if its name exists."""
+        """Add an object and return it. Raises ValueError if its name exists already."""
         if self._declared.setdefault(item.name, item) is not item:
             raise ValueError(f"the {self.noun} {item.name!r} exists already")
         return item
@@ -63,7 +64,10 @@ class Registry(Mapping[str, N]):
 
     @cached_property
     def _objects(self) -> dict[str, N]:
-        """All objects, after those of other packages have been loaded."""
+        """All objects, including those of other packages.
+
+        An object that fails to load causes a warning.
+        """
         from importlib.metadata import entry_points
 
         for point in entry_points(group=self.group):

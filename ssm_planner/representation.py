@@ -1,4 +1,4 @@
-"""Show values as short texts, as tables of notebooks and as data frames."""
+"""Represent values as short texts, as HTML tables in notebooks, and as data frames."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ import numpy as np
 from ssm_planner.errors import SsmPlannerError
 
 LONGEST = 400
+"""Largest number of characters of the text of a value."""
 LONGEST_FIELD = 60
-"""Largest number of characters of the text of a field. LONGEST applies to the complete text."""
+"""Largest number of characters of the text of one field."""
 
 
 class ShortRepr:
-    """Base of dataclasses whose repr names the fields and abbreviates their values.
+    """Base class of dataclasses whose repr names the fields and abbreviates their values.
 
-    Arrays are shown by their shape, and long fields by their type.
+    A large array is represented by its shape, and a long field by its type.
     """
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -39,7 +40,7 @@ class ShortRepr:
 
 
 def _abbreviated(value: object) -> str:
-    """Return a short text for the value of a field."""
+    """Format the value of a field as a short text."""
     if isinstance(value, np.ndarray):
         return f"<array {value.shape}>" if value.size > 4 else repr(value.tolist())
     text = repr(value) if dataclasses.is_dataclass(value) else reprlib.repr(value)
@@ -47,7 +48,7 @@ def _abbreviated(value: object) -> str:
 
 
 def html_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return an HTML table with a row for each mapping, all with the same keys."""
+    """Return an HTML table with one row for each mapping. All mappings have the same keys."""
     cells = [*rows[:1], *(row.values() for row in rows)]
     texts = ([f"{x:.6g}" if isinstance(x, float) else str(x) for x in row] for row in cells)
     lines = ("".join(f"<td>{escape(text)}</td>" for text in row) for row in texts)
@@ -55,7 +56,7 @@ def html_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def data_frame(columns: Any) -> Any:
-    """Return a pandas DataFrame. Raises SsmPlannerError if pandas is not installed."""
+    """Build a pandas DataFrame. Raises SsmPlannerError if pandas is not installed."""
     try:
         import pandas
     except ImportError:

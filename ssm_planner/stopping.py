@@ -14,7 +14,7 @@ from ssm_planner.verification.stops import INSTANTS as INSTANTS
 
 @record
 class Stops(ShortRepr):
-    """The quickest controlled stops from n instants of a motion.
+    """Quickest controlled stops from n instants of a motion, with their certificate.
 
     Examples
     --------
@@ -29,15 +29,15 @@ class Stops(ShortRepr):
     duration: Array
     """Time (n,) in s until all joints rest."""
     travel: Array
-    """Largest distance (n,) of the tip from its position at the instant, m."""
+    """Largest distance (n,) of the tip from its position at the beginning of the stop, m."""
     certificate: Certificate
     """Certificate of all stops together with the limits of the motion itself."""
     _found: StopMotions
-    """The stop motions."""
+    """Motions of the stops."""
 
     @property
     def motions(self) -> tuple[Trajectory | None, ...]:
-        """One trajectory for each instant. None if all joints already rest."""
+        """Trajectory of the stop from each instant, or None if all joints already rest."""
         return self._found.motions
 
     @property
@@ -46,7 +46,7 @@ class Stops(ShortRepr):
         return self.certificate.passed
 
     def to_dict(self) -> JsonObject:
-        """Return `stops` of plan.json, in SI units."""
+        """Return the content of the key `stops` of plan.json, in SI units."""
         slowest_stop = int(np.argmax(self.duration))
         longest_travel = int(np.argmax(self.travel))
         return {
@@ -72,7 +72,7 @@ def controlled_stops(
     limits: TaskLimits | None = None,
     instants: int | Array = INSTANTS,
 ) -> Stops:
-    """Compute the quickest stops along the path from n instants, and check them.
+    """Compute the quickest stops along the path of a motion from n instants, and check them.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def controlled_stops(
     robot : Robot
         Robot that performs the motion.
     limits : TaskLimits, optional
-        Limits of the task.
+        Limits of the task. The default is the ranges of the robot.
     instants : int or (n,)
         Number of instants, or times in s from the start.
 

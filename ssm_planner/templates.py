@@ -1,4 +1,4 @@
-"""Write JSON schemas of the YAML files, and templates that describe every key."""
+"""Write JSON schemas of the YAML files, and templates in which a comment describes every key."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ STUDY = {
     "minimise": ["duration", "motor_margin"],
     "search": {"method": "sobol", "points": 64},
 }
+"""Content of the template of a study."""
 REFERENCES = ("robot", "drive", "motor", "alternatives")
+"""Keys whose values are names of files."""
 COLUMN, WIDTH = 44, 116
 """Column at which comments begin, and largest width of a line with a comment, characters."""
 
@@ -78,7 +80,7 @@ def schema(kind: str) -> JsonObject:
 
 
 def _require(kind: str, allowed: tuple[str, ...]) -> None:
-    """Raise ProblemError for an unknown kind of file."""
+    """Raise ProblemError unless a kind of file is one of `allowed`."""
     if kind not in allowed:
         raise ProblemError(
             "unknown kind of file", key="kind", value=kind, allowed=", ".join(allowed)
@@ -86,7 +88,7 @@ def _require(kind: str, allowed: tuple[str, ...]) -> None:
 
 
 def file_keys(kind: str) -> tuple[Key, ...]:
-    """Return every key of a kind of file.
+    """Return every key of a kind of file with its description.
 
     The kind "drive" means the drive file of a worm gear, and "screw" means that of a lead screw.
     """
@@ -142,16 +144,23 @@ def template(kind: str, name: str) -> str:
 
 
 class _Writer:
-    """Writer of YAML lines that describes each key at its first occurrence."""
+    """Writer of a YAML template that describes each key at its first occurrence."""
 
     def __init__(self, keys: Mapping[str, Key]) -> None:
         self.keys = keys
         self.described: set[str] = set()
 
     def mapping(self, data: JsonObject, parent: str, depth: int) -> Iterator[str]:
-        """Yield the lines of a mapping: the keys of `data`, then other optional keys as comments.
+        """Yield the lines of a mapping: its keys, and then the other optional keys as comments.
 
-        `parent` is the path of the mapping with a final dot, and `depth` its indentation level.
+        Parameters
+        ----------
+        data : dict
+            Content of the mapping.
+        parent : str
+            Path of the mapping with a final dot.
+        depth : int
+            Level of indentation.
         """
         for name, value in data.items():
             yield from self._entry(name, value, parent, depth)
@@ -165,7 +174,7 @@ class _Writer:
                 yield _commented(f"{'  ' * depth}# {name}:{default}", key)
 
     def _entry(self, name: str, value: Any, parent: str, depth: int) -> Iterator[str]:
-        """Yield the lines of one key and of the mappings below it."""
+        """Yield the lines of one key and of the mappings below it, see `mapping`."""
         pad, path = "  " * depth, f"{parent}{name}"
         key = self.keys.get(path) if self._describe(path) else None
         if isinstance(value, dict) and any(other.startswith(f"{path}.") for other in self.keys):
@@ -182,9 +191,9 @@ class _Writer:
         yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
 
     def _describe(self, path: str) -> bool:
-        """Mark a key as described. Return True if it was not described before.
+        """Return True if a key was not described before, and mark it as described.
 
-        The three revolute joints share their keys.
+        The three revolute joints share the descriptions of their keys.
         """
         if path.startswith(("joints.", "compliance.")):
             path = re.sub(r"\b(tilt|spin)\.", "roll.", path)
@@ -208,10 +217,17 @@ def _commented(line: str, key: Key | None) -> str:
 
 
 def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
-    """Write a value in YAML's flow style, on one line.
+    """Format a value in YAML's flow style, on one line.
 
-    If `reference` is true, the value is the path of a shipped file. Only its name is written,
-    because the name is valid in any folder. `inside` is true for values within a list or mapping.
+    Parameters
+    ----------
+    value : object
+        Value as Python data.
+    reference : bool
+        True if the value is the path of a shipped file. Only its name is written, because the name
+        is valid in any folder.
+    inside : bool
+        True for a value within a list or mapping.
     """
     if isinstance(value, dict):
         items = (f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items())

@@ -1,4 +1,12 @@
-"""Compute the backward and the forward pass of TOPP-RA over a path, with the package toppra."""
+"""Compute the fastest timing of a path by the package toppra.
+
+TOPP-RA [1] limits the speed ṡ and the acceleration s̈ along a path s by linear rows. A backward
+pass computes the speeds from which the end can be reached, and a forward pass takes the largest of
+them.
+
+[1] H. Pham, Q.-C. Pham, A new approach to time-optimal path parameterization based on reachability
+analysis, IEEE Trans. Robotics 34, 2018.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +20,7 @@ from ssm_planner.typing import Array
 Rows = tuple[Array, Array, Array]
 """Coefficients a, b and c of rows a s̈ + b ṡ² + c ≤ 1 at n points, (n, rows) each."""
 TINY = 1e-9
-"""Smallest coefficient by which a row is divided, and rounding error of rows without coefficients.
-"""
+"""Smallest coefficient by which a row is divided, and tolerance of rows without coefficients."""
 
 
 def largest_speeds(
@@ -25,22 +32,27 @@ def largest_speeds(
     speeds: tuple[float, float],
     exact_ends: bool,
 ) -> Array | None:
-    """Return the largest ṡ² (n + 1,) on a grid of n intervals, or None if no motion is possible.
+    """Compute the largest squared speeds ṡ² on a grid of n intervals of a path.
 
     The acceleration s̈ is constant in each interval.
 
     Parameters
     ----------
-    grid : (n + 1,) array
+    grid : (n + 1,)
         Ends of the intervals.
     begin, end : Rows
         Rows at the beginning and at the end of every interval.
-    ceiling : (n + 1,) array
+    ceiling : (n + 1,)
         Largest ṡ² that speed limits allow.
     speeds : (float, float)
-        Speed ṡ at both ends.
+        Speed ṡ at both ends of the path.
     exact_ends : bool
         If false, the motion may be slower at its ends.
+
+    Returns
+    -------
+    (n + 1,) or None
+        Largest ṡ² at the ends of the intervals, or None if no motion is possible.
     """
     import toppra
     from toppra.constraint import LinearConstraint

@@ -16,9 +16,11 @@ from ssm_planner.representation import ShortRepr, data_frame, html_table
 from ssm_planner.typing import Array, Indices, JsonObject, frozen, record
 
 DEGREE = 5
+"""Degree of the polynomials."""
 SHORTEST = 1e-12
+"""Smallest duration of a piece, s."""
 LONGEST = 1e9
-"""Largest absolute time, s. SHORTEST is the smallest duration of a piece, s."""
+"""Largest absolute time, s."""
 LARGEST = 1e9
 """Largest displacement within a piece, rad or m. Derivatives of larger displacements overflow."""
 BLOCK = 65_536
@@ -26,6 +28,7 @@ BLOCK = 65_536
 ROUNDING = 1e-9
 """Relative rounding error by which a time may lie outside the trajectory."""
 Side = Literal["left", "right"]
+"""Side of a break on which a motion is evaluated."""
 
 
 @frozen
@@ -40,8 +43,11 @@ class Span:
     """
 
     name: str
+    """Name of the motion in the problem."""
     start: float
+    """Time at the start, s."""
     end: float
+    """Time at the end, s."""
 
 
 @record
@@ -126,7 +132,7 @@ class Trajectory(ShortRepr):
             self.coefficients.setflags(write=False)
 
     def _check_breaks(self) -> None:
-        """Raise TrajectoryError unless the breaks increase and lie in the permitted range."""
+        """Raise TrajectoryError unless the breaks increase and are in the permitted range."""
         shortest = np.diff(self.breaks).min()
         if shortest <= 0:
             raise TrajectoryError("the breaks of a trajectory must increase")
@@ -136,7 +142,7 @@ class Trajectory(ShortRepr):
             )
 
     def _check_pieces(self, block: slice) -> None:
-        """Raise TrajectoryError unless the pieces are finite and move by at most LARGEST."""
+        """Raise TrajectoryError if pieces are not finite or move by more than LARGEST."""
         coefficients = self.pieces(block)
         if not (np.isfinite(self.breaks).all() and np.isfinite(coefficients).all()):
             raise TrajectoryError("a trajectory holds only finite numbers")
@@ -186,7 +192,7 @@ class Trajectory(ShortRepr):
         return cls(times, interpolate(np.diff(times), *ends), ())
 
     def _repr_html_(self) -> str:
-        """Return the duration and the phases for notebooks."""
+        """Return the duration and the phases as HTML for notebooks."""
         return f"<p>{self.duration:.6g} s</p>{html_table([vars(span) for span in self.phases])}"
 
     @property
@@ -195,11 +201,11 @@ class Trajectory(ShortRepr):
         return float(self.breaks[-1] - self.breaks[0])
 
     def pieces(self, index: Indices | slice) -> Array:
-        """Return the coefficients (n, 6, 4) of the chosen pieces."""
+        """Return the coefficients (n, 6, 4) of the pieces with these indices, rad/s^k and m/s^k."""
         return self.coefficients[index]
 
     def piece_of(self, t: Array, side: Side = "right") -> Indices:
-        """Return the index (n,) of the piece that contains each time t (n,).
+        """Return the index (n,) of the piece that contains each time t (n,) in s.
 
         At a break, `side` selects the piece to its right or to its left.
         """
@@ -243,17 +249,33 @@ class Trajectory(ShortRepr):
         return self.sample_pieces(index, clipped - self.breaks[index])
 
     def sample_pieces(self, index: Indices, local: Array) -> Samples:
-        """Evaluate the motion at local times (n,), counted from the start of each piece (n,)."""
+        """Evaluate given pieces and their derivatives.
+
+        Parameters
+        ----------
+        index : (n,)
+            Indices of the pieces.
+        local : (n,)
+            Times since the beginning of each piece, s.
+
+        Returns
+        -------
+        Samples
+            Motion at these n times.
+        """
         q, qd, qdd, qddd = self._derivatives(index, local, 3)
         return Samples(self.breaks[index] + local, q, qd, qdd, qddd)
 
     def positions(self, t: Array) -> Array:
-        """Return the positions q (n, 4) at times t (n,)."""
+        """Return the joint positions q (n, 4) in rad and m at times t (n,) in s."""
         index = self.piece_of(t)
         return self._derivatives(index, t - self.breaks[index], 0)[0]
 
     def _derivatives(self, index: Indices, local: Array, highest: int) -> list[Array]:
-        """Return q and its derivatives up to order `highest`, each (n, 4), at local times (n,)."""
+        """Evaluate q and its derivatives up to order `highest`, each (n, 4), by Horner's method.
+
+        `index` (n,) contains the pieces, and `local` (n,) the times since their beginning in s.
+        """
         derivatives = []
         # The values of one coefficient are contiguous in memory, which makes the loop fast.
         coefficients = np.ascontiguousarray(self.pieces(index).transpose(1, 2, 0))
@@ -268,7 +290,7 @@ class Trajectory(ShortRepr):
         return derivatives
 
     def uniform(self, rate: float) -> Samples:
-        """Sample at a fixed rate in Hz. The last sample is the end of the trajectory."""
+        """Sample the motion at a fixed rate in Hz. The last sample is the end of the trajectory."""
         count = int(np.floor(self.duration * rate * (1 + 1e-12)))
         t = self.breaks[0] + np.arange(count + 1) / rate
         if self.breaks[-1] - t[-1] > 1e-9:
@@ -277,34 +299,46 @@ class Trajectory(ShortRepr):
         return self.sample(t)
 
     def slower(self, speed: float) -> Trajectory:
-        """Return the motion along the same path at a fraction `speed` of its speed.
+        """Return the motion along the same path at a share `speed` of its speed.
 
         The start time does not change.
         """
         start = self.breaks[0]
         powers = speed ** np.arange(DEGREE + 1)[None, :, None]
         spans = (
-            Span(p.name, start + (p.start - start) / speed, start + (p.end - start) / speed)
-            for p in self.phases
+            Span(
+                phase.name,
+                start + (phase.start - start) / speed,
+                start + (phase.end - start) / speed,
+            )
+            for phase in self.phases
         )
         return Trajectory(
             start + (self.breaks - start) / speed, self.coefficients * powers, tuple(spans)
         )
 
     def to_dict(self) -> JsonObject:
-        """Return the trajectory as JSON types, in s, rad and m, as plan.json contains it."""
+        """Convert the trajectory to JSON types, in s, rad and m, as plan.json contains it."""
         return {
             "breaks_s": self.breaks.tolist(),
             "coefficients": self.pieces(slice(None)).tolist(),
-            "phases": [{"name": p.name, "start_s": p.start, "end_s": p.end} for p in self.phases],
+            "phases": [
+                {"name": phase.name, "start_s": phase.start, "end_s": phase.end}
+                for phase in self.phases
+            ],
         }
 
     @classmethod
     def from_dict(cls, data: JsonObject) -> Trajectory:
-        """Build a trajectory from the result of `to_dict`. Raises TrajectoryError."""
+        """Build a trajectory from the result of `to_dict`.
+
+        Raises TrajectoryError if the data are invalid, or if the phases do not cover the
+        trajectory.
+        """
         try:
             phases = tuple(
-                Span(str(p["name"]), float(p["start_s"]), float(p["end_s"])) for p in data["phases"]
+                Span(str(phase["name"]), float(phase["start_s"]), float(phase["end_s"]))
+                for phase in data["phases"]
             )
             breaks = np.array(data["breaks_s"], dtype=float)
             coefficients = np.asarray(data["coefficients"], dtype=float)
@@ -329,7 +363,11 @@ class Trajectory(ShortRepr):
 
 
 def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, list[Array]]:
-    """Return times (n,) and states (n, 4) as arrays. Raises TrajectoryError if they are invalid."""
+    """Convert times (n,) and states (n, 4) of a motion to arrays.
+
+    Raises TrajectoryError if there are fewer than two samples, the shapes disagree, the times do
+    not increase, or a number is not finite.
+    """
     try:
         times = np.atleast_1d(np.array(t, dtype=float))
         states = [np.asarray(value, dtype=float) for value in values]
@@ -343,14 +381,22 @@ def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, li
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Return consecutive slices of at most `size` entries that cover range(count)."""
+    """Divide range(count) into consecutive slices of at most `size` entries."""
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
 
 
 def parts_of(counts: Indices) -> tuple[Indices, Indices]:
-    """Return the index of the piece of each part (n,), and the index of the part in its piece (n,).
+    """Number the parts into which polynomial pieces are divided.
 
-    `counts` (m,) contains the number of parts of each piece.
+    Parameters
+    ----------
+    counts : (m,)
+        Number of parts of each piece.
+
+    Returns
+    -------
+    piece, part : (n,)
+        Index of the piece of each part, and index of the part within its piece.
     """
     piece = np.repeat(np.arange(len(counts)), counts)
     return piece, np.arange(len(piece)) - (np.cumsum(counts) - counts)[piece]
@@ -359,22 +405,32 @@ def parts_of(counts: Indices) -> tuple[Indices, Indices]:
 def hermite(
     breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
 ) -> Array:
-    """Return the coefficients (m, 6, 4) of quintic pieces with given q, qd and qdd at both ends.
+    """Compute quintic polynomials with given position, velocity and acceleration at both ends.
 
     Parameters
     ----------
     breaks : (m + 1,)
         Ends of the pieces, s.
-    start, end : three of (m, 4)
-        q, qd and qdd at the start and at the end of every piece.
+    start, end : three arrays (m, 4)
+        q, q̇ and q̈ at the start and at the end of every piece.
+
+    Returns
+    -------
+    (m, 6, 4)
+        Coefficients of the pieces.
     """
     return quintics(np.diff(breaks), start, end)
 
 
 def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
-    """Return the coefficients of `hermite` for pieces of lengths (m,), s.
+    """Compute quintic polynomials like `hermite`, for pieces that need not be adjacent.
 
-    The pieces need not be adjacent.
+    Parameters
+    ----------
+    length : (m,)
+        Durations of the pieces, s.
+    start, end : three arrays (m, 4)
+        q, q̇ and q̈ at the start and at the end of every piece.
     """
     h = length[:, None]
     q0, v0, a0 = start
@@ -390,11 +446,19 @@ def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) ->
 
 
 def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
-    """Return the coefficients (m, 6, 4) of cubic pieces with given q and qd at both ends.
+    """Compute cubic polynomials with given position and velocity at both ends.
 
-    `length` (m,) contains the durations of the pieces, s.
+    Parameters
+    ----------
+    length : (m,)
+        Durations of the pieces, s.
+    start, end : two arrays (m, 4)
+        q and q̇ at the start and at the end of every piece.
 
-    `start` and `end` contain q and qd, each (m, 4).
+    Returns
+    -------
+    (m, 6, 4)
+        Coefficients of the pieces.
     """
     h = length[:, None]
     (q0, v0), (q1, v1) = start, end
@@ -407,10 +471,9 @@ def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> A
 
 @record
 class Cubic:
-    """Cubic polynomial u(t) on 0 ≤ t ≤ h.
+    """Cubic polynomial u(t) on 0 ≤ t ≤ h, with given state at t = 0 and acceleration at both ends.
 
-    It is defined by its state at t = 0 and its acceleration at both ends. With c = t / h and r = a1
-    − a0:
+    With c = t / h and r = a1 − a0:
 
         ü = a0 + c r
         u̇ = v + t (a0 + c r / 2)
@@ -420,13 +483,18 @@ class Cubic:
     """
 
     u: Any
+    """Position at t = 0."""
     v: Any
+    """Velocity at t = 0."""
     a0: Any
+    """Acceleration at t = 0."""
     a1: Any
+    """Acceleration at t = h."""
     h: Any
+    """Duration, s."""
 
     def evaluate(self, c: Any) -> tuple[Any, Any, Any]:
-        """Return u, u̇ and ü at t = c h."""
+        """Return u, u̇ and ü at the time c · h, where c is between 0 and 1."""
         t = c * self.h
         rise = self.a1 - self.a0
         return (
@@ -436,7 +504,7 @@ class Cubic:
         )
 
     def at_time(self, t: Any) -> tuple[Any, Any, Any]:
-        """Return u, u̇ and ü at the time t."""
+        """Return u, u̇ and ü at the time t in s."""
         a0 = self.a0
         jerk = self.jerk
         return (
@@ -447,7 +515,7 @@ class Cubic:
 
     @property
     def end(self) -> tuple[Any, Any]:
-        """Values of u and u̇ at t = h."""
+        """Position u and velocity u̇ at t = h."""
         h = self.h
         return self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6), self.v + h * (
             self.a0 + self.a1
@@ -469,17 +537,24 @@ class Cubic:
 
 
 def hold(q: Array) -> Array:
-    """Return the coefficients (1, 6, 4) of one piece at rest at q (4,)."""
+    """Return the coefficients (1, 6, 4) of one piece at rest at joint positions q (4,)."""
     coefficients = np.zeros((1, DEGREE + 1, 4))
     coefficients[0, 0] = q
     return coefficients
 
 
 def join(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
-    """Concatenate phases into one trajectory.
+    """Join phases to one trajectory, one after the other.
 
-    Each phase is a tuple of its name, its breaks (m + 1,), which start at 0, and its coefficients
-    (m, 6, 4).
+    Parameters
+    ----------
+    sections : sequence of (str, (m + 1,), (m, 6, 4))
+        Name, breaks in s and coefficients of each phase. The breaks of each phase start at 0.
+
+    Raises
+    ------
+    TrajectoryError
+        If there are no phases.
     """
     if not sections:
         raise TrajectoryError("a trajectory needs at least one phase")

@@ -1,4 +1,4 @@
-"""Convert quantities such as `65 deg/s` to SI numbers."""
+"""Convert quantities with units, such as `65 deg/s`, to numbers in SI units."""
 
 from __future__ import annotations
 
@@ -12,18 +12,15 @@ from pathlib import Path
 from ssm_planner.typing import frozen
 
 deg = math.pi / 180
+"""SI factor of an angle: `85 * deg` is an angle in rad."""
 rpm = math.pi / 30
-"""SI factor of a rotational speed: `8000 * rpm` is a speed in rad/s.
-
-Likewise, `85 * deg` is an angle in rad.
-"""
+"""SI factor of a rotational speed: `8000 * rpm` is a speed in rad/s."""
 mm = 1e-3
+"""SI factor of a length: `20 * mm` is a length in m."""
 mNm = 1e-3
+"""SI factor of a torque: `80 * mNm` is a torque in N·m."""
 ms = 1e-3
-"""SI factor of a time: `50 * ms` is a time in s.
-
-Likewise, `20 * mm` is a length in m, and `80 * mNm` is a torque in N·m.
-"""
+"""SI factor of a time: `50 * ms` is a time in s."""
 
 Dimensions = tuple[tuple[str, int], ...]
 """Powers of the base dimensions in sorted order, empty for a dimensionless number."""
@@ -118,7 +115,10 @@ SPEEDS = {"rpm": rpm, "1/min": rpm, "rad/s": 1.0, "deg/s": deg, "mrpm": 1e-3 * r
 
 
 class BadQuantity(ValueError):
-    """Error for text that is not the required quantity, with the reason and the allowed values."""
+    """Error for a text that is not the required quantity.
+
+    `reason` is the fault, and `allowed` describes the allowed values.
+    """
 
     def __init__(self, reason: str, allowed: str) -> None:
         super().__init__(f"{reason} (allowed: {allowed})")
@@ -127,9 +127,14 @@ class BadQuantity(ValueError):
 
 
 def quantity(value: object, unit_kind: str) -> float:
-    """Return the value of a quantity such as `65 deg/s` in SI units.
+    """Convert a quantity such as `65 deg/s` to SI units.
 
-    `unit_kind` is a name in KINDS, or "number" for a number without a unit. Raises BadQuantity.
+    `unit_kind` is a key of KINDS, or "number" for a number without a unit.
+
+    Raises
+    ------
+    BadQuantity
+        If the value is not such a quantity, or is implausibly large.
     """
     if unit_kind in _WITHOUT_UNIT:
         return _WITHOUT_UNIT[unit_kind](value)
@@ -147,7 +152,10 @@ def quantity(value: object, unit_kind: str) -> float:
 
 
 def number(value: object) -> float:
-    """Return a finite number without a unit. Raises BadQuantity."""
+    """Check that a value is a finite number without a unit, and return it.
+
+    Raises BadQuantity for other values.
+    """
     if isinstance(value, str) and (match := _QUANTITY.fullmatch(_spell(value))) and match[2]:
         raise BadQuantity("this figure has no unit", _NUMBER_HINT)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -158,7 +166,10 @@ def number(value: object) -> float:
 
 
 def share(value: object) -> float:
-    """Return a share, which is a number or a percentage such as `20 %`. Raises BadQuantity."""
+    """Convert a share to a fraction: `20 %`, `20%` and 0.2 all give 0.2.
+
+    Raises BadQuantity for other texts.
+    """
     text = str(value).strip()
     try:
         result = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
@@ -170,9 +181,9 @@ def share(value: object) -> float:
 
 
 def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
-    """Return the SI values of a list or text such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
+    """Convert a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm` to SI units.
 
-    `kinds` contains the kind of each value. Raises BadQuantity.
+    `kinds` contains the kind of quantity of each component. Raises BadQuantity for other values.
     """
     shape = ", ".join(KINDS.get(kind, NUMBER).example for kind in kinds)
     allowed = f"{len(kinds)} values such as [{shape}]"
@@ -192,7 +203,7 @@ _WITHOUT_UNIT = {"number": number, "share": share}
 
 
 def interval(value: object, unit_kind: str) -> tuple[float, float]:
-    """Return the SI bounds of an interval such as `[-139 deg, -81 deg]`.
+    """Convert an interval such as `[-139 deg, -81 deg]` to its bounds in SI units.
 
     Raises BadQuantity unless the lower bound is first.
     """
@@ -203,7 +214,10 @@ def interval(value: object, unit_kind: str) -> tuple[float, float]:
 
 
 def _convert(magnitude: float, unit: str, target: Kind) -> float:
-    """Convert a magnitude with a unit to SI units. Raises BadQuantity if the unit does not fit."""
+    """Convert a magnitude with a unit to SI units.
+
+    Raises BadQuantity if the unit is unknown, or does not belong to the kind of quantity `target`.
+    """
     if _UNIT.fullmatch(unit) is None:
         raise BadQuantity(
             f"{unit[:40]!r} is not a unit",
@@ -223,7 +237,10 @@ def _convert(magnitude: float, unit: str, target: Kind) -> float:
 
 
 def _plausible(value: float, target: Kind, text: str) -> float:
-    """Return a value in SI units. Raises BadQuantity if its size suggests another unit."""
+    """Return a value in SI units. Raises BadQuantity if its size suggests another unit.
+
+    `text` is the value as the user wrote it.
+    """
     if not math.isfinite(value):
         raise BadQuantity("not a finite number", target.expected)
     if abs(value) > target.largest:
@@ -238,7 +255,7 @@ def _plausible(value: float, target: Kind, text: str) -> float:
 
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> tuple[float, Dimensions]:
-    """Return the SI factor and the dimensions of a unit such as N*m*s/rad.
+    """Return the factor to SI units and the dimensions of a unit such as N*m*s/rad.
 
     Raises KeyError with the name of an unknown unit.
     """
@@ -254,7 +271,7 @@ def _parsed(text: str) -> tuple[float, Dimensions]:
 
 @lru_cache(maxsize=256)
 def _unit_by_name(name: str) -> tuple[float, Dimensions]:
-    """Return the factor and the dimensions of a unit, which may have a prefix or a plural s.
+    """Return the factor and the dimensions of a single unit, which may have a prefix or a plural s.
 
     Raises KeyError if the unit is unknown.
     """
@@ -279,7 +296,7 @@ def _plain(name: str) -> tuple[float, Dimensions] | None:
 
 
 def _name(dimensions: Dimensions) -> str:
-    """Return the name of the quantity that has these dimensions, or a text of the dimensions."""
+    """Return the name of the quantity with these dimensions, or a text of the dimensions."""
     for kind in KINDS.values():
         if _parsed(kind.unit)[1] == dimensions:
             return kind.name
@@ -311,15 +328,18 @@ def describe(value: object) -> str:
 
 @frozen
 class Kind:
-    """Kind of quantity: name, example, SI unit, other units and largest plausible value."""
+    """Kind of quantity, with the units in which a file may state it."""
 
     name: str
+    """Name for messages, such as "an angle"."""
     example: str
+    """Example of a value with its unit."""
     unit: str
+    """SI unit."""
     others: tuple[str, ...] = ()
     """Units of another dimension that have the same meaning, such as N*m*s for N*m*s/rad."""
     largest: float = math.inf
-    """SI value above which the unit must be wrong."""
+    """Largest plausible value in SI units. Above it, the unit is probably wrong."""
     slip: str = ""
     """Unit that was probably intended for a larger value."""
 
@@ -347,7 +367,7 @@ _SHOWN = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
 def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
-    """Return the unit in which messages show values of an SI unit, and its scale.
+    """Return the unit in which messages display values of an SI unit, and the factor to this unit.
 
     The result for "rad/s" is ("deg/s", 57.3). "rpm" represents the speed of a motor in rad/s.
     `degree` is the symbol of a degree, such as "°" on pages and in figures.
