@@ -188,10 +188,10 @@ class _FreeProblemBuilder:
 
     @property
     def is_structured(self) -> bool:
-        """True if the structured solver (see `ocp.structured`) is tried.
+        """True if the structured solver (see `ocp.structured`) solves the problem first.
 
-        If jerk is limited, this solver can only begin at q̈ = 0. An estimate begins there in any
-        case.
+        If jerk is limited, this solver can only begin at q̈ = 0. To estimate a duration, it ignores
+        another initial acceleration.
         """
         return self.method == "estimated" or (
             self.method != "Ipopt" and not self.start_acceleration.any()
@@ -242,7 +242,13 @@ class _FreeProblemBuilder:
         return chain.cut_at(self.problem.eye.port, is_outside, self.least_count)
 
     def _chains(self, per_segment: int) -> list[SegmentChain]:
-        """Build one chain of segments with its guess from each point to the next one."""
+        """Build the segments and guesses of the motion, one chain for each pair of points.
+
+        Parameters
+        ----------
+        per_segment : int
+            Approximate number of elements between two points.
+        """
         displacements, borders = self.displacements, self.borders
         if borders.guess is not None:
             count = per_segment * len(displacements)
@@ -267,7 +273,7 @@ class _FreeProblemBuilder:
         ]
 
     def build(self, count: int | None) -> FreeProblem:
-        """Build the optimal control problem. The duration of its guess is the unit of time.
+        """Build the optimal control problem, with the duration of its guess as the unit of time.
 
         Parameters
         ----------
@@ -295,22 +301,28 @@ class _FreeProblemBuilder:
         )
 
     def _one_time_per_segment(self, chain: SegmentChain) -> bool:
-        """Return True if the duration of each segment is a single unknown of the program.
+        """Return True if the duration of each segment is one unknown of the program.
 
-        Otherwise each arc between two switching points has its own duration. With a single one, the
-        joints switch at the same share of the segment as in the guess, which converges more often.
+        Otherwise each arc between two switching points has its own duration. With one unknown,
+        joints switch at the same shares of the segment as in the guess. The structured solver then
+        converges more often, but the motion may be longer.
+
+        Parameters
+        ----------
+        chain : SegmentChain
+            Segments of the motion.
         """
         if not self.is_structured or self.method == "estimated" or self.borders.guess is not None:
             return self.is_structured
-        # With a single unknown per segment, jerk-limited motions are up to 0.13 % longer.
+        # A jerk-limited motion with one duration per segment is up to 0.13 % longer.
         reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
         return not reverses and not (self.jerk and len(self.displacements) > 1)
 
 
 def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
-    """Return True if the tip of joints q (4,) may only be where it is because the port is there.
+    """Return True if only the port of the eye allows the present position of the tip.
 
-    The distance that the tip must keep from the retina forbids all other positions of this kind.
+    Outside the port, the tip at joint positions q (4,) would be too close to the retina.
     """
     assert problem.eye is not None
     return bool(retina_row(NUMPY, problem.eye, tip_position(mechanism, q[None])[0]) > 0)

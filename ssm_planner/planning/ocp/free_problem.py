@@ -77,7 +77,11 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def unit(self) -> Array:
-        """Distance d in rad or m that a joint travels when its coordinate u grows by 1, (4,)."""
+        """Distance d in rad or m that a joint travels when its coordinate u grows by 1, (4,).
+
+        It is the largest distance between two borders. If the position at a border is unknown, d
+        has a lower bound, because the guess may be too short.
+        """
         extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
         if self.chain.fixed.all():
             return np.asarray(extent)
@@ -110,7 +114,7 @@ class FreeProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of u̇, ü and u⃛ in scaled units, (m,) each."""
+        """Limits of velocity, acceleration and jerk of the coordinates in scaled units, (m,) each."""
         velocity, acceleration, jerk = (
             self.scaled(self.joint_limits[name], order) for order, name in enumerate(KINEMATIC, 1)
         )
@@ -135,11 +139,12 @@ class FreeProblem(OcpProblem):
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """Return the parameters and bounds of the program, see `OcpProblem.data`.
 
-        A velocity that is given at an end may use a limit up. The path constraints there are
-        therefore relaxed by a tolerance for rounding.
+        A velocity that is given at an end may already be at a limit. The path constraints at that
+        end are therefore relaxed by a tolerance for rounding.
         """
         base = super().data(elements, backoff)
         bound = base.path_bound.copy()
+        # The columns contain the constraints at the start, in the middle and at the end.
         constraint_count = backoff.shape[1]
         if self.speeds[0].any():
             bound[0, :constraint_count] = np.where(
@@ -219,7 +224,7 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def _parameters(self) -> Array:
-        """Parameters (size,) of the element model, in the order of `FreeElement.layout`."""
+        """Parameters of the element model as one vector, in the order of `FreeElement.layout`."""
         problem = self.problem
         ranges = np.array([problem.ranges.get(name, (-UNLIMITED, UNLIMITED)) for name in WATCHED])
         return FreeElement.layout.pack(
@@ -307,9 +312,16 @@ class FreeProblem(OcpProblem):
         )
 
     def _gradient_of_all_joints(self, solution: NlpSolution, multipliers: Multipliers) -> Array:
-        """Compute the gradient of λᵀ G, the path constraints weighted by their multipliers λ.
+        """Compute the gradient of λᵀ G, the path constraints G weighted by their multipliers λ.
 
         The joints at rest are included, although they are no coordinates of the program.
+
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution of the program.
+        multipliers : Multipliers
+            Its multipliers.
 
         Returns
         -------
@@ -318,6 +330,7 @@ class FreeProblem(OcpProblem):
         """
         elements, orders = solution.elements, np.arange(4)
         unit = np.where(self.unit > 0, self.unit, 1.0)
+        # u, u̇, ü at the start and ü at the end of four joints, and the length.
         element_variables = np.zeros((len(elements), 17))
         element_variables[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
         element_variables[:, -1] = elements[:, -1]
@@ -357,6 +370,7 @@ class FreeProblem(OcpProblem):
         boundary = self.boundary
 
         def joints(values: Array, order: int) -> Array:
+            """Convert a derivative of u (n, m) to that of q (n, 4)."""
             expanded = np.zeros((count, 4))
             expanded[:, self.moving] = values * self.unit[self.moving] / self.time_scale**order
             return expanded + (self.chain.points[0] if order == 0 else 0.0)

@@ -33,7 +33,7 @@ def guess_between(
     start: Array,
     displacement: Array,
     speeds: Array,
-    table: Array,
+    kinematic_limits: Array,
     *,
     jerk: bool,
     start_acceleration: Array,
@@ -50,7 +50,7 @@ def guess_between(
         Displacements to the second point, rad and m.
     speeds : (2, 4) array
         Joint velocities q̇ at both points.
-    table : (3, 4) array
+    kinematic_limits : (3, 4) array
         Limits of velocity, acceleration and jerk of the joints.
     jerk : bool
         True if the jerk limits count.
@@ -68,13 +68,15 @@ def guess_between(
     """
     if not speeds.any():
         return guess_from_rest(
-            start, displacement, table, jerk=jerk, count=count, least_count=least_count
+            start, displacement, kinematic_limits, jerk=jerk, count=count, least_count=least_count
         )
-    velocity, acceleration, _ = table
+    # Constant accelerations replace jerk-limited braking in the guess.
+    velocity, acceleration, _ = kinematic_limits
     brake = acceleration
     if jerk:
         brake = np.minimum(
-            braking(speeds[0], start_acceleration, table), braking(speeds[1], np.zeros(4), table)
+            braking(speeds[0], start_acceleration, kinematic_limits),
+            braking(speeds[1], np.zeros(4), kinematic_limits),
         )
     limits = np.stack([velocity, acceleration, brake])
     return guess_with_reversals(
@@ -105,14 +107,14 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
     chains = []
     for k, (start, end) in enumerate(pairwise(instants)):
         signs, points = borders.directions[k], borders.points[k : k + 2]
-        elements_between = max(2 * least_count, round(count * (end - start) / motion.duration))
-        t = np.linspace(start, end, elements_between + 1)
+        element_count = max(2 * least_count, round(count * (end - start) / motion.duration))
+        t = np.linspace(start, end, element_count + 1)
         before, after = motion.sample(t[:-1]), motion.sample(t[1:], side="left")
         velocity = np.where(before.qd * signs > 0, before.qd, 0.0)
         elements = Cubic(before.q, velocity, before.qdd, after.qdd, np.diff(t)[:, None])
         fixed = np.ones(points.shape, dtype=bool)
         chains.append(
-            SegmentChain(points, fixed, signs[None], (SegmentGuess(elements, (elements_between,)),))
+            SegmentChain(points, fixed, signs[None], (SegmentGuess(elements, (element_count,)),))
         )
     return chains
 

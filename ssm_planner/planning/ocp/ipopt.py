@@ -178,6 +178,7 @@ def _ipopt_by_start(
     }
 
     def build(start: Start) -> ca.Function:
+        """Build Ipopt with the options of one kind of start."""
         iterations = max(ITERATIONS, 2 * structure.elements)
         ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS[start]}
         # Initial multipliers mu_init / slack save a fifth of the iterations, except if the

@@ -35,7 +35,7 @@ class DirectionMultipliers:
 
     @property
     def largest_sum(self) -> float:
-        """Sum of |values| over the elements, for the joint with the largest sum."""
+        """Largest sum of |values| over the elements that one of the joints has."""
         return float(np.abs(self.values).sum(axis=0).max(initial=0.0))
 
 
@@ -101,7 +101,7 @@ class PhaseSolution:
     def slower(self, factor: float) -> PhaseSolution:
         """Return the motion along the same path with its duration multiplied by `factor`.
 
-        It is only valid for a motion from rest to rest, because velocities change.
+        Only a motion from rest to rest keeps its velocities at both ends.
         """
         savings = self.direction_multipliers
         if savings is not None:

@@ -314,7 +314,7 @@ class Multipliers:
 
 @record
 class NlpSolution:
-    """Result of a solver, in scaled units."""
+    """Result of a solver: the motion in scaled units, or the status of the failure."""
 
     message: str
     """Return status of the solver in Ipopt's words."""

@@ -39,16 +39,17 @@ LONGER = 1e-3
 def find_fastest_motion(
     problem: OcpProblem, guess: Array, duration: float | None = None, *, cutoff: float = np.inf
 ) -> RefinedMotion:
-    """Compute the fastest motion with the first solver of a problem's method.
+    """Compute the fastest motion with the solver that the problem's method tries first.
 
-    `find_best_motion` then confirms it and optimises the objective.
+    `find_best_motion` then confirms the motion and optimises the objective.
 
     Parameters
     ----------
     problem : OcpProblem
         The optimal control problem on its first mesh.
     guess : (n, 4 m + 1) array
-        Elements of the motion at which the optimisation begins.
+        Motion at which the optimisation begins: u, u̇, ü at the start, ü at the end, and length of
+        each element.
     duration : float or None
         Requested duration in scaled time. None: as short as possible.
     cutoff : float
@@ -153,16 +154,16 @@ def _least_heat_motion(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution |
 
 
 def _least_effort_motion(fastest: RefinedMotion, duration: float, aim: Aim) -> NlpSolution:
-    """Compute the motion of least cost that takes the requested duration in scaled time.
+    """Compute the motion of least effort of the motors that takes the requested duration.
 
     Parameters
     ----------
     fastest : RefinedMotion
-        The fastest motion. It is stretched to become the guess.
+        The fastest motion. It is stretched in time to become the guess.
     duration : float
-        Requested duration.
+        Requested duration in scaled time.
     aim : str
-        Cost: "effort", or "cooling" for the weighted heat.
+        "effort", or "cooling" to minimise the weighted heat of the motors instead.
     """
     solution = fastest.solution
     guess = stretched(solution.elements, duration / solution.duration)

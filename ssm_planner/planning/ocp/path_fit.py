@@ -25,10 +25,10 @@ The optimisation can thus move a short element along the path without leaving it
 def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
     """Fit polynomials to a path, its load and its tool speeds, one set for each element.
 
-    The fitted curves are the derivative dq/ds of the joints, the coefficients of the dynamics in s
-    (`RigidBody.path_load`), and the derivatives of the tool's positions. Each polynomial
-    interpolates its curve at Chebyshev nodes. The interval of the fit is twice as wide as the
-    element, but stays on one smooth piece of the path.
+    The fitted curves are the derivatives dq/ds of the joints, the coefficients of the load in s
+    (`RigidBody.path_load`), and the speeds of the tool at ṡ = 1. Each polynomial interpolates its
+    curve at Chebyshev nodes. The interval of the fit is twice as wide as the element, but stays on
+    one smooth piece of the path.
 
     Parameters
     ----------
@@ -73,6 +73,9 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
 
 @cache
 def _nodes() -> tuple[Array, Array]:
-    """Return the Chebyshev nodes ξ_j (DEGREE + 1,), and the inverse of the matrix of powers ξ_j^d."""
+    """Return the nodes of a fit, and the matrix that turns values there into coefficients.
+
+    The nodes ξ_j (DEGREE + 1,) are Chebyshev nodes. The matrix is the inverse of the powers ξ_j^d.
+    """
     nodes = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
     return nodes, np.linalg.inv(np.vander(nodes, increasing=True))

@@ -68,13 +68,13 @@ class OcpProblem(ABC):
 
     @abstractmethod
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the parameters of the element model for given elements.
+        """Return the parameters of the element model for a motion.
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            Elements of the latest motion. Parameters that approximate a curve are computed near
-            them.
+            u, u̇, ü at the start, ü at the end, and length of each element. Parameters that
+            approximate a curve are computed near the positions u.
 
         Returns
         -------
@@ -95,12 +95,12 @@ class OcpProblem(ABC):
         return shared(replace(self.complete_element, active=active, aim=aim))
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
-        """Return the parameters and bounds of the program.
+        """Return the parameters and bounds of the nonlinear program on the present mesh.
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            Elements of the latest motion.
+            Latest motion: u, u̇, ü at the start, ü at the end, and length of each element.
         backoff : (n, active constraints) array
             Reduction of the bound of every active path constraint in every element.
         """
@@ -177,20 +177,20 @@ class OcpProblem(ABC):
         return []
 
     def row_maxima(self, elements: Array) -> Array:
-        """Evaluate the path constraints densely on the true path.
+        """Return the largest value of each path constraint in each element of a motion.
 
-        The values at nine instants of each element are interpolated by parabolas at their peaks.
+        The constraints are evaluated at nine instants of each element, and interpolated by
+        parabolas at their peaks.
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            Elements of a motion.
+            u, u̇, ü at the start, ü at the end, and length of each element.
 
         Returns
         -------
         (n, r) array
-            Largest value of each constraint in each element. Values above 1 violate the limit, and
-            −∞ stands for a constraint that does not apply.
+            Values above 1 violate the limit, and −∞ stands for a constraint that does not apply.
         """
         n = len(elements)
         if not self.row_names:

@@ -56,7 +56,11 @@ def constraint_gradient(
 
 @lru_cache(maxsize=8)
 def _gradient_function(element: ElementModel) -> ca.Function:
-    """Build a CasADi Function of (z, *parameters, λ) that returns ∂(λᵀ G)/∂z of one element."""
+    """Build the CasADi Function that evaluates ∂(λᵀ G)/∂z of one element.
+
+    Its arguments are the element's vector z, the parameters of the element model, and the
+    multipliers λ of the path constraints G.
+    """
     rows = element_functions(element).rows
     z, *p = (ca.MX.sym(rows.name_in(i), rows.sparsity_in(i)) for i in range(rows.n_in()))
     multipliers = ca.MX.sym("multipliers", rows.size1_out(0))
@@ -83,6 +87,7 @@ def steepest_descent(gradient: Array, lengths: Array) -> Array:
         Velocity times length of each element. It is positive if the joint should move forwards.
     """
     h, (by_position, by_velocity, by_acceleration) = lengths, gradient.T
+    # A velocity within an element also shifts the positions in all later elements.
     position_after = np.append(np.cumsum(by_position[::-1])[::-1], 0.0)[1:]
     at_start = by_velocity - by_acceleration / h + position_after * h / 2
     at_end = by_acceleration / h + position_after * h / 2

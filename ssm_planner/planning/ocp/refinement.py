@@ -58,7 +58,7 @@ NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
 
 @record
 class RefinementState:
-    """State of a refinement between two solves."""
+    """State of a refinement between two solves of the program."""
 
     guess: Array
     """Elements of the guess at which the refinement began, (n, 4 m + 1)."""
@@ -100,7 +100,7 @@ class RefinementState:
         return replace(self, guess=guess, elements=guess, warm=None)
 
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
-        """Return the program that is solved next.
+        """Return the nonlinear program that is solved next.
 
         Parameters
         ----------
@@ -150,13 +150,21 @@ class RefinementState:
         )
 
     def tightened(self, solution: NlpSolution, increase: Array) -> RefinementState:
-        """Return the state with more backoff (n, r). The next solve starts at `solution`."""
+        """Return the state for a solve with stricter bounds, which starts at a solution.
+
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution whose multipliers are used.
+        increase : (n, r) array
+            Amount by which the bound of each path constraint is lowered in each element.
+        """
         return replace(self, backoff=self.backoff + increase, warm=solution)
 
 
 @record
 class RefinedMotion:
-    """Result of a refinement."""
+    """Result of a refinement: the motion, and whether it keeps all limits."""
 
     solution: NlpSolution
     """Latest solution. Its number of iterations includes all solves."""
@@ -175,12 +183,15 @@ def solve_to_tolerance(
     duration: tuple[float, float] | None = None,
     cutoff: float = np.inf,
 ) -> RefinedMotion:
-    """Solve a program and refine it, until the motion keeps all limits up to TOLERANCE.
+    """Solve the optimal control problem repeatedly, until the motion keeps all limits.
+
+    Between two solves, the program is refined: more path constraints become part of it, elements
+    are divided, or bounds are lowered.
 
     Parameters
     ----------
     state : RefinementState
-        Initial state.
+        Initial state, with the problem and the guess.
     aim : str
         Cost in addition to time, see `elements.element.Aim`.
     duration : (float, float) or None
@@ -193,7 +204,7 @@ def solve_to_tolerance(
     Returns
     -------
     RefinedMotion
-        Latest solution. It is not feasible if ROUNDS solves did not suffice, or if a solve failed.
+        Latest solution. It is feasible if no limit is exceeded by more than TOLERANCE.
     """
     iterations, work = 0, state.problem.work
     feasible = False
@@ -212,17 +223,13 @@ def solve_to_tolerance(
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
         if feasible or round_number == ROUNDS:
             break
-        state = _next_state(state, solution, violation, round_number, may_cut=aim != "heat")
+        may_cut = aim != "heat" and round_number <= CUTS
+        state = _next_state(state, solution, violation, may_cut=may_cut)
     return RefinedMotion(replace(solution, iterations=iterations), state, feasible, program=program)
 
 
 def _next_state(
-    state: RefinementState,
-    solution: NlpSolution,
-    violation: Array,
-    round_number: int,
-    *,
-    may_cut: bool,
+    state: RefinementState, solution: NlpSolution, violation: Array, *, may_cut: bool
 ) -> RefinementState:
     """Return the state for the next solve after a solution that violates limits.
 
@@ -230,7 +237,7 @@ def _next_state(
 
     1. Violated constraints that are not active become active. If the solution has diverged, the
        next solve starts at the guess again.
-    2. In the first CUTS rounds, elements with large violations are divided.
+    2. Elements with large violations are divided, if `may_cut` is true.
     3. The bounds of violated constraints are lowered.
 
     Parameters
@@ -241,8 +248,6 @@ def _next_state(
         Its solution.
     violation : (n, r) array
         Excess of every path constraint over its limit in every element.
-    round_number : int
-        Number of solves so far.
     may_cut : bool
         True if elements may be divided.
     """
@@ -253,7 +258,7 @@ def _next_state(
             return state.restarted(state.guess)
         return replace(state, warm=None)
     coarse = violation.max(axis=1) > COARSE
-    if may_cut and round_number <= CUTS and coarse.any():
+    if may_cut and coarse.any():
         return state.cut(coarse)
     return state.tightened(solution, backoff_of(violation))
 

@@ -61,11 +61,13 @@ class SegmentGuess:
         direction = np.sign(positions[-1] - positions[0])
         passing_time = float(np.interp(direction * position, direction * positions, instants))
         return (
-            self._part((0.0, duration / 2), joint, (0.0, passing_time), least_count),
-            self._part((duration / 2, duration), joint, (passing_time, duration), least_count),
+            self._guess_between((0.0, duration / 2), joint, (0.0, passing_time), least_count),
+            self._guess_between(
+                (duration / 2, duration), joint, (passing_time, duration), least_count
+            ),
         )
 
-    def _part(
+    def _guess_between(
         self,
         span: tuple[float, float],
         joint: int,
@@ -114,17 +116,13 @@ class SegmentGuess:
     def _states_at(self, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array, Array]:
         """Evaluate q, q̇ and q̈ at instants t (n,), in s, (n, 4) each.
 
-        q̈ may jump between two elements, so `side` selects the element to the left or right.
+        q̈ may jump between two elements. At such an instant, `side` selects the element that ends
+        there ("left") or begins there ("right").
         """
         instants, motion = self.instants, self.elements
         element = np.searchsorted(instants[1:-1], t, side)
-        cubic = Cubic(
-            motion.u[element],
-            motion.v[element],
-            motion.a0[element],
-            motion.a1[element],
-            motion.h[element],
-        )
+        fields = motion.u, motion.v, motion.a0, motion.a1, motion.h
+        cubic = Cubic(*(values[element] for values in fields))
         return cubic.at_time((t - instants[element])[:, None])
 
 
@@ -241,18 +239,19 @@ class SegmentChain:
         )
 
     def structure(self, *, one_time_per_segment: bool, smooth: bool) -> NlpStructure:
-        """Return the structure of the program of these segments.
+        """Return the structure of the nonlinear program that optimises these segments.
 
         Parameters
         ----------
         one_time_per_segment : bool
-            True if the duration of a segment is one unknown. Otherwise each arc has its own
-            duration.
+            True if the duration of a segment is one unknown. Otherwise each arc between two
+            switching points has its own duration.
         smooth : bool
             True if accelerations are continuous, because jerk is limited.
         """
         sizes = tuple(sum(guess.arcs) for guess in self.guesses)
         arcs = [count for guess in self.guesses for count in guess.arcs]
+        # Joints that rest in all segments are no coordinates of the program.
         moves = self.directions[:, np.any(self.directions != 0, axis=0)] != 0
         return NlpStructure(
             moves=tuple(map(tuple, moves.tolist())),
@@ -266,10 +265,10 @@ class SegmentChain:
     def cut_at(
         self, port: float, is_outside: Callable[[Array], bool], least_count: int
     ) -> SegmentChain:
-        """Insert borders where the tip passes the port of an eye, so where joint 4 reaches a depth.
+        """Insert a border wherever the tip passes the port of an eye, which divides a segment.
 
-        Each new border divides a segment. The distance to the retina is only limited on the inner
-        side.
+        The depth of the tip depends on joint 4 alone. The distance to the retina is only limited on
+        the inner side of the border.
 
         Parameters
         ----------
@@ -289,6 +288,7 @@ class SegmentChain:
             if len(side_directions) == 1:
                 guesses.append(guess)
             else:
+                # Joint 4 has the sign of the deeper end at the port.
                 deepest = self.points[k : k + 2, 3][np.abs(self.points[k : k + 2, 3]).argmax()]
                 depth = float(np.copysign(port, deepest))
                 guesses += guess.halves(3, depth, least_count)
@@ -341,9 +341,9 @@ class SegmentChain:
     def within(self, port: float) -> Mask:
         """Return a mask (k,) of the segments in which the depth of the tip is at most `port`, in m.
 
-        The depth at a border without a fixed position is unknown, but the depth only grows or only
-        shrinks within a segment. If it grows towards the next border, that border's depth is an
-        upper bound. Two passes, forwards and backwards, carry these bounds from the fixed positions
+        The depth is only known at borders with fixed positions, but it only grows or only shrinks
+        within a segment. If it grows from one border to the next, the depth of the next one is an
+        upper bound on that of the first. Two passes, forwards and backwards, carry the upper bounds
         to all borders.
         """
         depths = np.abs(self.points[:, 3])

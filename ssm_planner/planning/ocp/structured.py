@@ -46,6 +46,7 @@ Equalities = tuple[Indices, Indices, Array]
 """Given entries of the elements: index of the element, index in its vector z, and value, (e,) each.
 """
 _NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
+"""No equality constraints."""
 
 
 def solve_structured(

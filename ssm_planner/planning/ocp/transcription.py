@@ -63,7 +63,15 @@ class _Symbols:
 
     @classmethod
     def build(cls, structure: NlpStructure, element: ElementModel) -> _Symbols:
-        """Create the symbols for a structure and an element model."""
+        """Create the CasADi symbols of a program.
+
+        Parameters
+        ----------
+        structure : NlpStructure
+            Numbers of elements, coordinates and blocks.
+        element : ElementModel
+            Element model, which determines the sizes of its parameters.
+        """
         n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
         u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
@@ -74,7 +82,7 @@ class _Symbols:
         layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
         own_parameters = ca.MX.sym("p", layout.size)
         p = layout.unpack(own_parameters)
-        # h_k = fraction_k T_block(k)
+        # The length of element k is h_k = fraction_k · T_b, with the duration T_b of its block b.
         h = p.fractions.T * ca.horzcat(
             *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
         )
@@ -167,14 +175,14 @@ class Transcription:
         *,
         confirming: bool = False,
     ) -> NlpSolution:
-        """Solve the program with Ipopt.
+        """Solve the nonlinear program with Ipopt.
 
         Parameters
         ----------
         data : NlpData
             Parameters and bounds.
         elements : (n, 4 m + 1) array
-            Elements of the initial point.
+            Initial point: u, u̇, ü at the start, ü at the end, and length of each element.
         warm : NlpSolution or None
             Ipopt's solution of a similar program, whose multipliers are used. None: a cold start.
         confirming : bool
@@ -193,6 +201,7 @@ class Transcription:
         if self.native is not None:
             self.native.check()
         x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
+        # The variables are the states of all elements, then the durations of the blocks.
         states = x[: 4 * m * n].reshape(n, 4 * m)
         times = x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
@@ -225,6 +234,7 @@ class Transcription:
         start = self.sizes["dynamics"]
         limited = self.structure.moving & self.structure.velocity_limits
         middle[limited] = constraint_multipliers[start : start + self.sizes["velocity"]]
+        # Fixed states have multipliers too, but no bound that forbids a reversal.
         at_start = np.where(
             data.is_fixed, 0.0, variable_multipliers[: 4 * m * n].reshape(n, 4 * m)
         )[:, m : 2 * m]
@@ -369,7 +379,17 @@ def _limits(structure: NlpStructure, cubic: Cubic, jerk: ca.MX) -> dict[str, ca.
 
 
 def _breakaway(structure: NlpStructure, element: ElementModel, symbols: _Symbols) -> ca.MX:
-    """Return the constraints of static friction at the instants at which a joint may start to move."""
+    """Return the constraints of static friction at the instants at which joints may start to move.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program. Its `breakaways` contain the instants.
+    element : ElementModel
+        Element model, which contains the friction law.
+    symbols : _Symbols
+        Variables and parameters of the program.
+    """
     sigma, *other_parameters = symbols.element_parameters
     rows = []
     for k, direction_element in structure.breakaways:

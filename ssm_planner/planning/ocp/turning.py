@@ -115,6 +115,7 @@ class _Profile:
         )
 
         def phase_lengths(peak: float) -> tuple[float, float, float]:
+            """Return the durations of the first ramp, of cruising and of the last ramp, s."""
             ramps = abs(peak - start) / acceleration, abs(peak - end) / acceleration
             travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
             return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
