@@ -113,6 +113,7 @@ def plan_and_check(
     """
     strict = problem
     for round_number in range(1, PLANNING_ROUNDS + 1):
+        # The planner gets both the robot itself and the robot with stricter limits.
         result = plan_motion(
             unchecked(strict, robot=problem.robot),
             strict.robot,
@@ -127,6 +128,7 @@ def plan_and_check(
             progress(Step(f"independent check{attempt}"))
         outcome = checked(problem, result)
         certificate = outcome.certificate
+        # Further rounds only help if a limit that the motion exceeds can be tightened.
         stricter = None if certificate is None else tightened(strict, certificate)
         if stricter is None:
             break
@@ -225,6 +227,7 @@ def exceeded(problem: Problem, certificate: Certificate) -> Reason:
             f"{violation.unit} against {available:.6g} {violation.unit} at {instant}; "
             "the motion is not written"
         )
+    # The limit is a lower bound here, so the found value is the available one.
     if isinstance(limit, SelfLocking) or (limit is not None and limit.is_floor):
         required, available = available, required
     return Reason(limit, instant, required, available, text)

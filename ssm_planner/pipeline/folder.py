@@ -61,5 +61,6 @@ def write_folder(
             ),
             **write_figures(plan, temporary, drawer),
         }
+    # An earlier attempt may have left the page of a failure.
     (folder / NO_PLAN).unlink(missing_ok=True)
     return {name: folder / path.name for name, path in paths.items()}

@@ -79,7 +79,7 @@ def retime(
 def limits_of(
     robot: Robot | str | Path | None, problem: Problem | str | Path | None
 ) -> tuple[Robot, Problem | None]:
-    """Return the robot and the problem whose limits count. Only one of the arguments may be given.
+    """Return the robot and the problem whose limits apply. Exactly one argument must be given.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     loaded = [with_payload(robot, mass) for mass in (0.0, *(problem.payload or ())[1:])]
 
     def with_drives(drives: list[Drive | None]) -> tuple[Robot, ...]:
-        """Return the robot with one drive for each joint, for every load."""
+        """Return the robot with the given drives of its joints, once for each load."""
         pairs = zip(robot.joints, drives, strict=True)
         joints = tuple(unchecked(joint, drive=drive) for joint, drive in pairs)
         return tuple(unchecked(load, joints=joints) for load in loaded)
@@ -67,6 +67,7 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     drives_by_joint = [_drives(joint, problem.friction) for joint in robot.joints]
     corners: tuple[Robot, ...] = ()
     for k in range(max(map(len, drives_by_joint)) - 1):
+        # Joints with fewer drives repeat their last bounding drive.
         corners += with_drives([drives[min(k, len(drives) - 2)] for drives in drives_by_joint])
     return unchecked(
         robot, corners=corners, lightest=with_drives([drives[-1] for drives in drives_by_joint])
@@ -162,12 +163,16 @@ def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) 
     raising_coefficients, _ = mesh_coefficients(
         drive, sets.get("mu", np.array([friction_of(drive).mu]))
     )
+    # The coefficient is the torque per effort of a load that opposes the motion.
     efforts = torque / float(np.min(raising_coefficients)) * EFFORTS
+    # Every 50th Stribeck speed represents the distribution.
     stribeck = np.unique(sets.get("stribeck_speed", []))[::50]
     speeds = np.concatenate([np.linspace(0.0, speed, 5), 0.3 * stribeck, stribeck, 2 * stribeck])
+    # A state is a motor speed, and True at breakaway.
     states = [(0.0, True), *((w, False) for w in speeds.tolist())]
     grid = [(*state, effort, sign) for state, effort, sign in product(states, efforts, (-1.0, 1.0))]
     w, start, effort, direction = np.array(grid).T
+    # Parameters as columns give one row of torques for each set.
     drive_of_sets = drive_with(drive, {name: column[:, None] for name, column in sets.items()})
     torques, _ = drive_torque(
         drive_of_sets,

@@ -102,6 +102,7 @@ class CurveFollower:
     @property
     def points(self) -> Array:
         """Joint positions (n, 4) of a spline or table, from `beginning` and without repetitions."""
+        # Row 0 is the present position, and `beginning` is the first point of a table.
         first_row = 1 if self.motion.curve == "spline" else 2
         points = np.vstack([self.beginning, self.joints[first_row:]])
         differs = np.abs(np.diff(points, axis=0)).max(axis=1) > ROUNDING
@@ -130,6 +131,7 @@ class CurveFollower:
         tip_stands = np.abs(tips - tips[0]).max() < ROUNDING
         if tip_stands and np.abs(joints - q).max() < ROUNDING and np.ptp(spins) < ROUNDING:
             return q
+        # Only an arc through three points on one line has no curve.
         curve = self._curve_through(tips)
         if curve is None:
             reason = "the three points of this arc lie on one line"
@@ -149,12 +151,15 @@ class CurveFollower:
             first=q,
             watched=driven_joints(self.problem),
         )
+        # The mechanism must reach the whole curve, and the tip must stay away from the remote
+        # centre.
         samples = path.tips(np.linspace(0.0, 1.0, SAMPLES))
         reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
         if _of_tips(self.mechanism, samples, spins[0], q)[1].all():
             if np.linalg.norm(samples, axis=1).min() >= NEAR_CENTRE:
                 return path
             reason = f"the tip would pass the remote centre along this {motion.curve}"
+            # Joints 1 and 2 are at rest, so the tip moves on a radius through the remote centre.
             if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < ROUNDING:
                 return np.asarray(joints[-1])
         raise self._refused(reason, "a curve within the workspace, away from the remote centre")
@@ -232,6 +237,7 @@ class CurveFollower:
         rows = [task]
         for k, point in enumerate(points, index):
             assert isinstance(point, Task)
+            # Omitted coordinates are those of the previous point.
             coordinates = point.set_coordinates
             rows.append(
                 np.array([coordinates.get(name, rows[-1][i]) for i, name in enumerate(TASK)])

@@ -227,6 +227,7 @@ def _past_boundary(phase: Phase) -> Iterator[Reason | None]:
             f"{in_words(low, 'rad')} and {in_words(high, 'rad')}, where tilt is {{value}}, "
             "but the range of tilt ends at {bound}"
         )
+        # All extremes δ + k π between the positions of joint 2 at both points.
         first = np.ceil((low - mechanism.delta) / np.pi)
         extremes = mechanism.delta + np.pi * np.arange(first, (high - mechanism.delta) / np.pi)
         joints = np.tile(start, (len(extremes), 1))
@@ -253,6 +254,7 @@ def blocked_by_eye(phase: Phase) -> Reason | None:
             "lens from its centre, but at least {bound} is required"
         )
         places = _Places.of_phase(phase)
+        # The second round samples the neighbourhood of the worst sample.
         for _ in range(2):
             tips = tip_position(phase.mechanism, places.q)
             values, _ = eye_limits(NUMPY, eye, tips.T)[limit.name]
@@ -412,6 +414,7 @@ def _too_near(phase: Phase) -> Iterator[Reason | None]:
     if phase.path is None:
         yield from _ranges_exceeded(phase)
         return
+    # The joints may reverse on the path, so the lengths of all samples' steps are added.
     distances = np.abs(np.diff(phase.path.overview.q, axis=0)).sum(axis=0)
     changes = np.abs(phase.qd_start**2 - phase.qd_end**2)
     for i in np.flatnonzero(changes):

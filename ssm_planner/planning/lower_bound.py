@@ -245,6 +245,7 @@ def minimum_times(
     distance, start, end = (direction * values for values in (distance, start, end))
     mean_square = (start**2 + end**2) / 2
     peak_limit = np.maximum(velocity, np.maximum(np.abs(start), np.abs(end)))
+    # Without cruising, the ramps to and from the peak cover (peak² − mean_square) / acceleration.
     peak = np.minimum(np.sqrt(np.maximum(acceleration * distance + mean_square, 0.0)), peak_limit)
     cruise = (distance - (peak**2 - mean_square) / acceleration) / np.where(peak > 0, peak, 1.0)
     duration = (2 * peak - start - end) / acceleration + np.where(peak > 0, cruise, 0.0)
@@ -353,10 +354,12 @@ def rest_to_rest(
     ramp = min(acceleration / limit, math.sqrt(speed / limit))
     peak = min(acceleration, math.sqrt(speed * limit))
     constant_time = max(speed / peak - ramp, 0.0)
+    # The columns are the duration of a piece, and the acceleration at its start and end.
     speed_up = np.array([[ramp, 0.0, peak], [constant_time, peak, peak], [ramp, peak, 0.0]])
     cruise = [max(distance / speed - speed_up[:, 0].sum(), 0.0), 0.0, 0.0]
     slow_down = speed_up[::-1, [0, 2, 1]] * (1, -1, -1)
     pieces = np.vstack([speed_up, cruise, slow_down])
+    # Pieces shorter than rounding are left out.
     lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
     return SCurve(lengths, start, end)
 
@@ -367,7 +370,9 @@ def rest_times(
     acceleration: Array | float,
     jerk: Array | float = math.inf,
 ) -> Array:
-    """Return the durations of the motions `rest_to_rest`, s. All arguments broadcast.
+    """Return the durations of the fastest motions from rest to rest, s.
+
+    They are those of `rest_to_rest`, but for arrays. All arguments broadcast.
 
     Parameters
     ----------

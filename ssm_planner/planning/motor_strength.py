@@ -116,7 +116,7 @@ def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | 
     ]
 
     def needs() -> Iterator[tuple[int, float, str]]:
-        """Yield joint, largest torque in N·m that it needs to move, and the place."""
+        """Yield the index of each joint, the torque in N·m that it needs to move, and the place."""
         for i, drive, _ in motorised(robot.joints):
             friction = friction_of(drive)
             slow_mu = np.asarray(friction_coefficient(friction, 0.0))
@@ -161,7 +161,7 @@ def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
     reach = np.abs(load[1:] - load[0]).sum(axis=0)
 
     def needs() -> Iterator[tuple[int, float, str]]:
-        """Yield joint, lower bound of the needed torque in N·m, and the place."""
+        """Yield the index of each joint, a lower bound on its needed torque in N·m, and the place."""
         for i, drive, _ in motorised(robot.joints):
             sign = float(np.sign(qd[i]))
             if sign:
@@ -214,12 +214,13 @@ def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
     has_free_duration = [not phase.motion.duration for phase in phases]
 
     def needs() -> Iterator[tuple[int, float, None]]:
-        """Yield joint and lower bound of the RMS torque in N·m, which belongs to no place."""
+        """Yield the index of each joint, a lower bound on its RMS torque in N·m, and no place."""
         for i, drive, _ in motorised(robot.joints):
             means = [
                 motion.least_mean_torque(i, drive) if motion else 0.0 for motion in slow_motions
             ]
             mean_square = np.square(means) @ least_durations / (sum(least_durations) + pause)
+            # All durations are at their lower bounds, or a free duration is infinite.
             yield i, min([math.sqrt(mean_square), *compress(means, has_free_duration)]), None
 
     return _overloaded(
@@ -255,7 +256,10 @@ class _SlowMotion:
 
     @classmethod
     def from_phase(cls, robot: Robot, phase: Phase) -> _SlowMotion | None:
-        """Sample a phase. Returns None if it has no given path, or begins or ends at speed."""
+        """Sample a phase along its given path at n values of s.
+
+        Returns None if the phase has no given path, or if it begins or ends at speed.
+        """
         if phase.path is None or not phase.begins_and_ends_at_rest:
             return None
         samples = phase.path.overview

@@ -428,6 +428,7 @@ def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Pha
             pieces.append(phase.path)
         path = rounded(pieces[0].mechanism, pieces, distances)
     except ProblemError as error:
+        # The key of the error is the index of the corner.
         k = int(error.key or 0)
         error.file = problem.file
         error.line = chain[k].motion.line
@@ -513,6 +514,7 @@ def other_ends(phase: Phase, index: int) -> list[Array]:
     ranges = np.array([joint.position for joint in phase.problem.robot.joints[:3]])
     ends = []
     for q in solutions.joints[0, solutions.valid[0]]:
+        # Each angle with a whole turn less and more.
         with_turns = q[:3, None] + 2 * np.pi * np.array([0, -1, 1])
         in_range = (with_turns >= ranges[:, :1] - ROUNDING) & (
             with_turns <= ranges[:, 1:] + ROUNDING
@@ -554,6 +556,7 @@ def _solutions(
         )
         depth = mechanism.insertion_sign * solutions.joints[0, :, 3]
         low, high = problem.ranges.get("depth", (-np.inf, np.inf))
+        # The mechanism may reach a depth that the problem does not allow.
         solutions.reaches[0] &= (depth >= low - ROUNDING) & (depth <= high + ROUNDING)
         if not solutions.reaches[0].any():
             raise ProblemError(

@@ -160,6 +160,7 @@ def _reversed_directions(multipliers: DirectionMultipliers, at_rest: Mask) -> Ar
         if size >= threshold:
             low, end = _extended(start, stop, at_rest[:, joint] & (signs[:, joint] == 0))
             directions[low:end, joint] = signs[start, joint]
+    # A joint that rested has a direction in every element, if it moves at all.
     for joint in range(4):
         if not multipliers.directions[:, joint].any() and directions[:, joint].any():
             directions[:, joint] = _fill_zeros(signs[:, joint])

@@ -392,6 +392,7 @@ def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
         - times[predecessors, successors]
         for candidate in (run, run[::-1])
     ]
+    # The run is inserted in the direction that costs less.
     reverse = int(np.min(costs[1]) < np.min(costs[0]))
     k = int(np.argmin(costs[reverse]))
     if saved - costs[reverse][k] <= ROUNDING:

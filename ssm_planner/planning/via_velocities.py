@@ -115,6 +115,7 @@ class _Passing:
         segments = len(self.displacements)
         limits = np.broadcast_to(self.velocity, speeds.shape)
         signs = np.sign(self.displacements)
+        # A joint that must not reverse has velocity 0 at points where its direction changes.
         low, high = (
             np.where(
                 may_reverse | (np.minimum(sign * signs[:-1], sign * signs[1:]) > 0),
@@ -144,6 +145,7 @@ class _Passing:
             """Return the gradients of the constraints, (4 n, unknowns)."""
             return self._margin_gradients(unknowns[segments:].reshape(-1, 4), unit)
 
+        # The unknowns are T_k / unit, then the velocities divided by their limits.
         solution = fmin_slsqp(
             total_duration,
             np.concatenate([self.times(speeds).max(axis=1) / unit, (speeds / limits).ravel()]),

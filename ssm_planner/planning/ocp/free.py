@@ -219,7 +219,11 @@ class _FreeProblemBuilder:
         return FINER * ELEMENTS if at_speed or (confirmed and between_two_points) else ELEMENTS
 
     def elements_per_segment(self, count: int) -> int:
-        """Return the number of elements between two points, for about `count` elements in all."""
+        """Return the number of elements between two neighbouring points.
+
+        Between two points only, it is `count`. A motion through more points gets twice as many
+        elements in all, and at least 8 between two points.
+        """
         return (
             max(2 * count // len(self.displacements), 8) if len(self.displacements) > 1 else count
         )
@@ -250,6 +254,7 @@ class _FreeProblemBuilder:
             Approximate number of elements between two points.
         """
         displacements, borders = self.displacements, self.borders
+        # Known reversals have a motion through them as guess.
         if borders.guess is not None:
             count = per_segment * len(displacements)
             return sampled_guesses(borders, count=count, least_count=self.least_count)
@@ -265,6 +270,7 @@ class _FreeProblemBuilder:
                 speeds[k : k + 2],
                 kinematic_limits,
                 jerk=self.jerk,
+                # Only the first segment begins with the initial acceleration.
                 start_acceleration=self.start_acceleration * (k == 0),
                 count=per_segment,
                 least_count=self.least_count,

@@ -98,6 +98,7 @@ class FreeProblem(OcpProblem):
     def boundary(self) -> BoundaryConditions:
         """Positions and velocities of the coordinates at borders and ends, in scaled units."""
         start, end = (self.scaled(speed, 1) for speed in self.speeds)
+        # NaN stands for a position that the solver determines.
         points = self.scaled(
             np.where(self.chain.fixed, self.chain.points, np.nan) - self.chain.points[0], 0
         )
@@ -177,7 +178,11 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def complete_element(self) -> FreeElement:
-        """Element model with every path constraint that limits of the problem and its eye may need."""
+        """Element model with all path constraints that the problem may need.
+
+        They are the limits of task coordinates, tool speeds, the eye, and the motor torques of
+        moving joints.
+        """
         problem = self.problem
         rows: set[RowName] = {
             (TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges
@@ -224,7 +229,10 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def _parameters(self) -> Array:
-        """Parameters of the element model as one vector, in the order of `FreeElement.layout`."""
+        """Parameters of the element model as one vector, in the order of `FreeElement.layout`.
+
+        They are the scales of the program, and the limits of joints, tool and task coordinates.
+        """
         problem = self.problem
         ranges = np.array([problem.ranges.get(name, (-UNLIMITED, UNLIMITED)) for name in WATCHED])
         return FreeElement.layout.pack(
@@ -289,16 +297,19 @@ class FreeProblem(OcpProblem):
         lengths = solution.elements[:, -1]
         directions = self.directions[structure.segment]
         velocity = self.joint_limits["velocity"] * self.time_scale
+        # Times the limit of u̇, a multiplier belongs to the velocity as a share of its limit.
         values = np.zeros((structure.elements, 4))
         values[:, self.moving] = multipliers.direction * (
             velocity[self.moving] / self.unit[self.moving]
         )
+        # Joints at rest have no constraint, so their savings follow from reduced costs.
         standing = np.setdiff1d(np.arange(4), self.moving)
         if standing.size and multipliers.rows.any():
             gradient = self._gradient_of_all_joints(solution, multipliers)
             for i in standing:
                 values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths)
         instants = np.append(0.0, np.cumsum(lengths))
+        # Borders at the port and at free reversals are no given points.
         is_point = [
             k not in self.chain.ports and bool(fixed.all())
             for k, fixed in enumerate(self.chain.fixed)
@@ -376,6 +387,7 @@ class FreeProblem(OcpProblem):
             return expanded + (self.chain.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
+        # The end of an element is the start of the next one, so that both agree exactly.
         next_states = (
             np.vstack([pieces.u[1:], boundary.points[-1]]),
             np.vstack([pieces.v[1:], boundary.end_velocity]),
@@ -385,6 +397,7 @@ class FreeProblem(OcpProblem):
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
             (joints(next_states[0], 0), joints(next_states[1], 1), joints(pieces.a1, 2)),
         )
+        # The segments before and after the port belong together.
         border_indices = [k for k in range(len(self.chain.points)) if k not in self.chain.ports]
         border_instants = breaks[[*solution.structure.borders, count]][border_indices]
         directions = np.sign(np.add.reduceat(self.directions, border_indices[:-1]))

@@ -110,6 +110,7 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
         element_count = max(2 * least_count, round(count * (end - start) / motion.duration))
         t = np.linspace(start, end, element_count + 1)
         before, after = motion.sample(t[:-1]), motion.sample(t[1:], side="left")
+        # Velocities against the direction of the segment are not allowed.
         velocity = np.where(before.qd * signs > 0, before.qd, 0.0)
         elements = Cubic(before.q, velocity, before.qdd, after.qdd, np.diff(t)[:, None])
         fixed = np.ones(points.shape, dtype=bool)
@@ -151,12 +152,14 @@ def guess_from_rest(
     moving = np.flatnonzero(displacement)
     distances = np.abs(displacement)
     velocity, acceleration, jerks = limits.tolist()
+    # Fastest motion of each joint as if it were alone.
     fastest_curves = {
         k: rest_to_rest(
             float(distances[k]), velocity[k], acceleration[k], jerks[k] if jerk else None
         )
         for k in moving
     }
+    # All joints take the time of the slowest one.
     slowest_joint = max(moving, key=lambda k: fastest_curves[k].duration)
     slowest = fastest_curves[slowest_joint]
     curves: list[SCurve | None] = [None] * len(displacement)

@@ -119,11 +119,13 @@ def build_solvers(
     objective, constraints, weight = program.objective, program.constraints, program.cost_weight
     n, z_by_x = z.size2(), ca.jacobian(ca.vec(z), x)
     evaluate = partial(_map_elements, native, z, program.element_parameters)
+    # Constraints and their Jacobian.
     jacobians = _block_diagonal(evaluate(functions.jacobian), functions.jacobian.sparsity_out(0), n)
     g = ca.vertcat(constraints, ca.vec(evaluate(functions.rows)))
     jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ z_by_x)
 
     f, grad_f = objective, ca.gradient(objective, x)
+    # Objective with the costs of all elements, and its gradient.
     lam_f = ca.MX.sym("lam_f")
     lam_g = ca.MX.sym("lam_g", g.numel())
     lam_constraints, lam_rows = ca.vertsplit(lam_g, [0, constraints.numel(), g.numel()])
@@ -133,6 +135,7 @@ def build_solvers(
         _, cost_gradients = evaluate(functions.gradient)
         grad_f += weight * (z_by_x.T @ ca.vec(cost_gradients))
         multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * weight, 1, n))
+    # Hessian of the Lagrangian.
     hessians = _block_diagonal(
         evaluate(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n
     )

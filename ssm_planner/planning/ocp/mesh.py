@@ -173,6 +173,7 @@ def _with_ramps(
     """
     middle = (guess.times[1:] + guess.times[:-1]) / 2
     acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
+    # s̈ before and after a jump is the mean over a short window.
     window = SHORTEST_ARC / 2 * guess.duration
     ends = np.append(borders[1:], np.inf)
     with_ramps = []
@@ -183,6 +184,7 @@ def _with_ramps(
             (following.mean() if len(following) else 0.0)
             - (previous.mean() if len(previous) else 0.0)
         )
+        # The largest s⃛ determines how long the change of s̈ takes.
         ramp = jump / float(np.interp(border, guess.times, jerk))
         with_ramps.append(border)
         if SHORTEST_ARC * guess.duration / 4 < ramp and border + ramp < end - window:

@@ -113,6 +113,7 @@ class PhaseSolution:
         return replace(
             self,
             breaks=self.breaks * factor,
+            # The coefficient of t^k is divided by factor^k.
             coefficients=self.coefficients / factor ** np.arange(6.0)[:, None],
             border_instants=self.border_instants * factor,
             direction_multipliers=savings,

@@ -111,6 +111,7 @@ def find_best_motion(
     cheapest = _least_cost_motion(confirmed, objective, duration)
     if cheapest is None:
         return confirmed.solution
+    # The result counts the iterations of both motions.
     confirmation, cost_confirmation = confirmed.solution.confirmation, cheapest.confirmation
     if confirmation is not None and cost_confirmation is not None:
         total = confirmation.iterations + cost_confirmation.iterations
@@ -122,9 +123,21 @@ def find_best_motion(
 def _least_cost_motion(
     fastest: RefinedMotion, objective: Objective, duration: float | None
 ) -> NlpSolution | None:
-    """Compute the motion of least heat or effort after the fastest motion, in scaled time.
+    """Compute the motion of least heat or effort of the motors, starting from the fastest motion.
 
-    Returns None if only the time counts or if there is no such motion.
+    Parameters
+    ----------
+    fastest : RefinedMotion
+        The fastest motion.
+    objective : str
+        "time", "time then heat" or "effort".
+    duration : float or None
+        Requested duration in scaled time. None: little more than that of the fastest motion.
+
+    Returns
+    -------
+    NlpSolution or None
+        None if only the time counts, or if the solver finds no such motion.
     """
     problem = fastest.state.problem
     cooled = bool(problem.joint_limits["cooling"].any())
@@ -138,9 +151,18 @@ def _least_cost_motion(
 def _least_heat_motion(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution | None:
     """Compute the motion of least heat that takes little more time than the fastest motion.
 
-    It takes at most a share LONGER more. With heat weights (`cooled`), the weighted sum of time and
-    heat is minimised instead, and the duration is free. Returns None if the solver finds no motion
-    that keeps all limits.
+    Parameters
+    ----------
+    fastest : RefinedMotion
+        The fastest motion. The result takes at most a share LONGER more time.
+    cooled : bool
+        True if heat weights are given. The weighted sum of time and heat is then minimised instead,
+        and the duration is free.
+
+    Returns
+    -------
+    NlpSolution or None
+        None if the solver finds no motion that keeps all limits.
     """
     solution, problem = fastest.solution, fastest.state.problem
     if solution.solver == "structured" and problem.has_free_borders:
@@ -226,6 +248,7 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     if problem.method != "confirmed" or structured.solver != "structured" or not structured.solved:
         return refined
     structure, element, data = refined.program
+    # Only near the central path do the slacks give nearly exact multipliers.
     centred = solve_structured(
         structure,
         element,
@@ -247,6 +270,7 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
         for motion in (structured, ipopt_solution)
     )
     difference = ipopt_value / structured_value - 1 if structured_value else 0.0
+    # Ipopt's better motion is only useful if it keeps the limits between collocation points too.
     better = difference < -SAME
     if better and problem.row_maxima(ipopt_solution.elements).max(initial=0.0) > 1 + TOLERANCE:
         return None

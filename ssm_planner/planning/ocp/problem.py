@@ -56,9 +56,9 @@ class OcpProblem(ABC):
     @property
     @abstractmethod
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of u̇, ü and u⃛ of the coordinates in scaled time, (m,) or (n, m) each.
+        """Limits of velocity u̇, acceleration ü and jerk u⃛ of the coordinates in scaled time.
 
-        They are infinite without a limit.
+        They have the shape (m,) or (n, m) each, and are infinite without a limit.
         """
 
     @property
@@ -117,6 +117,7 @@ class OcpProblem(ABC):
             end=np.concatenate([boundary.points[-1], boundary.end_velocity]),
             acceleration=acceleration,
             jerk=jerk,
+            # The bounds are the same at all collocation points of an element.
             path_bound=np.tile(1.0 - backoff, (1, len(COLLOCATION))),
             breakaway_bound=self._breakaway_bound(),
         )
@@ -237,11 +238,13 @@ def parabolic_peak(values: Array) -> Array:
     count = values.shape[-1]
     rows = values.reshape(-1, count)
     peak = rows.max(axis=1)
+    # Index of the largest sample in the flattened array, or of its inner neighbour at an end.
     middle = np.clip(rows.argmax(axis=1), 1, count - 2) + np.arange(len(rows)) * count
     previous, centre, following = (rows.ravel()[middle + k] for k in (-1, 0, 1))
     slope = (following - previous) / 2
     curvature = following - 2 * centre + previous
     with np.errstate(divide="ignore", invalid="ignore"):
+        # The vertex of the parabola, at most one sample away. A straight line has no vertex.
         offset = np.clip(np.nan_to_num(-slope / curvature), -1.0, 1.0)
     return np.asarray(
         np.maximum(peak, centre + offset * (slope + offset * curvature / 2)).reshape(

@@ -121,10 +121,19 @@ class RefinementState:
         return structure, element, data
 
     def solve(self, program: NlpProgram, aim: Aim) -> NlpSolution:
-        """Solve a program with the solver of the problem's method: Ipopt, or the structured one."""
+        """Solve a program by Ipopt or by the structured solver, depending on the method.
+
+        Parameters
+        ----------
+        program : NlpProgram
+            The program.
+        aim : str
+            Cost in addition to time, see `elements.element.Aim`.
+        """
         structure, element, data = program
         if self.problem.method == "Ipopt":
             return Transcription.build(structure, element).solve(data, self.elements, self.warm)
+        # The constraint of the lens has rounded edges, so the barrier must decrease slowly.
         beside_lens = any(name == LensClearance.name for name, _ in self.active)
         return solve_structured(
             structure, element, data, self.elements, warm=self.warm, switching=beside_lens
@@ -217,6 +226,7 @@ def solve_to_tolerance(
             solution.solver, solution.iterations, len(solution.elements), costs=aim != "time"
         )
         state = replace(state, elements=solution.elements)
+        # A failed solve cannot be refined, and refinement only makes a motion longer.
         if not solution.solved or solution.duration > cutoff:
             break
         violation = state.problem.row_maxima(solution.elements) - 1
@@ -231,19 +241,19 @@ def solve_to_tolerance(
 def _next_state(
     state: RefinementState, solution: NlpSolution, violation: Array, *, may_cut: bool
 ) -> RefinementState:
-    """Return the state for the next solve after a solution that violates limits.
+    """Return the state for the next solve, after a solution that violates limits.
 
     The first of these steps that applies is taken.
 
-    1. Violated constraints that are not active become active. If the solution has diverged, the
-       next solve starts at the guess again.
+    1. Violated constraints that are not part of the program become part of it. If the solution has
+       diverged, the next solve starts at the guess again.
     2. Elements with large violations are divided, if `may_cut` is true.
     3. The bounds of violated constraints are lowered.
 
     Parameters
     ----------
     state : RefinementState
-        State of the solve.
+        State of the last solve.
     solution : NlpSolution
         Its solution.
     violation : (n, r) array

@@ -275,8 +275,8 @@ class SegmentChain:
         port : float
             Depth of the port, m.
         is_outside : callable
-            Returns True for joint positions (4,) at which the tip can only be because the port is
-            there.
+            Returns True if the tip, at joint positions (4,), is closer to the retina than allowed.
+            Only the port permits such a position.
         least_count : int
             Smallest number of elements of an arc.
         """
@@ -317,8 +317,8 @@ class SegmentChain:
         port : float
             Depth of the port, m.
         is_outside : callable
-            Returns True for joint positions (4,) at which the tip can only be because the port is
-            there.
+            Returns True if the tip, at joint positions (4,), is closer to the retina than allowed.
+            Only the port permits such a position.
 
         Returns
         -------

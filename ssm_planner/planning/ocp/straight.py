@@ -131,6 +131,7 @@ def solve_straight(
     mesh = Mesh.from_retiming(
         guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None
     )
+    # Unit of time: the duration of the guess, or a lower bound if that is longer.
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
     speed_limit = rate_ceiling(path, limits.rates) * scale
     problem = _StraightProblem(
@@ -238,6 +239,7 @@ class _StraightProblem(OcpProblem):
                 solution.status, solution.message, solution.iterations, solver=solution.solver
             )
         scale = self.time_scale
+        # From scaled time to seconds.
         elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
         breaks, coefficients = joint_pieces(self.path, elements, SUBDIVISION, end_speed)
         positions = np.append(elements[:, 0], 1.0)
@@ -332,6 +334,7 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
     """
     knots = path.directions[0]
     if isinstance(path, StraightPath) or not rates:
+        # Task coordinates are linear in s on a straight path.
         slopes = (
             np.abs(path.end - path.start)[None, None]
             if isinstance(path, StraightPath)

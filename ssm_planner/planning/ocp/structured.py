@@ -92,6 +92,7 @@ def solve_structured(
         The solution. Its message is NOT_CONVERGED if no attempt converged.
     """
     program = program_of(structure, element, data)
+    # The first attempt may start at a similar solution, the others start at the guess.
     state = None if warm is None else warm.structured_state
     total_iterations = 0
     initial = _point(program, structure, data, start)
@@ -99,6 +100,7 @@ def solve_structured(
     exponents: tuple[float, ...] = (
         (SUPERLINEAR, *EXPONENTS) if accurate and not switching else EXPONENTS
     )
+    # A short solve has no time for several attempts.
     if iterations < ITERATIONS:
         exponents = exponents[:1]
     for superlinear in exponents if state is None else (exponents[0], *exponents):
@@ -157,7 +159,7 @@ def _multipliers(
 
 
 def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
-    """Build the structured solver's program.
+    """Build the program in the form that the structured solver reads.
 
     Parameters
     ----------
@@ -187,6 +189,7 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
             _group(element, data.element_parameters, all_elements, data.path_bound, data.weights[1])
         )
     if np.isfinite(data.breakaway_bound).any():
+        # A joint may break away at the start of one element in its direction in another one.
         element_indices, direction_indices = np.array(structure.breakaways).T
         sigma, *other_parameters = data.element_parameters
         parameters = (
@@ -341,6 +344,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     n, m = structure.elements, structure.coordinates
     is_bounded = data.bounds_of_u_count(structure)
     v_min, _ = data.velocity
+    # Without bounds of u, its columns are left out.
     offset = 0 if is_bounded.any() else m
     columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
     identity = np.eye(5 * m + 1)[columns]
@@ -355,6 +359,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     matrix = np.vstack([identity, -identity])
     bound = np.hstack([upper, -lower])
     if structure.smooth and structure.joints:
+        # |ü(h) − ü(0)| ≤ jerk · h as two rows, multiplied by n / jerk.
         rise = np.zeros((m, 5 * m + 1))
         rise[:, 2 * m : 3 * m] = np.diag(-n / data.jerk)
         rise[:, 3 * m : 4 * m] = np.diag(n / data.jerk)

@@ -269,6 +269,7 @@ class Transcription:
             Solution with the initial multipliers.
         """
         limited = self.structure.moving & self.structure.velocity_limits
+        # Lower and upper bounds of the groups of constraints.
         bounds = {
             "dynamics": (0.0, 0.0),
             "velocity": tuple(velocity[limited] for velocity in data.velocity),
@@ -281,6 +282,7 @@ class Transcription:
             [np.broadcast_to(bounds[name][end], size) for name, size in self.sizes.items()]
             for end in (0, 1)
         )
+        # The names of the parameters are those of the fields of NlpData.
         own_parameters = self.parameters.pack(
             **{name: getattr(data, name) for name in self.parameters.slices}
         )

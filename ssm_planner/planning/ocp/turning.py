@@ -62,6 +62,7 @@ class _Profile:
             latter decides whether the joint can stop in time under its jerk limit.
         """
         velocity, acceleration, brake = (float(limit) for limit in limits)
+        # If the jerk limit changes the direction of the peak, the profile brakes accordingly.
         sign = _peak_sign(displacement, speeds, brake)
         if sign != _peak_sign(displacement, speeds, acceleration):
             acceleration = brake
@@ -109,6 +110,7 @@ class _Profile:
         distance = self.sign * self.displacement
         acceleration = self.acceleration
         squares = (start * abs(start) + end * abs(end)) / (2 * acceleration)
+        # Peak velocities of the slowest and of the fastest motion.
         low = math.sqrt(max(squares - distance, 0.0) * acceleration)
         high = min(
             math.sqrt(max(acceleration * distance + (start**2 + end**2) / 2, 0.0)), self.velocity
@@ -120,6 +122,7 @@ class _Profile:
             travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
             return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
 
+        # A higher peak velocity gives a shorter motion.
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
             low, high = (low, middle) if sum(phase_lengths(middle)) < duration else (middle, high)
@@ -133,6 +136,7 @@ class _Profile:
             * np.array([math.copysign(1.0, high - start), 0.0, math.copysign(1.0, end - high)])
         )
         times = np.array([ramp_up, cruise, ramp_down])
+        # Pieces shorter than rounding are left out.
         nonempty = times > 1e-13 * max(duration, times.sum())
         return SCurve(
             times[nonempty], accelerations[nonempty], accelerations[nonempty], self.speeds[0]
@@ -183,6 +187,7 @@ def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
     sign = np.where(speed < 0, -1.0, 1.0)
     v, a = sign * speed, sign * acceleration
     peak = np.minimum(np.sqrt(np.maximum(jerk * v + a**2 / 2, 0.0)), a_max)
+    # The acceleration falls to −peak, stays there, and returns to 0.
     ramp_in_time, ramp_out_time = np.maximum((a + peak) / jerk, 0.0), peak / jerk
     constant_time = np.maximum(v + (a**2 - 2 * peak**2) / (2 * jerk), 0.0) / np.where(
         peak > 0, peak, 1.0
@@ -257,6 +262,7 @@ def guess_with_reversals(
                 least_count=least_count,
             )
         )
+    # The positions of joints that rest are given, all others only at both ends.
     points = np.array([*(guess.elements.u[0] for guess in guesses), start + displacement])
     fixed = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
     fixed[[0, -1]] = True
@@ -294,6 +300,7 @@ def _reversals_in_order(profiles: list[_Profile], duration: float) -> tuple[list
             for profile in profiles
         ]
     ]
+    # Each reversal begins a segment in which one joint has the other direction.
     for t, i in sorted(reversals):
         borders.append(max(t, borders[-1] + LEAST_SEGMENT * duration))
         directions.append(directions[-1].copy())

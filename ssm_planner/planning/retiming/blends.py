@@ -112,6 +112,7 @@ class BlendedPath(JointPath):
         part = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
         for k in np.unique(part):
             on_part = part == k
+            # Even parts are pieces, odd parts are roundings.
             if k % 2 == 0:
                 values[:, on_part] = self._on_piece(k // 2, s[on_part])
                 continue
@@ -131,9 +132,9 @@ class BlendedPath(JointPath):
         return self.smooth_directions(self.pieces[0].watched)
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Return where joints start to move, see `JointPath.starts`.
+        """Return a mask (n, 4) of the samples at which a joint starts to move.
 
-        Joints also start within the path: after a rest, and where they reverse.
+        Joints start at s = 0, and within the path where they reverse or end a rest.
         """
         return joint_starts(samples, *self.directions)
 
@@ -181,6 +182,7 @@ def rounded(
             raise ProblemError(reason, key=str(k), allowed=allowed)
         cuts.append([share for share, _ in shares])
     path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
+    # The joints are divided by their largest |q'|, which makes rad and m comparable.
     largest_slope = np.abs(path.sample(np.linspace(0.0, 1.0, SAMPLES)).dq).max(axis=0) + ROUNDING
     for k, (start, end) in enumerate(zip(path.breaks[1:-1:2], path.breaks[2:-1:2], strict=True)):
         slope = np.linalg.norm(
@@ -229,5 +231,6 @@ def _share(path: ClosedPath, distance: float, from_end: bool) -> tuple[float, fl
     beyond = np.flatnonzero(distances >= distance)
     if not len(beyond):
         return np.inf, reach
+    # Between these two samples, the distance passes the required one.
     low, high = shares[beyond[0] - 1], shares[beyond[0]]
     return sign_change(lambda s: distance_from_corner(s) - distance, low, high), reach

@@ -176,6 +176,7 @@ class PathLimits:
             for load, drive, sides in self.robot.actuations(i):
                 mu = self._friction_coefficient(drive, i, speed_squared, static_start)
                 driving, braking = self._torque_terms(drive, i, mu, self.loads[load], speed_squared)
+                # An actuation concerns driving (1), braking (−1) or both.
                 rows += [term / limit for term in driving] if 1 in sides else []
                 rows += [braking / limit] if -1 in sides else []
         a, b, c, k = np.stack(rows, axis=-1)
@@ -269,7 +270,10 @@ class PathLimits:
         c: Array | float = 0.0,
         k: Array | float = 0.0,
     ) -> Array:
-        """Return a term as an array (4, n) from its coefficients, each (n,) or a number."""
+        """Return the coefficients of a function a s̈ + b ṡ² + c + k ṡ as an array (4, n).
+
+        Each argument has the shape (n,), or is a number that applies to all n points.
+        """
         a, b, c, k, _ = np.broadcast_arrays(a, b, c, k, self.ceiling)
         return np.stack([a, b, c, k])
 
@@ -331,6 +335,7 @@ def _speed_ceiling(
     for i, drive, motor in motorised(robot.joints):
         limit[i] = min(limit[i], motor.max_speed / drive.ratio)
     with np.errstate(divide="ignore", over="ignore"):
+        # Each entry is the largest ṡ that one limit allows, (n,).
         speeds = [*(limit / np.abs(samples.dq)).T]
         for bound in limits.speeds:
             slope = tool_speed(type(bound), path.mechanism, samples.q, samples.dq)

@@ -368,6 +368,7 @@ class MotionPath(JointPath):
         duration = self.trajectory.duration
         samples = self.trajectory.sample(np.clip(s, 0.0, 1.0) * duration)
         dq, ddq = samples.qd * duration, samples.qdd * duration**2
+        # Rounding of the polynomials must not move a joint at rest.
         at_rest = ~self.signs.any(axis=0)
         dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, samples.q, dq, ddq)

@@ -64,6 +64,7 @@ def fastest_profile(
     arrays = [
         np.ascontiguousarray(values) for values in (grid, rows.a, rows.b, rows.c, rows.ceiling)
     ]
+    # The C function writes to `result` and needs a workspace.
     pointers = [ctypes.c_void_p(values.ctypes.data) for values in (*arrays, result, workspace)]
     sizes = map(ctypes.c_long, (n, m))
     ends = map(ctypes.c_double, (speeds[0] ** 2, speeds[1] ** 2))

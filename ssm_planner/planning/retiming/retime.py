@@ -173,6 +173,7 @@ def motion_along(path: MotionPath, retiming: Retiming) -> Trajectory:
     motion = path.trajectory
     old_time = retiming.s * motion.duration
     rate_squared = retiming.speed_squared * motion.duration**2
+    # Index of the grid point after each break.
     after_break = np.searchsorted(old_time, motion.breaks[1:-1])
     rate_squared[after_break - 1] = (rate_squared[after_break - 1] + rate_squared[after_break]) / 2
     old_time[after_break - 1] = motion.breaks[1:-1]
@@ -257,12 +258,12 @@ def _times(grid: Array, speed_squared: Array) -> Array:
 
 
 def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
-    """Return the grid of TOPP-RA, (points + 1,).
+    """Return the grid points of TOPP-RA from 0 to 1, (points + 1,).
 
-    It is uniform in s at first, and nearly uniform in time if a rough motion is available. Every
-    knot gets a grid point. A step in s takes long where ṡ is small. There the interpolation scheme
-    loses most, because it keeps the constraints at both ends of a step with one s̈. With the same
-    number of points, a grid that is uniform in time loses a quarter as much.
+    Without a rough motion the grid is uniform in s. With one it is nearly uniform in time, because
+    the interpolation scheme loses most in intervals that take long: it satisfies the constraints at
+    both ends of an interval with a single s̈. With the same number of points, such a grid loses a
+    quarter as much. In both cases the grid points nearest to the knots are moved to the knots.
 
     Parameters
     ----------
