@@ -1,4 +1,8 @@
-"""Planning with a check: plan, check, and tighten the limits that the check finds exceeded."""
+"""Planning with an independent check of the motion.
+
+After a failed check, the exceeded limits are tightened by their excess and the problem is planned
+again, up to PLANNING_ROUNDS times.
+"""
 
 from __future__ import annotations
 
@@ -20,40 +24,43 @@ from ssm_planner.verification.check import check
 PLANNING_ROUNDS = 4
 """Largest number of rounds of planning and checking.
 
-A fourth round has never helped where the third did not.
+In all known problems, a fourth round failed if the third one failed.
 """
 
 
 @record
 class Outcome:
-    """A planned motion, its certificate, and the reason why it is rejected."""
+    """A planned motion with its certificate, or the reason why there is no certified motion."""
 
     planned: PlannerResult
+    """Result of the planner."""
     certificate: Certificate | None
+    """Result of the check. None without a motion."""
     reason: Reason | None
-    """None if the motion passed the check."""
+    """Why the motion failed the check, or why there is none. None if it passed."""
 
     @property
     def passed(self) -> bool:
-        """True if the motion is certified."""
+        """True if there is a motion and it passed the check."""
         return self.reason is None and self.planned.trajectory is not None
 
     @property
     def duration(self) -> float:
-        """Duration, s. Infinite without a certified motion."""
+        """Duration of the certified motion, s. Infinite without one."""
         trajectory = self.planned.trajectory
         return trajectory.duration if self.passed and trajectory is not None else np.inf
 
     @property
     def duration_or_reason(self) -> float | Reason:
-        """Duration of the certified motion, s, or the reason why there is none."""
+        """Duration of the certified motion in s, or the reason why there is none."""
         return self.reason or self.duration
 
     @property
     def excess_heat(self) -> float | None:
-        """(RMS/limit)² − 1 of the hottest motor.
+        """Relative excess of heat of the hottest motor, (RMS torque / continuous torque)² − 1.
 
-        None if another limit is exceeded, or if nothing was checked.
+        None if there is no certificate, if another limit is exceeded, or if no motor is checked for
+        heat.
         """
         certificate = self.certificate
         if certificate is None:
@@ -79,33 +86,34 @@ def plan_and_check(
     *,
     may_overheat: bool = True,
 ) -> Outcome:
-    """Plan a problem and check the motion.
+    """Plan a motion for a problem and check it independently.
 
-    If the check finds a limit exceeded, the limit is tightened by the excess and the problem is
-    planned again.
+    If the check finds that the motion exceeds a limit, the limit is tightened by the excess, and
+    the problem is planned again, up to PLANNING_ROUNDS times.
 
     Parameters
     ----------
     problem : Problem
         The problem.
     work : Work
-        Counter of the work.
+        Counter of the computational work.
     progress : callable
-        Called with messages.
+        Called with each step of the work.
     on_motion : callable
         Called with each motion before its check.
     cooling : (4,) array or None
-        Weights of the motors' heat, as in `plan_motion`.
+        Weights of the motors' heat relative to time, as in `plan_motion`.
     may_overheat : bool
-        Plan a motion even if no motion keeps the motors cool enough.
+        True if a motion is planned even if every motion makes a motor too hot.
 
     Returns
     -------
     Outcome
-        The last motion, with its certificate and the reason if it failed.
+        The last motion, with its certificate, and with the reason if it failed.
     """
     strict = problem
-    for number in range(1, PLANNING_ROUNDS + 1):
+    for round_number in range(1, PLANNING_ROUNDS + 1):
+        # The planner gets both the robot itself and the robot with stricter limits.
         result = plan_motion(
             unchecked(strict, robot=problem.robot),
             strict.robot,
@@ -116,10 +124,11 @@ def plan_and_check(
         )
         if result.trajectory is not None:
             on_motion(result.trajectory)
-            attempt = f", attempt {number}" if number > 1 else ""
+            attempt = f", attempt {round_number}" if round_number > 1 else ""
             progress(Step(f"independent check{attempt}"))
         outcome = checked(problem, result)
         certificate = outcome.certificate
+        # Further rounds only help if a limit that the motion exceeds can be tightened.
         stricter = None if certificate is None else tightened(strict, certificate)
         if stricter is None:
             break
@@ -128,7 +137,20 @@ def plan_and_check(
 
 
 def checked(problem: Problem, result: PlannerResult) -> Outcome:
-    """Check a motion, and return it with its certificate."""
+    """Check a planned motion independently.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its limits.
+    result : PlannerResult
+        Result of the planner.
+
+    Returns
+    -------
+    Outcome
+        The motion with its certificate. Without a motion, the outcome has the planner's reason.
+    """
     if result.trajectory is None:
         return Outcome(result, None, result.reason)
     certificate = check(result.trajectory, problem.robot, problem.task_limits, seal=True)
@@ -137,9 +159,23 @@ def checked(problem: Problem, result: PlannerResult) -> Outcome:
 
 
 def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
-    """Return the problem with tighter limits, by the excess that the check found between nodes.
+    """Return the problem with stricter limits, after a check has found limits exceeded.
 
-    None if no exceeded limit can be tightened.
+    The planner evaluates most limits at fewer instants than the check. Each exceeded limit is
+    tightened by its excess.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem that was planned.
+    certificate : Certificate
+        Result of the check with the original limits.
+
+    Returns
+    -------
+    Problem or None
+        None if no exceeded limit can be tightened, or if a point of the problem exceeds a stricter
+        limit.
     """
     strict = problem
     for violation in certificate.violations:
@@ -148,13 +184,24 @@ def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
         if stricter is not None:
             try:
                 strict = stricter.on(strict)
-            except ProblemError:  # A point, or the port of the eye, lies between the two bounds.
+            # A point, or the port of the eye, lies between the old and the stricter bound.
+            except ProblemError:
                 return None
     return None if strict is problem else strict
 
 
 def exceeded(problem: Problem, certificate: Certificate) -> Reason:
-    """Return the worst violation, which tightening did not cure, as a reason."""
+    """Return the reason for a failed check: the limit that the motion exceeds most.
+
+    Stricter limits in further rounds of planning did not prevent it.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its limits.
+    certificate : Certificate
+        Result of the check with at least one exceeded limit.
+    """
     violation = certificate.worst
     limit = problem.limit(violation.name, violation.joint)
     if violation.name in JUMPS and violation.joint is not None:
@@ -180,6 +227,7 @@ def exceeded(problem: Problem, certificate: Certificate) -> Reason:
             f"{violation.unit} against {available:.6g} {violation.unit} at {instant}; "
             "the motion is not written"
         )
+    # The limit is a lower bound here, so the found value is the available one.
     if isinstance(limit, SelfLocking) or (limit is not None and limit.is_floor):
         required, available = available, required
     return Reason(limit, instant, required, available, text)

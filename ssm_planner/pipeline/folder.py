@@ -1,4 +1,4 @@
-"""The result folder of one plan."""
+"""The result folder of a plan."""
 
 from __future__ import annotations
 
@@ -11,29 +11,39 @@ if TYPE_CHECKING:
     from ssm_planner.reporting.figures.process import FigureProcess
 
 NO_PLAN = "no_plan.html"
-"""Page in the folder of a problem without a certified motion."""
+"""Page in the folder of a problem without a certified motion. A later plan deletes it."""
 
 
 def write_folder(
     plan: Plan, folder: Path, drawer: FigureProcess | None = None, rate: float | None = None
 ) -> dict[str, Path]:
-    """Write the result folder of a plan, and return the paths of its files by name.
+    """Write the result folder of a plan.
 
-    The folder contains plan.json, report.html, trajectory.csv, the figures and their manifest. A
-    plan without a trajectory has no files.
+    The folder contains plan.json, report.html, trajectory.csv, the figures and their manifest. All
+    files appear together when the last one is complete. Nothing is written for a plan without a
+    trajectory.
 
     Parameters
     ----------
     plan : Plan
+        The plan.
     folder : Path
+        The folder.
     drawer : FigureProcess, optional
         Process that already draws the figures. By default, this process draws them.
     rate : float, optional
         Rate of trajectory.csv, Hz. The default is that of `write_csv`.
 
+    Returns
+    -------
+    dict
+        Paths of the files by their names, for example "plan" and "report". Empty if nothing is
+        written.
+
     Raises
     ------
     ExportError
+        If a file cannot be written.
     """
     from ssm_planner.formats.csv import write_csv
     from ssm_planner.publishing import publishing_results
@@ -51,5 +61,6 @@ def write_folder(
             ),
             **write_figures(plan, temporary, drawer),
         }
+    # An earlier attempt may have left the page of a failure.
     (folder / NO_PLAN).unlink(missing_ok=True)
     return {name: folder / path.name for name, path in paths.items()}

@@ -1,4 +1,4 @@
-"""Timing of a given joint path, as fast as the limits of the robot allow."""
+"""Timing of a given joint path: the fastest motion along it within the limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
 POINTS_PER_PIECE = 4
-"""Number of points that are taken from each smooth piece of a trajectory."""
+"""Number of points that are sampled from each polynomial piece of a trajectory."""
 
 
 @checked
@@ -79,7 +79,27 @@ def retime(
 def limits_of(
     robot: Robot | str | Path | None, problem: Problem | str | Path | None
 ) -> tuple[Robot, Problem | None]:
-    """Return the robot, and the problem if one is given. Raises ProblemError."""
+    """Return the robot and the problem whose limits apply. Exactly one argument must be given.
+
+    Parameters
+    ----------
+    robot : Robot, file or None
+        The robot.
+    problem : Problem, file or None
+        The problem, which contains a robot.
+
+    Returns
+    -------
+    robot : Robot
+        The robot.
+    problem : Problem or None
+        The problem, if it is given.
+
+    Raises
+    ------
+    ProblemError
+        If both or neither are given, or if a file is invalid.
+    """
     if problem is None and robot is not None:
         return (robot if isinstance(robot, Robot) else load_robot(robot)), None
     if problem is None or robot is not None:
@@ -91,7 +111,10 @@ def limits_of(
 def retiming_problem(
     path: ArrayLike | Reading, robot: Robot, base: Problem | None, name: str
 ) -> tuple[Problem, Array]:
-    """Build the problem of following a path.
+    """Build the problem of following a path as fast as the limits allow.
+
+    The path is divided at its corners. The motion follows a spline through each part and stops in
+    between.
 
     Parameters
     ----------
@@ -99,8 +122,8 @@ def retiming_problem(
         Joint positions in rad and m, or a motion that was read from a file.
     robot : Robot
         Robot that follows the path.
-    base : Problem, optional
-        Problem whose task limits hold.
+    base : Problem or None
+        Problem whose limits on the tool and on the task apply. None: only the robot's limits.
     name : str
         Name of the new problem.
 
@@ -108,7 +131,7 @@ def retiming_problem(
     -------
     problem : Problem
         One `Follow` motion for each smooth part of the path.
-    deviation : (4,)
+    deviation : (4,) array
         Largest distance of each joint from the straight lines between the points, rad and m.
 
     Raises
@@ -122,18 +145,18 @@ def retiming_problem(
     if len(q) > MANY:
         raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MANY}")
     low, high = np.array([joint.position for joint in robot.joints]).T
-    inside = np.clip(q, low, high)
-    # A curve through recorded points may leave the range by rounding.
-    q = np.where(np.abs(q - inside) <= SAME, inside, q)
-    scale = robot.velocities
-    runs = smooth_runs(q, scale)
-    if not runs:
+    clipped = np.clip(q, low, high)
+    # Recorded points may lie outside the range by rounding.
+    q = np.where(np.abs(q - clipped) <= SAME, clipped, q)
+    velocities = robot.velocities
+    smooth_parts = smooth_runs(q, velocities)
+    if not smooth_parts:
         raise ProblemError("this path goes nowhere", key="path")
     mechanism = Mechanism.from_robot(robot)
-    deviations = [SplinePath(mechanism, run, scale).off_lines for run in runs]
-    points = [list(map(Joints.from_array, run)) for run in runs]
+    deviations = [SplinePath(mechanism, part, velocities).off_lines for part in smooth_parts]
+    points = [list(map(Joints.from_array, part)) for part in smooth_parts]
     motion = tuple(
-        Follow(run[-1], tuple(run[1:-1]), f"path {k}") for k, run in enumerate(points, 1)
+        Follow(part[-1], tuple(part[1:-1]), f"path {k}") for k, part in enumerate(points, 1)
     )
     start = points[0][0]
     problem = replace(
@@ -151,12 +174,13 @@ def retiming_problem(
 
 
 def _points(reading: Reading) -> Array:
-    """Return positions (n, 4) along a motion: its points, and more of them on smooth pieces.
+    """Sample joint positions along a motion that was read from a file, (n, 4).
 
-    Pieces between many points are so short that one point of each suffices.
+    If the file contains smooth polynomials, POINTS_PER_PIECE points of each are taken. If it
+    contains points, or more pieces than MANY allows, the ends of the pieces suffice.
     """
     breaks = reading.trajectory.breaks
     has_pieces = reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MANY
     count = POINTS_PER_PIECE if has_pieces else 1
-    index = np.arange(count * (len(breaks) - 1) + 1) / count
-    return reading.trajectory.positions(np.interp(index, np.arange(len(breaks)), breaks))
+    piece_position = np.arange(count * (len(breaks) - 1) + 1) / count
+    return reading.trajectory.positions(np.interp(piece_position, np.arange(len(breaks)), breaks))

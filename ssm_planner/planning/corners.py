@@ -1,15 +1,16 @@
-"""Drives that bound a range of friction and payload.
+"""Drives that bound the motor torques of a whole range of friction and payload.
 
-A motion whose torques hold for each of these drives holds for the whole range. In the direction of
-motion σ, the motor torque σ τ is at every instant a convex function of the load, and it grows with
-μ, with both bearing parameters and with the preload (dynamics/transmission.py). It follows that
+A motion that keeps the torque limit with each of these drives keeps it in the whole range. In the
+direction of motion σ, the motor torque σ τ is at every instant a convex function of the load. It
+grows with the friction coefficient μ, with both bearing parameters and with the preload
+(dynamics/transmission.py). Three rules follow:
 
-* the load is linear in a mass at the tip, so one end of the range of masses is the worst;
-* few of the sets of friction parameters that span the range (`FrictionSpread.within`) are the
-  worst anywhere. They are selected greedily on a grid of speeds and efforts that the motor can
-  meet, until no other set exceeds them by more than EASE of the largest torque. The remaining
-  excess is added to their bearing friction;
-* braking is bounded by the smallest value of every parameter at once.
+- The load is linear in a mass at the tip, so one of the two limits of the mass is the worst case.
+- Many sets of friction parameters span the range (`FrictionSpread.within`), but few of them need
+  the largest torque anywhere. They are selected one after the other on a grid of speeds and efforts
+  that the motor can meet, until no other set needs more than they do by more than EASE of the
+  largest torque. The remaining excess is added to their bearing friction.
+- If the motor brakes, the smallest value of every parameter together is the worst case.
 """
 
 from __future__ import annotations
@@ -31,40 +32,64 @@ from ssm_planner.problem import LAW, LAWS, Drive, Joint, Problem, Robot, uncheck
 from ssm_planner.typing import Array
 
 EASE = 0.01
-"""Share of the largest torque by which sets may exceed the selected ones, which are then raised by
-the excess.
-"""
+"""Share of the motor's largest torque by which a set may exceed the selected sets."""
 EFFORTS = np.linspace(-1.6, 1.6, 33)
-"""Grid of efforts, divided by the effort at which the smallest friction takes the motor's largest
-torque.
+"""Grid of efforts at the output.
+
+They are divided by the effort at which the motor reaches its largest torque with the least
+friction.
 """
 
 
 def with_corners(problem: Problem, robot: Robot) -> Robot:
     """Return the robot with the corners of the problem's range of friction and payload.
 
-    The corners include the empty tip. Without a range the robot is returned unchanged.
+    A corner is a robot with one of the bounding drives on each joint, and with the largest payload
+    or with an empty tip. Without a range, the robot is returned unchanged.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its range.
+    robot : Robot
+        The robot with its nominal friction.
     """
     if problem.friction is None and problem.payload is None:
         return robot
     loaded = [with_payload(robot, mass) for mass in (0.0, *(problem.payload or ())[1:])]
 
     def with_drives(drives: list[Drive | None]) -> tuple[Robot, ...]:
+        """Return the robot with the given drives of its joints, once for each load."""
         pairs = zip(robot.joints, drives, strict=True)
         joints = tuple(unchecked(joint, drive=drive) for joint, drive in pairs)
         return tuple(unchecked(load, joints=joints) for load in loaded)
 
-    bounding = [_drives(joint, problem.friction) for joint in robot.joints]
+    drives_by_joint = [_drives(joint, problem.friction) for joint in robot.joints]
     corners: tuple[Robot, ...] = ()
-    for k in range(max(map(len, bounding)) - 1):
-        corners += with_drives([drives[min(k, len(drives) - 2)] for drives in bounding])
+    for k in range(max(map(len, drives_by_joint)) - 1):
+        # Joints with fewer drives repeat their last bounding drive.
+        corners += with_drives([drives[min(k, len(drives) - 2)] for drives in drives_by_joint])
     return unchecked(
-        robot, corners=corners, lightest=with_drives([drives[-1] for drives in bounding])
+        robot, corners=corners, lightest=with_drives([drives[-1] for drives in drives_by_joint])
     )
 
 
 def _drives(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
-    """Return the drives that a motor must move, and last the drive that it must brake."""
+    """Return drives that bound the motor torque of a joint in a range of friction.
+
+    Parameters
+    ----------
+    joint : Joint
+        The joint with its drive and motor.
+    share : float or None
+        Share of the equally likely friction parameters that the range contains. None: no range.
+
+    Returns
+    -------
+    tuple of Drive or None
+        The drives that need the most torque, and as last one the drive that needs the least.
+        Without a range, both are the joint's drive, or None if it has no drive.
+    """
     drive, motor = joint.drive, joint.motor
     if drive is None or motor is None or share is None:
         return (drive, drive)
@@ -76,35 +101,43 @@ def _drives(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
 def bounding_drives(
     drive: Drive, share: float, *, speed: float, torque: float
 ) -> tuple[Drive, ...]:
-    """Return drives that bound the motor torque of all sets, and last the one that needs least.
+    """Select the drives that bound the motor torque of a range of friction parameters.
 
     Parameters
     ----------
     drive : Drive
         The drive with its distribution of friction parameters.
     share : float
-        Share of the equally likely sets that the range contains.
+        Share of the equally likely parameter sets that the range contains.
     speed, torque : float
         Largest speed (rad/s) and torque (N·m) of the motor.
+
+    Returns
+    -------
+    tuple of Drive
+        The drives that need the most torque, and as last one the drive that needs the least.
     """
     sets = spread_of(drive).within(share)
     friction = friction_of(drive)
     without_spread = unchecked(friction, posterior=None, covariance=None)
     plain_drive = unchecked(drive, friction=without_spread, friction_ranges={})
-    needed = np.minimum(_torques(plain_drive, sets, speed, torque), torque)
-    envelope = needed.max(axis=0)
+    torques = np.minimum(_torques(plain_drive, sets, speed, torque), torque)
+    envelope = torques.max(axis=0)
     bound = np.full(len(envelope), -np.inf)
     selected: list[int] = []
+    # Add the set with the largest torque at the grid point where the selected ones fall short most.
     while np.max(envelope - bound) > EASE * torque:
         worst = np.argmax(envelope - bound)
-        selected.append(int(np.argmax(needed[:, worst])))
-        bound = np.maximum(bound, needed[selected[-1]])
+        selected.append(int(np.argmax(torques[:, worst])))
+        bound = np.maximum(bound, torques[selected[-1]])
+    # The excess may be larger between the grid points, so 15 % are added.
     excess = 1.15 * float(np.max(envelope - bound))
     drives = []
     for k in selected:
         values = {name: float(column[k]) for name, column in sets.items()}
         values["b_c"] = values.get("b_c", friction.b_c) + excess
         drives.append(drive_with(plain_drive, values))
+    # The smallest value of every parameter, with a μ that does not depend on speed, needs least.
     smallest = {name: float(column.min()) for name, column in sets.items()}
     if LAW in smallest:
         smallest[LAW] = float(LAWS.index("coulomb"))
@@ -112,21 +145,37 @@ def bounding_drives(
 
 
 def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
-    """Return σ τ of every set on a grid, (sets, grid points), N·m.
+    """Compute the motor torques σ τ of all parameter sets on a grid, (sets, grid points), N·m.
 
-    The grid contains motor speeds, efforts and directions, in motion and at breakaway. Apart from
-    Stribeck friction, the torque is linear in the speed.
+    The grid contains motor speeds, efforts and both directions, in motion and at breakaway. The
+    torque is linear in the speed, so few speeds suffice. Only Stribeck friction, where μ falls as
+    the speed grows from 0, needs more of them.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    sets : dict
+        Values (sets,) of each friction parameter, by name.
+    speed, torque : float
+        Largest speed (rad/s) and torque (N·m) of the motor.
     """
-    up, _ = mesh_coefficients(drive, sets.get("mu", np.array([friction_of(drive).mu])))
-    efforts = torque / float(np.min(up)) * EFFORTS
+    raising_coefficients, _ = mesh_coefficients(
+        drive, sets.get("mu", np.array([friction_of(drive).mu]))
+    )
+    # The coefficient is the torque per effort of a load that opposes the motion.
+    efforts = torque / float(np.min(raising_coefficients)) * EFFORTS
+    # Every 50th Stribeck speed represents the distribution.
     stribeck = np.unique(sets.get("stribeck_speed", []))[::50]
     speeds = np.concatenate([np.linspace(0.0, speed, 5), 0.3 * stribeck, stribeck, 2 * stribeck])
+    # A state is a motor speed, and True at breakaway.
     states = [(0.0, True), *((w, False) for w in speeds.tolist())]
     grid = [(*state, effort, sign) for state, effort, sign in product(states, efforts, (-1.0, 1.0))]
     w, start, effort, direction = np.array(grid).T
-    of_sets = drive_with(drive, {name: column[:, None] for name, column in sets.items()})
+    # Parameters as columns give one row of torques for each set.
+    drive_of_sets = drive_with(drive, {name: column[:, None] for name, column in sets.items()})
     torques, _ = drive_torque(
-        of_sets,
+        drive_of_sets,
         direction * effort,
         direction * w / drive.ratio,
         np.zeros_like(w),

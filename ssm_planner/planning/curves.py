@@ -1,4 +1,7 @@
-"""Joints along given curves: splines, tables of points, and lines and arcs of the tip."""
+"""Joint positions along the curves of a motion list.
+
+The curves are splines, tables of points, and lines and arcs of the tip.
+"""
 
 from __future__ import annotations
 
@@ -25,33 +28,39 @@ from ssm_planner.problem import TASK, Follow, Joints, Point, Problem, Task, Tip
 from ssm_planner.typing import Array, Mask, record
 
 Curve = tuple[Array, float]
-"""Terms (4, 3) and angle of a TipPath."""
+"""Terms (4, 3) and angle of a `TipPath`."""
 NEAR_CENTRE = 1e-5
 """Smallest distance of a line or arc from the remote centre, m.
 
-Closer to it the joints cannot follow.
+The joints would have to turn too fast closer to it.
 """
 AT_START = np.array([1e-4, 1e-4, 1e-4, 1e-5])
-"""Distances (rad, m) within which the first point of a table counts as the present position."""
+"""Distances of the joints (rad, m) within which the first point of a table is the present position.
+"""
 
 
 @record
 class CurveFollower:
-    """A motion along a curve from given joints.
+    """Motion of the list that follows a curve, together with the robot's position at its start.
 
-    The properties raise ProblemError if a point is out of reach.
+    All properties raise ProblemError if the mechanism cannot reach a point.
     """
 
     problem: Problem
     mechanism: Mechanism
     motion: Follow
+    """Entry of the motion list."""
     task: Array
     q: Array
-    """Task coordinates and joints at the start of the motion, (4,) each."""
+    """Task coordinates and joint positions at the start of the motion, (4,) each."""
 
     @cached_property
     def joints(self) -> Array:
-        """The joints q and those of all points, (n + 1, 4), on one branch and without jumps."""
+        """Joint positions q at the start and those of all points of the curve, (n + 1, 4).
+
+        They lie on one branch of the inverse kinematics, and no joint jumps by a whole turn.
+        """
+        # The coordinates of consecutive points of one class are converted together.
         rows, task = self.q[None, :], self.task
         for point_class, group in groupby((*self.motion.through, self.motion.to), type):
             points = list(group)
@@ -64,6 +73,7 @@ class CurveFollower:
                 tasks = self._complete_tasks(points, task, len(rows) - 1)
                 branch = int(self.mechanism.branch_of(rows[-1]))
                 joints = np.stack(joints_of_task(NUMPY, self.mechanism, tasks.T, branch), axis=1)
+                # The first column of `tasks` is the previous point. Whole turns make it continuous.
                 turns = np.round((rows[-1] - joints[0]) / (2 * np.pi))
                 joints = (joints + 2 * np.pi * turns * (1, 1, 1, 0))[1:]
                 task = tasks[-1]
@@ -73,7 +83,12 @@ class CurveFollower:
 
     @property
     def beginning(self) -> Array:
-        """Joints (4,) at which the curve begins. They are q itself if the robot is there."""
+        """Joint positions (4,) at which the curve begins.
+
+        The robot may first have to move there: to the first point of a table, or to the distance
+        from the retina that the motion keeps. If the curve begins at the robot's position, the
+        result is `q`.
+        """
         if self.motion.distance is not None:
             tip = tip_position(self.mechanism, self.q[None])
             target = self._over_retina(self.task)
@@ -86,28 +101,37 @@ class CurveFollower:
 
     @property
     def points(self) -> Array:
-        """Different points (n, 4) of a spline or table, from its beginning."""
-        first = 1 if self.motion.curve == "spline" else 2
-        points = np.vstack([self.beginning, self.joints[first:]])
+        """Joint positions (n, 4) of a spline or table, from `beginning` and without repetitions."""
+        # Row 0 is the present position, and `beginning` is the first point of a table.
+        first_row = 1 if self.motion.curve == "spline" else 2
+        points = np.vstack([self.beginning, self.joints[first_row:]])
         differs = np.abs(np.diff(points, axis=0)).max(axis=1) > ROUNDING
         return np.asarray(points[np.append(True, differs)])
 
     def tip_path(self) -> TipPath | Array:
-        """Return the path of the joints along a line or an arc of the tip.
+        """Build the joint path along a line or an arc of the tip.
 
-        The spin changes in proportion to the path parameter. If the motion goes nowhere, q itself
-        is returned. If it is radial, from or to the remote centre, its end (4,) is returned.
+        The spin changes in proportion to the path parameter.
+
+        Returns
+        -------
+        TipPath or (4,) array
+            An array is the joint position at the end: `q` itself if the motion goes nowhere, or the
+            last point if the tip moves on a radius through the remote centre, where only joints 3
+            and 4 move.
 
         Raises
         ------
         ProblemError
-            If the curve is out of reach or passes the remote centre, or if an arc is a line.
+            If the mechanism cannot reach the curve, if it passes the remote centre, or if the three
+            points of an arc lie on one line.
         """
         motion, q = self.motion, self.q
         joints, tips, spins = self._tip_points()
         tip_stands = np.abs(tips - tips[0]).max() < ROUNDING
         if tip_stands and np.abs(joints - q).max() < ROUNDING and np.ptp(spins) < ROUNDING:
             return q
+        # Only an arc through three points on one line has no curve.
         curve = self._curve_through(tips)
         if curve is None:
             reason = "the three points of this arc lie on one line"
@@ -127,25 +151,31 @@ class CurveFollower:
             first=q,
             watched=driven_joints(self.problem),
         )
+        # The mechanism must reach the whole curve, and the tip must stay away from the remote
+        # centre.
         samples = path.tips(np.linspace(0.0, 1.0, SAMPLES))
         reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
         if _of_tips(self.mechanism, samples, spins[0], q)[1].all():
             if np.linalg.norm(samples, axis=1).min() >= NEAR_CENTRE:
                 return path
             reason = f"the tip would pass the remote centre along this {motion.curve}"
+            # Joints 1 and 2 are at rest, so the tip moves on a radius through the remote centre.
             if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < ROUNDING:
                 return np.asarray(joints[-1])
         raise self._refused(reason, "a curve within the workspace, away from the remote centre")
 
     def _refused(self, reason: str, allowed: str, **place: str) -> ProblemError:
-        """Return the error for a curve that the tip cannot follow."""
+        """Create the error for a curve that the tip cannot follow.
+
+        `place` contains a key and a value of the problem file, if one of them is the cause.
+        """
         file, line = self.problem.file, self.motion.line
         return ProblemError(reason, file=file, line=line, allowed=allowed, **place)
 
     def _key(self, k: int, name: str) -> str:
-        """Return the key of point k of the motion.
+        """Return the key in the problem file of a coordinate of point k, for error messages.
 
-        For tables the line number already locates the point.
+        Points of a table only need the name of the coordinate, because the line locates the point.
         """
         if self.motion.file is not None:
             return name
@@ -153,9 +183,21 @@ class CurveFollower:
         return f"{'to' if k == len(self.motion.through) else via_key}.{name}"
 
     def _joints_of_tips(self, tips: Sequence[Tip], previous: Array, index: int) -> Array:
-        """Return joints (n, 4) of points after joints `previous` (4,).
+        """Compute the joint positions (n, 4) of consecutive positions of the tip.
 
-        `index` is the index of the first point, for error messages.
+        Parameters
+        ----------
+        tips : sequence of Tip
+            Positions of the tip, with spins.
+        previous : (4,) array
+            Joint positions before them.
+        index : int
+            Index of the first point, for error messages.
+
+        Raises
+        ------
+        ProblemError
+            If the mechanism cannot reach a position.
         """
         positions = np.array([tip.position for tip in tips])
         joints, reaches = _of_tips(self.mechanism, positions, [tip.spin for tip in tips], previous)
@@ -171,15 +213,35 @@ class CurveFollower:
         )
 
     def _complete_tasks(self, points: Sequence[Point], task: Array, index: int = 0) -> Array:
-        """Return `task` (4,) and the task coordinates of points after it, (n + 1, 4), without gaps.
+        """Return the task coordinates of points. A coordinate that a point omits keeps its value.
 
-        `index` is the index of the first point, for error messages.
+        Parameters
+        ----------
+        points : sequence of Task
+            Points with some of the coordinates roll, tilt, spin and depth.
+        task : (4,) array
+            Task coordinates before the first point, rad and m.
+        index : int
+            Index of the first point, for error messages.
+
+        Returns
+        -------
+        (n + 1, 4) array
+            `task` and the coordinates of the points.
+
+        Raises
+        ------
+        ProblemError
+            If the mechanism cannot reach a tilt.
         """
         rows = [task]
         for k, point in enumerate(points, index):
             assert isinstance(point, Task)
-            stated = point.set_coordinates
-            rows.append(np.array([stated.get(name, rows[-1][i]) for i, name in enumerate(TASK)]))
+            # Omitted coordinates are those of the previous point.
+            coordinates = point.set_coordinates
+            rows.append(
+                np.array([coordinates.get(name, rows[-1][i]) for i, name in enumerate(TASK)])
+            )
             refuse_tilt(
                 self.problem,
                 self.mechanism,
@@ -191,9 +253,9 @@ class CurveFollower:
         return np.array(rows)
 
     def _curve_through(self, tips: Array) -> Curve | None:
-        """Return the curve of the tip through points (n, 3).
+        """Return the curve of the tip through points (n, 3), m.
 
-        None if those of an arc lie on a line.
+        Returns None if the points of an arc lie on one line.
         """
         if self.motion.curve == "arc":
             return _arc(tips)
@@ -204,7 +266,11 @@ class CurveFollower:
         return np.array([tips[0], tips[1] - tips[0], 0 * tips[0], 0 * tips[0]]), 0.0
 
     def _tip_points(self) -> tuple[Array, Array, Array]:
-        """Return joints (n, 4), tips (n, 3) and spins (n,) of the points of a line or an arc."""
+        """Return the points of a line or arc as joint positions (n, 4), tips (n, 3) and spins (n,).
+
+        If the motion keeps its distance from the retina, the joint positions are not needed: both
+        rows contain `q`.
+        """
         if self.motion.distance is not None:
             tasks = self._complete_tasks([self.motion.to], self.task)
             start = tip_position(self.mechanism, self.q[None])
@@ -214,7 +280,15 @@ class CurveFollower:
         return self.joints, tip_position(self.mechanism, self.joints), np.unwrap(spins)
 
     def _over_retina(self, task: Array) -> Array:
-        """Return the tip (1, 3) at its distance from the retina, in the direction of `task`."""
+        """Return the position (1, 3) of a tip that points in the direction of a task.
+
+        Its distance from the retina is the one that the motion keeps.
+
+        Parameters
+        ----------
+        task : (4,) array
+            Task coordinates. Their depth does not count.
+        """
         axis = tool_axis(self.mechanism, task)
         return tips_over_retina(self.problem, self.motion, axis, self.motion.distance or 0.0)
 
@@ -222,12 +296,28 @@ class CurveFollower:
 def _of_tips(
     mechanism: Mechanism, tips: Array, spins: ArrayLike, previous: Array
 ) -> tuple[Array, Mask]:
-    """Return joints (n, 4) for tip positions (n, 3), and whether the mechanism reaches them, (n,).
+    """Compute joint positions for consecutive positions of the tip beyond the remote centre.
 
-    The tips lie beyond the remote centre. The joints are on the branch of `previous` (4,) and do
-    not jump by a turn.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    tips : (n, 3) array
+        Positions of the tip, m.
+    spins : float or (n,) array
+        Spins, rad.
+    previous : (4,) array
+        Joint positions before them. They determine the branch and the whole turns.
+
+    Returns
+    -------
+    joints : (n, 4) array
+        Joint positions, none of which jumps by a whole turn.
+    reaches : (n,) mask
+        True where the mechanism reaches the position.
     """
     solutions = inverse_tip(mechanism, tips, spins)
+    # The first column of the solutions is the branch +1, the second one −1.
     column = 0 if mechanism.branch_of(previous) > 0 else 1
     joints = solutions.joints[:, column]
     unwrapped = np.unwrap(np.vstack([previous, joints])[:, :3], axis=0)[1:]
@@ -235,12 +325,22 @@ def _of_tips(
 
 
 def driven_joints(problem: Problem) -> tuple[int, ...]:
-    """Return the indices of the joints that have a drive."""
+    """Return the indices of the robot's joints that have a drive."""
     return tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
 
 
 def _circle(tips: Array, centre: Array, normal: Array) -> Curve:
-    """Return the arc between the first and the last point about a centre and a unit vector (3,)."""
+    """Return the arc about a given axis from the first to the last of its points.
+
+    Parameters
+    ----------
+    tips : (n, 3) array
+        Points on the arc, m.
+    centre : (3,) array
+        Centre of the circle, m.
+    normal : (3,) array
+        Unit vector of its axis.
+    """
     start, end = tips[0] - centre, tips[-1] - centre
     across = np.cross(normal, start)
     return np.array([centre, 0 * centre, start, across]), float(
@@ -249,12 +349,18 @@ def _circle(tips: Array, centre: Array, normal: Array) -> Curve:
 
 
 def _arc(tips: Array) -> Curve | None:
-    """Return the circular arc through three points, or None if they lie on a line."""
+    """Return the circular arc through three points (3, 3), or None if they lie on one line.
+
+    With u and v from the first point to the others and n = u × v, its centre lies at (|u|² v × n +
+    |v|² n × u) / (2 |n|²) from the first point.
+    """
     u, v = tips[1] - tips[0], tips[2] - tips[0]
     normal = np.cross(u, v)
-    size = float(normal @ normal)
-    if size <= (SAME * np.linalg.norm(u) * np.linalg.norm(v)) ** 2:
+    normal_squared = float(normal @ normal)
+    if normal_squared <= (SAME * np.linalg.norm(u) * np.linalg.norm(v)) ** 2:
         return None
-    centre = tips[0] + ((u @ u) * np.cross(v, normal) + (v @ v) * np.cross(normal, u)) / (2 * size)
-    terms, angle = _circle(tips, centre, normal / np.sqrt(size))
+    centre = tips[0] + ((u @ u) * np.cross(v, normal) + (v @ v) * np.cross(normal, u)) / (
+        2 * normal_squared
+    )
+    terms, angle = _circle(tips, centre, normal / np.sqrt(normal_squared))
     return terms, angle % (2 * np.pi)

@@ -1,8 +1,8 @@
-"""Phases that geometry allows, and reasons that it gives before any solver runs.
+"""Tests of a problem by geometry and kinematics, before any solver runs.
 
-The reasons are ranges, the eye, velocities, and distances to stop. `infeasible_place` checks
-straight paths and the points of other motions, and `with_boundary_rates` the velocities at both
-ends of a motion.
+They cover ranges, the eye, velocities, and distances to stop. `infeasible_place` tests given paths,
+and the points of other motions. `with_boundary_rates` tests the velocities at both ends of the
+whole motion. A failed test returns a `Reason`.
 """
 
 from __future__ import annotations
@@ -49,26 +49,30 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array, record
 
 RATES = ("start_rate", "end_rate")
-"""Keys of the velocities at both ends of a problem."""
+"""Keys in the problem file for the velocities at the start and at the end."""
 
 
 @record
 class _Places:
-    """Joints q (n, 4) at s (n,) along a phase, where s counts the points of a free motion."""
+    """Joint positions along a phase at which limits are tested."""
 
     phase: Phase
     s: Array
     q: Array
+    """Path parameters (n,) from 0 to 1, and joint positions (n, 4) there.
+
+    If the phase has no given path, the positions are its points, and s counts them evenly.
+    """
 
     @classmethod
     def of_phase(cls, phase: Phase) -> _Places:
-        """Return samples of a path, or the points of another motion."""
+        """Return samples of the given path of a phase, or its points if it has no path."""
         if phase.path is None:
             return cls(phase, np.linspace(0.0, 1.0, len(phase.points)), phase.points)
         return cls(phase, phase.path.overview.s, phase.path.overview.q)
 
     def location(self, k: int) -> str:
-        """Describe the place of sample k."""
+        """Describe the place of sample k in words, for messages."""
         name, s = self.phase.motion.name, float(self.s[k])
         if s in (0.0, 1.0):
             return f"{name}, at its {'end' if s else 'start'}"
@@ -77,44 +81,68 @@ class _Places:
         return f"{name}, {100 * s:.0f} % of the way"
 
     def refined(self, k: int) -> _Places:
-        """Return samples between the neighbours of sample k of a path."""
+        """Return samples of the path between the neighbours of sample k.
+
+        Without a path there are no places between the points, so the result is unchanged.
+        """
         if self.phase.path is None:
             return self
-        beside = self.s[max(k - 1, 0) : k + 2]
-        s = np.linspace(beside[0], beside[-1], len(self.s))
+        neighbours = self.s[max(k - 1, 0) : k + 2]
+        s = np.linspace(neighbours[0], neighbours[-1], len(self.s))
         return _Places(self.phase, s, self.phase.path.sample(s).q)
 
 
-def _worst(limit: Limit, values: Array) -> tuple[int, float]:
-    """Return the index of the value (n,) that exceeds a limit most, and the value."""
+def _largest_excess(limit: Limit, values: Array) -> tuple[int, float]:
+    """Return the index and the value of the sample that exceeds a limit most, among values (n,).
+
+    If all samples keep the limit, the one that is nearest to it is returned.
+    """
     k = int(np.argmax(np.maximum(limit.low - values, values - limit.high)))
     return k, float(values[k])
 
 
 def _excess(
-    places: _Places, limit: Limit, values: Array, words: str, tolerance: float = ROUNDING
+    places: _Places, limit: Limit, values: Array, template: str, tolerance: float = ROUNDING
 ) -> Reason | None:
-    """Return the worst of values (n,) at places beyond a limit, or None.
+    """Return the reason for the largest excess over a limit, or None if it is kept everywhere.
 
-    `words` is the message, with {value} and {bound} in the limit's unit.
+    Parameters
+    ----------
+    places : _Places
+        Places along a phase.
+    limit : Limit
+        The limit.
+    values : (n,) array
+        Values of the limited quantity at the places, in SI units.
+    template : str
+        Message with the fields {value} and {bound}.
+    tolerance : float
+        Excess that is allowed, in SI units.
     """
-    k, worst = _worst(limit, values)
-    return exceeded(limit, worst, places.location(k), words, tolerance)
+    k, worst = _largest_excess(limit, values)
+    return exceeded(limit, worst, places.location(k), template, tolerance)
 
 
 def feasible_phases(
     problem: Problem,
 ) -> tuple[tuple[Phase, ...], Reason | None]:
-    """Return the phases of a problem, or the reason why no start configuration allows them.
+    """Return the phases of a problem for the first start configuration that geometry allows.
 
-    Start configurations are tried in order, from the home branch and the one nearest to q = 0. The
-    first one is taken whose joints stay in range on all phases. The phases contain the rates at
-    both ends.
+    The start configurations are the inverse-kinematics solutions of the start, in the order of
+    `start_configurations`. The joints must stay in their ranges in all phases. The phases contain
+    the velocities at both ends of the motion.
+
+    Returns
+    -------
+    phases : tuple of Phase
+        Empty if no start configuration is possible.
+    reason : Reason or None
+        Why the first start configuration is impossible. None for possible phases.
 
     Raises
     ------
     ProblemError
-        If a point is out of reach, or if no motion goes anywhere.
+        If the mechanism cannot reach a point, or if no motion goes anywhere.
     """
     reasons = []
     for q in start_configurations(problem):
@@ -124,28 +152,29 @@ def feasible_phases(
             return with_boundary_rates(phases)
         reasons.append(reason)
         if isinstance(reason.limit, (RetinaClearance, LensClearance)):
-            # All joint solutions bring the tip to the same place, so other start configurations
-            # do not help.
+            # All start configurations have the tip at the same places, so others do not help.
             break
     return (), reasons[0]
 
 
 def eye_forbids_target(problem: Problem) -> bool:
-    """Return True if the eye forbids a place that the problem gives.
+    """Return True if the retina or the lens forbids a place that the problem gives.
 
-    Other joints cannot change that.
+    No other joint positions can then make the problem feasible.
     """
     _, reason = feasible_phases(problem)
     return reason is not None and isinstance(reason.limit, (RetinaClearance, LensClearance))
 
 
 def infeasible_place(phases: Sequence[Phase]) -> Reason | None:
-    """Return the reason for the first place that a limit forbids, or None.
+    """Return the reason for the first place along the phases that a limit forbids, or None.
 
-    The limits are the ranges of joints and task coordinates, the retina's clearance and the lens.
+    The limits are the ranges of joints and task coordinates, the distance to the retina, and the
+    lens.
     """
 
     def reasons(phase: Phase) -> Iterator[Reason | None]:
+        """Yield the reasons of all tests of a phase."""
         yield from _beyond_ranges(phase)
         yield from _past_boundary(phase)
         yield blocked_by_eye(phase)
@@ -154,34 +183,37 @@ def infeasible_place(phases: Sequence[Phase]) -> Reason | None:
 
 
 def _first_reason(reasons: Iterable[Reason | None]) -> Reason | None:
-    """Return the first reason that is not None, if there is one."""
+    """Return the first reason that is not None. None if there is no reason."""
     return next(filter(None, reasons), None)
 
 
 def _beyond_ranges(phase: Phase) -> Iterator[Reason | None]:
-    """Yield the reasons of joints and task coordinates, or None for those within their range."""
+    """Yield a reason for each range of a joint or task coordinate that a phase leaves.
+
+    None is yielded for each range that it keeps.
+    """
     places = _Places.of_phase(phase)
-    ends = "{value}, but its range ends at {bound}"
+    phrase = "{value}, but its range ends at {bound}"
     for joint, values in zip(phase.problem.robot.joints, places.q.T, strict=True):
-        words = f"joint {joint.name} would have to reach {ends}"
-        yield _excess(places, joint.limit(JointPosition), values, words)
+        template = f"joint {joint.name} would have to reach {phrase}"
+        yield _excess(places, joint.limit(JointPosition), values, template)
     wrapped = task_from_joints(phase.mechanism, places.q)
     task = np.stack(task_of_joints(NUMPY, phase.mechanism, places.q.T), axis=1)
     continuous = task + 2 * np.pi * np.round((phase.start - task[0]) / (2 * np.pi)) * (1, 0, 1, 0)
     for limit in phase.problem.limits:
         if isinstance(limit, TaskRange):
             # A range of a turn or more excludes no angle, so values may be wrapped.
-            of_turn = limit.high - limit.low >= 2 * np.pi
-            values = (wrapped if of_turn else continuous)[:, TASK.index(limit.coordinate)]
-            words = f"{limit.coordinate} would have to be {ends}"
-            yield _excess(places, limit, values, words, SAME)
+            is_whole_turn = limit.high - limit.low >= 2 * np.pi
+            values = (wrapped if is_whole_turn else continuous)[:, TASK.index(limit.coordinate)]
+            template = f"{limit.coordinate} would have to be {phrase}"
+            yield _excess(places, limit, values, template, SAME)
 
 
 def _past_boundary(phase: Phase) -> Iterator[Reason | None]:
-    """Yield the tilt range if joint 2 must leave it at the workspace boundary.
+    """Yield a reason if joint 2 passes the workspace boundary and tilt leaves its range there.
 
-    Tilt depends on joint 2 alone. Its extremes are where the branches of the inverse kinematics
-    meet, at δ + k π. Every motion between points on both sides of an extreme passes it.
+    Tilt depends on joint 2 alone. It has its extremes where the branches of the inverse kinematics
+    meet, at θ2 = δ + k π. Every free motion between points on both sides of an extreme passes it.
     """
     mechanism, problem = phase.mechanism, phase.problem
     limit = problem.limit(TaskRange.name_of("tilt"), None)
@@ -190,41 +222,43 @@ def _past_boundary(phase: Phase) -> Iterator[Reason | None]:
     for k, (start, end) in enumerate(pairwise(phase.points)):
         low, high = sorted((float(start[1]), float(end[1])))
         location = f"{phase.motion.name}, between its points {k} and {k + 1}"
-        words = (
+        template = (
             f"joint {problem.robot.joints[1].name} passes the workspace boundary between "
             f"{in_words(low, 'rad')} and {in_words(high, 'rad')}, where tilt is {{value}}, "
             "but the range of tilt ends at {bound}"
         )
+        # All extremes δ + k π between the positions of joint 2 at both points.
         first = np.ceil((low - mechanism.delta) / np.pi)
         extremes = mechanism.delta + np.pi * np.arange(first, (high - mechanism.delta) / np.pi)
         joints = np.tile(start, (len(extremes), 1))
         joints[:, 1] = extremes
         if len(extremes):
-            tilt = _worst(limit, task_from_joints(mechanism, joints)[:, 1])[1]
-            yield exceeded(limit, tilt, location, words, SAME)
+            tilt = _largest_excess(limit, task_from_joints(mechanism, joints)[:, 1])[1]
+            yield exceeded(limit, tilt, location, template, SAME)
 
 
 def blocked_by_eye(phase: Phase) -> Reason | None:
-    """Return the retina or the lens if a phase comes too near to it.
+    """Return the reason if the tip comes too close to the retina, or the shaft to the lens.
 
-    A path is sampled again about its worst sample, because the distance has a sharp corner at the
-    port.
+    A given path is sampled again about its worst sample, because the distance has a sharp minimum
+    at the edge of the port.
     """
     eye = phase.problem.eye
     if eye is None:
         return None
     for limit in eye.limits:
-        words = (
+        template = (
             "the tip would come within {value} of the retina, but the clearance is {bound}"
             if isinstance(limit, RetinaClearance)
             else "the shaft would touch the lens: it would pass at {value} times the size of the "
             "lens from its centre, but at least {bound} is required"
         )
         places = _Places.of_phase(phase)
+        # The second round samples the neighbourhood of the worst sample.
         for _ in range(2):
             tips = tip_position(phase.mechanism, places.q)
             values, _ = eye_limits(NUMPY, eye, tips.T)[limit.name]
-            reason = _excess(places, limit, values, words)
+            reason = _excess(places, limit, values, template)
             if reason is not None:
                 return reason
             places = places.refined(int(np.argmin(values)))
@@ -232,9 +266,10 @@ def blocked_by_eye(phase: Phase) -> Reason | None:
 
 
 def nearest_to_eye(phase: Phase) -> Array:
-    """Return the joints (4,) nearest to retina or lens, or deepest in them, between two points.
+    """Return the joint positions (4,) of a straight joint motion nearest to retina or lens.
 
-    The joints move along a straight line.
+    They may also lie in the retina or lens. The joints move along straight lines between the points
+    of the phase.
     """
     path = PolylinePath(phase.mechanism, phase.points)
     q = path.overview.q
@@ -245,9 +280,10 @@ def nearest_to_eye(phase: Phase) -> Array:
 
 
 def straight_instead(phase: Phase) -> Phase | None:
-    """Return a free phase from rest to rest as a straight line in task coordinates.
+    """Return a free phase with a straight line in task coordinates as its given path.
 
-    None if the line is not possible, or if a limit forbids a place on it.
+    Returns None if the phase has via points or begins or ends at speed, if the line is the same in
+    joint coordinates or does not end at the target joints, or if a limit forbids a place on it.
     """
     # The line in task coordinates must differ from the one in the joints.
     lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING
@@ -256,21 +292,28 @@ def straight_instead(phase: Phase) -> Phase | None:
     path = straight_path(phase.problem, phase.mechanism, phase.start, phase.end, phase.q_start)
     if np.abs(path.overview.q[-1] - phase.points[-1]).max() > ROUNDING:
         return None
-    straight = replace(phase, path=path)
-    return straight if infeasible_place((straight,)) is None else None
+    line_phase = replace(phase, path=path)
+    return line_phase if infeasible_place((line_phase,)) is None else None
 
 
 def with_boundary_rates(
     phases: tuple[Phase, ...],
 ) -> tuple[tuple[Phase, ...], Reason | None]:
-    """Return the phases with q̇ at the start of the first and at the end of the last one.
+    """Return the phases with the joint velocities at the start and at the end of the motion.
 
-    The reason is set if they cannot have these velocities.
+    They follow from the task rates in the problem.
+
+    Returns
+    -------
+    phases : tuple of Phase
+        The phases with q̇ at the start of the first and at the end of the last moving phase.
+    reason : Reason or None
+        Why the robot cannot have these velocities. None if it can.
 
     Raises
     ------
     ProblemError
-        If a straight motion would leave its line.
+        If the velocity would make a motion leave its given path.
     """
     # A motion to the present position takes no time, so its neighbours have the rates.
     moving = [
@@ -293,9 +336,19 @@ def with_boundary_rates(
 
 
 def _end_velocity(phase: Phase, side: int) -> Array:
-    """Return q̇ (4,) at the start (side 0) or the end (side −1) of a phase, from the task rates.
+    """Convert the task rates at one end of the motion to joint velocities q̇ (4,).
 
-    Raises ProblemError for rates that do not point along the path of the phase.
+    Parameters
+    ----------
+    phase : Phase
+        The first or the last phase.
+    side : int
+        0 for the start of the phase, −1 for its end.
+
+    Raises
+    ------
+    ProblemError
+        If the phase is a dwell, or if the rates do not point along its given path.
     """
     key = RATES[side]
     problem, mechanism = phase.problem, phase.mechanism
@@ -307,7 +360,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
             "a dwell has no speed", file=problem.file, line=phase.motion.line, key=key
         )
     if phase.path is not None:
-        sample = phase.path.sample(np.array([-float(side)]))
+        sample = phase.path.sample(np.array([-float(side)]))  # s = 0 or 1
         direction = task_rates(mechanism, sample.q, sample.dq)[0]
         projection = direction * (direction @ rate) / (direction @ direction)
         off_line = np.abs(rate - projection).max() > ROUNDING * np.abs(rate).max()
@@ -319,36 +372,49 @@ def _end_velocity(phase: Phase, side: int) -> Array:
                 allowed="rates along the line, in the direction of the motion",
             )
     qd = joint_rates(mechanism, phase.points[side], rate)
-    still = np.abs(qd) < ROUNDING * problem.robot.velocities
-    return np.where(still, 0.0, qd)
+    at_rest = np.abs(qd) < ROUNDING * problem.robot.velocities
+    return np.where(at_rest, 0.0, qd)
 
 
 def _too_fast(phase: Phase, side: int) -> Iterator[Reason | None]:
-    """Yield the limits that velocities at an end exceed: velocities, and the distance to stop."""
+    """Yield a reason for each limit that the velocities at one end of a phase exceed.
+
+    The limits are the velocities of the joints, and the distance in which the tip must be able to
+    stop. None is yielded for each limit that is kept.
+
+    Parameters
+    ----------
+    phase : Phase
+        The phase.
+    side : int
+        0 for its start, −1 for its end.
+    """
     qd = (phase.qd_start, phase.qd_end)[side]
     location = f"{phase.motion.name}, {RATES[side].replace('_', ' ')}"
     for joint, speed in zip(phase.problem.robot.joints, np.abs(qd).tolist(), strict=True):
-        words = f"joint {joint.name} would move at {{value}}, but its limit is {{bound}}"
+        template = f"joint {joint.name} would move at {{value}}, but its limit is {{bound}}"
         limit = joint.limit(JointVelocity)
-        yield exceeded(limit, speed, location, words, ROUNDING * limit.largest)
+        yield exceeded(limit, speed, location, template, ROUNDING * limit.largest)
     stop = phase.problem.stop_travel
     if stop is not None:
         travel = braking_travel(
             phase.mechanism, phase.problem.robot, phase.points[[side]], qd[None]
         )
-        words = "the tip needs {value} to stop, but only {bound} are allowed"
-        yield exceeded(stop, float(travel[0]), location, words, ROUNDING * stop.largest)
+        template = "the tip needs {value} to stop, but only {bound} are allowed"
+        yield exceeded(stop, float(travel[0]), location, template, ROUNDING * stop.largest)
 
 
 def _too_near(phase: Phase) -> Iterator[Reason | None]:
-    """Yield the limits of joints whose displacement is too short for their change of velocity.
+    """Yield a reason for each joint that would need too much acceleration between both ends.
 
-    A path allows |q̇₁² − q̇₀²| ≤ 2 q̈_max |Δq|. A free motion may overshoot, and needs the range to
-    do so.
+    On a given path, a joint needs |q̇₁² − q̇₀²| / (2 |Δq|), with the velocities q̇₀ and q̇₁ at the
+    ends and the length Δq of its way. Without a given path, a joint may overshoot, for which it
+    needs a part of its range (`_ranges_exceeded`).
     """
     if phase.path is None:
         yield from _ranges_exceeded(phase)
         return
+    # The joints may reverse on the path, so the lengths of all samples' steps are added.
     distances = np.abs(np.diff(phase.path.overview.q, axis=0)).sum(axis=0)
     changes = np.abs(phase.qd_start**2 - phase.qd_end**2)
     for i in np.flatnonzero(changes):
@@ -359,18 +425,20 @@ def _too_near(phase: Phase) -> Iterator[Reason | None]:
             in_words(abs(float(qd[i])), joint.limit(JointVelocity).unit)
             for qd in (phase.qd_start, phase.qd_end)
         )
-        words = (
+        template = (
             f"joint {joint.name} has {distance} to change its velocity from {' to '.join(speeds)}. "
             "This requires {value}, but its limit is {bound}"
         )
         needed = float(changes[i] / (2 * distances[i]))
-        yield exceeded(limit, needed, phase.motion.name, words, ROUNDING * limit.largest)
+        yield exceeded(limit, needed, phase.motion.name, template, ROUNDING * limit.largest)
 
 
 def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
-    """Yield the ranges that joints must leave to stop, or to reach their velocity at the end.
+    """Yield a reason for each range that a joint must leave in order to stop or to start.
 
-    The range may be that of tilt or depth.
+    A joint that begins at speed covers q̇²/(2 q̈_max) until it stops, and it needs the same
+    distance to reach a velocity at the end. The range may also be that of tilt or depth, which
+    depend on one joint alone.
     """
     problem = phase.problem
     ranges = reversal_ranges(problem, phase.mechanism, phase.points)
@@ -379,22 +447,22 @@ def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
         (-phase.qd_end, -1, "would have to start from"),
     )
     for (qd, side, phrase), (i, joint) in product(ends, enumerate(problem.robot.joints)):
-        reached = phase.points[side].copy()
-        reached[i] += qd[i] * abs(qd[i]) / (2 * joint.acceleration)
-        if ranges[0, i] - SAME <= reached[i] <= ranges[1, i] + SAME:
+        turning_q = phase.points[side].copy()
+        turning_q[i] += qd[i] * abs(qd[i]) / (2 * joint.acceleration)
+        if ranges[0, i] - SAME <= turning_q[i] <= ranges[1, i] + SAME:
             continue
         limit: Limit = joint.limit(JointPosition)
-        value, name = float(reached[i]), f"joint {joint.name}"
+        value, name = float(turning_q[i]), f"joint {joint.name}"
         coordinate = {1: "tilt", 3: "depth"}.get(i, "")
         task_range = problem.limit(TaskRange.name_of(coordinate), None)
         if limit.contains(value) and task_range is not None:
             # The task coordinate that follows this joint alone leaves its range.
             limit, name = task_range, coordinate
-            value = float(task_from_joints(phase.mechanism, reached[None])[0, TASK.index(name)])
+            value = float(task_from_joints(phase.mechanism, turning_q[None])[0, TASK.index(name)])
         speed = in_words(abs(float(qd[i])), joint.limit(JointVelocity).unit)
         acceleration = in_words(joint.acceleration, joint.limit(JointAcceleration).unit)
-        words = (
+        template = (
             f"{name} {phrase} {{value}}, because joint {joint.name} moves at {speed} and "
             f"accelerates by at most {acceleration}, but its range ends at {{bound}}"
         )
-        yield exceeded(limit, value, phase.motion.name, words, -np.inf)
+        yield exceeded(limit, value, phase.motion.name, template, -np.inf)

@@ -1,6 +1,6 @@
-"""Lower bounds of durations in closed form, and S-curves from rest to rest.
+"""Lower bounds on durations in closed form, and jerk-limited motions (S-curves) from rest to rest.
 
-A bound takes each joint, and each limited rate, as if it moved alone.
+A lower bound considers each joint, and each limited task rate, as if it moved alone.
 """
 
 from __future__ import annotations
@@ -23,21 +23,22 @@ def lower_bound(
     speeds: Array | None = None,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
 ) -> float:
-    """Return a lower bound on the duration of any motion through points, s.
+    """Return a lower bound on the duration of any motion through given joint positions, s.
 
     Each joint is bounded by itself, without regard to the others. The bound is the larger of two
-    numbers. One is the time of the slowest joint through all points. The other is the sum over the
-    segments of the slowest joint's time, with free velocities at the via points. The limits on the
-    rate of depth and on the tip speed also limit joint 4, and the tip moves straight.
+    numbers. The first is the time that the slowest joint needs through all points. The second is a
+    sum over the segments between the points: the time that the slowest joint of the segment needs,
+    with free velocities at the via points. The limits on the rate of depth and on the tip speed
+    also limit joint 4. The tip takes at least the time for a straight line at its largest speed.
 
     Parameters
     ----------
     robot : Robot
-        The robot with its limits.
+        The robot with the limits of its joints.
     points : (k + 1, 4) array
-        Joints at the ends and at the via points.
+        Joint positions at the ends and at the via points, rad and m.
     speeds : (2, 4) array, optional
-        q̇ at both ends, by default 0.
+        Joint velocities q̇ at both ends, by default 0.
     limits : TaskLimits
         Limits on task rates and on the tip speed.
     """
@@ -52,27 +53,44 @@ def lower_bound(
         np.diff(points, axis=0), velocity, acceleration, (at_points[:-1], at_points[1:])
     )
     tips = tip_position(Mechanism.from_robot(robot), points)
-    straight = np.linalg.norm(np.diff(tips, axis=0), axis=1) / _tip_speed(limits)
-    return max(through_all, float(np.maximum(segments.max(axis=1), straight).sum()))
+    tip_times = np.linalg.norm(np.diff(tips, axis=0), axis=1) / _tip_speed(limits)
+    return max(through_all, float(np.maximum(segments.max(axis=1), tip_times).sum()))
 
 
 def least_times(robot: Robot, displacements: Array, distances: Array, limits: TaskLimits) -> Array:
-    """Return the times (...) of motions from rest to rest, s.
+    """Return the shortest times of motions from rest to rest, as if each joint moved alone, s.
 
-    Every joint moves by `displacements` (..., 4) and the tip by `distances` (...). The time is that
-    of the slowest joint alone, as `rest_to_rest` gives it, or of the tip at its largest speed.
+    Parameters
+    ----------
+    robot : Robot
+        The robot with the limits of its joints.
+    displacements : (..., 4) array
+        Displacements of the joints, rad and m.
+    distances : (...) array
+        Distances that the tip covers, m.
+    limits : TaskLimits
+        Limits on the rate of depth and on the tip speed.
+
+    Returns
+    -------
+    (...) array
+        Time of the slowest joint (`rest_to_rest`), or of the tip at its largest speed.
     """
     times = rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=-1)
     return np.maximum(times, distances / _tip_speed(limits))
 
 
 def _tip_speed(limits: TaskLimits) -> float:
-    """Return the largest speed of the tip, m/s, or ∞."""
+    """Return the largest speed of the tip, m/s. Infinite without a limit."""
     return next((limit.largest for limit in limits.speeds if isinstance(limit, TipSpeed)), math.inf)
 
 
 def _joint_limits(robot: Robot, limits: TaskLimits) -> Array:
-    """Return the largest velocity, acceleration and jerk of the joints, (3, 4), or ∞."""
+    """Return the largest velocity, acceleration and jerk of the joints, (3, 4).
+
+    The velocity of joint 4 is also limited by the tip speed and by the rate of depth. Missing
+    limits are infinite.
+    """
     joints = [
         (joint.velocity, joint.acceleration, joint.jerk or math.inf) for joint in robot.joints
     ]
@@ -84,11 +102,20 @@ def _joint_limits(robot: Robot, limits: TaskLimits) -> Array:
 def _time_alone(
     positions: Array, speeds: Array, velocity: float, acceleration: float, jerk: float
 ) -> float:
-    """Return the shortest time of one joint through positions (k + 1,), s.
+    """Return the shortest time in which one joint passes through positions, s.
 
-    `speeds` (2,) are the velocities at both ends. A joint rests where it reverses, beyond the point
-    if it cannot stop before. Jerk is left out unless the joint moves one way from rest to rest,
-    because the acceleration need not be zero at a reversal.
+    A joint rests where it reverses, beyond the point if it cannot stop before. Jerk only counts if
+    the joint moves in one direction from rest to rest, because the acceleration need not be zero at
+    a reversal.
+
+    Parameters
+    ----------
+    positions : (k + 1,) array
+        Positions, rad or m.
+    speeds : (2,) array
+        Velocities at both ends.
+    velocity, acceleration, jerk : float
+        Limits of the joint.
     """
     steps = np.diff(positions)
     steps = steps[np.abs(steps) > ROUNDING]
@@ -106,10 +133,22 @@ def _time_alone(
 
 
 def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> float:
-    """Return a bound from limits on angular rates between task coordinates (2, 4), s.
+    """Return a lower bound on a duration that follows from limits on rates of task coordinates, s.
 
-    `rates` (2, 4) are the task rates at both ends. They are left out if the angular acceleration
-    has no bound, and for depth, whose rate is already a limit of joint 4.
+    It is the longest time that one of the limited coordinates would need alone. If the joint limits
+    bound its angular acceleration, the time also includes the change of rate at both ends. Depth
+    needs no such bound, because its rate is already limited as the velocity of joint 4.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot with the limits of its joints.
+    ends : (2, 4) array
+        Task coordinates at both ends, rad and m.
+    rates : (2, 4) array
+        Rates of the task coordinates at both ends.
+    limits : TaskLimits
+        Limits on task rates and on the range of tilt.
     """
     times = [0.0]
     for name, rate in limits.rates.items():
@@ -125,29 +164,45 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
 
 
 def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
-    """Return a bound of the acceleration of roll, tilt or spin within the joint limits, rad/s².
+    """Return an upper bound on the angular acceleration of a task coordinate, rad/s².
 
-    The tool axis turns about joint 2 on a circle of radius sin β. Let φ be the tilt and ζ = ψ − θ1
-    the azimuth, both as functions of θ2. Then
+    The bound holds for all joint positions in the range of tilt, and for all velocities and
+    accelerations within the limits of the joints. Let θ1, θ2, θ3 be the revolute joints, α and β
+    the angles between the axes of joints 1 and 2 and of joint 2 and the tool, ψ the roll and φ the
+    tilt. The tool axis moves about joint 2 on a circle of radius sin β. The tilt φ and the azimuth
+    ζ = ψ − θ1 are therefore functions of θ2 alone, with
 
         |φ'| ≤ sin β,           |φ''| ≤ (sin β + |cos φ| sin² β) / sin φ,
         |ζ'| ≤ sin β / sin φ,   |ζ''| ≤ (sin β + 2 |cos φ| sin² β / sin φ) / sin φ.
 
-    The bounds of spin are the same with α instead of β. `name` is "roll", "tilt" or "spin". The
-    result is infinite if the range of tilt contains 0 or ±π.
+    For example, ψ̈ = θ̈1 + ζ' θ̈2 + ζ'' θ̇2². For spin, θ3 takes the place of θ1, and α that of β.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot with its geometry and limits.
+    name : str
+        "roll", "tilt" or "spin".
+    limits : TaskLimits
+        Limits with the range of tilt.
+
+    Returns
+    -------
+    float
+        The bound. Infinite if the range of tilt contains 0 or ±π, where roll and spin are singular.
     """
     mechanism = Mechanism.from_robot(robot)
     first, second, third, _ = robot.joints
     low, high = limits.ranges.get("tilt", (-math.pi, math.pi))
     if not (-math.pi < low < high < 0 or 0 < low < high < math.pi):
         return math.inf
-    sine = min(abs(math.sin(low)), abs(math.sin(high)))
+    smallest_sine = min(abs(math.sin(low)), abs(math.sin(high)))
     radius = math.sin(mechanism.alpha if name == "spin" else mechanism.beta)
-    slope, curvature = (1.0, 1.0) if name == "tilt" else (1 / sine, 2 / sine)
-    along = radius * slope * second.acceleration
-    across = (radius + curvature * radius**2) / sine * second.velocity**2
-    own = {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
-    return along + across + own
+    slope, curvature = (1.0, 1.0) if name == "tilt" else (1 / smallest_sine, 2 / smallest_sine)
+    second_joint_term = radius * slope * second.acceleration
+    velocity_term = (radius + curvature * radius**2) / smallest_sine * second.velocity**2
+    same_axis_term = {"roll": first.acceleration, "tilt": 0.0, "spin": third.acceleration}[name]
+    return second_joint_term + velocity_term + same_axis_term
 
 
 def minimum_times(
@@ -156,44 +211,58 @@ def minimum_times(
     acceleration: Array | float,
     speeds: tuple[Array | float, Array | float] = (0.0, 0.0),
 ) -> Array:
-    """Return the shortest times over signed distances with bounded velocity and acceleration, s.
+    """Return the shortest times over given distances with limited velocity and acceleration.
 
-    `speeds` are the signed velocities at the start and at the end, in the units of `velocity`. NaN
-    means that a velocity is free. It is then as large as the distance allows. The limit is raised
-    to an end velocity that exceeds it. All arguments broadcast.
+    A joint that is too fast to stop within its distance overshoots and returns. All arguments
+    broadcast.
+
+    Parameters
+    ----------
+    distance : array
+        Signed distances, rad or m.
+    velocity, acceleration : array
+        Limits. If a velocity at an end exceeds its limit, the limit is raised to it.
+    speeds : (array, array)
+        Signed velocities at the start and at the end. NaN stands for a free velocity, which is then
+        as large as the distance allows.
+
+    Returns
+    -------
+    array of the broadcast shape
+        Times, s.
     """
     sign = np.where(np.asarray(distance) < 0, -1.0, 1.0)
     distance = sign * distance
     start, end = (sign * speed for speed in speeds)
     known = np.where(np.isnan(start), end, start)
-    reached = np.sqrt(np.maximum(known**2 + 2 * acceleration * distance, 0.0))
-    free = np.fmin(reached, np.fmax(velocity, np.abs(known)))
-    start, end = (np.where(np.isnan(speed), free, speed) for speed in (start, end))
-    direct = (start + end) / 2 * np.abs(end - start) / acceleration
-    at_once = np.abs(distance - direct) <= ROUNDING * (1 + np.abs(direct))
-    # A joint that cannot stop in time overshoots and comes back.
-    side = np.where(distance < direct, -1.0, 1.0)
-    distance, start, end = (side * values for values in (distance, start, end))
-    squares = (start**2 + end**2) / 2
+    reachable = np.sqrt(np.maximum(known**2 + 2 * acceleration * distance, 0.0))
+    free_speed = np.fmin(reachable, np.fmax(velocity, np.abs(known)))
+    start, end = (np.where(np.isnan(speed), free_speed, speed) for speed in (start, end))
+    direct_distance = (start + end) / 2 * np.abs(end - start) / acceleration
+    is_direct = np.abs(distance - direct_distance) <= ROUNDING * (1 + np.abs(direct_distance))
+    # A joint whose direct change of velocity takes more than the distance overshoots and returns.
+    direction = np.where(distance < direct_distance, -1.0, 1.0)
+    distance, start, end = (direction * values for values in (distance, start, end))
+    mean_square = (start**2 + end**2) / 2
     peak_limit = np.maximum(velocity, np.maximum(np.abs(start), np.abs(end)))
-    top = np.minimum(np.sqrt(np.maximum(acceleration * distance + squares, 0.0)), peak_limit)
-    cruise = (distance - (top**2 - squares) / acceleration) / np.where(top > 0, top, 1.0)
-    duration = (2 * top - start - end) / acceleration + np.where(top > 0, cruise, 0.0)
-    return np.asarray(np.where(at_once, np.abs(end - start) / acceleration, duration))
+    # Without cruising, the ramps to and from the peak cover (peak² − mean_square) / acceleration.
+    peak = np.minimum(np.sqrt(np.maximum(acceleration * distance + mean_square, 0.0)), peak_limit)
+    cruise = (distance - (peak**2 - mean_square) / acceleration) / np.where(peak > 0, peak, 1.0)
+    duration = (2 * peak - start - end) / acceleration + np.where(peak > 0, cruise, 0.0)
+    return np.asarray(np.where(is_direct, np.abs(end - start) / acceleration, duration))
 
 
 @record
 class SCurve:
-    """A motion with piecewise linear acceleration.
-
-    The lengths (m,) of the pieces are in s. `start` and `end` (m,) are the accelerations at the
-    ends of the pieces. `speed` is the initial velocity.
-    """
+    """A motion of one joint with piecewise linear acceleration, from position 0."""
 
     lengths: Array
+    """Durations of the pieces, (m,), s."""
     start: Array
     end: Array
+    """Accelerations at the start and at the end of the pieces, (m,) each."""
     speed: float = 0.0
+    """Initial velocity."""
 
     @property
     def duration(self) -> float:
@@ -202,24 +271,24 @@ class SCurve:
 
     @property
     def switches(self) -> Array:
-        """Times at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
+        """Instants at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
         return _sums(self.lengths)
 
     def stretched(self, duration: float) -> SCurve:
-        """Return the same motion with another duration, s."""
+        """Return the motion stretched in time to a duration in s. It covers the same distance."""
         factor = duration / self.duration
         return SCurve(
             self.lengths * factor, self.start / factor**2, self.end / factor**2, self.speed / factor
         )
 
     def scaled(self, factor: float) -> SCurve:
-        """Return the same motion over `factor` times the distance."""
+        """Return the motion over `factor` times the distance in the same time."""
         return SCurve(self.lengths, self.start * factor, self.end * factor, self.speed * factor)
 
     def evaluate(self, t: Array) -> tuple[Array, Array, Array]:
-        """Return position, velocity and acceleration at times t (n,).
+        """Evaluate position, velocity and acceleration at times t (n,), in s, (n,) each.
 
-        The acceleration is taken from the right, and at the end from the left.
+        Where the acceleration jumps, the value after the jump is returned, except at the end.
         """
         index = self._piece_index(t)
         cubics = self._cubics
@@ -227,26 +296,27 @@ class SCurve:
         return Cubic(*(values[index] for values in pieces)).at_time(t - self.switches[index])
 
     def jerk_at(self, t: Array) -> Array:
-        """Return the slope of the acceleration from the right at times t (n,)."""
+        """Return the jerk at times t (n,), in s. At a jump it is the value after the jump."""
         return np.asarray(self._cubics.jerk[self._piece_index(t)])
 
     @cached_property
     def _cubics(self) -> Cubic:
-        """All pieces, with fields of shape (m,)."""
-        gained = self.lengths * (self.start + self.end) / 2
-        velocity = self.speed + _sums(gained)[:-1]
+        """Cubic polynomials of all pieces, as one value with fields of shape (m,)."""
+        velocity_changes = self.lengths * (self.start + self.end) / 2
+        velocity = self.speed + _sums(velocity_changes)[:-1]
+        # Pieces that start at position 0 give the displacements, whose sums are the positions.
         from_zero = Cubic(0.0, velocity, self.start, self.end, self.lengths)
         return Cubic(_sums(from_zero.end[0])[:-1], velocity, self.start, self.end, self.lengths)
 
     def _piece_index(self, t: Array) -> Indices:
-        """Return the index of the piece that contains each time (n,)."""
+        """Return the index of the piece that contains each of the times (n,)."""
         return np.clip(
             np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1
         )
 
     @property
     def peaks(self) -> tuple[float, float, float]:
-        """Largest velocity, acceleration and jerk.
+        """Largest absolute velocity, acceleration and jerk.
 
         The jerk is infinite if the acceleration jumps.
         """
@@ -258,27 +328,38 @@ class SCurve:
 
 
 def _sums(values: Array) -> Array:
-    """Return 0 and the cumulative sums of values (m,), (m + 1,)."""
+    """Return the cumulative sums of values (m,), with a leading 0, (m + 1,)."""
     return np.append(0.0, np.cumsum(values))
 
 
 def rest_to_rest(
     distance: float, velocity: float, acceleration: float, jerk: float | None = None
 ) -> SCurve:
-    """Return the fastest motion from rest to rest over a distance > 0.
+    """Return the fastest motion of a joint from rest to rest.
 
-    Without a jerk limit the velocity is a trapezoid, or a triangle if it does not reach its limit.
-    With a jerk limit the motion has up to seven pieces. Both are symmetric in time.
+    The motion is symmetric in time. Without a jerk limit its velocity is a trapezoid, or a triangle
+    if it does not reach its limit. With a jerk limit it has up to seven pieces.
+
+    Parameters
+    ----------
+    distance : float
+        Distance > 0, rad or m.
+    velocity, acceleration : float
+        Limits.
+    jerk : float or None
+        Limit. None: the acceleration may jump.
     """
     limit = math.inf if jerk is None else jerk
     speed = min(velocity, float(_reachable_speed(np.array(distance), acceleration, limit)))
     ramp = min(acceleration / limit, math.sqrt(speed / limit))
     peak = min(acceleration, math.sqrt(speed * limit))
-    flat = max(speed / peak - ramp, 0.0)
-    rise = np.array([[ramp, 0.0, peak], [flat, peak, peak], [ramp, peak, 0.0]])
-    cruise = [max(distance / speed - rise[:, 0].sum(), 0.0), 0.0, 0.0]
-    fall = rise[::-1, [0, 2, 1]] * (1, -1, -1)
-    pieces = np.vstack([rise, cruise, fall])
+    constant_time = max(speed / peak - ramp, 0.0)
+    # The columns are the duration of a piece, and the acceleration at its start and end.
+    speed_up = np.array([[ramp, 0.0, peak], [constant_time, peak, peak], [ramp, peak, 0.0]])
+    cruise = [max(distance / speed - speed_up[:, 0].sum(), 0.0), 0.0, 0.0]
+    slow_down = speed_up[::-1, [0, 2, 1]] * (1, -1, -1)
+    pieces = np.vstack([speed_up, cruise, slow_down])
+    # Pieces shorter than rounding are left out.
     lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
     return SCurve(lengths, start, end)
 
@@ -289,23 +370,35 @@ def rest_times(
     acceleration: Array | float,
     jerk: Array | float = math.inf,
 ) -> Array:
-    """Return the durations of `rest_to_rest` over distances ≥ 0, s. All arguments broadcast."""
+    """Return the durations of the fastest motions from rest to rest, s.
+
+    They are those of `rest_to_rest`, but for arrays. All arguments broadcast.
+
+    Parameters
+    ----------
+    distance : array
+        Distances ≥ 0, rad or m.
+    velocity, acceleration, jerk : array or float
+        Limits. An infinite jerk stands for no limit.
+    """
+    # With the peak velocity v and the time T of a ramp, the duration is T + distance / v.
     speed = np.minimum(velocity, _reachable_speed(distance, acceleration, jerk))
     reaches_limit = speed >= acceleration**2 / jerk
-    ramp = np.where(
+    ramp_times = np.where(
         reaches_limit, speed / acceleration + acceleration / jerk, 2 * np.sqrt(speed / jerk)
     )
-    return np.asarray(ramp + distance / np.maximum(speed, ROUNDING))
+    return np.asarray(ramp_times + distance / np.maximum(speed, ROUNDING))
 
 
 def _reachable_speed(distance: Array, acceleration: Array | float, jerk: Array | float) -> Array:
-    """Return the peak velocity of the motion that never cruises.
+    """Return the peak velocity v of the motion from rest to rest that does not cruise.
 
-    It satisfies v T_ramp(v) = distance. If the acceleration reaches its limit, v (v/a + a/j) = d.
-    Otherwise v 2 √(v/j) = d.
+    The distance d is v T, with the time T in which the velocity rises to v. If the acceleration
+    reaches its limit a, T = v/a + a/j with the jerk limit j. Otherwise T = 2 √(v/j). All arguments
+    broadcast, and the result has their shape (…).
     """
-    half = acceleration**2 / jerk
-    speed = (np.sqrt(half**2 + 4 * acceleration * distance) - half) / 2
+    limit_speed = acceleration**2 / jerk
+    speed = (np.sqrt(limit_speed**2 + 4 * acceleration * distance) - limit_speed) / 2
     with np.errstate(invalid="ignore"):  # 0 · ∞ for a joint at rest without a limit of jerk.
         below_limit = np.cbrt(distance**2 * jerk / 4)
-    return np.asarray(np.where(speed >= half, speed, below_limit))
+    return np.asarray(np.where(speed >= limit_speed, speed, below_limit))

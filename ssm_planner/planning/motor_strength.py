@@ -1,6 +1,7 @@
-"""Motors that no motion can suit: too weak to move, to brake or to hold a speed, or too hot.
+"""Tests that reject motors with which no motion is possible.
 
-`no_motion` looks for the cause after a solver has found no motion.
+Such a motor is too weak to move, to brake or to hold a speed, or every motion makes it too hot.
+`no_motion` looks for the cause after a solver has not found a motion.
 """
 
 from __future__ import annotations
@@ -33,7 +34,19 @@ from ssm_planner.typing import Array, record
 
 
 def no_motion(phase: Phase, path: JointPath, message: str) -> Reason:
-    """Return what prevents a motion: a weak motor, the eye, or the solver's message."""
+    """Return the reason why a solver found no motion of a phase.
+
+    It is a motor that is too weak, or a place that the eye forbids, or else the solver's message.
+
+    Parameters
+    ----------
+    phase : Phase
+        The phase.
+    path : JointPath
+        The path that the solver tried, or the direct one.
+    message : str
+        Message of the solver.
+    """
     reason = motor_too_weak(phase, path, SAMPLES)
     if reason is not None:
         return reason
@@ -49,53 +62,72 @@ def _overloaded(
     robot: Robot,
     kind: type[MotorTorque | ContinuousTorque],
     needs: Iterable[tuple[int, float, str | None]],
-    words: str,
+    template: str,
 ) -> Reason | None:
-    """Return the motor whose torque is exceeded by the largest factor, or None.
+    """Return a reason for the motor that exceeds its limit by the largest factor, or None.
 
-    `needs` are joint, needed torque (N·m) and place. `words` continues the message after the name
-    of the joint, with {value} and {bound}.
+    Parameters
+    ----------
+    robot : Robot
+        The robot with its motors.
+    kind : type of Limit
+        Kind of the limit.
+    needs : iterable of (int, float, str or None)
+        Index of a joint, torque in N·m that its motor needs, and place on the motion.
+    template : str
+        Continuation of the message after the name of the joint, with the fields {value} and
+        {bound}.
     """
-    worst, result = 0.0, None
+    largest_factor, result = 0.0, None
     for i, needed, location in needs:
         limit = robot.joints[i].limit(kind)
-        text = f"the motor of joint {robot.joints[i].name} {words}"
+        text = f"the motor of joint {robot.joints[i].name} {template}"
         reason = exceeded(limit, needed, location, text, ROUNDING * limit.largest)
-        if reason is not None and needed / limit.largest > worst:
-            worst, result = needed / limit.largest, reason
+        if reason is not None and needed / limit.largest > largest_factor:
+            largest_factor, result = needed / limit.largest, reason
     return result
 
 
 def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:
-    """Return the motor that is too weak to start moving against gravity and friction, or None.
+    """Return a reason if a motor cannot move its joint against gravity and friction, or None.
 
-    The knots of the path are tested, and `samples` evenly spaced points. A motor that is too weak
-    at the knots of a free motion is too weak on every path between them. Friction is static where
-    the joint starts or reverses, and that of slow motion elsewhere.
+    Friction is static where the joint starts or reverses, and that of slow motion elsewhere. The
+    test covers the knots of the path (the ends and all reversals), and evenly spaced points. A
+    motor that is too weak at the ends of a free motion is too weak on every path between them.
+
+    Parameters
+    ----------
+    phase : Phase
+        The phase.
+    path : JointPath
+        Its path.
+    samples : int
+        Number of evenly spaced points.
     """
     knots, signs = path.directions
-    at = path.sample(np.union1d(np.linspace(0.0, 1.0, samples), knots))
+    places = path.sample(np.union1d(np.linspace(0.0, 1.0, samples), knots))
     robot = phase.problem.robot
-    gravity = RigidBody.from_robot(robot).gravity_load(at.q)
-    starts = joint_starts(at, knots, signs)
-    # At a knot the joint must arrive as well as leave.
+    gravity = RigidBody.from_robot(robot).gravity_load(places.q)
+    starts = joint_starts(places, knots, signs)
+    # At a knot, the motor must move the joint in the directions before and after the knot.
     segments = [
-        np.clip(np.searchsorted(knots, at.s, side=side) - 1, 0, len(signs) - 1)
+        np.clip(np.searchsorted(knots, places.s, side=side) - 1, 0, len(signs) - 1)
         for side in ("left", "right")
     ]
 
     def needs() -> Iterator[tuple[int, float, str]]:
+        """Yield the index of each joint, the torque in N·m that it needs to move, and the place."""
         for i, drive, _ in motorised(robot.joints):
             friction = friction_of(drive)
-            slow = np.asarray(friction_coefficient(friction, 0.0))
-            mu = np.where(starts[:, i], breakaway_coefficient(friction), slow)
+            slow_mu = np.asarray(friction_coefficient(friction, 0.0))
+            mu = np.where(starts[:, i], breakaway_coefficient(friction), slow_mu)
             torques = [
                 np.abs(sign * breakaway_torque(drive, gravity[:, i], sign, mu))
                 for sign in (signs[segment, i] for segment in segments)
             ]
             torque = np.maximum(*torques)
             k = int(np.argmax(torque))
-            yield i, float(torque[k]), f"{phase.motion.name}, {100 * at.s[k]:.0f} % of the way"
+            yield i, float(torque[k]), f"{phase.motion.name}, {100 * places.s[k]:.0f} % of the way"
 
     return _overloaded(
         robot,
@@ -107,32 +139,37 @@ def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | 
 
 
 def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
-    """Return the motor that is too weak at the velocity at which a phase begins.
+    """Return a reason if a motor is too weak for the velocity at which a phase begins, or None.
 
-    No accelerations within the limits help then. If the load resists, a motor that cannot hold the
-    velocity would have to brake harder than its joint may. The torque in the direction of motion is
-    convex in the effort, and the effort is linear in the accelerations. The minimum is bounded from
-    below on a grid.
+    The motor is then too weak for all joint accelerations within the limits. The test includes a
+    motor that cannot hold the velocity against a load that resists the motion: to slow down with
+    it, the joint would have to brake harder than its limit allows.
+
+    The needed torque is bounded from below. The torque in the direction of motion is convex in the
+    output effort, and the effort is linear in the joint accelerations. The smallest value on a grid
+    of efforts, minus the largest step between neighbours, is therefore a lower bound.
     """
     robot, qd = phase.problem.robot, phase.qd_start
     if not qd.any():
         return None
-    largest = robot.accelerations
-    accelerations = np.vstack([np.zeros(4), np.diag(largest)])
+    deceleration_limits = robot.accelerations
+    accelerations = np.vstack([np.zeros(4), np.diag(deceleration_limits)])
     load = RigidBody.from_robot(robot).inverse_dynamics(
         np.tile(phase.q_start, (5, 1)), np.tile(qd, (5, 1)), accelerations
     )
+    # The efforts at all accelerations within the limits lie within load[0] ± reach.
     reach = np.abs(load[1:] - load[0]).sum(axis=0)
 
     def needs() -> Iterator[tuple[int, float, str]]:
+        """Yield the index of each joint, a lower bound on its needed torque in N·m, and the place."""
         for i, drive, _ in motorised(robot.joints):
             sign = float(np.sign(qd[i]))
             if sign:
                 efforts = load[0, i] + np.linspace(-reach[i], reach[i], SAMPLES)
-                law, _ = drive_torque(
-                    drive, efforts, qd[i], -sign * largest[i], sign, breakaway=False
+                motor_torque, _ = drive_torque(
+                    drive, efforts, qd[i], -sign * deceleration_limits[i], sign, breakaway=False
                 )
-                torque = sign * np.asarray(law)
+                torque = sign * np.asarray(motor_torque)
                 needed = float(torque.min() - np.abs(np.diff(torque)).max())
                 yield i, needed, f"{phase.motion.name}, at its start"
 
@@ -146,32 +183,45 @@ def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
 
 
 def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
-    """Return the motor whose continuous torque every motion exceeds, however slow it is.
+    """Return a reason if every motion of the phases exceeds a motor's continuous torque, or None.
 
-    None if not certain.
-
-    In a straight phase from rest to rest in which a joint moves one way, its mean motor torque is
-    at least a (`_SlowMotion`), so the mean square is at least a². A joint at rest has a = 0.
-    For phases of durations T_k and a pause P,
+    In a straight phase from rest to rest in which a joint moves in one direction, the mean motor
+    torque is at least a (`_SlowMotion.least_mean_torque`), so the mean square is at least a². A
+    joint at rest has a = 0. For phases of durations T_k and a pause P,
 
         RMS² ≥ Σ a_k² T_k / (Σ T_k + P).
 
     The right side is monotone in each T_k, so its minimum has all T_k at their lower bounds, or one
-    of them infinite. A phase without a given duration in which the joint may rest allows any RMS.
-    Stribeck friction is taken at its smallest, and ripple is left out.
+    of them infinite. Stribeck friction is taken at its smallest, and torque ripple is left out.
+
+    Parameters
+    ----------
+    phases : sequence of Phase
+        All phases of a problem. Its key `duty` gives the pause.
+
+    Returns
+    -------
+    Reason or None
+        None without a duty cycle, or if a slower motion may suffice.
     """
     pause, robot = phases[0].problem.duty, phases[0].problem.robot
     if pause is None:
         return None
-    bounds = [phase.motion.duration or lower_bound(robot, phase.points) for phase in phases]
-    slow = [_SlowMotion.from_phase(robot, phase) for phase in phases]
-    untimed = [not phase.motion.duration for phase in phases]
+    least_durations = [
+        phase.motion.duration or lower_bound(robot, phase.points) for phase in phases
+    ]
+    slow_motions = [_SlowMotion.from_phase(robot, phase) for phase in phases]
+    has_free_duration = [not phase.motion.duration for phase in phases]
 
     def needs() -> Iterator[tuple[int, float, None]]:
+        """Yield the index of each joint, a lower bound on its RMS torque in N·m, and no place."""
         for i, drive, _ in motorised(robot.joints):
-            means = [motion.least_mean_torque(i, drive) if motion else 0.0 for motion in slow]
-            heat = np.square(means) @ bounds / (sum(bounds) + pause)
-            yield i, min([math.sqrt(heat), *compress(means, untimed)]), None
+            means = [
+                motion.least_mean_torque(i, drive) if motion else 0.0 for motion in slow_motions
+            ]
+            mean_square = np.square(means) @ least_durations / (sum(least_durations) + pause)
+            # All durations are at their lower bounds, or a free duration is infinite.
+            yield i, min([math.sqrt(mean_square), *compress(means, has_free_duration)]), None
 
     return _overloaded(
         robot,
@@ -183,9 +233,9 @@ def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
 
 
 def exceeds_thermal_bound(problem: Problem) -> Reason | None:
-    """Return the motor whose continuous torque every motion exceeds, however slow it is.
+    """Return a reason if every motion of a problem exceeds a motor's continuous torque, or None.
 
-    None if that is not certain without planning.
+    No motion is planned. None means that the result is not certain without planning.
     """
     phases, reason = feasible_phases(problem)
     return None if reason is not None else motor_too_hot(phases)
@@ -193,19 +243,23 @@ def exceeds_thermal_bound(problem: Problem) -> Reason | None:
 
 @record
 class _SlowMotion:
-    """A straight phase from rest to rest at n samples."""
+    """Samples of a straight phase from rest to rest, for bounds that hold at every speed."""
 
     samples: PathSamples
+    """q, q' and q'' at n values of s."""
     signs: Array
-    """Signs of the joints' motion between reversals, (k, 4)."""
+    """Directions +1, −1 or 0 of the joints between reversals, (k, 4)."""
     load: tuple[Array, Array, Array]
-    """A, B, C of τ_rigid = A s̈ + B ṡ² + C, (n, 4) each."""
+    """A, B, C of the rigid-body load A s̈ + B ṡ² + C, (n, 4) each."""
     speed_limit: Array
     """Largest ṡ that the joints' velocities allow, (n,)."""
 
     @classmethod
     def from_phase(cls, robot: Robot, phase: Phase) -> _SlowMotion | None:
-        """Return the samples of a phase. None if it is not straight, or begins or ends at speed."""
+        """Sample a phase along its given path at n values of s.
+
+        Returns None if the phase has no given path, or if it begins or ends at speed.
+        """
         if phase.path is None or not phase.begins_and_ends_at_rest:
             return None
         samples = phase.path.overview
@@ -216,24 +270,36 @@ class _SlowMotion:
         return cls(samples, phase.path.directions[1], load, speed_limit)
 
     def least_mean_torque(self, i: int, drive: Drive) -> float:
-        """Return a lower bound of the mean torque of motor i, N·m.
+        """Return a lower bound on the mean torque of a motor over the motion, N·m.
 
-        It is 0 if the joint may rest or reverse.
+        The torque is the larger of two lines in the output effort F, so it is at least c F for
+        every slope c between theirs. F = A s̈ + B ṡ² + C. Integration by parts over a motion from
+        rest to rest shows that F has the same mean as (B − A') ṡ² + C. ṡ is at most what the
+        joints' velocities allow.
 
-        The torque is the larger of two lines in the effort F. It is therefore above c F for every
-        slope c between theirs. Over a motion from rest to rest, F = A s̈ + B ṡ² + C has the same
-        mean as (B − A') ṡ² + C, and ṡ is at most what the joints' velocities allow.
+        Parameters
+        ----------
+        i : int
+            Index of the joint.
+        drive : Drive
+            Its drive.
+
+        Returns
+        -------
+        float
+            The bound. 0 if the joint rests or reverses, or if the drive has two nuts.
         """
         signs = np.unique(self.signs[:, i])
         if drive.two_nuts or len(signs) != 1 or signs[0] == 0:
             return 0.0
         friction = friction_of(drive)
-        inertia, speed, static = (term[:, i] for term in self.load)
+        inertia, square_term, static_term = (term[:, i] for term in self.load)
         viscous = friction.b_ov * np.abs(self.samples.dq[:, i]) * self.speed_limit
-        varying = np.abs(speed - np.gradient(inertia, self.samples.s)) * self.speed_limit**2
-        # In the direction of motion the torque is b_c + max(up F, down F).
-        effort = signs[0] * static + friction.b_oc
-        up, down = motor_torque_rows(drive, int(signs[0]), friction.mu).slope
-        slopes = np.array([up, down, np.clip(0.0, down, up)])[:, None]
+        slope = np.gradient(inertia, self.samples.s)
+        varying = np.abs(square_term - slope) * self.speed_limit**2
+        # In the direction of motion the torque is b_c + max(raising · F, lowering · F).
+        effort = signs[0] * static_term + friction.b_oc
+        raising, lowering = motor_torque_rows(drive, int(signs[0]), friction.mu).slope
+        slopes = np.array([raising, lowering, np.clip(0.0, lowering, raising)])[:, None]
         bounds = friction.b_c + slopes * effort - np.abs(slopes) * (varying + viscous)
         return max(0.0, float(bounds.min(axis=1).max()))

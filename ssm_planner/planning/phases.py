@@ -1,4 +1,7 @@
-"""Phases of a problem: end points by inverse kinematics, branches, and whole turns."""
+"""Phases of a problem: the entries of its motion list with their joint positions.
+
+The end points follow from the inverse kinematics, with a choice of branches and whole turns.
+"""
 
 from __future__ import annotations
 
@@ -53,22 +56,25 @@ from ssm_planner.typing import Array, Range, record
 
 @record
 class Phase:
-    """One entry of the motion list with its end points in task and joint coordinates."""
+    """One entry of the motion list with its points in task and joint coordinates."""
 
     problem: Problem
     motion: Motion
+    """Entry of the motion list."""
     start: Array
     end: Array
-    """Task coordinates at both ends, (4,) each."""
+    """Task coordinates roll, tilt, spin (rad) and depth (m) at both ends, (4,) each."""
     points: Array
-    """Joints at the start, at the points passed without stopping, and at the end, (k + 1, 4)."""
+    """Joint positions at the start, at the points passed without stopping, and at the end, (k + 1,
+    4).
+    """
     path: JointPath | None = None
-    """Given path. None for a free motion and for a robot at rest."""
+    """Given joint path. None for a free motion and for a robot at rest."""
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
     qd_end: Array = field(default_factory=lambda: np.zeros(4))
     """Joint velocities at both ends, (4,) each."""
     qdd_start: Array = field(default_factory=lambda: np.zeros(4))
-    """Joint accelerations (4,) at the start of a free motion with limited jerk."""
+    """Joint accelerations at the start of a free motion with limited jerk, (4,)."""
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -77,7 +83,7 @@ class Phase:
 
     @cached_property
     def lower_bound(self) -> float:
-        """Duration that no motion between the ends can beat, s."""
+        """Duration in s that no motion between the ends can beat."""
         robot, limits = self.problem.robot, self.problem.task_limits
         speeds = np.stack([self.qd_start, self.qd_end])
         rates = task_rates(self.mechanism, self.points[[0, -1]], speeds)
@@ -86,9 +92,9 @@ class Phase:
 
     @property
     def least_duration(self) -> float:
-        """Requested duration, or else the lower bound, s.
+        """Requested duration, or else the lower bound on the duration, s.
 
-        It is infinite if the requested duration is shorter than the bound.
+        It is infinite if the requested duration is shorter than the lower bound.
         """
         duration = self.motion.duration
         if self.stands:
@@ -99,15 +105,15 @@ class Phase:
 
     @property
     def q_start(self) -> Array:
-        """Joints at the start, (4,)."""
+        """Joint positions at the start, (4,)."""
         return np.asarray(self.points[0])
 
     @property
     def stands(self) -> bool:
-        """True if the robot stays where it is.
+        """True if the robot rests during the phase.
 
-        This is a dwell, or a motion whose target is the present position. The latter takes no time
-        unless a duration is given.
+        The phase is a dwell, or a motion whose target is the present position. The latter takes no
+        time unless a duration is given.
         """
         return self.path is None and not np.diff(self.points, axis=0).any()
 
@@ -117,22 +123,29 @@ class Phase:
         return not (self.qd_start.any() or self.qd_end.any())
 
     def speeds_along(self, path: JointPath) -> tuple[float, float]:
-        """Return ṡ at both ends of a path."""
+        """Return ṡ at both ends of a path in 1/s, for the velocities of the phase at its ends."""
         return path.speed_at(0.0, self.qd_start), path.speed_at(1.0, self.qd_end)
 
     @property
     def branch(self) -> int | None:
-        """Branch of the inverse kinematics on which a given path stays: +1 or −1.
+        """Branch of the inverse kinematics of a given path in task coordinates: +1 or −1.
 
-        None otherwise.
+        None for any other phase.
         """
         return self.path.branch if isinstance(self.path, (ClosedPath, BlendedPath)) else None
 
 
 def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
-    """Return task coordinates (4,) at the last of the joints `points` (n, 4).
+    """Return the task coordinates (4,) at the last of several joint positions.
 
-    They are continuous from `start` (4,) at the first point.
+    Roll and spin are counted continuously from the first position, so they may exceed a whole turn.
+
+    Parameters
+    ----------
+    points : (n, 4) array
+        Joint positions, rad and m.
+    start : (4,) array
+        Task coordinates at the first of them.
     """
     task = start
     for point in points[1:]:
@@ -141,10 +154,12 @@ def task_at_end(mechanism: Mechanism, points: Array, start: Array) -> Array:
 
 
 def start_configurations(problem: Problem) -> list[Array]:
-    """Return the start configurations (4,) to try.
+    """Return the joint positions (4,) at which a motion of the problem may begin.
 
-    These are the given joints, or every closed-form solution with its whole turns, the home branch
-    first.
+    They are the given joints. If the start is given in other coordinates, they are all solutions of
+    the inverse kinematics with whole turns, those on the home branch first.
+
+    Raises ProblemError if the mechanism cannot reach the start.
     """
     target = problem.start
     if isinstance(target, Joints):
@@ -158,28 +173,45 @@ def start_configurations(problem: Problem) -> list[Array]:
 
 
 def _with_turns(q: Array) -> list[Array]:
-    """Return all combinations of a configuration with whole turns of its revolute joints.
+    """Return all combinations of whole turns of the revolute joints that are close to zero.
 
-    Each angle is taken within half a turn of zero, and one turn further on the other side of zero.
-    The configuration with the smallest sum of angles comes first.
+    Each angle is taken within half a turn of zero, and once more with a turn to the other side of
+    zero. The combination with the smallest sum of |angles| comes first.
+
+    Parameters
+    ----------
+    q : (4,) array
+        Joint positions.
+
+    Returns
+    -------
+    list of (4,) arrays
+        Joint positions with the same pose of the tool.
     """
     angles = np.arctan2(np.sin(q[:3]), np.cos(q[:3]))
     choices = [
         [angle, angle - 2 * np.pi * np.sign(angle)] if angle else [angle] for angle in angles
     ]
-    grid = [np.array([*turned, q[3]]) for turned in product(*choices)]
+    grid = [np.array([*angles_with_turns, q[3]]) for angles_with_turns in product(*choices)]
     return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
 
 
 def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
-    """Return the phases that follow each other from a start configuration q (4,).
+    """Return the consecutive phases of a problem from a start configuration.
 
-    Task coordinates are continuous from phase to phase.
+    Roll and spin are continuous from phase to phase.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its motion list.
+    q : (4,) array
+        Joint positions at the start.
 
     Raises
     ------
     ProblemError
-        If a point is out of reach, or if no motion goes anywhere.
+        If the mechanism cannot reach a point, or if no motion goes anywhere.
     """
     mechanism = Mechanism.from_robot(problem.robot)
     phases: list[Phase] = []
@@ -197,6 +229,7 @@ def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
             for motion in motions:
                 phases += _PhaseBuilder(problem, mechanism, task, q).phases(motion)
                 task, q = phases[-1].end, phases[-1].points[-1]
+        # All phases of an entry have the key of the entry.
         keys += [key] * (len(phases) - len(keys))
     phases = _without_stops(problem, phases, keys)
     if all(phase.stands and not phase.motion.duration for phase in phases):
@@ -208,16 +241,16 @@ def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
 
 @record
 class _PhaseBuilder:
-    """Builder of the phases of one motion."""
+    """Builder of the phases of one entry of the motion list, which begin at a given state."""
 
     problem: Problem
     mechanism: Mechanism
     start: Array
     q: Array
-    """Task coordinates and joints at the start of the motion, (4,) each."""
+    """Task coordinates and joint positions at the start of the entry, (4,) each."""
 
     def phases(self, motion: Motion) -> list[Phase]:
-        """Return the phases of a motion."""
+        """Build the phases of one entry of the motion list. Most entries have a single phase."""
         if isinstance(motion, Dwell):
             return [self._standing(motion)]
         if isinstance(motion, Straight):
@@ -228,23 +261,23 @@ class _PhaseBuilder:
         return [self._free(motion)]
 
     def _standing(self, motion: Motion) -> Phase:
-        """Return a phase at rest."""
+        """Build a phase in which the robot rests."""
         points = np.stack([self.q, self.q])
         return Phase(self.problem, motion, self.start, self.start, points)
 
-    def _along(self, motion: Motion, path: JointPath) -> Phase:
-        """Return a phase along a path."""
+    def _phase_along(self, motion: Motion, path: JointPath) -> Phase:
+        """Build a phase along a joint path, whose points are those at the path's knots."""
         knots = path.sample(path.directions[0]).q
         end = task_at_end(self.mechanism, knots, self.start)
         return Phase(self.problem, motion, self.start, end, knots, path=path)
 
-    def _moved(self, q: Array) -> _PhaseBuilder:
-        """Return the builder that continues at joints q (4,)."""
+    def _builder_at(self, q: Array) -> _PhaseBuilder:
+        """Return a builder whose phases begin at joint positions q (4,)."""
         end = task_from_joints(self.mechanism, q[None], near=self.start)[0]
         return replace(self, start=end, q=q)
 
     def _straight(self, motion: Straight) -> Phase:
-        """Return a straight motion."""
+        """Build the phase of a straight line in task coordinates."""
         key = "to" if key_of(motion) in ALONE else "to.tilt"
         end = _task_of(self.problem, self.mechanism, motion.to, self.start, key)
         if np.abs(end - self.start).max() < ROUNDING:
@@ -254,34 +287,35 @@ class _PhaseBuilder:
         return Phase(self.problem, motion, self.start, end, points, path=path)
 
     def _free(self, motion: Free) -> Phase:
-        """Return a free motion through its points."""
-        points, there = [self.q], self
-        for _, _, there in self.targets(motion):
-            if np.abs(there.q - points[-1]).max() >= ROUNDING:
-                points.append(there.q)
+        """Build the phase of a free motion through its points. Repeated points are left out."""
+        points, at_target = [self.q], self
+        for _, _, at_target in self.targets(motion):
+            if np.abs(at_target.q - points[-1]).max() >= ROUNDING:
+                points.append(at_target.q)
         if len(points) == 1:
             return self._standing(motion)
-        return Phase(self.problem, motion, self.start, there.start, np.stack(points))
+        return Phase(self.problem, motion, self.start, at_target.start, np.stack(points))
 
     def targets(self, motion: Free) -> Iterator[tuple[Point, _PhaseBuilder, _PhaseBuilder]]:
-        """Yield the targets of a free motion, with the builders before and at each of them.
+        """Yield the targets of a free motion, with a builder before and a builder at each of them.
 
-        A free spin keeps its value.
+        If the spin of a target is free, it keeps its value.
         """
-        here = self
+        before = self
         for k, target in enumerate((*motion.through, motion.to)):
             is_last = k == len(motion.through)
             if is_last and motion.spin_free and not isinstance(target, Joints):
-                target = replace(target, spin=float(here.start[2]))
+                target = replace(target, spin=float(before.start[2]))
             with within("to" if is_last else f"through[{k}]"):
-                there = here._moved(here._free_end(target))
-            yield target, here, there
-            here = there
+                at_target = before._builder_at(before._free_end(target))
+            yield target, before, at_target
+            before = at_target
 
     def _free_end(self, target: Point) -> Array:
-        """Return the joints (4,) at a target of a free motion.
+        """Return the joint positions (4,) at a target of a free motion.
 
-        They are the given ones, or the solution nearest to q, preferably on its branch.
+        They are the given ones, or the solution of the inverse kinematics that is nearest to q.
+        Solutions on the present branch and within the ranges of the joints are preferred.
         """
         if isinstance(target, Joints):
             return np.array(target.values)
@@ -293,30 +327,34 @@ class _PhaseBuilder:
         return np.array(solutions.joints[0, int(np.argmax(usable))])
 
     def solutions(self, target: Point) -> Solutions:
-        """Return all joint solutions of a target, those nearest to q first."""
+        """Return all inverse-kinematics solutions of a target, those nearest to `q` first."""
         return _solutions(self.problem, self.mechanism, target, self.start, self.q)
 
     def _curved(self, motion: Follow) -> list[Phase]:
-        """Return the phases along a curve.
+        """Build the phases of a motion along a curve.
 
-        A free motion to its beginning precedes the curve unless the robot is there already.
+        If the robot is not at the beginning of the curve, a free motion there comes first.
         """
         curve = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q)
         beginning = curve.beginning
         phases: list[Phase] = []
         builder = self
         if beginning is not self.q:
-            builder = self._moved(beginning)
+            builder = self._builder_at(beginning)
             name = f"{motion.name}, approach"
-            lead = Free(Joints.from_array(beginning), name=name, line=motion.line)
+            approach = Free(Joints.from_array(beginning), name=name, line=motion.line)
             points = np.stack([self.q, beginning])
-            phases = [Phase(self.problem, lead, self.start, builder.start, points)]
+            phases = [Phase(self.problem, approach, self.start, builder.start, points)]
         if motion.curve in OF_TIP:
             return [*phases, builder._of_tip(motion)]
         return [*phases, *builder._through(motion, curve.points)]
 
     def _through(self, motion: Follow, points: Array) -> list[Phase]:
-        """Return the phases through points (n, 4), one for every smooth run of samples."""
+        """Build the phases through points (n, 4) of a spline or table.
+
+        A table whose polyline has corners is divided into smooth curves, and the robot stops
+        between them.
+        """
         scale = self.problem.robot.velocities
         if len(points) == 1:
             return [self._standing(motion)]
@@ -326,27 +364,27 @@ class _PhaseBuilder:
         builder = self
         for k, run in enumerate(runs, 1):
             path = SplinePath(self.mechanism, run, scale, pieces=pieces)
-            labelled = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
-            phases.append(builder._along(labelled, path))
+            named_motion = motion if len(runs) == 1 else replace(motion, name=f"{motion.name} {k}")
+            phases.append(builder._phase_along(named_motion, path))
             builder = replace(self, start=phases[-1].end)
         return phases
 
     def _of_tip(self, motion: Follow) -> Phase:
-        """Return the phase in which the tip follows a line or an arc."""
+        """Build the phase in which the tip follows a line or an arc."""
         path = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q).tip_path()
         if isinstance(path, JointPath):
-            return self._along(motion, path)
+            return self._phase_along(motion, path)
         if np.abs(path - self.q).max() < ROUNDING:
             return self._standing(motion)
-        end = self._moved(path).start
+        end = self._builder_at(path).start
         straight = straight_path(self.problem, self.mechanism, self.start, end, self.q)
-        return self._along(motion, straight)
+        return self._phase_along(motion, straight)
 
 
 def _without_stops(problem: Problem, phases: list[Phase], keys: list[str]) -> list[Phase]:
-    """Return the phases, joined to one where corners between them are rounded.
+    """Join consecutive phases to one phase where the problem asks for rounded corners between them.
 
-    `keys` are the keys of their motions in the problem file.
+    `keys` are the keys of the phases' motions in the problem file.
     """
     merged: list[Phase] = []
     chain: list[Phase] = []
@@ -359,9 +397,21 @@ def _without_stops(problem: Problem, phases: list[Phase], keys: list[str]) -> li
 
 
 def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Phase:
-    """Return one phase along the paths of a chain of phases with rounded corners.
+    """Join the paths of several phases to one phase, and round the corners between them.
 
-    Raises ProblemError.
+    Parameters
+    ----------
+    problem : Problem
+        The problem, for its file name.
+    chain : list of Phase
+        Consecutive phases.
+    keys : list of str
+        Keys of their motions in the problem file.
+
+    Raises
+    ------
+    ProblemError
+        If a corner cannot be rounded, or if a motion goes nowhere.
     """
     if len(chain) == 1:
         return chain[0]
@@ -378,6 +428,7 @@ def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Pha
             pieces.append(phase.path)
         path = rounded(pieces[0].mechanism, pieces, distances)
     except ProblemError as error:
+        # The key of the error is the index of the corner.
         k = int(error.key or 0)
         error.file = problem.file
         error.line = chain[k].motion.line
@@ -393,16 +444,34 @@ def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Pha
 def straight_path(
     problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array
 ) -> StraightPath:
-    """Return the straight path between task coordinates (4,) that begins at joints q (4,)."""
+    """Return the joint path along a straight line between task coordinates `start` and `end` (4,).
+
+    It begins at joint positions `q` (4,) and stays on their branch of the inverse kinematics.
+    """
     branch = int(mechanism.branch_of(q))
     driven = driven_joints(problem)
     return StraightPath(mechanism, start=start, end=end, branch=branch, first=q, watched=driven)
 
 
 def reversal_ranges(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
-    """Return the ranges (2, 4) in which joints may reverse on a motion through points (k, 4).
+    """Return the ranges in which joints may reverse on a free motion.
 
-    They are the ranges of the joints, narrowed by those of depth and tilt, and contain the points.
+    They are the ranges of the joints. Those of joints 2 and 4 are narrowed by the ranges of tilt
+    and depth. All ranges contain the points of the motion.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its ranges.
+    mechanism : Mechanism
+        Geometry of the robot.
+    points : (k, 4) array
+        Joint positions at the points.
+
+    Returns
+    -------
+    (2, 4) array
+        Smallest and largest joint positions, rad and m.
     """
     ranges = np.array([joint.position for joint in problem.robot.joints]).T
     depth = np.sort(mechanism.insertion_sign * np.array(problem.ranges["depth"]))
@@ -420,34 +489,63 @@ def reversal_ranges(problem: Problem, mechanism: Mechanism, points: Array) -> Ar
 
 
 def other_ends(phase: Phase, index: int) -> list[Array]:
-    """Return other joints (4,) within their ranges that reach target `index` of a free phase.
+    """Return other joint positions within their ranges that reach a target of a free phase.
 
-    The targets are the via points and the end. The joints differ by the branch of the inverse
-    kinematics and by whole turns. The list is empty if the target gives joints.
+    They differ from the present ones by the branch of the inverse kinematics, and by whole turns.
+
+    Parameters
+    ----------
+    phase : Phase
+        A free phase.
+    index : int
+        Index of the target. The targets are the via points and the end.
+
+    Returns
+    -------
+    list of (4,) arrays
+        Joint positions. Empty if the problem gives the target in joint coordinates.
     """
     assert isinstance(phase.motion, Free)
     builder = _PhaseBuilder(phase.problem, phase.mechanism, phase.start, phase.q_start)
-    target, here, there = list(builder.targets(phase.motion))[index]
+    target, before, at_target = list(builder.targets(phase.motion))[index]
     if isinstance(target, Joints):
         return []
-    solutions = here.solutions(target)
+    solutions = before.solutions(target)
     ranges = np.array([joint.position for joint in phase.problem.robot.joints[:3]])
     ends = []
     for q in solutions.joints[0, solutions.valid[0]]:
-        turned = q[:3, None] + 2 * np.pi * np.array([0, -1, 1])
-        inside = (turned >= ranges[:, :1] - ROUNDING) & (turned <= ranges[:, 1:] + ROUNDING)
-        turns = [angles[mask] for angles, mask in zip(turned, inside, strict=True)]
-        ends += [np.array([*angles, q[3]]) for angles in product(*turns)]
-    return [q for q in ends if np.abs(q - there.q).max() > ROUNDING]
+        # Each angle with a whole turn less and more.
+        with_turns = q[:3, None] + 2 * np.pi * np.array([0, -1, 1])
+        in_range = (with_turns >= ranges[:, :1] - ROUNDING) & (
+            with_turns <= ranges[:, 1:] + ROUNDING
+        )
+        usable_angles = [angles[mask] for angles, mask in zip(with_turns, in_range, strict=True)]
+        ends += [np.array([*angles, q[3]]) for angles in product(*usable_angles)]
+    return [q for q in ends if np.abs(q - at_target.q).max() > ROUNDING]
 
 
 def _solutions(
     problem: Problem, mechanism: Mechanism, target: Point, defaults: Array, reference: Array | None
 ) -> Solutions:
-    """Return all joint solutions of a target in task coordinates or of a tip position.
+    """Return all joint solutions of a target in task coordinates, or of a position of the tip.
 
-    A tip position is restricted to the depth range. Raises ProblemError if the target is out of
-    reach.
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its ranges.
+    mechanism : Mechanism
+        Geometry of the robot.
+    target : Task or Tip
+        The target. A position of the tip must lie in the range of depth.
+    defaults : (4,) array
+        Task coordinates that replace omitted ones.
+    reference : (4,) array or None
+        Joint positions. The solutions nearest to them come first.
+
+    Raises
+    ------
+    ProblemError
+        If the mechanism cannot reach the target.
     """
     limits = None
     if reference is not None:
@@ -458,6 +556,7 @@ def _solutions(
         )
         depth = mechanism.insertion_sign * solutions.joints[0, :, 3]
         low, high = problem.ranges.get("depth", (-np.inf, np.inf))
+        # The mechanism may reach a depth that the problem does not allow.
         solutions.reaches[0] &= (depth >= low - ROUNDING) & (depth <= high + ROUNDING)
         if not solutions.reaches[0].any():
             raise ProblemError(
@@ -481,7 +580,11 @@ def _inverse(
     limits: tuple[Range, ...] | None,
     reference: tuple[float, ...] | None,
 ) -> Solutions:
-    """Return `inverse_task` of one target, cached for repeated targets (`waypoints`: 28 % less CPU)."""
+    """Solve the inverse kinematics of one target, and cache the result for repeated targets.
+
+    The cache saves 28 % of the CPU time of the problem `waypoints`. The arguments are those of
+    `inverse_task`, as tuples.
+    """
     return inverse_task(mechanism, [task], limits=limits, reference=reference)
 
 
@@ -490,9 +593,23 @@ def _task_of(
 ) -> Array:
     """Return the task coordinates (4,) of a target.
 
-    Coordinates that it does not name are taken from `defaults`.
+    Parameters
+    ----------
+    problem : Problem
+        The problem, for its file name.
+    mechanism : Mechanism
+        Geometry of the robot.
+    target : Task
+        The target.
+    defaults : (4,) array
+        Task coordinates that replace omitted ones.
+    key : str
+        Key of the tilt in the problem file, for error messages.
 
-    `key` is the key of the tilt in error messages.
+    Raises
+    ------
+    ProblemError
+        If the mechanism cannot reach the tilt.
     """
     task = np.array([target.set_coordinates.get(name, defaults[k]) for k, name in enumerate(TASK)])
     refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key=key)

@@ -1,4 +1,4 @@
-"""The planned phase."""
+"""A phase with its motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class PlannedPhase:
     phase: Phase
     motion: PhaseSolution
     lower_bound: float
-    """Duration that no motion within the same limits can beat, s."""
+    """Duration in s that no motion within the same limits can beat."""
 
     @property
     def duration(self) -> float:
@@ -23,7 +23,7 @@ class PlannedPhase:
 
     @property
     def turns_back(self) -> bool:
-        """True for a free motion from rest to rest whose joints reverse between its points."""
+        """True for a free motion from rest to rest in which a joint reverses between the points."""
         phase = self.phase
         return (
             phase.path is None

@@ -1,7 +1,7 @@
-"""Reasons why a problem has not been planned.
+"""Reasons why there is no motion for a problem.
 
-A reason is a value that names the constraint, the joint and the place, with the value that the
-motion requires and the value that is available.
+A reason is a value that names the limit, the joint and the place, with the value that the motion
+requires and the value that is available.
 """
 
 from __future__ import annotations
@@ -26,13 +26,17 @@ class Reason(ShortRepr):
     """
 
     limit: Limit | None = None
-    """None if no single limit is to blame: the solver found no motion."""
+    """The limit. None if the solver found no motion and no single limit is the cause."""
     where: str | None = None
-    """Place on the motion. None if the reason concerns all of it."""
+    """Place on the motion. None if the reason concerns the whole motion."""
     required: float | None = None
     available: float | None = None
+    """Required and available value of the limited quantity, in SI units."""
     message: str = ""
+    """The reason as a sentence."""
     relaxation: str | None = None
+    """Smallest change of a limit that makes the problem feasible, as a sentence. None if unknown.
+    """
 
     @property
     def constraint(self) -> str:
@@ -41,7 +45,7 @@ class Reason(ShortRepr):
 
     @property
     def joint(self) -> str | None:
-        """Joint of the limit. None if it concerns the tool or the whole motion."""
+        """Name of the limit's joint. None if the limit concerns the tool or the whole motion."""
         return None if self.limit is None else self.limit.joint
 
     def to_dict(self) -> dict[str, Any]:
@@ -58,16 +62,27 @@ class Reason(ShortRepr):
 
 
 def exceeded(
-    limit: Limit, value: float, where: str | None, words: str, tolerance: float
+    limit: Limit, value: float, where: str | None, template: str, tolerance: float
 ) -> Reason | None:
-    """Return the reason if a value is beyond a limit by more than a tolerance, else None.
+    """Return a reason if a value exceeds a limit by more than a tolerance, else None.
 
-    `words` is the message, with {value} and {bound} in the limit's unit.
+    Parameters
+    ----------
+    limit : Limit
+        The limit.
+    value : float
+        Value of the limited quantity, in SI units.
+    where : str or None
+        Place on the motion.
+    template : str
+        Message with the fields {value} and {bound}, which get the unit of the limit.
+    tolerance : float
+        Excess that is allowed, in SI units.
     """
     if limit.low - tolerance <= value <= limit.high + tolerance:
         return None
     bound = limit.bound(value)
-    text = words.format(value=in_words(value, limit.unit), bound=in_words(bound, limit.unit))
+    text = template.format(value=in_words(value, limit.unit), bound=in_words(bound, limit.unit))
     if where is not None:
         text += f" ({where})"
     # A clearance that is too small is the available value, not the required one.
@@ -76,7 +91,15 @@ def exceeded(
 
 
 def duration_too_short(name: str, requested: float, needed: float) -> Reason:
-    """Return the reason for a requested duration that is shorter than the fastest motion."""
+    """Return the reason for a requested duration that is shorter than the fastest motion.
+
+    Parameters
+    ----------
+    name : str
+        Name of the motion.
+    requested, needed : float
+        Requested duration and shortest duration, s.
+    """
     text = (
         f"{name} takes at least {needed:.6g} s within the limits, "
         f"but the requested duration is {requested:.6g} s"
@@ -85,9 +108,14 @@ def duration_too_short(name: str, requested: float, needed: float) -> Reason:
 
 
 def not_constant(name: str, requested: float, feasible: float) -> Reason:
-    """Return the reason for a constant tip speed that other limits do not allow.
+    """Return the reason for a constant speed of the tip that other limits do not allow.
 
-    `feasible` is the largest speed that they allow, m/s.
+    Parameters
+    ----------
+    name : str
+        Name of the motion.
+    requested, feasible : float
+        Requested speed and largest feasible speed, m/s. 0 if no lower speed is feasible either.
     """
     able = (
         f"it can keep up to {1e3 * feasible:.4g} mm/s"
@@ -102,7 +130,10 @@ def not_constant(name: str, requested: float, feasible: float) -> Reason:
 
 
 def durations_disagree(requested: float, total: float) -> Reason:
-    """Return the reason for a total duration that differs from the sum of all durations."""
+    """Return the reason for a total duration that differs from the sum of all durations.
+
+    `requested` is the total duration and `total` the sum, in s.
+    """
     text = (
         f"the durations of the motions add up to {total:.6g} s, "
         f"but the requested total duration is {requested:.6g} s"

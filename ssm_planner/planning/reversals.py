@@ -1,12 +1,12 @@
-"""Direction refinement: open joint directions where their multipliers ask for it.
+"""Search for reversals of joints that make a free motion faster (direction refinement).
 
 A free motion is solved with a fixed direction of every joint between two borders, so that friction
-enters exactly. At the optimum, the multipliers of "q̇ keeps its direction" show in which elements a
-joint would rather move the other way. The reduced costs show the same for joints that stand
-(`DirectionMultipliers`). A joint that moves out and back, or that takes a run-up, can relieve a
-limit that binds. The directions are opened there, the instants of reversal become borders with free
-positions, and the motion is solved again. This ends when no sum of multipliers exceeds MULTIPLIER,
-when a round saves less than GAP, or when a solve fails.
+enters exactly. At the optimum, the Lagrange multipliers of the constraints "q̇ keeps its direction"
+show in which time intervals a joint should move the other way. The reduced costs show the same for
+joints at rest (`DirectionMultipliers`). A joint that moves out and back, or that takes a run-up,
+can relieve a limit that binds. The search reverses the directions there, makes the instants of
+reversal borders with free positions, and solves the motion again. It ends when no sum of
+multipliers exceeds MULTIPLIER, when a round saves less than GAP, or when a solve fails.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask
 
 MULTIPLIER = 1e-3
-"""Sum of the multipliers of one joint over a stretch of time above which its direction is opened.
+"""Sum of the multipliers of one joint above which its direction is reversed.
 
-While the sum over the entire motion is smaller for every joint, no stretch is examined.
+The multipliers are summed over consecutive elements in which they have the same sign (a stretch).
+No stretch is examined if the sum over the whole motion is smaller for every joint.
 """
 THRESHOLD = 0.2
-"""Share of the largest sum above which stretches are opened together."""
+"""Share of the largest sum above which other stretches are reversed in the same round."""
 NEGLIGIBLE = 1e-3
-"""Share of the largest multiplier, or of a joint's largest velocity, that counts as 0."""
+"""Share of the largest sum of multipliers, or of a joint's largest velocity, that counts as 0."""
 
 
 def refine_directions(
     phase: Phase, motion: PhaseSolution, solve: Callable[[Borders, float], PhaseSolution | None]
 ) -> PhaseSolution | None:
-    """Return the fastest motion found with reversals, or None if none saves time.
+    """Search for a faster motion with additional reversals of joints.
 
     Parameters
     ----------
@@ -47,12 +48,12 @@ def refine_directions(
         Its fastest motion without additional reversals.
     solve : callable
         Returns the fastest motion with given reversals, or None if the solver fails. Its second
-        argument is the duration in s from which on a motion is of no use.
+        argument is a duration in s. A motion that takes longer is of no use.
 
     Returns
     -------
     PhaseSolution or None
-        The motion.
+        The fastest motion that the search has found. None if no reversal saves time.
     """
     incumbent = motion
     while (borders := suggest_reversals(phase, incumbent)) is not None:
@@ -65,9 +66,19 @@ def refine_directions(
 
 
 def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
-    """Return the reversals that the multipliers of a free motion suggest.
+    """Suggest reversals from the multipliers of a free motion. None if no multiplier suffices.
 
-    None if no multiplier exceeds the tolerance.
+    Parameters
+    ----------
+    phase : Phase
+        The free phase.
+    motion : PhaseSolution
+        Its motion with the multipliers of the directions.
+
+    Returns
+    -------
+    Borders or None
+        Points and reversals between which no joint reverses, with the motion as guess.
     """
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_sum <= MULTIPLIER:
@@ -75,14 +86,17 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     guess = Trajectory(motion.breaks, motion.coefficients, ())
     middles = (multipliers.instants[1:] + multipliers.instants[:-1]) / 2
     speed = np.abs(guess.sample(middles).qd)
-    directions = _opened(multipliers, speed <= NEGLIGIBLE * speed.max(axis=0))
+    directions = _reversed_directions(multipliers, speed <= NEGLIGIBLE * speed.max(axis=0))
     if np.array_equal(directions, multipliers.directions):
         return None
     return _reversals(phase, multipliers, directions, guess)
 
 
 def current_reversals(phase: Phase, motion: PhaseSolution) -> Borders:
-    """Return the reversals of a motion, to solve it again on a mesh made for it."""
+    """Return the reversals that a free motion already has.
+
+    The caller solves the motion again on a mesh whose borders are these reversals.
+    """
     multipliers = motion.direction_multipliers
     assert multipliers is not None
     guess = Trajectory(motion.breaks, motion.coefficients, ())
@@ -92,7 +106,19 @@ def current_reversals(phase: Phase, motion: PhaseSolution) -> Borders:
 def _reversals(
     phase: Phase, multipliers: DirectionMultipliers, directions: Array, guess: Trajectory
 ) -> Borders:
-    """Return reversals with borders where `directions` (n, 4) change. The guess is a motion."""
+    """Build the borders at the points of a phase and at changes of direction.
+
+    Parameters
+    ----------
+    phase : Phase
+        The free phase.
+    multipliers : DirectionMultipliers
+        Elements and points of the motion.
+    directions : (n, 4) array
+        Directions of the joints in the elements: +1, −1 or 0.
+    guess : Trajectory
+        Motion from which the positions at the borders are taken.
+    """
     instants = _borders(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
     middles = np.searchsorted(multipliers.instants, (instants[1:] + instants[:-1]) / 2) - 1
@@ -102,10 +128,18 @@ def _reversals(
     return Borders(points, free, directions[middles], guess=(guess, instants))
 
 
-def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
-    """Return directions (n, 4), opened in the stretches whose multipliers exceed the tolerance.
+def _reversed_directions(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
+    """Return directions (n, 4) that are reversed where the multipliers show a saving.
 
-    `at_rest` (n, 4) is True where joints rest. A stretch is extended while its joint rests.
+    A stretch (consecutive elements with multipliers of one sign) is reversed if its sum is large
+    enough. It is extended over neighbouring elements in which its joint rests.
+
+    Parameters
+    ----------
+    multipliers : DirectionMultipliers
+        Directions and multipliers of the n elements.
+    at_rest : (n, 4) mask
+        True where a joint rests.
     """
     directions = multipliers.directions.copy()
     signs = np.sign(
@@ -126,6 +160,7 @@ def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
         if size >= threshold:
             low, end = _extended(start, stop, at_rest[:, joint] & (signs[:, joint] == 0))
             directions[low:end, joint] = signs[start, joint]
+    # A joint that rested has a direction in every element, if it moves at all.
     for joint in range(4):
         if not multipliers.directions[:, joint].any() and directions[:, joint].any():
             directions[:, joint] = _fill_zeros(signs[:, joint])
@@ -133,13 +168,13 @@ def _opened(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
 
 
 def _stretches(signs: Array) -> list[tuple[int, int]]:
-    """Return first element and end of every run of equal nonzero signs (n,)."""
-    edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
-    return [(start, end) for start, end in pairwise(edges) if signs[start]]
+    """Return the first index and the end index of each run of equal nonzero signs (n,)."""
+    borders = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
+    return [(start, end) for start, end in pairwise(borders) if signs[start]]
 
 
 def _extended(start: int, end: int, allowed: Mask) -> tuple[int, int]:
-    """Extend the elements from `start` to `end` by neighbours that are allowed, (n,)."""
+    """Extend the elements from `start` to `end` on both sides while `allowed` (n,) is True."""
     while start > 0 and allowed[start - 1]:
         start -= 1
     while end < len(allowed) and allowed[end]:
@@ -148,7 +183,10 @@ def _extended(start: int, end: int, allowed: Mask) -> tuple[int, int]:
 
 
 def _fill_zeros(directions: Array) -> Array:
-    """Return directions (n,) in which zeros take the next nonzero value, or the last one."""
+    """Replace zeros in the directions (n,) of a joint by its next nonzero direction.
+
+    Zeros at the end take the last nonzero direction.
+    """
     nonzero = np.flatnonzero(directions)
     if not nonzero.size:
         return directions
@@ -159,8 +197,15 @@ def _fill_zeros(directions: Array) -> Array:
 def _borders(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no direction changes, (k + 1,), s.
 
-    The times of the points are always included. A change of direction within the share
-    LEAST_SEGMENT of the motion from another of these instants is left out.
+    They include the instants at which the motion passes its points. A change of direction that is
+    closer to another instant than a share LEAST_SEGMENT of the duration is left out.
+
+    Parameters
+    ----------
+    multipliers : DirectionMultipliers
+        Elements and points of the motion.
+    directions : (n, 4) array
+        Directions of the joints in the elements.
     """
     instants, points = multipliers.instants, multipliers.points
     gap = LEAST_SEGMENT * instants[-1]

@@ -1,9 +1,9 @@
-"""Scans as sequences of free motions and dwells at spots of the retina.
+"""Scans of the retina as sequences of free motions and dwells at spots.
 
-The tip keeps a constant distance from the retina. The pattern lies in the tangent plane of the
-retina at the point where the tool axis meets it in the middle of the pattern. Its rows run in the
-direction in which roll turns the tool. The spots are projected onto the sphere from its centre. At
-each spot the tool, which passes through the remote centre, points at the spot.
+The tip keeps a constant distance from the retina. The pattern of spots is defined in the tangent
+plane of the retina at the point where the tool axis meets it in the middle of the pattern. Its rows
+run in the direction in which roll turns the tool. The spots are projected onto the spherical retina
+from its centre. The tool always passes through the remote centre, and it points at each spot.
 """
 
 from __future__ import annotations
@@ -24,25 +24,40 @@ from ssm_planner.problem import TASK, Dwell, Eye, Free, Motion, Problem, Scan, T
 from ssm_planner.typing import Array, Indices
 
 STARTS = 8
-"""Number of first spots from which a short order is sought."""
+"""Number of different first spots from which the search for a short order begins."""
 
 
 def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> list[Motion]:
-    """Return the motions of a scan from the joints q (4,), with stops or passing through the spots.
+    """Return the motions of a scan, with a stop at each spot or passing through all spots.
 
-    Raises ProblemError.
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its eye.
+    mechanism : Mechanism
+        Geometry of the robot.
+    scan : Scan
+        Entry of the motion list.
+    q : (4,) array
+        Joint positions before the scan.
+
+    Raises
+    ------
+    ProblemError
+        If the mechanism cannot reach the middle of the pattern, or if a spot cannot be reached at
+        the distance from the retina.
     """
     eye, task = problem.eye, _middle(problem, mechanism, scan)
     assert eye is not None  # A Problem with a scan has an eye.
     (axis,) = tool_axis(mechanism, task)
     # Rows run in the direction in which roll turns the tool.
     side = np.cross(mechanism.omega1, axis)
-    planes = (spots_on_retina(eye, axis, side, plane) for plane in pattern(scan))
-    runs = [tips_over_retina(problem, scan, spots, scan.distance) for spots in planes]
+    spots_by_run = (spots_on_retina(eye, axis, side, plane) for plane in pattern(scan))
+    runs = [tips_over_retina(problem, scan, spots, scan.distance) for spots in spots_by_run]
     spin = float(task[2])
     if scan.order == "fastest":
         tips = np.concatenate(runs)
-        runs = [tips[_soonest(problem, mechanism, tips, spin, q)]]
+        runs = [tips[_fast_order(problem, mechanism, tips, spin, q)]]
     result: list[Motion] = []
     for k, tips in enumerate(runs, 1):
         name = scan.name if len(runs) == 1 else f"{scan.name} {k}"
@@ -52,48 +67,73 @@ def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> l
 
 
 def pattern(scan: Scan) -> list[Array]:
-    """Return the spots in the plane, m, in the order of the motion.
+    """Return the spots of a scan in the tangent plane, m, in the order of the motion.
 
-    There is one array (n, 2) for every ring, or one for a raster.
+    There is one array (n, 2) for each ring, or one for a raster.
     """
     if scan.diameters:
         return [_ring(diameter, scan.spacing) for diameter in scan.diameters]
     x = (np.arange(scan.columns) - (scan.columns - 1) / 2) * scan.spacing
     y = (np.arange(scan.rows) - (scan.rows - 1) / 2) * scan.spacing
     # Every other row runs backwards, so that no motion crosses the whole pattern.
-    rows = [
+    lines = [
         np.stack([x if k % 2 == 0 else x[::-1], np.full_like(x, height)], axis=1)
         for k, height in enumerate(y)
     ]
-    return [np.concatenate(rows)]
+    return [np.concatenate(lines)]
 
 
 def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
-    """Return points of the retina (n, 3) for spots (n, 2) in a tangent plane.
+    """Project spots of the tangent plane onto the retina.
 
-    `side` (3,) is the direction of the plane's first coordinate. Its component along the normal is
-    removed.
+    Parameters
+    ----------
+    eye : Eye
+        The eye.
+    axis : (3,) array
+        Unit vector of the tool axis in the middle of the pattern.
+    side : (3,) array
+        Direction of the first coordinate of the plane. Its component along the normal is removed.
+    plane : (n, 2) array
+        Spots in the plane, m.
+
+    Returns
+    -------
+    (n, 3) array
+        Points of the retina, m, in the frame of the remote centre.
     """
-    middle = _reach(eye, axis[None, :], eye.radius)[0] * axis
+    middle = _exit_depths(eye, axis[None, :], eye.radius)[0] * axis
     normal = (middle - eye.centre) / eye.radius
     row_axis = side - normal * (normal @ side)
     row_axis /= np.linalg.norm(row_axis)
-    flat = middle + plane[:, :1] * row_axis + plane[:, 1:] * np.cross(normal, row_axis)
-    outward = flat - eye.centre
-    return eye.centre + eye.radius * outward / np.linalg.norm(outward, axis=1, keepdims=True)
+    plane_points = middle + plane[:, :1] * row_axis + plane[:, 1:] * np.cross(normal, row_axis)
+    from_centre = plane_points - eye.centre
+    return eye.centre + eye.radius * from_centre / np.linalg.norm(
+        from_centre, axis=1, keepdims=True
+    )
 
 
 def _ring(diameter: float, spacing: float) -> Array:
-    """Return spots (n, 2) on a ring, m, with nearly the requested spacing."""
+    """Return evenly spaced spots (n, 2) in m on a circle.
+
+    `diameter` and `spacing` are in m. The spacing is rounded so that a whole number of spots fits.
+    """
     count = max(3, round(np.pi * diameter / spacing))
     angle = 2 * np.pi * np.arange(count) / count
     return diameter / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def _reach(eye: Eye, axis: Array, radius: float) -> Array:
-    """Return the depth (n,) at which rays along axis (n, 3) leave a sphere about the eye's centre.
+def _exit_depths(eye: Eye, axis: Array, radius: float) -> Array:
+    """Return the depths (n,) in m at which rays from the remote centre leave a sphere.
 
-    The rays start at the remote centre. The depth is NaN if a ray misses the sphere.
+    Parameters
+    ----------
+    eye : Eye
+        The eye, whose centre is the centre of the sphere.
+    axis : (n, 3) array
+        Unit vectors of the rays.
+    radius : float
+        Radius of the sphere, m. The depth is NaN if a ray misses the sphere.
     """
     projection = axis @ eye.centre
     with np.errstate(invalid="ignore"):
@@ -101,7 +141,10 @@ def _reach(eye: Eye, axis: Array, radius: float) -> Array:
 
 
 def _middle(problem: Problem, mechanism: Mechanism, scan: Scan) -> Array:
-    """Return the task coordinates (4,) at which the tool points at the middle of the pattern."""
+    """Return the task coordinates (4,) at which the tool points at the middle of the pattern.
+
+    Raises ProblemError if the mechanism cannot reach the tilt.
+    """
     task = np.array([scan.at.set_coordinates.get(name, 0.0) for name in TASK])
     refuse_tilt(problem, mechanism, float(task[1]), line=scan.line, key="at.tilt")
     return task
@@ -116,9 +159,27 @@ def refuse_tilt(
     key: str,
     file: str | None = None,
 ) -> None:
-    """Raise ProblemError for a tilt (rad) out of the mechanism's reach.
+    """Raise an error if the mechanism cannot reach a tilt.
 
-    `file` is None for the problem's own file.
+    Parameters
+    ----------
+    problem : Problem
+        The problem, for its file name.
+    mechanism : Mechanism
+        Geometry of the robot.
+    tilt : float
+        Tilt, rad.
+    line : int or None
+        Line in the file.
+    key : str
+        Key of the tilt in the file.
+    file : str or None
+        File. None for the problem's own file.
+
+    Raises
+    ------
+    ProblemError
+        If the tilt is outside the mechanism's range, or at one of its ends.
     """
     low, high = tilt_interval(mechanism)
     if not low < tilt < high:
@@ -134,13 +195,27 @@ def refuse_tilt(
 
 
 def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: float) -> Array:
-    """Return tips (n, 3) at `distance` m from the retina for spots (n, 3) of the retina.
+    """Return the positions of the tip (n, 3) in m at a distance from the retina.
 
-    Directions may be given in place of spots.
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its eye.
+    motion : Motion
+        Entry of the motion list, for error messages.
+    spots : (n, 3) array
+        Points of the retina, or any vectors from the remote centre towards them.
+    distance : float
+        Distance of the tip from the retina, m.
+
+    Raises
+    ------
+    ProblemError
+        If the tip cannot be at this distance from the retina in one of the directions.
     """
     assert problem.eye is not None  # A Problem with a scan or a motion along the retina has an eye.
     direction = spots / np.linalg.norm(spots, axis=1, keepdims=True)
-    depth = _reach(problem.eye, direction, problem.eye.radius - distance)
+    depth = _exit_depths(problem.eye, direction, problem.eye.radius - distance)
     if not np.all(depth > 0):
         name = motion.kind if isinstance(motion, Scan) else motion.name
         raise ProblemError(
@@ -155,9 +230,10 @@ def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: f
 
 
 def _visits(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
-    """Return the motions to the spots of one run, with or without dwells.
+    """Return the motions that visit the spots of one run, with dwells if the scan has any.
 
-    A ring in its given order is closed.
+    Without dwells, the tip passes through the spots in one motion. A ring in its given order ends
+    at its first spot.
     """
     result: list[Motion] = []
     if scan.dwell > 0:
@@ -173,16 +249,37 @@ def _visits(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
 
 
 def tool_axis(mechanism: Mechanism, task: Array) -> Array:
-    """Return the tool's direction (1, 3) at task coordinates (4,)."""
-    # The tip at a depth of 1 m gives the direction.
+    """Return the unit vector (1, 3) of the tool's direction at task coordinates (4,)."""
+    # The tip at a depth of 1 m is a unit vector from the remote centre.
     return pose_from_task(mechanism, [[*task[:3], 1.0]])[1]
 
 
-def _soonest(problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q: Array) -> Indices:
-    """Return the order in which tips (n, 3) are visited soonest from the joints q (4,).
+def _fast_order(
+    problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q: Array
+) -> Indices:
+    """Return the order in which the tip visits all given positions in a short time.
 
-    Durations are those of motions from rest to rest in which the slowest joint, or the tip,
-    decides. Spots that the branch of q does not reach cause an error later.
+    The duration from one position to another is that of a motion from rest to rest, for which the
+    slowest joint or the speed of the tip decides. Spots that the robot cannot reach on its present
+    branch cause an error later.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its limits.
+    mechanism : Mechanism
+        Geometry of the robot.
+    tips : (n, 3) array
+        Positions of the tip, m.
+    spin : float
+        Spin at all positions, rad.
+    q : (4,) array
+        Joint positions at the start.
+
+    Returns
+    -------
+    (n,) int array
+        Indices of the positions in their order.
     """
     limits = np.array([joint.position for joint in problem.robot.joints])
     solutions = inverse_tip(mechanism, tips, spin, limits=limits, reference=q)
@@ -195,15 +292,25 @@ def _soonest(problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q
 
 
 def shortest_order(times: Array) -> Indices:
-    """Return a short tour from place 0 through all others, as their order (n − 1,) without place 0.
+    """Search for a short tour from place 0 through all others (travelling salesman problem).
 
-    `times` (n, n) is symmetric. Tours are the places in their given order, and nearest-neighbour
-    tours that begin at one of the STARTS places nearest to place 0. Each is improved by 2-opt and
-    Or-opt (runs of up to three places are moved and reversed) until neither helps, and the shortest
-    is returned.
+    The search improves several tours: the places in their given order, and nearest-neighbour tours
+    that begin at one of the STARTS places nearest to place 0. It applies 2-opt (a part of the tour
+    is reversed) and Or-opt (up to three consecutive places are moved) until neither helps, and
+    returns the shortest tour.
 
     Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local
     Optimization, 1997.
+
+    Parameters
+    ----------
+    times : (n, n) array
+        Symmetric table of the times between places.
+
+    Returns
+    -------
+    (n − 1,) int array
+        Order in which the tour visits the places 1 … n − 1. Their indices are counted from 0.
     """
     nearest = np.argsort(times[0, 1:])[:STARTS] + 1
     tours = [np.arange(len(times)), *(_nearest_neighbours(times, int(k)) for k in nearest)]
@@ -213,7 +320,10 @@ def shortest_order(times: Array) -> Indices:
 
 
 def _nearest_neighbours(times: Array, first: int) -> Indices:
-    """Return the tour from place 0 to `first`, and from there always to the nearest new place."""
+    """Return the tour that always continues to the nearest place which it has not visited.
+
+    It begins at place 0 and visits `first` next. `times` (n, n) contains the times between places.
+    """
     tour = [0, first]
     unvisited = np.ones(len(times), dtype=bool)
     unvisited[tour] = False
@@ -224,9 +334,12 @@ def _nearest_neighbours(times: Array, first: int) -> Indices:
 
 
 def _improved(tour: Indices, times: Array) -> Indices:
-    """Return an open tour (n,) after 2-opt and Or-opt. Its first place is fixed."""
+    """Improve an open tour (n,) by 2-opt and Or-opt until neither helps. Its first place is fixed.
+
+    `times` (n, n) contains the times between places.
+    """
     n = len(tour)
-    # A place that takes no time from anywhere follows the last one, which leaves the end open.
+    # An artificial last place, to which all ways take no time, leaves the end of the tour open.
     times = np.pad(times, (0, 1))
     tour = np.append(tour, n)
     previous = tour[:0]
@@ -247,7 +360,24 @@ def _improved(tour: Indices, times: Array) -> Indices:
 
 
 def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
-    """Return the tour with a run of `length` places from i moved to where it costs least."""
+    """Move a run of consecutive places to the position in the tour at which it costs least.
+
+    Parameters
+    ----------
+    tour : (n,) int array
+        The tour. Its first and last place do not move.
+    i : int
+        Position of the first place of the run.
+    length : int
+        Number of places of the run. It is also tried in reverse.
+    times : (n, n) array
+        Times between places.
+
+    Returns
+    -------
+    (n,) int array
+        The improved tour, or `tour` itself if no other position is better.
+    """
     run = tour[i : i + length]
     remaining = np.concatenate([tour[:i], tour[i + length :]])
     saved = (
@@ -257,11 +387,12 @@ def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
     )
     predecessors, successors = remaining[:-1], remaining[1:]
     costs = [
-        times[predecessors, order[0]]
-        + times[order[-1], successors]
+        times[predecessors, candidate[0]]
+        + times[candidate[-1], successors]
         - times[predecessors, successors]
-        for order in (run, run[::-1])
+        for candidate in (run, run[::-1])
     ]
+    # The run is inserted in the direction that costs less.
     reverse = int(np.min(costs[1]) < np.min(costs[0]))
     k = int(np.argmin(costs[reverse]))
     if saved - costs[reverse][k] <= ROUNDING:

@@ -7,12 +7,12 @@ ROUNDING = 1e-9
 SAME = 1e-6
 """Relative difference below which two durations count as equal.
 
-Distances (rad, m) between given places count as equal below it too.
+Points of a problem that are less than this distance (rad, m) apart count as equal too.
 """
 GAP = 1e-4
-"""Relative difference of durations below which no faster motion is looked for.
+"""Relative difference of durations below which planning does not look for a faster motion.
 
-Iterations that change a duration, a speed, an amount of heat or its weight by less end, too.
+Iterations also end when they change a duration, a speed, an amount of heat or its weight by less.
 """
 SAMPLES = 401
-"""Number of samples of a path between which its extremes and reversals are sought."""
+"""Number of samples of a path in a search for its extremes and reversals."""

@@ -1,9 +1,9 @@
-"""Velocities at via points, for joints that reverse beside a point.
+"""Guesses of the velocities at via points, for joints that reverse near a point.
 
-A joint with time to spare before a point may move beyond it, or take a run-up, and pass the point
-at speed. Consider the joints alone, with their velocities at the points unknown. Closed forms then
-give the duration of each segment, and minimising the sum shows at which points a joint should pass
-at speed where it would otherwise be at rest.
+A joint that would have to wait for the others may use the time to move beyond a point or to take a
+run-up, and pass the point at speed. Consider each joint as if it were alone, with unknown
+velocities at the points. Closed forms then give the duration of each segment. Minimising their sum
+shows at which points a joint should pass at speed instead of resting there.
 """
 
 from __future__ import annotations
@@ -18,145 +18,196 @@ from ssm_planner.problem import Problem
 from ssm_planner.typing import Array, record
 
 PAYS = 2e-3
-"""Relative saving that velocities at points must reach."""
+"""Share of the duration that velocities at via points must save."""
 ITERATIONS = 60
-"""Largest number of iterations."""
+"""Largest number of iterations of the optimisation."""
 IDLE = 5e-4
-"""Relative saving below which a velocity is dropped."""
+"""Share of the duration below whose saving a velocity at a via point is dropped."""
 
 
 def passing_turns(problem: Problem, phase: Phase) -> Borders | None:
-    """Return the reversals of joints that pass beyond a via point or take a run-up to it.
+    """Suggest reversals for joints that should pass a via point at speed where they could rest.
 
-    With the displacements d_jk of the joints j in the segments k and free velocities v_jk at the
-    points, the least total duration is
+    With the displacements d_jk of the joints j in the segments k and the unknown velocities v_jk at
+    the points, the least total duration is
 
         min_v Σ_k max_j t(d_jk; v_j,k−1, v_jk),
 
-    where t is the closed form of one joint (`lower_bound.minimum_times`). It is computed with fixed
-    directions and with free ones. The result is None if free directions save less than a share of
-    PAYS.
+    where t is the closed form for one joint (`lower_bound.minimum_times`). It is computed twice:
+    with joints that reverse only at the points, and with joints that may reverse anywhere.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its robot and limits.
+    phase : Phase
+        A free phase.
+
+    Returns
+    -------
+    Borders or None
+        The points with the velocities there. None if reversals elsewhere save less than a share
+        PAYS.
     """
     velocity, acceleration = np.array(
         [(joint.velocity, joint.acceleration) for joint in problem.robot.joints]
     ).T
     velocity[3] = min(velocity[3], problem.rates.get("depth", np.inf))
     displacements = np.diff(phase.points, axis=0)
-    alone = _Passing(displacements, (phase.qd_start, phase.qd_end), velocity, acceleration)
-    fixed_speeds = alone.minimise(np.zeros((len(displacements) - 1, 4)), may_reverse=False)
-    free = alone.minimise(fixed_speeds, may_reverse=True)
-    if alone.duration(free) > (1 - PAYS) * alone.duration(fixed_speeds):
+    joints = _Passing(displacements, (phase.qd_start, phase.qd_end), velocity, acceleration)
+    fixed_speeds = joints.minimise(np.zeros((len(displacements) - 1, 4)), may_reverse=False)
+    free_speeds = joints.minimise(fixed_speeds, may_reverse=True)
+    if joints.duration(free_speeds) > (1 - PAYS) * joints.duration(fixed_speeds):
         return None
-    return Borders(phase.points, via_velocity=alone.without_idle(free))
+    return Borders(phase.points, via_velocity=joints.without_idle(free_speeds))
 
 
 @record
 class _Passing:
-    """Joints that pass the via points at the same instants, each limited as if it were alone."""
+    """Joints that pass the via points at the same instants, each limited as if it were alone.
+
+    The motion has n segments between points.
+    """
 
     displacements: Array
-    """Displacements from point to point, (n, 4)."""
+    """Displacements from point to point, (n, 4), rad and m."""
     ends: tuple[Array, Array]
-    """q̇ at both ends, (4,) each."""
+    """Joint velocities at both ends, (4,) each."""
     velocity: Array
     acceleration: Array
     """Limits of velocity and acceleration, (4,) each."""
 
     def times(self, speeds: Array) -> Array:
-        """Return the times (n, 4) of the joints in the segments for q̇ (n − 1, 4) at via points."""
+        """Return the shortest times (n, 4) of the joints in the segments, s.
+
+        `speeds` (n − 1, 4) are the joint velocities at the via points.
+        """
         velocities = np.vstack([self.ends[0], speeds, self.ends[1]])
         return minimum_times(
             self.displacements, self.velocity, self.acceleration, (velocities[:-1], velocities[1:])
         )
 
     def duration(self, speeds: Array) -> float:
-        """Return the total duration, s."""
+        """Return the total duration for joint velocities (n − 1, 4) at the via points, s."""
         return float(self.times(speeds).max(axis=1).sum())
 
     def minimise(self, speeds: Array, *, may_reverse: bool) -> Array:
-        """Minimise the total duration over q̇ at the via points, from `speeds` (n − 1, 4).
+        """Minimise the total duration over the joint velocities at the via points.
 
-        If `may_reverse` is false, joints that do not continue in their direction rest at the point.
+        The unknowns are the duration T_k of each segment and the velocities. SLSQP minimises Σ T_k
+        subject to T_k ≥ t_jk for the time t_jk of each joint.
+
+        Parameters
+        ----------
+        speeds : (n − 1, 4) array
+            Velocities at which the iteration starts.
+        may_reverse : bool
+            True if joints may reverse anywhere. Otherwise a joint that reverses at a point, or that
+            rests on one side of it, has velocity 0 there.
+
+        Returns
+        -------
+        (n − 1, 4) array
+            Velocities at the via points, or `speeds` if nothing is faster.
         """
         from scipy.optimize import fmin_slsqp
 
-        n = len(self.displacements)
+        segments = len(self.displacements)
         limits = np.broadcast_to(self.velocity, speeds.shape)
         signs = np.sign(self.displacements)
+        # A joint that must not reverse has velocity 0 at points where its direction changes.
         low, high = (
             np.where(
-                may_reverse | (np.minimum(side * signs[:-1], side * signs[1:]) > 0),
-                side * limits,
+                may_reverse | (np.minimum(sign * signs[:-1], sign * signs[1:]) > 0),
+                sign * limits,
                 0.0,
             )
-            for side in (-1, 1)
+            for sign in (-1, 1)
         )
         unit = self.duration(speeds)
 
-        def total(x: Array) -> float:
-            return float(x[:n].sum())
+        def total_duration(unknowns: Array) -> float:
+            """Return the objective, the sum of all T_k, in units of the initial duration."""
+            return float(unknowns[:segments].sum())
 
-        def total_slope(x: Array) -> Array:
-            return np.append(np.ones(n), np.zeros(len(x) - n))
+        def total_gradient(unknowns: Array) -> Array:
+            """Return the gradient of the objective."""
+            return np.append(np.ones(segments), np.zeros(len(unknowns) - segments))
 
-        def spare(x: Array) -> Array:
+        def margins(unknowns: Array) -> Array:
+            """Return the constraints T_k − t_jk ≥ 0 of all segments k and joints j, (4 n,)."""
             return np.asarray(
-                x[:n, None] - self.times(x[n:].reshape(-1, 4) * limits) / unit
+                unknowns[:segments, None]
+                - self.times(unknowns[segments:].reshape(-1, 4) * limits) / unit
             ).ravel()
 
-        def spare_slope(x: Array) -> Array:
-            return self._slopes(x[n:].reshape(-1, 4), unit)
+        def margin_gradients(unknowns: Array) -> Array:
+            """Return the gradients of the constraints, (4 n, unknowns)."""
+            return self._margin_gradients(unknowns[segments:].reshape(-1, 4), unit)
 
+        # The unknowns are T_k / unit, then the velocities divided by their limits.
         solution = fmin_slsqp(
-            total,
+            total_duration,
             np.concatenate([self.times(speeds).max(axis=1) / unit, (speeds / limits).ravel()]),
-            fprime=total_slope,
+            fprime=total_gradient,
             bounds=[
-                *[(0.0, np.inf)] * n,
+                *[(0.0, np.inf)] * segments,
                 *zip((low / limits).ravel(), (high / limits).ravel(), strict=True),
             ],
-            f_ieqcons=spare,
-            fprime_ieqcons=spare_slope,
+            f_ieqcons=margins,
+            fprime_ieqcons=margin_gradients,
             iter=ITERATIONS,
             acc=SAME,
             iprint=0,
         )
-        result = np.clip(solution[n:].reshape(-1, 4) * limits, low, high)
+        result = np.clip(solution[segments:].reshape(-1, 4) * limits, low, high)
         return result if self.duration(result) < self.duration(speeds) else speeds
 
-    def _slopes(self, shares: Array, unit: float) -> Array:
-        """Return the derivatives of (T_k − t_jk) / unit, (4 n, n + 4 (n − 1)).
+    def _margin_gradients(self, shares: Array, unit: float) -> Array:
+        """Return the derivatives of the margins (T_k − t_jk) / unit by finite differences.
 
-        They are taken with respect to T and to the velocities divided by the limits.
+        T_k is the duration of segment k, and t_jk is the time that joint j needs for it.
+
+        Parameters
+        ----------
+        shares : (n − 1, 4) array
+            Velocities at the via points, divided by the limits of the joints.
+        unit : float
+            Unit of time, s.
+
+        Returns
+        -------
+        (4 n, n + 4 (n − 1)) array
+            Derivatives of the margins of all segments and joints. The columns are the T_k / unit
+            and `shares`.
         """
         n = len(self.displacements)
         times = self.times(shares * self.velocity)
-        slopes = np.zeros((n, 4, n + shares.size))
-        slopes[np.arange(n), :, np.arange(n)] = 1.0
-        # A velocity only affects the segments before and after its point, so every other one can be
-        # varied at once.
+        gradients = np.zeros((n, 4, n + shares.size))
+        gradients[np.arange(n), :, np.arange(n)] = 1.0
+        # A velocity only affects the segments before and after its point. The velocities at every
+        # other point can therefore be varied together.
         for parity in (0, 1):
             varied = shares.copy()
             varied[parity::2] += SAME
             change = (times - self.times(varied * self.velocity)) / (SAME * unit)
             for k in range(parity, n - 1, 2):
                 for j in range(4):
-                    slopes[[k, k + 1], j, n + 4 * k + j] = change[[k, k + 1], j]
-        return slopes.reshape(4 * n, -1)
+                    gradients[[k, k + 1], j, n + 4 * k + j] = change[[k, k + 1], j]
+        return gradients.reshape(4 * n, -1)
 
     def without_idle(self, speeds: Array) -> Array:
-        """Return the velocities without those that save almost no time.
+        """Return the velocities (n − 1, 4) at via points without those that save almost no time.
 
-        Each velocity forces a reversal.
-
-        The smallest ones are dropped first.
+        Each velocity forces a reversal. They are set to 0 one after the other, the smallest ones
+        first, if the duration then grows by less than a share IDLE in all.
         """
         result = speeds.copy()
-        cutoff = (1 + IDLE) * self.duration(speeds)
+        longest = (1 + IDLE) * self.duration(speeds)
         order = np.argsort(np.abs(speeds / self.velocity), axis=None)
         for k, j in zip(*np.unravel_index(order, speeds.shape), strict=True):
             trial = result.copy()
             trial[k, j] = 0.0
-            if self.duration(trial) <= cutoff:
+            if self.duration(trial) <= longest:
                 result = trial
         return result

@@ -1,6 +1,6 @@
-"""Work that planning has spent, by which searches are bounded.
+"""Computational work that planning has spent. Searches end at a given amount of it.
 
-Unlike time, it does not depend on the machine or its load, so neither changes a plan.
+Unlike time, work does not depend on the machine or its load, so neither of them changes a plan.
 """
 
 from __future__ import annotations
@@ -8,25 +8,38 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 SOLVE = 0.02
-"""Work of a solve without its iterations, approximately in s."""
+"""Work of one solve without its iterations, about 1 for each second."""
 PRICES = {
     ("structured", False): 6e-6,
     ("structured", True): 8e-6,
     ("Ipopt", False): 1e-4,
     ("Ipopt", True): 3e-4,
 }
-"""Work of an iteration per element, approximately in s.
+"""Work of one iteration for each element of the mesh, about 1 for each second.
 
-The keys are the solver, and whether heat or effort counts.
+The keys are the solver, and whether the objective contains heat or effort.
 """
 
 
 @dataclass(eq=False)
 class Work:
-    """Work spent so far, approximately in seconds."""
+    """Counter of computational work, which is comparable to seconds of CPU time."""
 
     spent: float = 0.0
+    """Work so far, about 1 for each second."""
 
     def add_iterations(self, solver: str, iterations: int, elements: int, *, costs: bool) -> None:
-        """Add iterations of a solver on a mesh. `costs` tells whether heat or effort counts."""
+        """Add the work of iterations of a solver.
+
+        Parameters
+        ----------
+        solver : str
+            "structured" or "Ipopt".
+        iterations : int
+            Number of iterations.
+        elements : int
+            Number of elements of the mesh.
+        costs : bool
+            True if the objective contains heat or effort.
+        """
         self.spent += PRICES[solver, costs] * iterations * elements

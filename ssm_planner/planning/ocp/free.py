@@ -1,4 +1,7 @@
-"""Free motions: the mesh and the guess of the optimal control problem, and its solution."""
+"""Optimisation of free motions, in which the solver chooses the joint path between given points.
+
+`solve_free` builds the mesh and the initial guess, and solves the optimal control problem.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,9 @@ from ssm_planner.problem import Objective, Problem, Robot
 from ssm_planner.typing import Array, keyword_record
 
 ELEMENTS = 40
-"""Number of elements of a motion. Some motions need FINER times as many."""
+"""Default number of mesh elements (time intervals) of a motion."""
 FINER = 2
+"""Factor on ELEMENTS for motions that need a finer mesh."""
 
 
 def solve_free(
@@ -48,43 +52,47 @@ def solve_free(
     fastest_only: bool = False,
     work: Work | None = None,
 ) -> PhaseSolution:
-    """Return a motion through the joints `points` (k + 1, 4).
+    """Compute the motion through given joint positions that is best for the objective of a problem.
+
+    A free motion is not bound to a given path: the solver chooses the joint path between the
+    points. The motion is at rest at both ends unless `speeds` are given.
 
     Parameters
     ----------
     problem : Problem
-        The problem with its objective and limits.
+        The problem with its robot, objective and limits.
     mechanism : Mechanism
         Geometry of the robot.
     points : (k + 1, 4) array
-        Joints at both ends and at the via points.
+        Joint positions at the start, at the via points and at the end, rad and m.
     strict : Robot or None
-        The robot with tighter limits, which the motion must keep.
+        The robot with tighter limits, which the motion must keep. None: those of `problem.robot`.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time.
+        Weights of the motors' heat relative to time, for a problem whose motors get too hot.
     duration : float or None
-        Requested duration, s.
+        Requested duration, s. None: as short as possible.
     speeds : ((4,), (4,)) arrays or None
-        q̇ at both ends. None: at rest.
+        Joint velocities q̇ at both ends, rad/s and m/s. None: at rest.
     count : int or None
-        Approximate number of elements. None: chosen by the kind of motion.
+        Approximate number of mesh elements. None: chosen by the kind of motion.
     method : str
         Solution method, see `nlp.Method`.
     start_acceleration : (4,) array or None
-        q̈ at the start if jerk is limited. None: 0.
+        Joint accelerations q̈ at the start if jerk is limited, rad/s² and m/s². None: 0.
     borders : Borders or None
-        Borders at which joints reverse. They replace the points.
+        Positions between which no joint reverses, in place of `points`. None: joints may only
+        reverse at `points`.
     cutoff : float
-        Duration in s beyond which a motion is not refined any further.
+        Duration in s. A solution that takes longer is not refined further, because it is of no use.
     fastest_only : bool
-        Return the fastest motion as the first solver finds it. `find_best_free` makes it final.
+        Return the fastest motion as the first solver computes it. `find_best_free` completes it.
     work : Work or None
-        Counter of the work.
+        Counter of the computational work.
 
     Returns
     -------
     PhaseSolution
-        Joint polynomials, or the status of the failure.
+        Joint polynomials of the motion, or the status of the failure.
     """
     borders = borders or Borders(points)
     displacements = np.diff(borders.points, axis=0)
@@ -107,8 +115,8 @@ def solve_free(
         work=work or Work(),
     )
     ocp = builder.build(count)
-    takes = None if duration is None else duration / ocp.time_scale
-    fastest = find_fastest_motion(ocp, ocp.guess, takes, cutoff=cutoff / ocp.time_scale)
+    scaled_duration = None if duration is None else duration / ocp.time_scale
+    fastest = find_fastest_motion(ocp, ocp.guess, scaled_duration, cutoff=cutoff / ocp.time_scale)
     motion = replace(ocp.result(fastest.solution), refined=fastest)
     return motion if fastest_only else find_best_free(motion, problem.objective, duration, cutoff)
 
@@ -119,7 +127,9 @@ def find_best_free(
     duration: float | None = None,
     cutoff: float = np.inf,
 ) -> PhaseSolution:
-    """Return the motion for an objective from the fastest one, confirmed if the method asks for it.
+    """Compute the motion that is best for an objective, starting from the fastest motion.
+
+    Ipopt confirms the result if the solution method of the fastest motion is "confirmed".
 
     Parameters
     ----------
@@ -128,30 +138,39 @@ def find_best_free(
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None
-        Requested duration, s.
+        Requested duration, s. None: as short as possible.
     cutoff : float
         Duration in s beyond which a motion is of no use.
+
+    Returns
+    -------
+    PhaseSolution
+        Joint polynomials of the motion, or the status of the failure.
     """
     assert motion.refined is not None
     ocp = motion.refined.state.problem
     assert isinstance(ocp, FreeProblem)
-    takes = None if duration is None else duration / ocp.time_scale
+    scaled_duration = None if duration is None else duration / ocp.time_scale
     return ocp.result(
-        find_best_motion(motion.refined, objective, takes, cutoff=cutoff / ocp.time_scale)
+        find_best_motion(motion.refined, objective, scaled_duration, cutoff=cutoff / ocp.time_scale)
     )
 
 
 @keyword_record
 class _FreeProblemBuilder:
-    """Builder of the problem of a free motion on its mesh. The fields are those of `solve_free`."""
+    """Builder of the optimal control problem of a free motion on its mesh.
+
+    The fields without a description are the arguments of `solve_free`.
+    """
 
     problem: Problem
     mechanism: Mechanism
     displacements: Array
-    """Displacements from point to point, (k, 4)."""
+    """Displacements of the joints from each point to the next one, (k, 4), rad and m."""
     limits: dict[str, Array]
-    """Limits of the joints, by the names in LIMITS."""
+    """Limits of the joints by their names in `elements.rows.LIMITS`, (4,) each."""
     ends: tuple[Array, Array]
+    """Joint velocities q̇ at both ends, (4,) each, rad/s and m/s."""
     start_acceleration: Array
     method: Method
     borders: Borders
@@ -159,7 +178,7 @@ class _FreeProblemBuilder:
 
     @property
     def jerk(self) -> bool:
-        """True if jerk is limited."""
+        """True if the robot has a jerk limit."""
         return limits_jerk(self.problem.robot)
 
     @property
@@ -169,9 +188,10 @@ class _FreeProblemBuilder:
 
     @property
     def is_structured(self) -> bool:
-        """True if the structured solver is tried.
+        """True if the structured solver (see `ocp.structured`) solves the problem first.
 
-        With a jerk limit it can only begin at q̈ = 0.
+        If jerk is limited, this solver can only begin at q̈ = 0. To estimate a duration, it ignores
+        another initial acceleration.
         """
         return self.method == "estimated" or (
             self.method != "Ipopt" and not self.start_acceleration.any()
@@ -179,15 +199,19 @@ class _FreeProblemBuilder:
 
     @property
     def least_count(self) -> int:
-        """Smallest number of elements between two switching points."""
+        """Smallest number of elements between two switching points.
+
+        The acceleration of a joint changes at a switching point.
+        """
         return 2 if len(self.displacements) < 16 else 1
 
     @property
     def default_count(self) -> int:
-        """Number of elements.
+        """Default number of mesh elements of the motion.
 
-        A mesh is finer between two points if Ipopt confirms the motion. It is also finer for
-        jerk-limited motions at speed, because the initial acceleration must end within one element.
+        A motion between two points that Ipopt confirms gets a finer mesh. So does a jerk-limited
+        motion that begins or ends at speed, because its initial acceleration must end within one
+        element.
         """
         confirmed = self.method == "confirmed" and self.at_rest and not self.borders.free
         between_two_points = len(self.displacements) == 1
@@ -195,15 +219,25 @@ class _FreeProblemBuilder:
         return FINER * ELEMENTS if at_speed or (confirmed and between_two_points) else ELEMENTS
 
     def elements_per_segment(self, count: int) -> int:
-        """Return the number of elements between two points, of `count` elements in all."""
+        """Return the number of elements between two neighbouring points.
+
+        Between two points only, it is `count`. A motion through more points gets twice as many
+        elements in all, and at least 8 between two points.
+        """
         return (
             max(2 * count // len(self.displacements), 8) if len(self.displacements) > 1 else count
         )
 
     def chain(self, per_segment: int) -> SegmentChain:
-        """Return the segments and their guesses, with about `per_segment` elements between points.
+        """Build the chain of segments with their guesses. No joint reverses within a segment.
 
-        Where the tip passes an eye's port, there is a border too.
+        A border between two segments is also inserted where the tip passes the port (incision) of
+        an eye, because the distance to the retina is only limited inside.
+
+        Parameters
+        ----------
+        per_segment : int
+            Approximate number of elements between two points.
         """
         chain = SegmentChain.joined(self._chains(per_segment), self.borders.free)
         if self.problem.eye is None:
@@ -212,23 +246,31 @@ class _FreeProblemBuilder:
         return chain.cut_at(self.problem.eye.port, is_outside, self.least_count)
 
     def _chains(self, per_segment: int) -> list[SegmentChain]:
-        """Return the segments from point to point."""
+        """Build the segments and guesses of the motion, one chain for each pair of points.
+
+        Parameters
+        ----------
+        per_segment : int
+            Approximate number of elements between two points.
+        """
         displacements, borders = self.displacements, self.borders
+        # Known reversals have a motion through them as guess.
         if borders.guess is not None:
             count = per_segment * len(displacements)
             return sampled_guesses(borders, count=count, least_count=self.least_count)
-        within = borders.via_velocity
-        if within is None:
-            within = np.zeros((len(displacements) - 1, 4))
-        speeds = np.vstack([self.ends[0], within, self.ends[1]])
-        table = np.stack([self.limits[name] for name in KINEMATIC])
+        via_velocity = borders.via_velocity
+        if via_velocity is None:
+            via_velocity = np.zeros((len(displacements) - 1, 4))
+        speeds = np.vstack([self.ends[0], via_velocity, self.ends[1]])
+        kinematic_limits = np.stack([self.limits[name] for name in KINEMATIC])
         return [
             guess_between(
                 borders.points[k],
                 displacements[k],
                 speeds[k : k + 2],
-                table,
+                kinematic_limits,
                 jerk=self.jerk,
+                # Only the first segment begins with the initial acceleration.
                 start_acceleration=self.start_acceleration * (k == 0),
                 count=per_segment,
                 least_count=self.least_count,
@@ -237,9 +279,12 @@ class _FreeProblemBuilder:
         ]
 
     def build(self, count: int | None) -> FreeProblem:
-        """Build the problem on the mesh of its guess, with the guess's duration as the unit of time.
+        """Build the optimal control problem, with the duration of its guess as the unit of time.
 
-        The mesh has about `count` elements, or a suitable number.
+        Parameters
+        ----------
+        count : int or None
+            Approximate number of mesh elements. None: `default_count`.
         """
         chain = self.chain(self.elements_per_segment(count or self.default_count))
         one_time_per_segment = self._one_time_per_segment(chain)
@@ -262,18 +307,28 @@ class _FreeProblemBuilder:
         )
 
     def _one_time_per_segment(self, chain: SegmentChain) -> bool:
-        """Return True if each segment, instead of each arc, has one time.
+        """Return True if the duration of each segment is one unknown of the program.
 
-        Joints that reverse then switch where the guess does.
+        Otherwise each arc between two switching points has its own duration. With one unknown,
+        joints switch at the same shares of the segment as in the guess. The structured solver then
+        converges more often, but the motion may be longer.
+
+        Parameters
+        ----------
+        chain : SegmentChain
+            Segments of the motion.
         """
         if not self.is_structured or self.method == "estimated" or self.borders.guess is not None:
             return self.is_structured
-        # With one time for each segment, jerk-limited motions are up to 0.13 % longer.
+        # A jerk-limited motion with one duration per segment is up to 0.13 % longer.
         reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
         return not reverses and not (self.jerk and len(self.displacements) > 1)
 
 
 def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
-    """Return True if only the port allows the tip of joints (4,) to be where it is."""
+    """Return True if only the port of the eye allows the present position of the tip.
+
+    Outside the port, the tip at joint positions q (4,) would be too close to the retina.
+    """
     assert problem.eye is not None
     return bool(retina_row(NUMPY, problem.eye, tip_position(mechanism, q[None])[0]) > 0)

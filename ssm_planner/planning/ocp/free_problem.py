@@ -1,10 +1,12 @@
-"""Optimal control problem of a free phase: the solver chooses the joint path.
+"""Optimal control problem of a free motion, in which the solver chooses the joint path.
 
-Every joint moves in one direction between two borders. Positions thus lie between those of the
-borders, and the friction law is exact. A joint that continues in its direction passes a point at
-speed. A joint that reverses at a point, or rests on one side of it, is at rest there. Limits of
-velocity, acceleration and jerk hold by construction. Motor torque, tip speed, rates, ranges of roll
-and spin, and the eye are path constraints, which are active where they come near their limits.
+The motion is divided by borders into segments. Every joint moves in one direction within a segment,
+so its position lies between those at the borders, and the sign of its friction is known. A joint
+that moves on in its direction passes a border at speed. A joint that reverses there, or that rests
+on one side of the border, has velocity 0 there. Limits of velocity, acceleration and jerk bound the
+unknowns themselves. Motor torque, tip speed, rates of task coordinates, ranges of roll and spin,
+and the limits of the eye are path constraints. Only those that a motion comes close to are part of
+the program ("active").
 """
 
 from __future__ import annotations
@@ -44,29 +46,42 @@ from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
 LEAST_UNIT = 0.05
-"""Smallest unit of a joint that may reverse, as a share of its way at full velocity."""
+"""Smallest unit of length of a joint that may reverse at a free border.
+
+It is a share of the distance that the joint would cover at full velocity in the guess's duration.
+"""
 
 
 @keyword_record
 class FreeProblem(OcpProblem):
-    """Problem with k segments between points, reversals, and passages of the port."""
+    """Optimal control problem of a free motion with k segments and m moving joints.
+
+    The borders of the segments are given points, reversals of joints, and passages of an eye's
+    port. The unknown coordinates are u = (q − q0)/d, with the first point q0 and the unit d of each
+    joint.
+    """
 
     problem: Problem
     mechanism: Mechanism
     chain: SegmentChain
+    """Segments with their borders, directions and guesses."""
     speeds: tuple[Array, Array]
-    """q̇ at both ends, (4,) each."""
+    """Joint velocities q̇ at both ends, (4,) each, rad/s and m/s."""
     start_acceleration: Array
-    """q̈ at the start if jerk is limited, (4,)."""
+    """Joint accelerations q̈ at the start if jerk is limited, (4,), rad/s² and m/s²."""
 
     @cached_property
     def moving(self) -> Indices:
-        """Indices of the joints that are coordinates, (m,)."""
+        """Indices (m,) of the joints that move. They are the coordinates of the program."""
         return np.flatnonzero(np.any(self.directions != 0, axis=0))
 
     @cached_property
     def unit(self) -> Array:
-        """Length d of u = 1 for each joint, (4,)."""
+        """Distance d in rad or m that a joint travels when its coordinate u grows by 1, (4,).
+
+        It is the largest distance between two borders. If the position at a border is unknown, d
+        has a lower bound, because the guess may be too short.
+        """
         extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
         if self.chain.fixed.all():
             return np.asarray(extent)
@@ -74,15 +89,16 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def ranges(self) -> Array:
-        """Ranges in which joints may reverse, (2, 4)."""
+        """Smallest and largest positions at which joints may reverse, (2, 4), rad and m."""
         return reversal_ranges(
             self.problem, self.mechanism, self.chain.points[self.chain.fixed.all(axis=1)]
         )
 
     @property
     def boundary(self) -> BoundaryConditions:
-        """Boundary conditions in scaled coordinates and time."""
+        """Positions and velocities of the coordinates at borders and ends, in scaled units."""
         start, end = (self.scaled(speed, 1) for speed in self.speeds)
+        # NaN stands for a position that the solver determines.
         points = self.scaled(
             np.where(self.chain.fixed, self.chain.points, np.nan) - self.chain.points[0], 0
         )
@@ -99,7 +115,7 @@ class FreeProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of u̇, ü and u⃛ in scaled time, (m,) each."""
+        """Limits of velocity, acceleration and jerk of the coordinates in scaled units, (m,) each."""
         velocity, acceleration, jerk = (
             self.scaled(self.joint_limits[name], order) for order, name in enumerate(KINEMATIC, 1)
         )
@@ -107,40 +123,66 @@ class FreeProblem(OcpProblem):
 
     @property
     def guess(self) -> Array:
-        """Elements of the guesses of all segments, one after the other, (n, 4 m + 1)."""
-        states = []
+        """Elements of the initial guess in scaled units, (n, 4 m + 1).
+
+        A row contains u, u̇, ü at the start and ü at the end of an element, and its length.
+        """
+        scaled_states = []
         for guess in self.chain.guesses:
             motion = guess.elements
             values = motion.u - self.chain.points[0], motion.v, motion.a0, motion.a1
-            scaled = (
+            scaled_parts = (
                 self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)
             )
-            states.append(np.hstack([*scaled]))
-        return np.column_stack([np.vstack(states), self.lengths])
+            scaled_states.append(np.hstack([*scaled_parts]))
+        return np.column_stack([np.vstack(scaled_states), self.lengths])
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
-        """Return parameters and bounds of the program.
+        """Return the parameters and bounds of the program, see `OcpProblem.data`.
 
-        At an end with a given velocity, rows may be at their limit up to rounding.
+        A velocity that is given at an end may already be at a limit. The path constraints at that
+        end are therefore relaxed by a tolerance for rounding.
         """
         base = super().data(elements, backoff)
         bound = base.path_bound.copy()
-        rows = backoff.shape[1]
+        # The columns contain the constraints at the start, in the middle and at the end.
+        constraint_count = backoff.shape[1]
         if self.speeds[0].any():
-            bound[0, :rows] = np.where(np.isfinite(bound[0, :rows]), 1 + SAME, np.inf)
+            bound[0, :constraint_count] = np.where(
+                np.isfinite(bound[0, :constraint_count]), 1 + SAME, np.inf
+            )
         if self.speeds[1].any():
-            bound[-1, -rows:] = np.where(np.isfinite(bound[-1, -rows:]), 1 + SAME, np.inf)
+            bound[-1, -constraint_count:] = np.where(
+                np.isfinite(bound[-1, -constraint_count:]), 1 + SAME, np.inf
+            )
         return replace(base, path_bound=bound)
 
     def scaled(self, values: Array, order: int) -> Array:
-        """Return a derivative of q − q0 (…, 4) as that of u (…, m) with respect to scaled time."""
+        """Convert joint values to the coordinates u and to scaled time.
+
+        Parameters
+        ----------
+        values : (…, 4) array
+            q − q0 or one of its derivatives, rad and m, per s to the power of `order`.
+        order : int
+            Order of the derivative.
+
+        Returns
+        -------
+        (…, m) array
+            The same derivative of u with respect to scaled time.
+        """
         return (values * self.time_scale**order / np.where(self.unit > 0, self.unit, 1.0))[
             ..., self.moving
         ]
 
     @cached_property
     def complete_element(self) -> FreeElement:
-        """The element model with the rows that limits and the eye require."""
+        """Element model with all path constraints that the problem may need.
+
+        They are the limits of task coordinates, tool speeds, the eye, and the motor torques of
+        moving joints.
+        """
         problem = self.problem
         rows: set[RowName] = {
             (TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges
@@ -162,7 +204,10 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def ignored_rows(self) -> Mask:
-        """True for rows that do not count in an element, (n, r)."""
+        """True where a path constraint does not apply to an element, (n, r).
+
+        The distance to the retina is not limited where the tip is outside the eye or in its port.
+        """
         mask = super().ignored_rows.copy()
         if self.problem.eye is not None:
             mask[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(
@@ -171,15 +216,23 @@ class FreeProblem(OcpProblem):
         return mask
 
     def at_port(self, port: float) -> Mask:
-        """Return the elements in which the tip stays within the port, (n,)."""
+        """Return a mask (n,) of the elements in which the depth of the tip is at most `port`, in m."""
         return self.chain.within(port)[self.structure.segment]
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return σ and the parameters of the element model."""
+        """Return the directions σ (n, 4) of the joints, and the parameters of the element model.
+
+        The parameters (size,) have the order of `FreeElement.layout` and are the same for all
+        elements.
+        """
         return self.sigma, self._parameters
 
     @cached_property
     def _parameters(self) -> Array:
+        """Parameters of the element model as one vector, in the order of `FreeElement.layout`.
+
+        They are the scales of the program, and the limits of joints, tool and task coordinates.
+        """
         problem = self.problem
         ranges = np.array([problem.ranges.get(name, (-UNLIMITED, UNLIMITED)) for name in WATCHED])
         return FreeElement.layout.pack(
@@ -196,7 +249,11 @@ class FreeProblem(OcpProblem):
 
     @property
     def _whole_turns(self) -> Array:
-        """Differences between WATCHED at the first point and the closed form that the rows use."""
+        """Differences (len(WATCHED),) in rad between two values of the watched task coordinates.
+
+        At the first point, `task_of_joints` counts whole turns, and the closed form of the path
+        constraints does not. The ranges are shifted by the difference.
+        """
         start = self.chain.points[0]
         unwrapped = task_of_joints(NUMPY, self.mechanism, tuple(start))
         wrapped = task_from_joints(self.mechanism, start[None])
@@ -204,19 +261,35 @@ class FreeProblem(OcpProblem):
 
     @property
     def _retina_easing(self) -> float:
-        """Amount by which the retina's row forbids one of the points.
+        """Amount by which the retina's constraint is relaxed, so that it allows all given points.
 
-        The tolerance of the limit allows it.
+        The check accepted these points because its tolerance covers the amount.
         """
         if self.problem.eye is None:
             return 0.0
         in_eye = np.abs(self.chain.points[:, 3]) > self.problem.eye.port + ROUNDING
         points = self.chain.points[self.chain.fixed.all(axis=1) & in_eye]
-        rows = retina_row(NUMPY, self.problem.eye, tip_position(self.mechanism, points).T)
-        return float(rows.max(initial=0.0))
+        constraint_values = retina_row(
+            NUMPY, self.problem.eye, tip_position(self.mechanism, points).T
+        )
+        return float(constraint_values.max(initial=0.0))
 
     def direction_multipliers(self, solution: NlpSolution) -> DirectionMultipliers | None:
-        """Return first-order savings of the motion if joints left their directions."""
+        """Estimate how much time reversals of joints, or motions of resting joints, could save.
+
+        The estimate is of first order. It follows from the Lagrange multipliers of the constraints
+        "u̇ keeps its direction", and, for joints at rest, from `reduced_costs`.
+
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution of the program.
+
+        Returns
+        -------
+        DirectionMultipliers or None
+            None if the solver provides no multipliers.
+        """
         multipliers = solution.multipliers
         structure = solution.structure
         if multipliers is None:
@@ -224,16 +297,19 @@ class FreeProblem(OcpProblem):
         lengths = solution.elements[:, -1]
         directions = self.directions[structure.segment]
         velocity = self.joint_limits["velocity"] * self.time_scale
+        # Times the limit of u̇, a multiplier belongs to the velocity as a share of its limit.
         values = np.zeros((structure.elements, 4))
         values[:, self.moving] = multipliers.direction * (
             velocity[self.moving] / self.unit[self.moving]
         )
+        # Joints at rest have no constraint, so their savings follow from reduced costs.
         standing = np.setdiff1d(np.arange(4), self.moving)
         if standing.size and multipliers.rows.any():
             gradient = self._gradient_of_all_joints(solution, multipliers)
             for i in standing:
                 values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths)
         instants = np.append(0.0, np.cumsum(lengths))
+        # Borders at the port and at free reversals are no given points.
         is_point = [
             k not in self.chain.ports and bool(fixed.all())
             for k, fixed in enumerate(self.chain.fixed)
@@ -247,41 +323,71 @@ class FreeProblem(OcpProblem):
         )
 
     def _gradient_of_all_joints(self, solution: NlpSolution, multipliers: Multipliers) -> Array:
-        """Return ∂(λᵀ G)/∂(q, q̇, q̈) of every joint, in scaled time, (n, 3, 4)."""
+        """Compute the gradient of λᵀ G, the path constraints G weighted by their multipliers λ.
+
+        The joints at rest are included, although they are no coordinates of the program.
+
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution of the program.
+        multipliers : Multipliers
+            Its multipliers.
+
+        Returns
+        -------
+        (n, 3, 4) array
+            Derivatives with respect to q, q̇ and q̈ of every joint, in scaled time.
+        """
         elements, orders = solution.elements, np.arange(4)
         unit = np.where(self.unit > 0, self.unit, 1.0)
-        z = np.zeros((len(elements), 17))
-        z[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
-        z[:, -1] = elements[:, -1]
+        # u, u̇, ü at the start and ü at the end of four joints, and the length.
+        element_variables = np.zeros((len(elements), 17))
+        element_variables[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
+        element_variables[:, -1] = elements[:, -1]
         element = shared(
             replace(self.complete_element, moving=(0, 1, 2, 3), active=multipliers.active)
         )
         parameters = self._parameters.copy()
         parameters[FreeElement.layout.slices["d"]] = unit
         sigma = self.directions[solution.structure.segment]
-        gradient = constraint_gradient(element, z, (sigma, parameters), multipliers.rows)
+        gradient = constraint_gradient(
+            element, element_variables, (sigma, parameters), multipliers.rows
+        )
         by_state = gradient[:, :-1].reshape(-1, 4, 4) / unit
         return np.stack([by_state[:, 0], by_state[:, 1], by_state[:, 2] + by_state[:, 3]], axis=1)
 
     def result(self, solution: NlpSolution) -> PhaseSolution:
-        """Return the solution as joint polynomials.
+        """Convert a solution of the program to joint polynomials in SI units.
 
-        Neighbours share position and velocity exactly.
+        Neighbouring polynomials have exactly the same position and velocity at their common end.
+
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution in scaled units.
+
+        Returns
+        -------
+        PhaseSolution
+            The motion, or the status and message of the failure.
         """
         if not solution.solved:
             return PhaseSolution(
                 solution.status, solution.message, solution.iterations, solver=solution.solver
             )
-        n = len(solution.elements)
+        count = len(solution.elements)
         pieces = cubics(solution.elements)
         boundary = self.boundary
 
         def joints(values: Array, order: int) -> Array:
-            expanded = np.zeros((n, 4))
+            """Convert a derivative of u (n, m) to that of q (n, 4)."""
+            expanded = np.zeros((count, 4))
             expanded[:, self.moving] = values * self.unit[self.moving] / self.time_scale**order
             return expanded + (self.chain.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
+        # The end of an element is the start of the next one, so that both agree exactly.
         next_states = (
             np.vstack([pieces.u[1:], boundary.points[-1]]),
             np.vstack([pieces.v[1:], boundary.end_velocity]),
@@ -291,9 +397,10 @@ class FreeProblem(OcpProblem):
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
             (joints(next_states[0], 0), joints(next_states[1], 1), joints(pieces.a1, 2)),
         )
-        indices = [k for k in range(len(self.chain.points)) if k not in self.chain.ports]
-        borders = breaks[[*solution.structure.borders, n]][indices]
-        directions = np.sign(np.add.reduceat(self.directions, indices[:-1]))
+        # The segments before and after the port belong together.
+        border_indices = [k for k in range(len(self.chain.points)) if k not in self.chain.ports]
+        border_instants = breaks[[*solution.structure.borders, count]][border_indices]
+        directions = np.sign(np.add.reduceat(self.directions, border_indices[:-1]))
         return PhaseSolution(
             "solved",
             solution.message,
@@ -301,7 +408,7 @@ class FreeProblem(OcpProblem):
             breaks,
             coefficients,
             solver=solution.solver,
-            border_instants=borders,
+            border_instants=border_instants,
             directions=directions,
             direction_multipliers=self.direction_multipliers(solution),
             confirmation=solution.confirmation,

@@ -1,4 +1,4 @@
-"""Ipopt for a program: options for every kind of start, and exact sparse derivatives."""
+"""Ipopt's options for every kind of start, and exact sparse derivatives of a program."""
 
 from __future__ import annotations
 
@@ -15,18 +15,21 @@ from ssm_planner.planning.ocp.nlp import NlpStructure
 from ssm_planner.typing import record
 
 Start = Literal["cold", "warm", "confirming"]
-"""Start from a guess, from an earlier solution with its multipliers, or from a solution of the
+"""Kind of initial point, which decides on Ipopt's options.
+
+"cold": a guess. "warm": an earlier solution with its multipliers. "confirming": a solution of the
 structured solver.
 """
 ITERATIONS = 300
-"""Largest number of iterations of a cold or warm start."""
+"""Largest number of iterations of a cold or warm start, or twice the elements if that is more."""
 COMMON_OPTIONS = {
     "print_level": 0,
     "sb": "yes",
     "tol": 1e-8,
-    # AMD ordering. By default MUMPS takes METIS on fine meshes, which makes each iteration slower.
+    # 0 selects the AMD ordering. MUMPS would choose METIS on fine meshes, which takes longer.
     "mumps_pivot_order": 0,
 }
+"""Options of Ipopt for every kind of start."""
 OPTIONS: dict[Start, dict[str, Any]] = {
     "cold": {"mu_init": 1e-4, "bound_push": 1e-2, "bound_frac": 1e-2},
     "warm": {
@@ -38,8 +41,8 @@ OPTIONS: dict[Start, dict[str, Any]] = {
         "warm_start_slack_bound_frac": 1e-9,
         "warm_start_mult_bound_push": 1e-9,
     },
-    # The slacks and the last barrier weight of the structured solver give its multipliers, so the
-    # initial point is a solution for Ipopt if it is one at all.
+    # Ipopt computes multipliers as barrier weight / slack. At the last barrier weight of the
+    # structured solver they are that solver's multipliers, so Ipopt begins at the solution.
     "confirming": {
         "max_iter": 30,
         "bound_mult_init_method": "mu-based",
@@ -58,9 +61,10 @@ OPTIONS: dict[Start, dict[str, Any]] = {
 
 @record
 class IpoptProgram:
-    """A program with n elements, without its path constraints G(z_k) and costs L(z_k).
+    """A program with n elements and m coordinates, without its path constraints G and costs L.
 
-    It is min objective + w Σ L(z_k), subject to bounds on the constraints and G(z_k) ≤ 1.
+    The complete program is min objective + w Σ L(z_k), subject to bounds on the constraints and to
+    G(z_k) ≤ 1 for every element z_k. `build_solvers` adds G and L.
     """
 
     structure: NlpStructure
@@ -69,11 +73,13 @@ class IpoptProgram:
     p: ca.MX
     """Parameters."""
     objective: ca.MX
+    """Objective without the costs L."""
     constraints: ca.MX
+    """Constraints without the path constraints G, (rows,)."""
     cost_weight: ca.MX
-    """Weight w."""
+    """Weight w of the costs L."""
     z: ca.MX
-    """Elements, (4 m + 1, n). They are linear in x."""
+    """Vectors z_k of the elements as columns, (4 m + 1, n). They are linear in x."""
     element_parameters: list[ca.MX]
     """Parameters of the element model, (size, n) or (size, 1) each."""
 
@@ -81,45 +87,60 @@ class IpoptProgram:
 def build_solvers(
     program: IpoptProgram, functions: ElementFunctions, native: MappedElements | None
 ) -> Callable[[Start], ca.Function]:
-    """Return Ipopt for every kind of start, for elements z (4 m + 1, n).
+    """Build Ipopt solvers with exact sparse derivatives, one for each kind of start.
 
     The program is
 
         min   f(x) = objective + w Σ L(z_k)
         s.t.  bounds on g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant.
 
-    One Jacobian and one Hessian of the element, in C or as expanded expressions, serve every
-    element. This is several times faster than differentiating the mapped element, and gives the
-    same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k),
+    The Jacobian and the Hessian of one element, in C or as expanded expressions, are evaluated for
+    all elements. This is several times faster than differentiating the program as a whole, and
+    gives the same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k),
 
         ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k,
-        ∇²L = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S.
+        ∇²(Lagrangian) = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S.
+
+    Parameters
+    ----------
+    program : IpoptProgram
+        The program without path constraints and costs.
+    functions : ElementFunctions
+        Path constraints and costs of one element, and their derivatives.
+    native : MappedElements or None
+        The same functions of all elements in C. None without the compiled part.
+
+    Returns
+    -------
+    callable
+        Returns the solver for a kind of start, and keeps it for the next call.
     """
     x, p, z = program.x, program.p, program.z
     objective, constraints, weight = program.objective, program.constraints, program.cost_weight
-    n, of_x = z.size2(), ca.jacobian(ca.vec(z), x)
-    of_elements = partial(_of_elements, native, z, program.element_parameters)
-    jacobians = _block_diagonal(
-        of_elements(functions.jacobian), functions.jacobian.sparsity_out(0), n
-    )
-    g = ca.vertcat(constraints, ca.vec(of_elements(functions.rows)))
-    jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ of_x)
+    n, z_by_x = z.size2(), ca.jacobian(ca.vec(z), x)
+    evaluate = partial(_map_elements, native, z, program.element_parameters)
+    # Constraints and their Jacobian.
+    jacobians = _block_diagonal(evaluate(functions.jacobian), functions.jacobian.sparsity_out(0), n)
+    g = ca.vertcat(constraints, ca.vec(evaluate(functions.rows)))
+    jac_g = ca.vertcat(ca.jacobian(constraints, x), jacobians @ z_by_x)
 
     f, grad_f = objective, ca.gradient(objective, x)
+    # Objective with the costs of all elements, and its gradient.
     lam_f = ca.MX.sym("lam_f")
     lam_g = ca.MX.sym("lam_g", g.numel())
     lam_constraints, lam_rows = ca.vertsplit(lam_g, [0, constraints.numel(), g.numel()])
     multipliers = ca.reshape(lam_rows, -1, n)
     if functions.cost is not None and functions.gradient is not None:
-        f += weight * ca.sum2(of_elements(functions.cost))
-        _, slopes = of_elements(functions.gradient)
-        grad_f += weight * (of_x.T @ ca.vec(slopes))
+        f += weight * ca.sum2(evaluate(functions.cost))
+        _, cost_gradients = evaluate(functions.gradient)
+        grad_f += weight * (z_by_x.T @ ca.vec(cost_gradients))
         multipliers = ca.vertcat(multipliers, ca.repmat(lam_f * weight, 1, n))
+    # Hessian of the Lagrangian.
     hessians = _block_diagonal(
-        of_elements(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n
+        evaluate(functions.hessian, multipliers), functions.hessian.sparsity_out(0), n
     )
     hess = ca.hessian(lam_f * objective + ca.dot(lam_constraints, constraints), x)[0]
-    hess += of_x.T @ hessians @ of_x
+    hess += z_by_x.T @ hessians @ z_by_x
     nlp = {"x": x, "p": p, "f": f, "g": g}
     hess_lag = ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)])
     return _ipopt_by_start(program.structure, nlp, grad_f, jac_g=jac_g, hess_lag=hess_lag)
@@ -133,7 +154,21 @@ def _ipopt_by_start(
     jac_g: ca.MX,
     hess_lag: ca.Function,
 ) -> Callable[[Start], ca.Function]:
-    """Return Ipopt for every kind of start, from a program and its derivatives."""
+    """Return a function that builds Ipopt for a kind of start, from a program and its derivatives.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program. It decides on the options.
+    nlp : dict
+        Expressions x (variables), p (parameters), f (objective) and g (constraints).
+    grad_f : MX
+        Gradient of f by x.
+    jac_g : MX
+        Jacobian of g by x.
+    hess_lag : Function
+        Upper triangle of the Hessian of the Lagrangian, as CasADi's `nlpsol` calls it.
+    """
     x, p, f, g = nlp.values()
     options: dict[str, Any] = {
         "print_time": False,
@@ -146,10 +181,11 @@ def _ipopt_by_start(
     }
 
     def build(start: Start) -> ca.Function:
+        """Build Ipopt with the options of one kind of start."""
         iterations = max(ITERATIONS, 2 * structure.elements)
         ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS[start]}
-        # First multipliers mu_init / slack save a fifth of the iterations, except if jerk is
-        # limited in joints.
+        # Initial multipliers mu_init / slack save a fifth of the iterations, except if the
+        # coordinates are joints with limited jerk.
         if start == "cold" and not (structure.joints and structure.smooth):
             ipopt_options["bound_mult_init_method"] = "mu-based"
         return ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt_options})
@@ -157,22 +193,44 @@ def _ipopt_by_start(
     return cache(build)
 
 
-def _of_elements(
+def _map_elements(
     native: MappedElements | None,
     z: ca.MX,
     parameters: list[ca.MX],
     function: ca.Function,
     *inputs: ca.MX,
 ) -> Any:
-    """Return the values of a function at all elements z (4 m + 1, n), side by side."""
+    """Evaluate a function at all elements and return the values side by side.
+
+    Parameters
+    ----------
+    native : MappedElements or None
+        Functions in C. None: CasADi evaluates them.
+    z : (4 m + 1, n) MX
+        The elements as columns.
+    parameters : list of MX
+        Parameters of the element model, (size, n) or (size, 1) each.
+    function : Function
+        Function of one element.
+    *inputs : MX
+        Further arguments of the function, one column for each element.
+    """
     if native is not None:
         return native.function(function)(z, *parameters, *inputs)
+    # Argument 0 is z, so parameter i is argument i + 1.
     shared = [i + 1 for i, parameter in enumerate(parameters) if parameter.size2() == 1]
     return function.map(function.name(), "serial", z.size2(), shared, [])(z, *parameters, *inputs)
 
 
 def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Call a solver, and return its result and statistics.
+    """Run Ipopt and return CasADi's result and the statistics of the run.
+
+    Parameters
+    ----------
+    solver : Function
+        Solver of `build_solvers`.
+    **arguments
+        Initial point, bounds and parameters by CasADi's names, for example x0 and lbg.
 
     Raises
     ------
@@ -181,13 +239,23 @@ def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[s
     """
     result = solver(**arguments)
     stats = solver.stats()
-    # Ipopt reports nothing else after Ctrl-C.
+    # This status is the only trace of Ctrl-C: Ipopt does not pass the exception on.
     if stats["return_status"] == "NonIpopt_Exception_Thrown":
         raise KeyboardInterrupt
     return result, stats
 
 
 def _block_diagonal(columns: ca.MX, block: ca.Sparsity, count: int) -> ca.MX:
-    """Return diag(B_1, …, B_n) of the blocks that a mapped Function returns side by side."""
+    """Return the block-diagonal matrix diag(B_1, …, B_n).
+
+    Parameters
+    ----------
+    columns : MX
+        Blocks side by side, as a mapped function returns them.
+    block : Sparsity
+        Sparsity pattern of one block.
+    count : int
+        Number n of blocks.
+    """
     pattern = ca.diagcat(*[block] * count)
     return ca.MX(pattern, ca.vec(columns).nz[:]) if pattern.nnz() else ca.MX(*pattern.shape)

@@ -1,4 +1,8 @@
-"""Mesh of a motion along a path. Its elements end where the binding limit of TOPP-RA changes."""
+"""Mesh (division into time intervals) of a motion along a given path.
+
+The mesh follows the motion of TOPP-RA: its elements end where another limit becomes the binding
+one.
+"""
 
 from __future__ import annotations
 
@@ -9,25 +13,31 @@ from ssm_planner.planning.tolerances import SAME
 from ssm_planner.typing import Array, Indices, record
 
 SHORTEST_ARC = 0.01
-"""Arcs shorter than this share of the duration are joined with their neighbour."""
+"""Arcs shorter than this share of the duration are joined with their neighbour.
+
+An arc is the time between two switching points, at which another limit becomes binding.
+"""
 UP_TO_SPEED = 0.5
-"""Short arcs at the ends remain if ṡ reaches this share of its maximum, since slow motions spend
-little time on them.
+"""Short arcs at the ends of the motion remain if ṡ reaches this share of its maximum in them.
+
+Motions that are slow at their ends spend little time in such arcs and need no elements there.
 """
 FEWEST = 5
-"""Number of elements of the shortest arc."""
+"""Smallest number of elements of an arc."""
 
 
 @record
 class Mesh:
-    """n elements between instants (n + 1,), and the interval of each, (n,).
-
-    An interval is the stretch between two reversals. The elements of an interval share its time in
-    fixed proportion, so intervals are the blocks of the program.
-    """
+    """Division of a motion along a path into n time intervals, called elements."""
 
     instants: Array
+    """Ends of the elements, (n + 1,), s."""
     interval: Indices
+    """Interval between two reversals of joints that contains the element, (n,).
+
+    The elements of an interval share its duration in fixed proportion, so an interval is a block of
+    the program.
+    """
 
     @property
     def interval_sizes(self) -> tuple[int, ...]:
@@ -38,35 +48,57 @@ class Mesh:
     def from_retiming(
         cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None
     ) -> Mesh:
-        """Return a mesh of at least `count` elements along a retimed motion.
+        """Build a mesh of at least `count` elements for a motion of TOPP-RA.
 
-        `jerk` (n + 1,) is the largest s⃛ at the grid points, if jerk is limited. Every jump of s̈
-        then gets the time that it needs, taken from the arc after it, as in the jerk-limited motion
-        of a single joint.
+        If jerk is limited, every jump of s̈ needs time. The element borders then get a ramp behind
+        every jump, as in the jerk-limited motion of a single joint.
+
+        Parameters
+        ----------
+        guess : Retiming
+            Motion of TOPP-RA along the path.
+        knots : (k + 1,) array
+            Values of s at the ends of the path and at the reversals of its joints.
+        count : int
+            Approximate number of elements.
+        jerk : (n + 1,) array or None
+            Largest s⃛ at the grid points of `guess`, 1/s³. None without a jerk limit.
         """
         times = guess.times
-        turns = np.interp(knots, guess.s, times)
-        speed, ends = np.sqrt(guess.speed_squared), [*turns]
+        reversals = np.interp(knots, guess.s, times)
+        speed, ends = np.sqrt(guess.speed_squared), [*reversals]
         for k in 1 + np.flatnonzero(guess.active[1:] != guess.active[:-1]):
             switch = times[k]
             nearest = np.abs(np.array(ends) - switch).min()
             if nearest > SHORTEST_ARC * times[-1]:
                 ends.append(float(switch))
             elif speed[k] >= UP_TO_SPEED * speed.max() and nearest in (switch, times[-1] - switch):
-                # The motion is up to speed between two grid points.
+                # The motion reaches its speed between two grid points, k and its inner neighbour.
+                # `extra_time` estimates when, with the acceleration up to k.
                 inner = k + (1 if nearest == switch else -1)
-                pull = speed[k] / nearest
-                gained = max(speed[inner] - speed[k], 0.0) / pull
+                acceleration = speed[k] / nearest
+                extra_time = max(speed[inner] - speed[k], 0.0) / acceleration
                 gap = abs(times[inner] - switch)
-                ends.append(float(switch + (inner - k) * min(gained, gap)))
+                ends.append(float(switch + (inner - k) * min(extra_time, gap)))
         borders = np.array(sorted(ends))
         if jerk is not None:
-            borders, turns = _with_ramps(borders, turns, guess, jerk)
+            borders, reversals = _with_ramps(borders, reversals, guess, jerk)
         instants = _element_ends(borders, count)
-        return cls(instants, _interval(instants, turns))
+        return cls(instants, _interval(instants, reversals))
 
     def elements(self, motion: Retiming) -> Array:
-        """Return s, ṡ, s̈ at both ends and length of the elements, (n, 5), for a duration of 1."""
+        """Return the elements of a motion as the program's first guess, for a duration of 1.
+
+        Parameters
+        ----------
+        motion : Retiming
+            Motion of TOPP-RA along the path.
+
+        Returns
+        -------
+        (n, 5) array
+            s, ṡ, s̈ at the start and s̈ at the end of each element, and its length.
+        """
         scale = motion.duration
         shares = self.instants / self.instants[-1]
         s = np.interp(shares * scale, motion.times, motion.s)
@@ -75,39 +107,76 @@ class Mesh:
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(shares)], axis=1)
 
 
-def _interval(instants: Array, turns: Array) -> Indices:
-    """Return the interval between reversals of each element."""
+def _interval(instants: Array, reversals: Array) -> Indices:
+    """Return the index (n,) of the interval between reversals that contains each element.
+
+    Parameters
+    ----------
+    instants : (n + 1,) array
+        Ends of the elements, s.
+    turns : (k + 1,) array
+        Start, reversals and end of the motion, s.
+    """
     middles = (instants[1:] + instants[:-1]) / 2
-    return np.clip(np.searchsorted(turns, middles) - 1, 0, len(turns) - 2)
+    return np.clip(np.searchsorted(reversals, middles) - 1, 0, len(reversals) - 2)
 
 
 def _element_ends(borders: Array, count: int) -> Array:
-    """Return the ends (n + 1,) of elements of equal length in every arc between borders.
+    """Divide every arc between two borders into elements of equal length.
 
-    There are `count` elements in all, or more if each arc would otherwise have less than FEWEST.
-    The number is the same for most motions, so one compiled program serves many of them.
+    There are `count` elements in all, or more if an arc would otherwise have less than FEWEST. The
+    number is thus the same for most motions, so that one compiled program serves many of them.
+
+    Parameters
+    ----------
+    borders : (k + 1,) array
+        Ends of the arcs, s.
+    count : int
+        Number of elements.
+
+    Returns
+    -------
+    (n + 1,) array
+        Ends of the elements, s.
     """
     lengths = np.diff(borders)
-    to_share = max(count - FEWEST * len(lengths), 0)
-    shared = np.round(np.cumsum(lengths / lengths.sum()) * to_share - SAME).astype(int)
-    sizes = FEWEST + np.diff(shared, prepend=0)
+    extra = max(count - FEWEST * len(lengths), 0)
+    extra_before = np.round(np.cumsum(lengths / lengths.sum()) * extra - SAME).astype(int)
+    sizes = FEWEST + np.diff(extra_before, prepend=0)
     starts = [
-        start + length * np.arange(n) / n
-        for start, length, n in zip(borders, lengths, sizes, strict=False)
+        start + length * np.arange(size) / size
+        for start, length, size in zip(borders, lengths, sizes, strict=False)
     ]
     return np.append(np.concatenate(starts), borders[-1])
 
 
-def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> tuple[Array, Array]:
-    """Add a border behind each jump of s̈, and shift the reversals along.
+def _with_ramps(
+    borders: Array, reversals: Array, guess: Retiming, jerk: Array
+) -> tuple[Array, Array]:
+    """Add a border behind each jump of s̈, at the end of the ramp that limited jerk requires.
 
-    The motion becomes longer by the last ramp.
+    Parameters
+    ----------
+    borders : (k,) array
+        Instants of the jumps and of both ends, s.
+    turns : (i,) array
+        Start, reversals and end of the motion, s.
+    guess : Retiming
+        Motion of TOPP-RA along the path.
+    jerk : (n + 1,) array
+        Largest s⃛ at the grid points of `guess`, 1/s³.
+
+    Returns
+    -------
+    borders, reversals : arrays
+        Both with a later end of the motion, because the last ramp makes it longer.
     """
     middle = (guess.times[1:] + guess.times[:-1]) / 2
     acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
+    # s̈ before and after a jump is the mean over a short window.
     window = SHORTEST_ARC / 2 * guess.duration
     ends = np.append(borders[1:], np.inf)
-    result = []
+    with_ramps = []
     for border, end in zip(borders, ends, strict=True):
         previous = acceleration[(middle < border) & (middle > border - window)]
         following = acceleration[(middle > border) & (middle < border + window)]
@@ -115,8 +184,9 @@ def _with_ramps(borders: Array, turns: Array, guess: Retiming, jerk: Array) -> t
             (following.mean() if len(following) else 0.0)
             - (previous.mean() if len(previous) else 0.0)
         )
+        # The largest s⃛ determines how long the change of s̈ takes.
         ramp = jump / float(np.interp(border, guess.times, jerk))
-        result.append(border)
+        with_ramps.append(border)
         if SHORTEST_ARC * guess.duration / 4 < ramp and border + ramp < end - window:
-            result.append(border + ramp)
-    return np.array(result), np.append(turns[:-1], result[-1])
+            with_ramps.append(border + ramp)
+    return np.array(with_ramps), np.append(reversals[:-1], with_ramps[-1])

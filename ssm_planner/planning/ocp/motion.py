@@ -1,4 +1,4 @@
-"""Values that describe the motion of a phase in SI units: its polynomials, directions and reversals."""
+"""Motion of a phase in SI units: joint polynomials, directions and reversals of the joints."""
 
 from __future__ import annotations
 
@@ -14,40 +14,51 @@ from ssm_planner.typing import Array, record
 
 @record
 class DirectionMultipliers:
-    """First-order savings of a motion if joints left their directions, for n elements."""
+    """Time that a motion would save, to first order, if its joints left their directions.
+
+    The motion has n elements (time intervals). `FreeProblem.direction_multipliers` computes the
+    values from the Lagrange multipliers of the optimal control problem.
+    """
 
     instants: Array
     """Ends of the elements, (n + 1,), s."""
     directions: Array
     """Directions of the joints: +1, −1, or 0 for a joint that does not move, (n, 4)."""
     values: Array
-    """Savings (n, 4) as a share of the duration.
+    """Savings as a share of the duration, (n, 4).
 
-    They are divided by the velocity against the direction as a share of the joint's limit.
+    The joint moves against its direction with its largest velocity during the element. A joint
+    without a direction moves either way.
     """
     points: Array
-    """Instants at which the motion passes the given points, (k,), s."""
+    """Instants at which the motion passes the given points, its ends included, (k,), s."""
 
     @property
     def largest_sum(self) -> float:
-        """Largest sum of |values| over the elements, among the joints."""
+        """Largest sum of |values| over the elements that one of the joints has."""
         return float(np.abs(self.values).sum(axis=0).max(initial=0.0))
 
 
 @record
 class Borders:
-    """Borders at which joints may reverse on a free motion."""
+    """Positions on a free motion at which joints may reverse."""
 
     points: Array
     """Joints at the borders, (k + 1, 4)."""
     free: tuple[int, ...] = ()
-    """Indices of the borders whose positions are only guesses."""
+    """Indices of the borders whose positions are only guesses. The solver determines them."""
     directions: Array | None = None
-    """Directions of the joints between the borders, (k, 4). None: from border to border."""
+    """Directions of the joints between the borders, +1, −1 or 0, (k, 4).
+
+    None: the signs of the displacements from border to border.
+    """
     via_velocity: Array | None = None
-    """q̇ at the via points, (k − 1, 4), if they determine between which points joints reverse."""
+    """Joint velocities q̇ at the via points, (k − 1, 4), for the guess. None: at rest.
+
+    They decide between which points joints reverse.
+    """
     guess: tuple[Trajectory, Array] | None = None
-    """A motion through the borders, and its instants there, (k + 1,), s."""
+    """A motion through the borders, and the instants at which it passes them, (k + 1,), s."""
 
 
 @record
@@ -59,10 +70,11 @@ class PhaseSolution:
     message: str
     """Message of the solver."""
     iterations: int = 0
+    """Number of iterations of the solver."""
     breaks: Array = field(default_factory=lambda: np.zeros(1))
     """Ends of the pieces, (n + 1,) from 0, s."""
     coefficients: Array = field(default_factory=lambda: np.zeros((0, 6, 4)))
-    """Coefficients of the quintic pieces, (n, 6, 4)."""
+    """Coefficients of the quintic pieces by powers of the time since their start, (n, 6, 4)."""
     solver: str = ""
     """Name of the solver that found the motion. Empty if none was needed."""
     border_instants: Array = field(default_factory=lambda: np.zeros(0))
@@ -70,10 +82,11 @@ class PhaseSolution:
     directions: Array = field(default_factory=lambda: np.zeros((0, 4)))
     """Directions of the joints between the borders of a free motion, (k, 4)."""
     direction_multipliers: DirectionMultipliers | None = None
-    """Multipliers of the directions of a free motion."""
+    """Savings of a free motion if its joints left their directions. None if they are unknown."""
     confirmation: Confirmation | None = None
+    """Ipopt's confirmation of the optimum. None without it."""
     refined: RefinedMotion | None = None
-    """The refinement of the fastest motion, if the motion for the objective is still to be found."""
+    """Refinement of the fastest motion. None if the motion is already best for its objective."""
 
     @property
     def solved(self) -> bool:
@@ -86,27 +99,31 @@ class PhaseSolution:
         return float(self.breaks[-1])
 
     def slower(self, factor: float) -> PhaseSolution:
-        """Return the same motion from rest to rest with its duration multiplied by `factor`."""
-        multipliers = self.direction_multipliers
-        if multipliers is not None:
-            multipliers = replace(
-                multipliers,
-                instants=multipliers.instants * factor,
-                points=multipliers.points * factor,
+        """Return the motion along the same path with its duration multiplied by `factor`.
+
+        Only a motion from rest to rest keeps its velocities at both ends.
+        """
+        savings = self.direction_multipliers
+        if savings is not None:
+            savings = replace(
+                savings,
+                instants=savings.instants * factor,
+                points=savings.points * factor,
             )
         return replace(
             self,
             breaks=self.breaks * factor,
+            # The coefficient of t^k is divided by factor^k.
             coefficients=self.coefficients / factor ** np.arange(6.0)[:, None],
             border_instants=self.border_instants * factor,
-            direction_multipliers=multipliers,
+            direction_multipliers=savings,
         )
 
     @property
     def reversal_multiplier(self) -> float | None:
-        """Largest sum of the remaining multipliers of one joint's direction over the motion.
+        """Time that the motion would save if one joint reversed, as a share of the duration.
 
-        None for a motion along a path.
+        It is the `largest_sum` of the direction multipliers. None for a motion along a path.
         """
         return (
             None if self.direction_multipliers is None else self.direction_multipliers.largest_sum

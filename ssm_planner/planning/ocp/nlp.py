@@ -1,8 +1,10 @@
-"""Values of a nonlinear program: structure, boundary conditions, data and solution.
+"""Values that describe a nonlinear program: structure, boundary conditions, data and solution.
 
-A program has n elements, m coordinates u, b blocks and k segments. All times are scaled. A segment
-lies between two borders: points where u is given, or free positions where a joint reverses. The
-elements of a block share its time in fixed proportion.
+Time is divided into n elements, and m coordinates u describe the position (the path parameter s, or
+the moving joints). Borders divide the elements into k segments. A border is a point where u is
+given, or a free position where a joint reverses. The elements are also grouped into b blocks. The
+duration of a block is an unknown, and its elements share it in fixed proportion. All lengths and
+times are scaled.
 """
 
 from __future__ import annotations
@@ -23,22 +25,26 @@ Solver = Literal["structured", "Ipopt"]
 Method = Literal["Ipopt", "structured", "confirmed", "estimated"]
 """How one attempt solves a problem. `phase_planner` chooses the next attempt if it fails.
 
-"Ipopt": by Ipopt. "structured": by the structured solver. "confirmed": by the structured solver,
-with Ipopt's confirmation of the optimum. "estimated": by the structured solver, for an estimate.
+"Ipopt": by Ipopt alone. "structured": by the structured solver (`ocp.structured`). "confirmed": by
+the structured solver, then Ipopt confirms the optimum. "estimated": by the structured solver, only
+to estimate the duration.
 """
 LARGEST_BLOCK = 20
 """Largest number of elements of a block.
 
-With more freedom the positions of the elements would be undetermined.
+Longer blocks are divided, so that the positions of their elements are well determined.
 """
 
 
 @frozen
 class NlpStructure:
-    """Everything that the expressions of a program depend on, except for its element model."""
+    """Everything that the expressions of a program depend on, except for its element model.
+
+    Programs with the same structure and element model share their compiled functions.
+    """
 
     moves: tuple[tuple[bool, ...], ...]
-    """True where a coordinate moves, by segment and coordinate."""
+    """For each segment, a tuple with True for each coordinate that moves in it."""
     segment_sizes: tuple[int, ...]
     """Number of elements of each segment."""
     block_sizes: tuple[int, ...]
@@ -46,17 +52,21 @@ class NlpStructure:
     smooth: bool
     """True if ü is continuous, because jerk is limited."""
     velocity_limits: bool
-    """True if the coordinates have velocity limits of their own."""
+    """True if the velocities of the coordinates themselves are limited."""
     joints: bool
-    """True if the coordinates are joints.
+    """True if the coordinates are joints, False if there is only the path parameter s.
 
-    They then have jerk limits of their own, and joints that do not bind are smoothed.
+    Joints have jerk limits themselves. The objective smooths the motion of joints that could reach
+    the borders in many ways.
     """
 
     def split(self, counts: Indices) -> NlpStructure:
-        """Return the structure with every element cut into equal parts.
+        """Return the structure with every element divided into equal parts.
 
-        `counts` (n,) are their numbers.
+        Parameters
+        ----------
+        counts : (n,) int array
+            Number of parts of each element.
         """
         segments, blocks = (
             tuple(np.bincount(index, counts).astype(int).tolist())
@@ -76,53 +86,57 @@ class NlpStructure:
 
     @cached_property
     def segment(self) -> Indices:
-        """Segment of each element, (n,)."""
+        """Index of the segment that contains each element, (n,)."""
         return np.repeat(np.arange(len(self.segment_sizes)), self.segment_sizes)
 
     @cached_property
     def block(self) -> Indices:
-        """Block of each element, (n,)."""
+        """Index of the block that contains each element, (n,)."""
         return np.repeat(np.arange(len(self.block_sizes)), self.block_sizes)
 
     def times(self, lengths: Array) -> Array:
-        """Return the times (b,) of the blocks from the lengths (n,) of the elements."""
+        """Return the durations (b,) of the blocks from the lengths (n,) of the elements."""
         return np.asarray(np.bincount(self.block, lengths), dtype=float)
 
     def variables(self, elements: Array) -> Array:
-        """Return Ipopt's variables for elements (n, 4 m + 1): their states, and the times."""
+        """Return Ipopt's vector of variables (4 m n + b,) for elements (n, 4 m + 1).
+
+        It contains u, u̇, and ü at both ends of every element, then the durations of the blocks.
+        """
         return np.append(elements[:, :-1].ravel(), self.times(elements[:, -1]))
 
     @cached_property
     def moving(self) -> Indices:
-        """True where a coordinate moves, by element and coordinate, (n, m)."""
+        """True where a coordinate moves in an element, (n, m)."""
         return np.array(self.moves)[self.segment]
 
     @property
     def borders(self) -> list[int]:
-        """First element of each segment."""
+        """Index of the first element of each segment."""
         return [0, *np.cumsum(self.segment_sizes)[:-1].tolist()]
 
     @property
     def breakaways(self) -> list[tuple[int, int]]:
-        """Pairs of elements with breakaway rows.
+        """Pairs (k, j) of elements that define the breakaway constraints.
 
-        A joint may break away at the start of the first element in the direction of the second one.
-        At a border it may do so in its new direction or in its old one.
+        A joint breaks away (overcomes static friction) at the start of element k in the direction
+        that it has in element j. At a border between two segments, the direction may be the new one
+        (j = k) or the old one (j = k − 1).
         """
         return [(k, k - side) for k in self.borders for side in (0, 1) if k >= side]
 
 
 @record
 class BoundaryConditions:
-    """Positions and velocities of the coordinates at borders and ends."""
+    """Positions and velocities of the m coordinates at the borders and ends of a motion."""
 
     points: Array
     """u at every border and at the end, (k + 1, m). NaN where it is free."""
     signs: Array
-    """Direction of u in every segment, (k, m). NaN where it may be either."""
+    """Direction +1, −1 or 0 of u in every segment, (k, m). NaN where u may reverse."""
     start_velocity: Array
     end_velocity: Array
-    """u̇ at both ends, (m,) each."""
+    """u̇ at the start and at the end, (m,) each."""
     start_acceleration: Array = field(default_factory=lambda: np.zeros(1))
     """ü at the start, if jerk is limited, (m,)."""
     ranges: Array = field(default_factory=lambda: np.zeros((2, 1)))
@@ -131,24 +145,34 @@ class BoundaryConditions:
     def bounds(
         self, structure: NlpStructure, velocity: Array, acceleration: Array
     ) -> tuple[Array, Array, tuple[Array, Array]]:
-        """Return the fields lower, upper and velocity of NlpData from limits (m,) on u̇ and ü.
+        """Return the bounds of the states of all elements, and those of u̇ within the elements.
 
-        A coordinate that reverses at a border, or that rests on one side of it, is at rest there.
+        They are the fields lower (n, 4 m), upper (n, 4 m) and velocity of `NlpData`. A coordinate
+        that reverses at a border, or that rests on one side of it, gets velocity 0 there.
+
+        Parameters
+        ----------
+        structure : NlpStructure
+            Structure of the program.
+        velocity, acceleration : (m,) or (n, m) arrays
+            Limits of |u̇| and |ü|. Infinite without a limit.
         """
         m, segment = structure.coordinates, structure.segment
         v, a0, a1 = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
-        either = np.isnan(signs)
+        may_reverse = np.isnan(signs)
         v_min, v_max = (
-            np.where(either | (side * signs > 0), side * velocity, 0.0) for side in (-1, 1)
+            np.where(may_reverse | (sign * signs > 0), sign * velocity, 0.0) for sign in (-1, 1)
         )
-        reach = np.where(signs != 0, acceleration, 0.0)
-        # A coordinate keeps its direction between borders, so its range at a free border bounds it
-        # everywhere.
+        limit = np.where(signs != 0, acceleration, 0.0)
+        # A coordinate keeps its direction within a segment, so it stays between its positions at
+        # the borders. At a free border, these are bounded by the range of reversals.
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
-        lowest, highest = (np.where(np.isnan(ends) | either, bound, ends) for bound in self.ranges)
-        lower = np.hstack([lowest.min(axis=0), v_min, -reach, -reach])
-        upper = np.hstack([highest.max(axis=0), v_max, reach, reach])
+        lowest, highest = (
+            np.where(np.isnan(ends) | may_reverse, bound, ends) for bound in self.ranges
+        )
+        lower = np.hstack([lowest.min(axis=0), v_min, -limit, -limit])
+        upper = np.hstack([highest.max(axis=0), v_max, limit, limit])
         for k, element in enumerate(structure.borders):
             fixed = np.flatnonzero(~np.isnan(self.points[k]))
             lower[element, fixed] = upper[element, fixed] = self.points[k, fixed]
@@ -164,47 +188,50 @@ class BoundaryConditions:
 
 @record
 class NlpData:
-    """Parameters and bounds of one program."""
+    """Parameters and bounds of one program. Solvers read them for a given `NlpStructure`."""
 
     element_parameters: tuple[Array, ...]
     """Parameters of the element model, (size,) or (n, size)."""
     fractions: Array
     """Length of every element as a share of its block, (n,)."""
     least_times: Array
-    """Smallest time of every block, (b,)."""
+    """Smallest duration of every block, (b,)."""
     lower: Array
     upper: Array
-    """Bounds of u, u̇, ü at the start and ü at the end of every element, (n, 4 m)."""
+    """Lower and upper bounds of u, u̇, ü at the start and ü at the end of every element, (n, 4 m).
+    """
     velocity: tuple[Array, Array]
-    """Smallest and largest u̇ within each element, (n, m)."""
+    """Smallest and largest u̇ within each element, (n, m) each."""
     end: Array
     """u and u̇ at the end, (2 m,)."""
     acceleration: Array
     jerk: Array
-    """Limits (m,) where the coordinates are joints."""
+    """Limits of |ü| and |u⃛| if the coordinates are joints, (m,) each."""
     path_bound: Array
-    """Upper bounds of the path constraints at start, middle and end of each element, (n, 3 rows).
+    """Upper bounds of r path constraints at start, middle and end of each element, (n, 3 r).
 
-    They are 1 − backoff.
+    They are 1 − backoff. The backoff keeps the constraint satisfied between these instants too.
     """
     breakaway_bound: Array
-    """Upper bounds of the breakaway rows, (sets, rows). Infinite if the joint is not at rest there.
+    """Upper bounds of the breakaway constraints, (pairs of `NlpStructure.breakaways`, joints).
+
+    They are infinite for joints that are not at rest there.
     """
     duration: tuple[float, float] = (0.0, np.inf)
-    """Bounds of the total duration."""
+    """Smallest and largest total duration."""
     weights: tuple[float, float] = (1.0, 0.0)
-    """Weights of time and of the cost."""
+    """Weights of the duration and of the cost (heat or effort of the motors) in the objective."""
 
     @property
     def is_fixed(self) -> Mask:
-        """True for states of elements with a single value, (n, 4 m)."""
+        """True for entries of `lower` and `upper` that leave a single value, (n, 4 m)."""
         return np.asarray(self.upper - self.lower <= ROUNDING)
 
     def bounds_of_u_count(self, structure: NlpStructure) -> Mask:
-        """Return where bounds of u are needed, (n, m).
+        """Return a mask (n, m) of the bounds of u that do not follow from other constraints.
 
-        They are needed at free borders, and for coordinates that may reverse anywhere. A coordinate
-        that keeps its direction stays between its borders by itself.
+        Bounds of u are needed at free borders, and for coordinates that may reverse anywhere. A
+        coordinate that keeps its direction stays between its borders without them.
         """
         v_min, v_max = self.velocity
         counts = (v_min < 0) & (v_max > 0)
@@ -212,16 +239,24 @@ class NlpData:
         return np.asarray(counts & ~self.is_fixed[:, : structure.coordinates])
 
     def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> NlpData:
-        """Return the data for the least cost plus `time` times the duration."""
+        """Return the data of the program that minimises the cost plus `time` times the duration.
+
+        Parameters
+        ----------
+        duration : (float, float)
+            Smallest and largest duration.
+        time : float
+            Weight of the duration.
+        """
         return replace(self, duration=duration, weights=(time, 1.0))
 
 
 @frozen
 class Confirmation:
-    """Ipopt's results for the optima of the structured solver, from which it started."""
+    """Results of Ipopt, which started at an optimum of the structured solver to confirm it."""
 
     iterations: int
-    """Iterations of Ipopt, for the fastest motion and for that of least heat or effort."""
+    """Iterations of Ipopt. They include those for the motion of least heat or effort."""
     difference: float
     """Ipopt's duration of the fastest motion divided by that of the structured solver, minus 1."""
     residual: float
@@ -230,17 +265,21 @@ class Confirmation:
 
 @record
 class Multipliers:
-    """Lagrange multipliers of a solution by element, in scaled time."""
+    """Lagrange multipliers of a solution by element, in scaled time.
+
+    A positive multiplier tells how fast the objective would fall if its constraint were relaxed.
+    """
 
     direction: Array
-    """Multipliers of "u̇ keeps its direction", (n, m).
+    """Multipliers of the constraints "u̇ keeps its direction", (n, m).
 
-    They are positive where u̇ would rather be positive, and 0 where the row does not bind.
+    They are positive where a positive u̇ would shorten the motion, negative where a negative one
+    would, and 0 where the constraint does not bind.
     """
     rows: Array
-    """Multipliers of the path constraints at the collocation points, (n, 3 rows), not negative."""
+    """Multipliers of r path constraints at start, middle and end of each element, (n, 3 r), ≥ 0."""
     active: frozenset[tuple[str, int | None]]
-    """Names and joints of these rows."""
+    """Names and joints of these path constraints."""
 
     @classmethod
     def of_bounds(
@@ -251,11 +290,21 @@ class Multipliers:
         rows: Array,
         active: frozenset[tuple[str, int | None]],
     ) -> Multipliers:
-        """Keep the multipliers of the bounds on u̇ that forbid a joint to reverse.
+        """Build the multipliers of a solution from those of its bounds on u̇.
 
-        `lower` and `upper` (n, m) are the multipliers of the bounds on u̇. Bounds that forbid a
-        reversal are u̇ ≥ 0 where the joint moves forwards and u̇ ≤ 0 where it moves backwards. All
-        other entries are zero.
+        Only bounds that forbid a reversal count: u̇ ≥ 0 where a coordinate moves forwards, and u̇ ≤
+        0 where it moves backwards. All other multipliers of direction are 0.
+
+        Parameters
+        ----------
+        data : NlpData
+            Bounds of the program.
+        lower, upper : (n, m) arrays
+            Multipliers of the lower and upper bounds on u̇, ≥ 0.
+        rows : (n, 3 r) array
+            Multipliers of the path constraints.
+        active : frozenset
+            Names and joints of the path constraints.
         """
         v_min, v_max = data.velocity
         forward = (v_min == 0) & (v_max > 0)
@@ -265,9 +314,10 @@ class Multipliers:
 
 @record
 class NlpSolution:
-    """Result of a solver. `message` is its return status in Ipopt's words."""
+    """Result of a solver: the motion in scaled units, or the status of the failure."""
 
     message: str
+    """Return status of the solver in Ipopt's words."""
     structure: NlpStructure
     elements: Array
     """u, u̇, ü at the start, ü at the end, and length of every element, (n, 4 m + 1)."""
@@ -275,12 +325,15 @@ class NlpSolution:
     solver: Solver = "Ipopt"
     structured_state: State | None = None
     ipopt_multipliers: tuple[Array, Array] | None = None
-    """Where the solver ended. A solve of a similar program may start there."""
+    """Internal state of either solver at its end. A solve of a similar program may start there."""
     objective: float = np.nan
+    """Value of the objective."""
     residual: float = np.nan
-    """KKT residual at Ipopt's last iterate."""
+    """Violation of the optimality (KKT) conditions at Ipopt's last iterate."""
     multipliers: Multipliers | None = None
+    """Lagrange multipliers of the path constraints and directions."""
     confirmation: Confirmation | None = None
+    """Ipopt's confirmation of the optimum. None without it."""
 
     @property
     def status(self) -> str:
@@ -301,37 +354,68 @@ class NlpSolution:
 
 
 def cubics(elements: Array) -> Cubic:
-    """Return the cubics of elements (n, 4 m + 1), (n, m) each, with lengths (n, 1)."""
+    """Return the elements as cubic polynomials, one value with fields of shape (n, m).
+
+    Parameters
+    ----------
+    elements : (n, 4 m + 1) array
+        u, u̇, ü at the start, ü at the end, and length of every element.
+    """
     m = elements.shape[1] // 4
     return Cubic(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
 
 
 def stretched(elements: Array, factor: float) -> Array:
-    """Return elements (n, 4 m + 1) of the same motion with its duration multiplied by `factor`."""
+    """Return the elements of the same motion with its duration multiplied by `factor`.
+
+    Parameters
+    ----------
+    elements : (n, 4 m + 1) array
+        u, u̇, ü at the start, ü at the end, and length of every element. The result has this form
+        too.
+    factor : float
+        Ratio of the new duration to the old one.
+    """
     pieces = cubics(elements)
     acceleration = pieces.a0 / factor**2, pieces.a1 / factor**2
     return np.hstack([pieces.u, pieces.v / factor, *acceleration, pieces.h * factor])
 
 
 def split(elements: Array, counts: Indices) -> Array:
-    """Return elements (n, 4 m + 1) with every one cut into equal parts.
+    """Divide every element into equal parts without a change of the motion.
 
-    `counts` (n,) are their numbers.
+    Parameters
+    ----------
+    elements : (n, 4 m + 1) array
+        u, u̇, ü at the start, ü at the end, and length of every element.
+    counts : (n,) int array
+        Number of parts of each element.
+
+    Returns
+    -------
+    (sum of counts, 4 m + 1) array
+        The parts in the same form.
     """
     cubic = cubics(np.repeat(elements, counts, axis=0))
-    share = 1.0 / np.repeat(counts, counts)[:, None]
+    part = 1.0 / np.repeat(counts, counts)[:, None]
     index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    start = index[:, None] * share
-    return np.hstack([*cubic.evaluate(start), cubic.evaluate(start + share)[2], cubic.h * share])
+    start = index[:, None] * part
+    return np.hstack([*cubic.evaluate(start), cubic.evaluate(start + part)[2], cubic.h * part])
 
 
 def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:
-    """Return the sizes of the blocks of arcs with these numbers of elements.
+    """Return the numbers of elements of the blocks that make up a sequence of arcs.
 
-    A block is an arc, or a part of it with at most LARGEST_BLOCK elements.
+    An arc is the time between two switching points. A block is an arc, or a part of it with at most
+    LARGEST_BLOCK elements. Both lie in the order of time.
+
+    Parameters
+    ----------
+    arcs : sequence of int
+        Number of elements of each arc.
     """
     blocks: list[int] = []
     for count in arcs:
-        number = -(-count // LARGEST_BLOCK)
-        blocks += [count // number + (k < count % number) for k in range(number)]
+        parts = -(-count // LARGEST_BLOCK)
+        blocks += [count // parts + (k < count % parts) for k in range(parts)]
     return tuple(blocks)

@@ -1,6 +1,6 @@
-"""Objectives in their order: the fastest motion first, then that of least heat or effort.
+"""Optimisation for an objective: first the fastest motion, then that of least heat or effort.
 
-Ipopt confirms each of them if the method asks for it.
+Ipopt confirms each of them if the solution method is "confirmed".
 """
 
 from __future__ import annotations
@@ -26,27 +26,39 @@ from ssm_planner.problem import Objective
 from ssm_planner.typing import Array
 
 CENTRING = 8
-"""Largest number of iterations that centre a solution for Ipopt."""
+"""Largest number of iterations that move a solution close to the central path.
+
+Ipopt then computes nearly exact multipliers from its slacks.
+"""
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
+"""Status of a motion that Ipopt did not confirm."""
 LONGER = 1e-3
-"""Relative amount by which the motion of least heat may be longer than the fastest motion."""
+"""Relative amount by which the motion of least heat may take longer than the fastest motion."""
 
 
 def find_fastest_motion(
     problem: OcpProblem, guess: Array, duration: float | None = None, *, cutoff: float = np.inf
 ) -> RefinedMotion:
-    """Return the fastest motion as the first solver finds it. `find_best_motion` makes it final.
+    """Compute the fastest motion with the solver that the problem's method tries first.
+
+    `find_best_motion` then confirms the motion and optimises the objective.
 
     Parameters
     ----------
     problem : OcpProblem
-        The problem on its first mesh.
+        The optimal control problem on its first mesh.
     guess : (n, 4 m + 1) array
-        Elements of the motion at which the optimisation begins.
+        Motion at which the optimisation begins: u, u̇, ü at the start, ü at the end, and length of
+        each element.
     duration : float or None
-        Requested duration in scaled time.
+        Requested duration in scaled time. None: as short as possible.
     cutoff : float
-        Duration in scaled time beyond which the motion is not refined any further.
+        Duration in scaled time. A motion that takes longer is not refined further.
+
+    Returns
+    -------
+    RefinedMotion
+        The solution with the state of its refinement.
     """
     cutoff = cutoff if duration is None else (1 + GAP) * duration
     return solve_to_tolerance(RefinementState.from_guess(problem, guess), "time", cutoff=cutoff)
@@ -59,15 +71,18 @@ def find_best_motion(
     *,
     cutoff: float = np.inf,
 ) -> NlpSolution:
-    """Return the motion that is best for an objective, from the fastest motion.
+    """Compute the motion that is best for an objective, starting from the fastest motion.
 
-    With the objective "time" this is the fastest motion. With "time then heat" it is the motion of
-    least heat among those that are not much longer. With a requested duration it is the motion of
-    least effort that takes it, or the fastest motion if that is longer. If `joint_limits` contains
-    heat weights (`cooling`), the weighted heat is traded for time instead.
+    - Objective "time": the fastest motion.
+    - Objective "time then heat": the motion of least heat among those that take at most a share
+      LONGER more time than the fastest.
+    - With a requested duration: the motion of least effort that takes it, or the fastest motion if
+      that takes longer.
+    - With heat weights (`joint_limits["cooling"]`): the least weighted sum of heat and time, or the
+      least weighted heat in a requested duration.
 
-    With the method "confirmed", there is no motion if Ipopt does not confirm the fastest one. The
-    caller then tries another method.
+    If the method is "confirmed" and Ipopt does not confirm the fastest motion, the result is a
+    failure with the message NOT_CONFIRMED. The caller then tries another method.
 
     Parameters
     ----------
@@ -76,7 +91,7 @@ def find_best_motion(
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None
-        Requested duration in scaled time.
+        Requested duration in scaled time. None: as short as possible.
     cutoff : float
         Duration in scaled time beyond which a motion is of no use.
 
@@ -93,39 +108,66 @@ def find_best_motion(
         return replace(fastest.solution, message=NOT_CONFIRMED)
     if not confirmed.solution.solved or confirmed.solution.duration > (duration or np.inf):
         return confirmed.solution
-    cheapest = _of_least_cost(confirmed, objective, duration)
+    cheapest = _least_cost_motion(confirmed, objective, duration)
     if cheapest is None:
         return confirmed.solution
-    confirmation, of_cost = confirmed.solution.confirmation, cheapest.confirmation
-    if confirmation is not None and of_cost is not None:
-        both = confirmation.iterations + of_cost.iterations
-        confirmation = replace(confirmation, iterations=both)
+    # The result counts the iterations of both motions.
+    confirmation, cost_confirmation = confirmed.solution.confirmation, cheapest.confirmation
+    if confirmation is not None and cost_confirmation is not None:
+        total = confirmation.iterations + cost_confirmation.iterations
+        confirmation = replace(confirmation, iterations=total)
     iterations = confirmed.solution.iterations + cheapest.iterations
     return replace(cheapest, iterations=iterations, confirmation=confirmation)
 
 
-def _of_least_cost(
+def _least_cost_motion(
     fastest: RefinedMotion, objective: Objective, duration: float | None
 ) -> NlpSolution | None:
-    """Return the motion of least heat or effort. None if time alone counts, or if there is none."""
+    """Compute the motion of least heat or effort of the motors, starting from the fastest motion.
+
+    Parameters
+    ----------
+    fastest : RefinedMotion
+        The fastest motion.
+    objective : str
+        "time", "time then heat" or "effort".
+    duration : float or None
+        Requested duration in scaled time. None: little more than that of the fastest motion.
+
+    Returns
+    -------
+    NlpSolution or None
+        None if only the time counts, or if the solver finds no such motion.
+    """
     problem = fastest.state.problem
     cooled = bool(problem.joint_limits["cooling"].any())
     if duration is not None:
-        return _of_least_effort(fastest, duration, "cooling" if cooled else "effort")
+        return _least_effort_motion(fastest, duration, "cooling" if cooled else "effort")
     # Without motors there is no heat to reduce.
     heated = objective != "time" and any(motorised(problem.complete_element.robot.joints))
-    return _of_least_heat(fastest, cooled=cooled) if heated or cooled else None
+    return _least_heat_motion(fastest, cooled=cooled) if heated or cooled else None
 
 
-def _of_least_heat(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution | None:
-    """Return the motion of least heat that is not much longer than the fastest, or None.
+def _least_heat_motion(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution | None:
+    """Compute the motion of least heat that takes little more time than the fastest motion.
 
-    With heat weights (`cooled`), it is the motion of least weighted sum of time and heat.
+    Parameters
+    ----------
+    fastest : RefinedMotion
+        The fastest motion. The result takes at most a share LONGER more time.
+    cooled : bool
+        True if heat weights are given. The weighted sum of time and heat is then minimised instead,
+        and the duration is free.
+
+    Returns
+    -------
+    NlpSolution or None
+        None if the solver finds no motion that keeps all limits.
     """
     solution, problem = fastest.solution, fastest.state.problem
     if solution.solver == "structured" and problem.has_free_borders:
-        # Heat barely depends on when borders are passed, so segments between them would shrink to
-        # nothing over many iterations.
+        # Heat barely depends on when the motion passes a free border. With separate durations,
+        # some segments would shrink to nothing over many iterations.
         problem = problem.with_one_time(solution.elements[:, -1])
     state = replace(fastest.state, problem=problem).restarted(solution.elements)
     max_duration = np.inf if cooled else (1 + LONGER) * solution.duration
@@ -133,13 +175,23 @@ def _of_least_heat(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution | Non
     return result.solution if result.solution.solved and result.feasible else None
 
 
-def _of_least_effort(fastest: RefinedMotion, duration: float, aim: Aim) -> NlpSolution:
-    """Return the motion of least effort, or of least weighted heat, that takes `duration`."""
+def _least_effort_motion(fastest: RefinedMotion, duration: float, aim: Aim) -> NlpSolution:
+    """Compute the motion of least effort of the motors that takes the requested duration.
+
+    Parameters
+    ----------
+    fastest : RefinedMotion
+        The fastest motion. It is stretched in time to become the guess.
+    duration : float
+        Requested duration in scaled time.
+    aim : str
+        "effort", or "cooling" to minimise the weighted heat of the motors instead.
+    """
     solution = fastest.solution
     guess = stretched(solution.elements, duration / solution.duration)
     state = RefinementState.from_guess(fastest.state.problem, guess)
     result = _solve_and_confirm(state, aim, (duration, duration)).solution
-    # Any motion of this duration is better than none.
+    # If there is no motion of least cost, any motion of this duration will do.
     return (
         result
         if result.solved
@@ -150,7 +202,19 @@ def _of_least_effort(fastest: RefinedMotion, duration: float, aim: Aim) -> NlpSo
 def _solve_and_confirm(
     state: RefinementState, aim: Aim, duration: tuple[float, float]
 ) -> RefinedMotion:
-    """Return a refined and confirmed motion. If Ipopt does not confirm it, Ipopt refines alone."""
+    """Solve and refine a program until the motion keeps all limits, then let Ipopt confirm it.
+
+    If Ipopt does not confirm the motion, Ipopt solves the program alone.
+
+    Parameters
+    ----------
+    state : RefinementState
+        Initial state.
+    aim : str
+        Cost that is minimised, see `elements.element.Aim`.
+    duration : (float, float)
+        Smallest and largest duration in scaled time.
+    """
     result = _confirm(solve_to_tolerance(state, aim, duration=duration), aim)
     if result is not None and (result.solution.solved or state.problem.method == "estimated"):
         return result
@@ -159,18 +223,32 @@ def _solve_and_confirm(
 
 
 def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
-    """Confirm a motion of the structured solver by Ipopt. None if Ipopt does not confirm it.
+    """Confirm the optimum of the structured solver by Ipopt, which starts there.
 
-    Ipopt starts at the solution. If both motions are equally good, that of the structured solver is
-    taken, because it satisfies the dynamics exactly, which very short elements need. A better
-    motion of Ipopt that violates a row between the collocation points would have to be refined, so
-    it confirms nothing. If Ipopt's motion is longer, the structured one is taken, and its confirmation
-    states the difference. A motion that needs no confirmation is returned unchanged.
+    The result is the structured solver's motion with the difference between both durations, unless
+    Ipopt's motion is shorter (or cheaper) by more than rounding. The structured solver's motion is
+    preferred because it satisfies the dynamics exactly even in very short elements. A motion that
+    needs no confirmation is returned unchanged.
+
+    Parameters
+    ----------
+    refined : RefinedMotion
+        Motion to confirm.
+    aim : str
+        Cost that was minimised.
+
+    Returns
+    -------
+    RefinedMotion or None
+        None if Ipopt fails, or if its better motion violates a limit between the collocation points
+        (the instants at which the program imposes its path constraints). Such a motion would have
+        to be refined, so it confirms nothing.
     """
     structured, problem = refined.solution, refined.state.problem
     if problem.method != "confirmed" or structured.solver != "structured" or not structured.solved:
         return refined
     structure, element, data = refined.program
+    # Only near the central path do the slacks give nearly exact multipliers.
     centred = solve_structured(
         structure,
         element,
@@ -181,23 +259,25 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
         centred=True,
     )
     start = (centred if centred.solved else structured).elements
-    ipopts = Transcription.build(structure, element).solve(data, start, confirming=True)
+    ipopt_solution = Transcription.build(structure, element).solve(data, start, confirming=True)
     problem.work.add_iterations(
-        "Ipopt", ipopts.iterations, len(ipopts.elements), costs=aim != "time"
+        "Ipopt", ipopt_solution.iterations, len(ipopt_solution.elements), costs=aim != "time"
     )
-    if not ipopts.solved:
+    if not ipopt_solution.solved:
         return None
-    own_value, ipopt_value = (
-        motion.duration if aim == "time" else motion.objective for motion in (structured, ipopts)
+    structured_value, ipopt_value = (
+        motion.duration if aim == "time" else motion.objective
+        for motion in (structured, ipopt_solution)
     )
-    difference = ipopt_value / own_value - 1 if own_value else 0.0
+    difference = ipopt_value / structured_value - 1 if structured_value else 0.0
+    # Ipopt's better motion is only useful if it keeps the limits between collocation points too.
     better = difference < -SAME
-    if better and problem.row_maxima(ipopts.elements).max(initial=0.0) > 1 + TOLERANCE:
+    if better and problem.row_maxima(ipopt_solution.elements).max(initial=0.0) > 1 + TOLERANCE:
         return None
     solution = replace(
-        ipopts if better else structured,
-        iterations=structured.iterations + ipopts.iterations,
-        confirmation=Confirmation(ipopts.iterations, difference, ipopts.residual),
+        ipopt_solution if better else structured,
+        iterations=structured.iterations + ipopt_solution.iterations,
+        confirmation=Confirmation(ipopt_solution.iterations, difference, ipopt_solution.residual),
     )
     return replace(
         refined, solution=solution, state=replace(refined.state, elements=solution.elements)

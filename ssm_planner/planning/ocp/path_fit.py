@@ -1,6 +1,6 @@
-"""Polynomials that approximate a path and its load near the elements of a mesh.
+"""Polynomials in s that approximate a path and its load near each element of a mesh.
 
-They are the parameters of `elements.straight_element.StraightElement`.
+They are parameters of the element model `elements.straight_element.StraightElement`.
 """
 
 from __future__ import annotations
@@ -16,25 +16,43 @@ from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.typing import Array
 
 NARROWEST = 0.004
-"""Smallest half width of a fit in s. It leaves room for the optimisation to move an element."""
+"""Smallest half width in s of the interval of a fit.
+
+The optimisation can thus move a short element along the path without leaving its interval.
+"""
 
 
 def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
-    """Fit polynomials to the curves of a path on the elements [low, high], (n,) each, in s.
+    """Fit polynomials to a path, its load and its tool speeds, one set for each element.
 
-    The curves are the derivatives of the joints, the coefficients of the dynamics and the speeds of
-    the tool. Returns one row for each element, (n, size of `fit_of`): centre and half width of the
-    fitted interval, and the coefficients. The interval reaches beyond the element by half its
-    width, but stays on the smooth piece of the path.
+    The fitted curves are the derivatives dq/ds of the joints, the coefficients of the load in s
+    (`RigidBody.path_load`), and the speeds of the tool at ṡ = 1. Each polynomial interpolates its
+    curve at Chebyshev nodes. The interval of the fit is twice as wide as the element, but stays on
+    one smooth piece of the path.
+
+    Parameters
+    ----------
+    path : JointPath
+        The path.
+    bodies : tuple of RigidBody
+        Rigid-body models of the arm, one for each load.
+    low, high : (n,) arrays
+        Values of s at both ends of the elements.
+
+    Returns
+    -------
+    (n, size) array
+        Centre and half width of the interval, and the coefficients of all polynomials by powers of
+        (s − centre) / half width.
     """
     middle, breaks = (low + high) / 2, path.breaks
-    index = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
-    low_break, high_break = breaks[index], breaks[index + 1]
-    half_width = np.minimum(np.maximum(high - low, NARROWEST), (high_break - low_break) / 2)
-    centre = np.clip(middle, low_break + half_width, high_break - half_width)
-    chebyshev, inverse = _nodes()
-    samples = path.sample((centre[:, None] + half_width[:, None] * chebyshev).ravel())
-    load = zip(
+    piece = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
+    piece_start, piece_end = breaks[piece], breaks[piece + 1]
+    half_width = np.minimum(np.maximum(high - low, NARROWEST), (piece_end - piece_start) / 2)
+    centre = np.clip(middle, piece_start + half_width, piece_end - half_width)
+    nodes, inverse_powers = _nodes()
+    samples = path.sample((centre[:, None] + half_width[:, None] * nodes).ravel())
+    loads = zip(
         *(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True
     )
     speeds = np.column_stack(
@@ -43,16 +61,21 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
             for speed_class in JACOBIANS
         ]
     )
-    curves = np.hstack([samples.dq, *(matrix for matrices in load for matrix in matrices), speeds])
-    # Node j of element n has the values Σ_d ξ_j^d a_nd.
+    curves = np.hstack([samples.dq, *(matrix for matrices in loads for matrix in matrices), speeds])
+    # The polynomial with coefficients a_nd has the value Σ_d ξ_j^d a_nd at node j of element n.
     coefficients = np.einsum(
-        "dj,njk->ndk", inverse, np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1)
+        "dj,njk->ndk",
+        inverse_powers,
+        np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1),
     )
     return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
 
 
 @cache
 def _nodes() -> tuple[Array, Array]:
-    """Return the nodes ξ_j (DEGREE + 1,) of a fit, and the inverse of their powers ξ_j^d."""
-    chebyshev = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
-    return chebyshev, np.linalg.inv(np.vander(chebyshev, increasing=True))
+    """Return the nodes of a fit, and the matrix that turns values there into coefficients.
+
+    The nodes ξ_j (DEGREE + 1,) are Chebyshev nodes. The matrix is the inverse of the powers ξ_j^d.
+    """
+    nodes = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
+    return nodes, np.linalg.inv(np.vander(nodes, increasing=True))

@@ -1,4 +1,7 @@
-"""Base class of the optimal control problems: the data of a program, and its rows on the true path."""
+"""Base class of the optimal control problems.
+
+It provides the data of the program, and evaluates the path constraints between collocation points.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +19,26 @@ from ssm_planner.planning.work import Work
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
 SHORTEST = 0.01
-"""Smallest time of a block, as a share of the guess's."""
+"""Smallest duration of a block, as a share of its duration in the guess."""
 
 
 @keyword_record
 class OcpProblem(ABC):
-    """An optimal control problem with n elements, k segments, b blocks and r path rows.
+    """An optimal control problem with n elements, k segments, b blocks and r path constraints.
 
-    A subclass provides the element models and their parameters.
+    Elements, segments and blocks are defined in `nlp`. A path constraint (also called a row) is a
+    function of the state that must not exceed 1. A subclass provides the element models and their
+    parameters.
     """
 
     structure: NlpStructure
+    """Structure of the program."""
     lengths: Array
     """Length of every element in the guess, (n,), in scaled time."""
     joint_limits: dict[str, Array]
     """Result of `rows.joint_limits` for the robot whose limits the motion must keep."""
     time_scale: float
-    """Length of a scaled second, s."""
+    """Unit of scaled time, s."""
     directions: Array
     """Direction of every joint in every segment: +1, −1 or 0, (k, 4)."""
     starting: Array
@@ -40,39 +46,63 @@ class OcpProblem(ABC):
     method: Method = "Ipopt"
     """Solution method."""
     work: Work = field(default_factory=Work)
+    """Counter of the computational work."""
 
     @property
     @abstractmethod
     def boundary(self) -> BoundaryConditions:
-        """Positions and velocities at borders and ends, in scaled time."""
+        """Positions and velocities of the coordinates at borders and ends, in scaled time."""
 
     @property
     @abstractmethod
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of u̇, ü and u⃛ of the coordinates in scaled time, (m,) each.
+        """Limits of velocity u̇, acceleration ü and jerk u⃛ of the coordinates in scaled time.
 
-        Infinite without a limit.
+        They have the shape (m,) or (n, m) each, and are infinite without a limit.
         """
 
     @property
     @abstractmethod
     def complete_element(self) -> ElementModel:
-        """Element model with all r rows that this problem may need."""
+        """Element model with all r path constraints that this problem may need."""
 
     @abstractmethod
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the parameters of the element model near elements (n, 4 m + 1), each (size,) or
-        (n, size).
+        """Return the parameters of the element model for a motion.
+
+        Parameters
+        ----------
+        elements : (n, 4 m + 1) array
+            u, u̇, ü at the start, ü at the end, and length of each element. Parameters that
+            approximate a curve are computed near the positions u.
+
+        Returns
+        -------
+        tuple of arrays
+            (size,) if all elements share the values, otherwise (n, size).
         """
 
     def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
-        """Return the element model with the active rows."""
+        """Return the element model with a subset of the path constraints and with a cost.
+
+        Parameters
+        ----------
+        active : frozenset
+            Names and joints of the path constraints.
+        aim : str
+            Cost in addition to time, see `elements.element.Aim`.
+        """
         return shared(replace(self.complete_element, active=active, aim=aim))
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
-        """Return the program's parameters and bounds near elements.
+        """Return the parameters and bounds of the nonlinear program on the present mesh.
 
-        `backoff` is (n, active rows).
+        Parameters
+        ----------
+        elements : (n, 4 m + 1) array
+            Latest motion: u, u̇, ü at the start, ü at the end, and length of each element.
+        backoff : (n, active constraints) array
+            Reduction of the bound of every active path constraint in every element.
         """
         velocity, acceleration, jerk = self.limits
         boundary, times = self.boundary, self.structure.times(self.lengths)
@@ -87,71 +117,99 @@ class OcpProblem(ABC):
             end=np.concatenate([boundary.points[-1], boundary.end_velocity]),
             acceleration=acceleration,
             jerk=jerk,
+            # The bounds are the same at all collocation points of an element.
             path_bound=np.tile(1.0 - backoff, (1, len(COLLOCATION))),
             breakaway_bound=self._breakaway_bound(),
         )
 
     def with_cut_elements(self, counts: Indices) -> OcpProblem:
-        """Return the problem with every element cut into equal parts.
+        """Return the problem with every element divided into equal parts.
 
-        `counts` (n,) are their numbers.
+        Parameters
+        ----------
+        counts : (n,) int array
+            Number of parts of each element.
         """
         lengths = np.repeat(self.lengths / counts, counts)
         return replace(self, structure=self.structure.split(counts), lengths=lengths)
 
     def with_one_time(self, lengths: Array) -> OcpProblem:
-        """Return the problem with one time for all elements, with proportional lengths (n,)."""
+        """Return the problem with the total duration as its only unknown time.
+
+        Parameters
+        ----------
+        lengths : (n,) array
+            Lengths of the elements. They keep their proportions.
+        """
         structure = replace(self.structure, block_sizes=(len(lengths),))
         return replace(self, structure=structure, lengths=lengths)
 
     @property
     def has_free_borders(self) -> bool:
-        """True if borders are unknown: reversals, or passages of the port of an eye."""
+        """True if the solver determines positions at some borders.
+
+        Such borders are reversals of joints, and passages of the port of an eye.
+        """
         return bool(np.isnan(self.boundary.points).any())
 
     @property
     def always_active(self) -> frozenset[RowName]:
-        """Rows that are active for every value in the guess."""
+        """Path constraints that are part of the program even if the guess is far from their limits."""
         return frozenset()
 
     @property
     def sigma(self) -> Array:
-        """Directions σ of the joints in every element, (n, 4)."""
+        """Direction σ of every joint in every element: +1, −1 or 0, (n, 4)."""
         return np.asarray(self.directions[self.structure.segment])
 
     @cached_property
     def row_names(self) -> list[RowName]:
-        """Names of all r rows."""
+        """Names and joints of all r path constraints."""
         return self.complete_element.row_names
 
     @property
     def ignored_rows(self) -> Mask:
-        """True for rows that do not count in an element, (n, r)."""
+        """True where a path constraint does not apply to an element, (n, r)."""
         return np.zeros((self.structure.elements, len(self.row_names)), dtype=bool)
 
     @cached_property
     def _row_cache(self) -> list[tuple[Array, Array]]:
-        """Elements for which `row_maxima` was called last, and its result."""
+        """Cache with at most one entry: the last argument of `row_maxima`, and its result."""
         return []
 
     def row_maxima(self, elements: Array) -> Array:
-        """Return the largest value of every row in every element on the true path, (n, r)."""
+        """Return the largest value of each path constraint in each element of a motion.
+
+        The constraints are evaluated at nine instants of each element, and interpolated by
+        parabolas at their peaks.
+
+        Parameters
+        ----------
+        elements : (n, 4 m + 1) array
+            u, u̇, ü at the start, ü at the end, and length of each element.
+
+        Returns
+        -------
+        (n, r) array
+            Values above 1 violate the limit, and −∞ stands for a constraint that does not apply.
+        """
         n = len(elements)
         if not self.row_names:
             return np.zeros((n, 0))
         if self._row_cache and np.array_equal(self._row_cache[0][0], elements):
             return self._row_cache[0][1]
-        rows = rows_between(self.complete_element, elements, self.element_parameters(elements))
-        peaks = parabolic_peak(rows.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
+        values = rows_between(self.complete_element, elements, self.element_parameters(elements))
+        peaks = parabolic_peak(values.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
         maxima = np.where(self.ignored_rows, -np.inf, peaks)
         maxima.setflags(write=False)
         self._row_cache[:] = [(elements.copy(), maxima)]
         return maxima
 
     def _breakaway_bound(self) -> Array:
-        """Return upper bounds of the breakaway rows, (sets, rows).
+        """Return the upper bounds of the breakaway constraints, (pairs, joints).
 
-        They are 1 for joints that start or reverse there, and infinite for the others.
+        They are 1 for joints that start or reverse at the instant, and infinite for the others. The
+        rows belong to the pairs of `NlpStructure.breakaways`.
         """
         sigma = self.sigma
         joints = self.complete_element.breakaway_joints
@@ -163,20 +221,33 @@ class OcpProblem(ABC):
 
 
 def parabolic_peak(values: Array) -> Array:
-    """Return the maximum over the last axis of the parabolas through the largest samples.
+    """Estimate the maximum of sampled curves by parabolas.
 
-    The axis (…, n) holds n ≥ 3 evenly spaced samples. The result (…,) is not below the largest
-    sample.
+    Each parabola passes through the largest sample of a curve and its two neighbours.
+
+    Parameters
+    ----------
+    values : (…, n) array
+        n ≥ 3 evenly spaced samples of each curve.
+
+    Returns
+    -------
+    (…,) array
+        Maximum of each parabola, but at least the largest sample.
     """
     count = values.shape[-1]
     rows = values.reshape(-1, count)
     peak = rows.max(axis=1)
+    # Index of the largest sample in the flattened array, or of its inner neighbour at an end.
     middle = np.clip(rows.argmax(axis=1), 1, count - 2) + np.arange(len(rows)) * count
     previous, centre, following = (rows.ravel()[middle + k] for k in (-1, 0, 1))
     slope = (following - previous) / 2
-    bend = following - 2 * centre + previous
+    curvature = following - 2 * centre + previous
     with np.errstate(divide="ignore", invalid="ignore"):
-        offset = np.clip(np.nan_to_num(-slope / bend), -1.0, 1.0)
+        # The vertex of the parabola, at most one sample away. A straight line has no vertex.
+        offset = np.clip(np.nan_to_num(-slope / curvature), -1.0, 1.0)
     return np.asarray(
-        np.maximum(peak, centre + offset * (slope + offset * bend / 2)).reshape(values.shape[:-1])
+        np.maximum(peak, centre + offset * (slope + offset * curvature / 2)).reshape(
+            values.shape[:-1]
+        )
     )

@@ -1,9 +1,10 @@
-"""Refinement of a transcription until the true motion keeps all limits.
+"""Refinement of a program until its solution keeps all limits at every instant.
 
-The program has path constraints only at collocation points, and only the active ones. After each
-solution, every constraint is evaluated densely on the true path. A violated row that is not active
-becomes active, an element with a large violation is cut (mesh refinement), and a small violation
-lowers the bound of its row (backoff). Then the program is solved again.
+The program contains path constraints only at the collocation points (start, middle and end of each
+element), and only the active ones. After each solution, all path constraints are evaluated densely
+on the true path. A violated constraint that is not active becomes active. An element with a large
+violation is divided (mesh refinement). A small violation lowers the bound of its constraint
+(backoff). Then the program is solved again.
 """
 
 from __future__ import annotations
@@ -28,50 +29,63 @@ from ssm_planner.problem import LensClearance, MotorTorque
 from ssm_planner.typing import Array, record
 
 NEAR = 0.8
-"""A row below this share of its limit in the guess stays inactive until it is found violated."""
+"""Share of its limit that a constraint must reach in the guess to be active at the start."""
 TOLERANCE = 5e-7
-"""Share by which a row may exceed its limit between collocation points."""
+"""Share by which a constraint may exceed its limit between collocation points."""
 COARSE = 4e-3
-"""Excess of a row over its limit above which its element is cut."""
+"""Excess of a constraint over its limit above which its element is divided."""
 DIVERGED = 1.0
-"""Excess of an inactive row above which a solution is a bad initial point.
+"""Excess of an inactive constraint above which a solution is a bad initial point.
 
-Without the restart at the guess, random problem 30436 and two missions with a hot motor
-(tests/planning/test_continuous_torque.py) have no plan.
+The refinement then starts at the guess again. Without this, random problem 30436 and two missions
+with a hot motor (tests/planning/test_continuous_torque.py) have no plan.
 """
 PARTS = 3
-"""Number of elements into which an element is cut."""
+"""Number of parts into which an element is divided."""
 CUTS = 2
-"""Number of rounds that may cut elements. They start cold."""
+"""Number of rounds that may divide elements. The next solve then starts without multipliers."""
 BACKOFF = 2.0
 """Ratio of the added backoff to the violation."""
 ROUNDS = 12
 """Largest number of solves.
 
-A motion that still violates a row then is left to the independent check. None of 311 problems of
-tests/benchmarks needed that many.
+A motion that still violates a limit then is left to the independent check. None of 311 problems of
+tests/benchmarks needed so many solves.
 """
 NlpProgram = tuple[NlpStructure, ElementModel, NlpData]
+"""A program: its structure, its element model, and its data."""
 
 
 @record
 class RefinementState:
-    """State of a refinement."""
+    """State of a refinement between two solves of the program."""
 
     guess: Array
     """Elements of the guess at which the refinement began, (n, 4 m + 1)."""
     problem: OcpProblem
+    """Optimal control problem on the present mesh."""
     active: frozenset[RowName]
+    """Names and joints of the path constraints that are part of the program."""
     backoff: Array
-    """Backoff of all rows, (n, r)."""
+    """Reduction of the bounds of all path constraints, (n, r)."""
     elements: Array
-    """Latest solution, or the guess, (n, 4 m + 1)."""
+    """Elements of the latest solution, or those of the guess, (n, 4 m + 1)."""
     warm: NlpSolution | None = None
-    """Solution whose multipliers are those at which the next solve starts."""
+    """Solution with the multipliers at which the next solve starts. None: a start without them."""
 
     @classmethod
     def from_guess(cls, problem: OcpProblem, guess: Array) -> RefinementState:
-        """Begin a refinement. The rows that the guess comes near to are active."""
+        """Create the initial state of a refinement.
+
+        A path constraint is active if it reaches a share NEAR of its limit in the guess.
+
+        Parameters
+        ----------
+        problem : OcpProblem
+            The optimal control problem.
+        guess : (n, 4 m + 1) array
+            Elements of the guess.
+        """
         active = problem.always_active | chosen_rows(
             problem.row_names, problem.row_maxima(guess), NEAR
         )
@@ -79,14 +93,27 @@ class RefinementState:
         return cls(guess, problem, active, backoff, elements=guess)
 
     def restarted(self, guess: Array) -> RefinementState:
-        """Return the state with another guess, and with the same active rows and backoff."""
+        """Return the state with another guess (n, 4 m + 1).
+
+        The active constraints and their backoff remain.
+        """
         return replace(self, guess=guess, elements=guess, warm=None)
 
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
-        """Return the program to solve next."""
+        """Return the nonlinear program that is solved next.
+
+        Parameters
+        ----------
+        aim : str
+            Cost in addition to time, see `elements.element.Aim`.
+        duration : (float, float) or None
+            Smallest and largest duration of a motion of least cost, in scaled time. None: the
+            duration is minimised.
+        """
         structure = self.problem.structure
         element = self.problem.element(self.active, aim)
         is_active = [name in self.active for name in self.problem.row_names]
+        # A backoff of −∞ gives an infinite bound, so the constraint does not apply.
         backoff = np.where(self.problem.ignored_rows, -np.inf, self.backoff)
         data = self.problem.data(self.elements, backoff[:, is_active])
         if duration is not None:
@@ -94,19 +121,31 @@ class RefinementState:
         return structure, element, data
 
     def solve(self, program: NlpProgram, aim: Aim) -> NlpSolution:
-        """Solve the program with the solver that the method requires."""
+        """Solve a program by Ipopt or by the structured solver, depending on the method.
+
+        Parameters
+        ----------
+        program : NlpProgram
+            The program.
+        aim : str
+            Cost in addition to time, see `elements.element.Aim`.
+        """
         structure, element, data = program
         if self.problem.method == "Ipopt":
             return Transcription.build(structure, element).solve(data, self.elements, self.warm)
+        # The constraint of the lens has rounded edges, so the barrier must decrease slowly.
         beside_lens = any(name == LensClearance.name for name, _ in self.active)
         return solve_structured(
             structure, element, data, self.elements, warm=self.warm, switching=beside_lens
         )
 
     def cut(self, coarse: Array) -> RefinementState:
-        """Return the state with the coarse elements (n,) cut into PARTS.
+        """Return the state with some elements divided into PARTS. The parts inherit the backoff.
 
-        The parts keep the backoff.
+        Parameters
+        ----------
+        coarse : (n,) mask
+            True for the elements to divide.
         """
         counts = np.where(coarse, PARTS, 1)
         elements = split(self.elements, counts)
@@ -120,18 +159,28 @@ class RefinementState:
         )
 
     def tightened(self, solution: NlpSolution, increase: Array) -> RefinementState:
-        """Return the state with more backoff (n, r). The next solve is warm from the solution."""
+        """Return the state for a solve with stricter bounds, which starts at a solution.
+
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution whose multipliers are used.
+        increase : (n, r) array
+            Amount by which the bound of each path constraint is lowered in each element.
+        """
         return replace(self, backoff=self.backoff + increase, warm=solution)
 
 
 @record
 class RefinedMotion:
-    """Latest solution with the iterations of all rounds, and the state in which it was found."""
+    """Result of a refinement: the motion, and whether it keeps all limits."""
 
     solution: NlpSolution
+    """Latest solution. Its number of iterations includes all solves."""
     state: RefinementState
+    """State of the refinement at its end."""
     feasible: bool
-    """True if no row is violated between the collocation points."""
+    """True if the motion keeps all limits between the collocation points too."""
     program: NlpProgram
     """Program that was solved last."""
 
@@ -143,22 +192,32 @@ def solve_to_tolerance(
     duration: tuple[float, float] | None = None,
     cutoff: float = np.inf,
 ) -> RefinedMotion:
-    """Solve, find the violations and refine, until the motion keeps all limits.
+    """Solve the optimal control problem repeatedly, until the motion keeps all limits.
+
+    Between two solves, the program is refined: more path constraints become part of it, elements
+    are divided, or bounds are lowered.
 
     Parameters
     ----------
     state : RefinementState
-        Initial state.
+        Initial state, with the problem and the guess.
     aim : str
-        Cost that is added to time.
+        Cost in addition to time, see `elements.element.Aim`.
     duration : (float, float) or None
-        Bounds of the duration. None if the duration is minimised.
+        Smallest and largest duration of a motion of least cost, in scaled time. None: the duration
+        is minimised.
     cutoff : float
-        Duration beyond which the refinement ends, since it only makes a motion longer.
+        Duration in scaled time. The refinement of a motion that takes longer ends, since it could
+        only become longer.
+
+    Returns
+    -------
+    RefinedMotion
+        Latest solution. It is feasible if no limit is exceeded by more than TOLERANCE.
     """
     iterations, work = 0, state.problem.work
     feasible = False
-    for k in range(1, ROUNDS + 1):
+    for round_number in range(1, ROUNDS + 1):
         program = state.program(aim, duration)
         solution = state.solve(program, aim)
         iterations += solution.iterations
@@ -167,27 +226,40 @@ def solve_to_tolerance(
             solution.solver, solution.iterations, len(solution.elements), costs=aim != "time"
         )
         state = replace(state, elements=solution.elements)
+        # A failed solve cannot be refined, and refinement only makes a motion longer.
         if not solution.solved or solution.duration > cutoff:
             break
         violation = state.problem.row_maxima(solution.elements) - 1
         feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
-        if feasible or k == ROUNDS:
+        if feasible or round_number == ROUNDS:
             break
-        state = _next_state(state, solution, violation, k, may_cut=aim != "heat")
+        may_cut = aim != "heat" and round_number <= CUTS
+        state = _next_state(state, solution, violation, may_cut=may_cut)
     return RefinedMotion(replace(solution, iterations=iterations), state, feasible, program=program)
 
 
 def _next_state(
-    state: RefinementState, solution: NlpSolution, violation: Array, k: int, *, may_cut: bool
+    state: RefinementState, solution: NlpSolution, violation: Array, *, may_cut: bool
 ) -> RefinementState:
-    """Return the state after round k from the violations (n, r) of its solution.
+    """Return the state for the next solve, after a solution that violates limits.
 
     The first of these steps that applies is taken.
 
-    1. Violated rows that are not active become active. If the solution has diverged, the next
-       solve begins at the guess again.
-    2. Elements with large violations are cut, in the first CUTS rounds.
-    3. The bounds of violated rows are lowered.
+    1. Violated constraints that are not part of the program become part of it. If the solution has
+       diverged, the next solve starts at the guess again.
+    2. Elements with large violations are divided, if `may_cut` is true.
+    3. The bounds of violated constraints are lowered.
+
+    Parameters
+    ----------
+    state : RefinementState
+        State of the last solve.
+    solution : NlpSolution
+        Its solution.
+    violation : (n, r) array
+        Excess of every path constraint over its limit in every element.
+    may_cut : bool
+        True if elements may be divided.
     """
     missed = chosen_rows(state.problem.row_names, violation, TOLERANCE) - state.active
     if missed:
@@ -196,27 +268,40 @@ def _next_state(
             return state.restarted(state.guess)
         return replace(state, warm=None)
     coarse = violation.max(axis=1) > COARSE
-    if may_cut and k <= CUTS and coarse.any():
+    if may_cut and coarse.any():
         return state.cut(coarse)
     return state.tightened(solution, backoff_of(violation))
 
 
 def backoff_of(violation: Array) -> Array:
-    """Return the backoff of rows (n, r) that are violated between collocation points."""
+    """Return the additional backoff (n, r) of path constraints from their violations (n, r).
+
+    Only violated constraints get one. A factor above 1 makes a second violation unlikely.
+    """
     return np.where(violation > 0, BACKOFF * violation + TOLERANCE, 0.0)
 
 
 def chosen_rows(names: list[RowName], values: Array, threshold: float) -> frozenset[RowName]:
-    """Return the rows with a value (n, r) above `threshold` in some element.
+    """Select the path constraints that exceed a threshold in at least one element.
 
-    Of the torque rows of one motor at several corners of a range of friction and payload, only
-    those count that are the largest of them in some element.
+    A motor has one torque constraint for each corner of a range of friction and payload. Such a
+    constraint is only selected if it is the largest one of its motor in an element.
+
+    Parameters
+    ----------
+    names : list of RowName
+        Names and joints of all r constraints.
+    values : (n, r) array
+        Values of the constraints in every element.
+    threshold : float
+        Threshold of the values.
     """
     above = values > threshold
-    joints = np.array(
+    # The index of a torque constraint is 4 · corner + joint. All other constraints get −1.
+    motors = np.array(
         [-1 if name != MotorTorque.name or i is None else i % 4 for name, i in names], dtype=int
     )
-    for i in set(joints[joints >= 0].tolist()):
-        of_motor = joints == i
+    for motor in set(motors[motors >= 0].tolist()):
+        of_motor = motors == motor
         above[:, of_motor] &= values[:, of_motor] >= values[:, of_motor].max(axis=1, keepdims=True)
     return frozenset(names[k] for k in np.flatnonzero(above.any(axis=0)))

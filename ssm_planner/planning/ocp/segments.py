@@ -1,7 +1,7 @@
-"""Segments of a free motion: their borders, directions and guesses.
+"""Segments of a free motion, with their borders, directions and initial guesses.
 
-A segment lies between two borders, which are points, reversals, or passages of the port of an eye.
-Every joint keeps its direction within a segment.
+Every joint keeps its direction within a segment. Two neighbouring segments meet at a border, which
+is a given point, a reversal of a joint, or a passage of the port (incision) of an eye.
 """
 
 from __future__ import annotations
@@ -22,50 +22,78 @@ from ssm_planner.typing import Array, Mask, record
 
 @record
 class SegmentGuess:
-    """Guess of one segment of a free motion, with n elements."""
+    """Initial guess of one segment of a free motion, with n elements (time intervals)."""
 
     elements: Cubic
-    """q, q̇, and q̈ at both ends of the elements, (n, 4) each, with their lengths (n, 1), s."""
+    """q, q̇, and q̈ at both ends of the elements, (n, 4) each, in SI units. Lengths (n, 1), s."""
     arcs: tuple[int, ...]
-    """Number of elements between consecutive switching points."""
+    """Number of elements of each arc between two consecutive switching points."""
 
     @property
     def instants(self) -> Array:
-        """Ends of the elements, (n + 1,), s."""
+        """Ends of the elements, (n + 1,), s after the start of the segment."""
         return np.append(0.0, np.cumsum(self.elements.h))
 
     def halves(
         self, joint: int, position: float, least_count: int
     ) -> tuple[SegmentGuess, SegmentGuess]:
-        """Split the guess in the middle, where joint `joint` shall pass a position.
+        """Divide the guess in the middle of its duration, where a joint must pass a given position.
 
-        The joint moves faster or slower than before in each half.
+        The motion of this joint is compressed in time in one half, and stretched in the other one.
+
+        Parameters
+        ----------
+        joint : int
+            Index of the joint.
+        position : float
+            Position of the joint between both halves, rad or m.
+        least_count : int
+            Smallest number of elements of an arc.
+
+        Returns
+        -------
+        first, second : SegmentGuess
+            Both halves.
         """
         instants = self.instants
         duration = float(instants[-1])
         positions = np.append(self.elements.u[:, joint], self.elements.end[0][-1, joint])
-        sense = np.sign(positions[-1] - positions[0])
-        passes = float(np.interp(sense * position, sense * positions, instants))
+        direction = np.sign(positions[-1] - positions[0])
+        passing_time = float(np.interp(direction * position, direction * positions, instants))
         return (
-            self._part((0.0, duration / 2), joint, (0.0, passes), least_count),
-            self._part((duration / 2, duration), joint, (passes, duration), least_count),
+            self._guess_between((0.0, duration / 2), joint, (0.0, passing_time), least_count),
+            self._guess_between(
+                (duration / 2, duration), joint, (passing_time, duration), least_count
+            ),
         )
 
-    def _part(
+    def _guess_between(
         self,
         span: tuple[float, float],
         joint: int,
         joint_span: tuple[float, float],
         least_count: int,
     ) -> SegmentGuess:
-        """Return the guess in a span of time, with one joint taken from another span."""
+        """Return the guess during an interval of time, with one joint taken from another interval.
+
+        Parameters
+        ----------
+        span : (float, float)
+            Start and end of the interval, s.
+        joint : int
+            Index of the joint that is taken from another interval.
+        joint_span : (float, float)
+            Start and end of that interval, s. Its motion is stretched to the duration of `span`.
+        least_count : int
+            Smallest number of elements of an arc.
+        """
         start, end = span
         instants = self.instants
         gap = SHORTEST_ARC * instants[-1]
         switches = instants[np.cumsum(self.arcs)]
-        inner = switches[(switches > start + gap) & (switches < end - gap)]
+        inner_switches = switches[(switches > start + gap) & (switches < end - gap)]
         density = sum(self.arcs) / float(instants[-1])
-        arcs, t = elements_between([start, *inner.tolist(), end], density, least_count)
+        arcs, t = elements_between([start, *inner_switches.tolist(), end], density, least_count)
         rate = (joint_span[1] - joint_span[0]) / (end - start)
         states = self._states(t)
         joint_states = self._states(joint_span[0] + rate * (t - start))
@@ -74,32 +102,57 @@ class SegmentGuess:
         return SegmentGuess(Cubic(*states, np.diff(t)[:, None]), arcs)
 
     def _states(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """Return q, q̇, and q̈ at the start and at the end between instants t (n + 1,), (n, 4)."""
+        """Evaluate the guess at the ends of the intervals between instants t (n + 1,), in s.
+
+        Returns
+        -------
+        q, qd, qdd_start, qdd_end : (n, 4) arrays
+            q and q̇ at the start of each interval, and q̈ at its start and at its end.
+        """
         q, qd, qdd_start = self._states_at(t[:-1], "right")
         *_, qdd_end = self._states_at(t[1:], "left")
         return q, qd, qdd_start, qdd_end
 
     def _states_at(self, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array, Array]:
-        """Return q, q̇ and q̈ on one side of instants t (n,), (n, 4) each."""
+        """Evaluate q, q̇ and q̈ at instants t (n,), in s, (n, 4) each.
+
+        q̈ may jump between two elements. At such an instant, `side` selects the element that ends
+        there ("left") or begins there ("right").
+        """
         instants, motion = self.instants, self.elements
-        k = np.searchsorted(instants[1:-1], t, side)
-        pieces = Cubic(motion.u[k], motion.v[k], motion.a0[k], motion.a1[k], motion.h[k])
-        return pieces.at_time((t - instants[k])[:, None])
+        element = np.searchsorted(instants[1:-1], t, side)
+        fields = motion.u, motion.v, motion.a0, motion.a1, motion.h
+        cubic = Cubic(*(values[element] for values in fields))
+        return cubic.at_time((t - instants[element])[:, None])
 
 
 def elements_between(
     switches: Sequence[float], density: float, least_count: int
 ) -> tuple[tuple[int, ...], Array]:
-    """Return elements between switching instants (k,), s, about `density` per second.
+    """Divide the arcs between switching instants into elements of equal length.
 
-    Returns their numbers (k − 1,) and their ends (n + 1,), s.
+    Parameters
+    ----------
+    switches : sequence of k floats
+        Switching instants, s. The acceleration of a joint changes at each.
+    density : float
+        Approximate number of elements per second.
+    least_count : int
+        Smallest number of elements of an arc.
+
+    Returns
+    -------
+    arcs : tuple of k − 1 integers
+        Number of elements of each arc.
+    ends : (n + 1,) array
+        Ends of the elements, s.
     """
     arcs = tuple(
         max(least_count, round(density * (end - start))) for start, end in pairwise(switches)
     )
     nodes = (
-        np.linspace(start, end, n + 1)[1:]
-        for (start, end), n in zip(pairwise(switches), arcs, strict=True)
+        np.linspace(start, end, count + 1)[1:]
+        for (start, end), count in zip(pairwise(switches), arcs, strict=True)
     )
     return arcs, np.concatenate([switches[:1], *nodes])
 
@@ -112,20 +165,22 @@ def guess_of_curves(
     density: float,
     least_count: int,
 ) -> SegmentGuess:
-    """Return the part of a motion between the first and last switching instant.
+    """Build the guess of a segment from motions of its joints in closed form.
+
+    The segment lies between the first and the last switching instant.
 
     Parameters
     ----------
     start : (m,) array
-        Joints at time 0.
+        Joint positions at time 0, rad and m.
     curves : sequence of SCurve or None
-        Motion of every joint. None for a joint at rest.
+        Motion of every joint from time 0. None for a joint at rest.
     switches : sequence of float
         Switching instants, s.
     density : float
         Approximate number of elements per second.
     least_count : int
-        Smallest number of elements between two switching points.
+        Smallest number of elements of an arc between two switching instants.
     """
     arcs, t = elements_between(switches, density, least_count)
     middle, lengths = (t[1:] + t[:-1]) / 2, np.diff(t)
@@ -136,32 +191,40 @@ def guess_of_curves(
             displacement, qd[:, i], _ = curve.evaluate(t[:-1])
             q[:, i] += displacement
             qdd = curve.evaluate(middle)[2]
-            half_rise = 0.5 * lengths * curve.jerk_at(middle)
-            qdd_start[:, i], qdd_end[:, i] = qdd - half_rise, qdd + half_rise
+            half_jump = 0.5 * lengths * curve.jerk_at(middle)
+            qdd_start[:, i], qdd_end[:, i] = qdd - half_jump, qdd + half_jump
     return SegmentGuess(Cubic(q, qd, qdd_start, qdd_end, lengths[:, None]), arcs)
 
 
 @record
 class SegmentChain:
-    """The k segments of a free motion, and its guess."""
+    """The k consecutive segments of a free motion, with their guesses."""
 
     points: Array
-    """Joints at the borders, (k + 1, 4)."""
+    """Joint positions at the borders, (k + 1, 4), rad and m."""
     fixed: Mask
-    """True where these are fixed, (k + 1, 4)."""
+    """True for positions that are given, False for those that are only guesses, (k + 1, 4)."""
     directions: Array
-    """Direction of every joint in every segment, (k, 4)."""
+    """Direction +1, −1 or 0 of every joint in every segment, (k, 4)."""
     guesses: tuple[SegmentGuess, ...]
+    """Guess of each segment."""
     ports: tuple[int, ...] = ()
-    """Borders at which the tip passes the port of an eye. Joint 4 alone is fixed there."""
+    """Indices of borders at which the tip passes the port of an eye. Only joint 4 is fixed there.
+    """
 
     @classmethod
     def joined(cls, chains: Sequence[SegmentChain], free: Collection[int]) -> SegmentChain:
-        """Return one chain of several. Each begins at the point where the previous one ends.
+        """Join several chains into one. Each begins at the point at which the previous one ends.
 
-        The positions at the ends of the chains before those numbered `free` are only guesses.
+        Parameters
+        ----------
+        chains : sequence of SegmentChain
+            Chains in the order of time.
+        free : collection of int
+            Indices of chains that begin at a free border. The positions of the joints that move on
+            both sides of such a border are only guesses.
         """
-        first, *others = chains
+        first, *later_chains = chains
         fixed = [first.fixed.copy()]
         for k, (before, after) in enumerate(pairwise(chains), start=1):
             if k in free:
@@ -169,16 +232,26 @@ class SegmentChain:
                 fixed[-1][-1] = (before.directions[-1] == 0) | (after.directions[0] == 0)
             fixed.append(after.fixed[1:].copy())
         return cls(
-            np.concatenate([first.points, *(chain.points[1:] for chain in others)]),
+            np.concatenate([first.points, *(chain.points[1:] for chain in later_chains)]),
             np.concatenate(fixed),
             np.concatenate([chain.directions for chain in chains]),
             tuple(guess for chain in chains for guess in chain.guesses),
         )
 
     def structure(self, *, one_time_per_segment: bool, smooth: bool) -> NlpStructure:
-        """Return the structure of the program. With `one_time_per_segment`, each segment has one time."""
+        """Return the structure of the nonlinear program that optimises these segments.
+
+        Parameters
+        ----------
+        one_time_per_segment : bool
+            True if the duration of a segment is one unknown. Otherwise each arc between two
+            switching points has its own duration.
+        smooth : bool
+            True if accelerations are continuous, because jerk is limited.
+        """
         sizes = tuple(sum(guess.arcs) for guess in self.guesses)
-        arcs = [n for guess in self.guesses for n in guess.arcs]
+        arcs = [count for guess in self.guesses for count in guess.arcs]
+        # Joints that rest in all segments are no coordinates of the program.
         moves = self.directions[:, np.any(self.directions != 0, axis=0)] != 0
         return NlpStructure(
             moves=tuple(map(tuple, moves.tolist())),
@@ -192,27 +265,39 @@ class SegmentChain:
     def cut_at(
         self, port: float, is_outside: Callable[[Array], bool], least_count: int
     ) -> SegmentChain:
-        """Insert a border where joint 4 passes the port. The retina's row only holds beyond it.
+        """Insert a border wherever the tip passes the port of an eye, which divides a segment.
 
-        `is_outside` tells whether the retina's row forbids joints (4,).
+        The depth of the tip depends on joint 4 alone. The distance to the retina is only limited on
+        the inner side of the border.
+
+        Parameters
+        ----------
+        port : float
+            Depth of the port, m.
+        is_outside : callable
+            Returns True if the tip, at joint positions (4,), is closer to the retina than allowed.
+            Only the port permits such a position.
+        least_count : int
+            Smallest number of elements of an arc.
         """
         points, fixed, ports = [self.points[0]], [self.fixed[0]], []
         directions: list[Array] = []
         guesses: list[SegmentGuess] = []
         for k, guess in enumerate(self.guesses):
-            sides = self._sides_of_port(k, port, is_outside)
-            if len(sides) == 1:
+            side_directions = self._sides_of_port(k, port, is_outside)
+            if len(side_directions) == 1:
                 guesses.append(guess)
             else:
+                # Joint 4 has the sign of the deeper end at the port.
                 deepest = self.points[k : k + 2, 3][np.abs(self.points[k : k + 2, 3]).argmax()]
                 depth = float(np.copysign(port, deepest))
                 guesses += guess.halves(3, depth, least_count)
-                meeting = guesses[-1].elements.u[0].copy()
-                meeting[3] = depth
+                border = guesses[-1].elements.u[0].copy()
+                border[3] = depth
                 ports.append(len(points))
-                points.append(meeting)
-                fixed.append((sides == 0).any(axis=0) | (np.arange(4) == 3))
-            directions += [*sides]
+                points.append(border)
+                fixed.append((side_directions == 0).any(axis=0) | (np.arange(4) == 3))
+            directions += [*side_directions]
             points.append(self.points[k + 1])
             fixed.append(self.fixed[k + 1])
         return SegmentChain(
@@ -220,36 +305,53 @@ class SegmentChain:
         )
 
     def _sides_of_port(self, k: int, port: float, is_outside: Callable[[Array], bool]) -> Array:
-        """Return the directions (1 or 2, 4) of segment k, before and after joint 4 passes the port.
+        """Return the directions of the joints before and after joint 4 passes the port.
 
-        If the segment begins or ends at the edge of the port, joint 4 rests there until the others
-        allow it to move on. In the guess it rests for as long as it then moves.
+        If the segment begins or ends at the edge of the port, joint 4 rests there until the other
+        joints allow it to move on. In the guess it rests during half of the segment.
+
+        Parameters
+        ----------
+        k : int
+            Index of the segment.
+        port : float
+            Depth of the port, m.
+        is_outside : callable
+            Returns True if the tip, at joint positions (4,), is closer to the retina than allowed.
+            Only the port permits such a position.
+
+        Returns
+        -------
+        (1, 4) or (2, 4) array
+            Directions +1, −1 or 0. One row if joint 4 neither passes the port nor rests at it.
         """
         ends, directions = self.points[k : k + 2], self.directions[k : k + 1]
-        beyond = np.abs(ends[:, 3]) - port
-        inner = int(beyond.argmin())
-        at_edge = bool(abs(beyond[inner]) <= ROUNDING)
-        waits_or_passes = is_outside(ends[inner]) if at_edge else bool(beyond[inner] < 0)
-        if beyond.max() <= ROUNDING or not waits_or_passes:
+        depth_inside = np.abs(ends[:, 3]) - port
+        shallow_end = int(depth_inside.argmin())
+        at_edge = bool(abs(depth_inside[shallow_end]) <= ROUNDING)
+        waits_or_passes = (
+            is_outside(ends[shallow_end]) if at_edge else bool(depth_inside[shallow_end] < 0)
+        )
+        if depth_inside.max() <= ROUNDING or not waits_or_passes:
             return directions
-        sides = np.tile(directions, (2, 1))
-        sides[inner, 3] *= not at_edge
-        return sides
+        side_directions = np.tile(directions, (2, 1))
+        side_directions[shallow_end, 3] *= not at_edge
+        return side_directions
 
     def within(self, port: float) -> Mask:
-        """Return the segments (k,) in which the depth of the tip is at most `port`, m.
+        """Return a mask (k,) of the segments in which the depth of the tip is at most `port`, in m.
 
-        The depth of a point that is not fixed is unknown. Within a segment, the depth only grows or
-        only shrinks. A point is therefore at most as deep as its neighbour if the depth grows
-        towards the neighbour. Two passes, forwards and backwards, carry the depths of the fixed
-        points to all others.
+        The depth is only known at borders with fixed positions, but it only grows or only shrinks
+        within a segment. If it grows from one border to the next, the depth of the next one is an
+        upper bound on that of the first. Two passes, forwards and backwards, carry the upper bounds
+        to all borders.
         """
         depths = np.abs(self.points[:, 3])
-        upper = np.where(self.fixed[:, 3], depths, np.inf)
-        grows = np.diff(depths)
-        for k in [*range(len(grows)), *reversed(range(len(grows)))]:
-            if grows[k] >= 0:
-                upper[k] = min(upper[k : k + 2])
-            if grows[k] <= 0:
-                upper[k + 1] = min(upper[k : k + 2])
-        return np.asarray(np.maximum(upper[:-1], upper[1:]) <= port + ROUNDING)
+        upper_bounds = np.where(self.fixed[:, 3], depths, np.inf)
+        increase = np.diff(depths)
+        for k in [*range(len(increase)), *reversed(range(len(increase)))]:
+            if increase[k] >= 0:
+                upper_bounds[k] = min(upper_bounds[k : k + 2])
+            if increase[k] <= 0:
+                upper_bounds[k + 1] = min(upper_bounds[k : k + 2])
+        return np.asarray(np.maximum(upper_bounds[:-1], upper_bounds[1:]) <= port + ROUNDING)

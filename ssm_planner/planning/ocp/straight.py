@@ -1,8 +1,9 @@
-"""Optimal control problem of a phase along a given path: its timing s(t) in cubic elements.
+"""Optimal control problem of a motion along a given path.
 
-The guess is the motion of TOPP-RA along the path, and the mesh follows its switching points. Every
-joint keeps its direction between reversals, so the friction law is exact. `joint_pieces` converts
-s(t) to joint polynomials.
+The unknown is the timing s(t) of the path parameter s, as cubic polynomials on the elements of a
+mesh. The guess is the motion of TOPP-RA along the path, and the mesh follows its switching points.
+Every joint keeps its direction between two reversals, so the sign of its friction is known.
+`joint_pieces` converts s(t) to joint polynomials.
 """
 
 from __future__ import annotations
@@ -56,16 +57,20 @@ from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, keyword_record
 
 ELEMENTS = 84
-"""Number of elements of a smooth path.
+"""Smallest number of elements of a path.
 
-A path with rounded corners has half as many for every end of a rounding.
+A path with several pieces, for example with rounded corners, gets ELEMENTS / 2 for each end of a
+piece.
 """
 OF_PIECE = 18
-"""Number of elements of every piece of a spline."""
+"""Number of elements for each end of a piece of a spline."""
 FINER = 3
 """Factor on the number of elements of a jerk-limited motion that Ipopt confirms."""
 SUBDIVISION = 4
-"""Quintic pieces per element. The path between their ends is then followed to about 1e-9 rad."""
+"""Number of quintic joint polynomials of an element.
+
+Between their ends, the motion then deviates from the path by about 1e-9 rad.
+"""
 
 
 def solve_straight(
@@ -83,26 +88,26 @@ def solve_straight(
     method: Method = "Ipopt",
     work: Work | None = None,
 ) -> PhaseSolution:
-    """Return the motion along a path that is best for an objective.
+    """Compute the motion along a path that is best for an objective.
 
     Parameters
     ----------
     robot : Robot
         The robot.
     path : JointPath
-        The path.
+        The path q(s) of the joints.
     guess : Retiming
         Motion of TOPP-RA along the path.
     limits : TaskLimits
-        Limits on the tool and on task rates.
+        Limits on speeds of the tool and on rates of task coordinates.
     strict : Robot or None
-        The robot with tighter limits, which the motion must keep.
+        The robot with tighter limits, which the motion must keep. None: those of `robot`.
     cooling : (4,) array or None
         Weights of the motors' heat relative to time, as in `rows.LIMITS`.
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None
-        Requested duration, s.
+        Requested duration, s. None: as short as possible.
     speeds : (float, float)
         ṡ at both ends, 1/s.
     count : int or None
@@ -110,22 +115,23 @@ def solve_straight(
     method : str
         Solution method, see `nlp.Method`.
     work : Work or None
-        Counter of the work.
+        Counter of the computational work.
 
     Returns
     -------
     PhaseSolution
-        Joint polynomials, or the status of the failure.
+        Joint polynomials of the motion, or the status of the failure.
     """
     jerk = limits_jerk(robot)
     knots, signs = path.directions
-    per_piece = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
+    elements_per_break = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
     if count is None:
         finer = FINER if jerk and method == "confirmed" else 1
-        count = finer * max(len(path.breaks) * per_piece, ELEMENTS)
+        count = finer * max(len(path.breaks) * elements_per_break, ELEMENTS)
     mesh = Mesh.from_retiming(
         guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None
     )
+    # Unit of time: the duration of the guess, or a lower bound if that is longer.
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
     speed_limit = rate_ceiling(path, limits.rates) * scale
     problem = _StraightProblem(
@@ -145,15 +151,31 @@ def solve_straight(
         starting=np.full(4, speeds[0] == 0.0),
         work=work or Work(),
     )
-    takes = None if duration is None else duration / scale
-    fastest = find_fastest_motion(problem, mesh.elements(guess), takes)
-    return problem.result(find_best_motion(fastest, objective, takes), speeds[1])
+    scaled_duration = None if duration is None else duration / scale
+    fastest = find_fastest_motion(problem, mesh.elements(guess), scaled_duration)
+    return problem.result(find_best_motion(fastest, objective, scaled_duration), speeds[1])
 
 
 def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
-    """Return the joint polynomials of TOPP-RA's motion: breaks (n + 1,) and coefficients (n, 6, 4).
+    """Convert the motion of TOPP-RA to joint polynomials.
 
     ṡ² is linear in s between grid points, so s̈ is constant there.
+
+    Parameters
+    ----------
+    path : JointPath
+        The path.
+    retiming : Retiming
+        Motion of TOPP-RA along the path, with n + 1 grid points.
+    end_speed : float
+        ṡ at the end, 1/s.
+
+    Returns
+    -------
+    breaks : (n + 1,) array
+        Ends of the pieces, s.
+    coefficients : (n, 6, 4) array
+        Coefficients of the pieces by powers of the time since their start.
     """
     s, speed = retiming.s, np.sqrt(retiming.speed_squared)
     acceleration = np.diff(retiming.speed_squared) / (2 * np.diff(s))
@@ -164,7 +186,17 @@ def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tup
 
 
 def _structure(mesh: Mesh, *, smooth: bool, velocity_limits: bool) -> NlpStructure:
-    """Return the structure of a program on a mesh."""
+    """Return the structure of a program with the coordinate s on a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The mesh. Each interval between two reversals is a segment and a block.
+    smooth : bool
+        True if s̈ is continuous, because jerk is limited.
+    velocity_limits : bool
+        True if rates of task coordinates limit ṡ.
+    """
     sizes = mesh.interval_sizes
     return NlpStructure(
         moves=((True,),) * len(sizes),
@@ -178,23 +210,36 @@ def _structure(mesh: Mesh, *, smooth: bool, velocity_limits: bool) -> NlpStructu
 
 @keyword_record
 class _StraightProblem(OcpProblem):
-    """Optimal control problem of the timing s(t) along a path."""
+    """Optimal control problem of the timing s(t) along a path. Its only coordinate is s."""
 
     robot: Robot
     path: JointPath
     limited: tuple[ToolLimit, ...]
+    """Speeds of the tool that are limited."""
     speed_limit: Array
-    """Largest ṡ within the rates of task coordinates between the knots, in scaled time, (k,)."""
+    """Largest ṡ that the limited rates of task coordinates allow, in scaled time, (k,).
+
+    There is one value for each interval between two knots of the path.
+    """
     speeds: Array
     """ṡ at both ends, in scaled time, (2,)."""
 
     def result(self, solution: NlpSolution, end_speed: float) -> PhaseSolution:
-        """Return the solution as joint polynomials. It ends with ṡ = `end_speed`, 1/s."""
+        """Convert a solution of the program to joint polynomials in SI units.
+
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution in scaled time.
+        end_speed : float
+            ṡ at the end, 1/s. It replaces the solver's value, which contains rounding.
+        """
         if not solution.solved:
             return PhaseSolution(
                 solution.status, solution.message, solution.iterations, solver=solution.solver
             )
         scale = self.time_scale
+        # From scaled time to seconds.
         elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
         breaks, coefficients = joint_pieces(self.path, elements, SUBDIVISION, end_speed)
         positions = np.append(elements[:, 0], 1.0)
@@ -212,7 +257,7 @@ class _StraightProblem(OcpProblem):
 
     @property
     def boundary(self) -> BoundaryConditions:
-        """Boundary conditions of s."""
+        """Boundary conditions: s at the reversals of joints, and ṡ at both ends."""
         knots, signs = self.path.directions
         return BoundaryConditions(
             knots[:, None], np.ones((len(signs), 1)), self.speeds[:1], self.speeds[1:]
@@ -220,7 +265,10 @@ class _StraightProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of ṡ, s̈ and s⃛, (1,) each, for every segment."""
+        """Limits of ṡ in each element (n, 1), and of s̈ and s⃛, (1,) each. The latter are infinite.
+
+        The joints limit s̈ and s⃛ by path constraints.
+        """
         return (
             self.speed_limit[self.structure.segment][:, None],
             np.array([np.inf]),
@@ -229,7 +277,7 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def complete_element(self) -> StraightElement:
-        """Element model with the rows of moving joints and of existing limits."""
+        """Element model with the path constraints of all limits of moving joints and of the tool."""
         moving = np.abs(self.path.overview.dq).max(axis=0) > 0
         rows: set[RowName] = set().union(*(torque_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
@@ -243,28 +291,50 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
-        """Jerk rows, because the guess of TOPP-RA ignores jerk."""
+        """Names of the jerk constraints, which are active for every guess.
+
+        The guess of TOPP-RA ignores jerk, so it does not show which of them bind.
+        """
         return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return σ, the fits around the elements, and the limits."""
+        """Return the parameters of the element model for elements (n, 5).
+
+        They are the directions σ (n, 4) of the joints, the polynomials (n, size) that approximate
+        the path near the elements (`path_fit.fit`), and the limits (size,).
+        """
         limits = StraightElement.layout.pack(
             **self.joint_limits, **tool_limits(self.limited), time_scale=self.time_scale
         )
-        low = elements[:, 0]
-        fits = fit(self.path, self._bodies, low, np.append(low[1:], 1.0))
-        return self.sigma, fits, limits
+        starts = elements[:, 0]
+        polynomials = fit(self.path, self._bodies, starts, np.append(starts[1:], 1.0))
+        return self.sigma, polynomials, limits
 
     @cached_property
     def _bodies(self) -> tuple[RigidBody, ...]:
-        """Bodies with every load."""
+        """Rigid-body model of the arm with each load."""
         return tuple(RigidBody.from_robot(load) for load in self.robot.loads)
 
 
 def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
-    """Return the largest ṡ (k,) within the task rates between two knots of the path, 1/s."""
+    """Compute the largest ṡ that limited rates of task coordinates allow.
+
+    Parameters
+    ----------
+    path : JointPath
+        The path.
+    rates : mapping of str to float
+        Limited rates by the names of the task coordinates, rad/s and m/s.
+
+    Returns
+    -------
+    (k,) array
+        Largest ṡ between two knots of the path (reversals of joints), 1/s. UNLIMITED without a
+        limit.
+    """
     knots = path.directions[0]
     if isinstance(path, StraightPath) or not rates:
+        # Task coordinates are linear in s on a straight path.
         slopes = (
             np.abs(path.end - path.start)[None, None]
             if isinstance(path, StraightPath)
@@ -282,7 +352,22 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
 
 
 def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
-    """Return the largest s⃛ that the jerk limits of the joints allow at low speed, (n,)."""
+    """Return the largest s⃛ that the jerk limits of the joints allow if ṡ is small.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+    path : JointPath
+        The path.
+    s : (n,) array
+        Path parameters.
+
+    Returns
+    -------
+    (n,) array
+        min_i jerk_i / |dq_i/ds|, 1/s³.
+    """
     with np.errstate(divide="ignore"):
         return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))
 
@@ -290,16 +375,16 @@ def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
 def joint_pieces(
     path: JointPath, elements: Array, subdivision: int, end_speed: float
 ) -> tuple[Array, Array]:
-    """Return quintic joint polynomials that follow the path.
+    """Convert a timing s(t) to quintic joint polynomials.
 
-    q, q̇ and q̈ are exact at both ends of every piece.
+    Their q, q̇ and q̈ are exact at both ends of every piece.
 
     Parameters
     ----------
     path : JointPath
         The path.
     elements : (n, 5) array
-        s, ṡ, s̈ at the start, s̈ at the end and length of every element, in 1 and s.
+        s, ṡ, s̈ at the start, s̈ at the end and length of every element. Time is in s.
     subdivision : int
         Number of pieces of every element.
     end_speed : float
@@ -308,28 +393,46 @@ def joint_pieces(
     Returns
     -------
     breaks : (m + 1,) array
-        Ends of the pieces, s.
+        Ends of the m = n · subdivision pieces, s.
     coefficients : (m, 6, 4) array
-        Coefficients of the pieces.
+        Coefficients of the pieces by powers of the time since their start.
     """
     lengths = elements[:, 4:]
-    share = np.arange(subdivision) / subdivision
-    starts = np.concatenate([[0.0], np.cumsum(lengths)])
-    breaks = np.append((starts[:-1, None] + lengths * share).ravel(), starts[-1])
+    shares = np.arange(subdivision) / subdivision
+    element_ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    breaks = np.append((element_ends[:-1, None] + lengths * shares).ravel(), element_ends[-1])
     ends = [
-        _joint_state(path, elements, share + offset, end_speed)
+        _joint_state(path, elements, shares + offset, end_speed)
         for offset in (0.0, 1.0 / subdivision)
     ]
     return breaks, hermite(breaks, ends[0], ends[1])
 
 
 def _joint_state(
-    path: JointPath, elements: Array, share: Array, end_speed: float
+    path: JointPath, elements: Array, shares: Array, end_speed: float
 ) -> tuple[Array, Array, Array]:
-    """Return q, q̇ and q̈ at the given shares of every element, (n · shares, 4) each."""
-    s, speed, acceleration = (value.ravel() for value in cubics(elements).evaluate(share))
+    """Evaluate q, q̇ and q̈ at given instants of every element.
+
+    Parameters
+    ----------
+    path : JointPath
+        The path.
+    elements : (n, 5) array
+        s, ṡ, s̈ at the start, s̈ at the end and length of every element.
+    shares : (k,) array
+        Instants as shares of the element's length. If the last one is 1, the motion ends exactly at
+        s = 1 with `end_speed`.
+    end_speed : float
+        ṡ at the end, 1/s.
+
+    Returns
+    -------
+    q, qd, qdd : (n k, 4) arrays
+        Joint positions, velocities and accelerations.
+    """
+    s, speed, acceleration = (value.ravel() for value in cubics(elements).evaluate(shares))
     s = np.clip(s, 0.0, 1.0)
-    if share[-1] == 1.0:  # Removes the rounding of the solver.
+    if shares[-1] == 1.0:  # The end is exact. The solver's values contain rounding.
         s[-1], speed[-1] = 1.0, end_speed
     sample = path.sample(s)
     speed = speed[:, None]

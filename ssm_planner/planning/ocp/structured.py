@@ -1,8 +1,9 @@
 """Solution of the program of `transcription` by the structured interior-point solver (`interior`).
 
-The solver uses the fact that the program is a chain of elements. The dynamics hold by construction,
-and limits of ü and jerk are linear in an element. Equalities remain if a jerk-limited coordinate
-passes a point or stands there in a motion of several segments, and if the duration is given.
+The solver uses the chain of elements: the unknowns are coefficients of splines, so the dynamics
+hold by construction, and limits of ü and jerk are linear in the variables of one element. Equality
+constraints remain in two cases. A jerk-limited coordinate passes a point, or rests there, in a
+motion of several segments. Or the duration is given.
 """
 
 from __future__ import annotations
@@ -28,20 +29,24 @@ from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
 from ssm_planner.typing import Array, Indices
 
 ITERATIONS = 600
-"""Largest number of iterations for each exponent of the barrier."""
+"""Largest number of iterations for each of the exponents."""
 EXPONENTS = 1.2, 1.1, 1.3
-"""Exponents by which the weight of the barrier falls. One of them usually converges.
+"""Exponents e of the barrier weight, which decreases as μ → μ^e. One of them usually converges.
 
-A motion with one time, or with limited jerk, begins with SUPERLINEAR, which is more accurate.
+A motion with limited jerk, or with a single unknown duration, begins with SUPERLINEAR, which is
+more accurate.
 """
 SLOWER = 1.2
-"""Factor by which a guess is slowed down, so that it violates fewer rows and bounds."""
+"""Factor by which a guess is slowed down, so that it violates fewer constraints."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
+"""Return status of a solve that did not converge."""
 OFF_CENTRE = 1e-3
-"""Relative deviation of slack times multiplier from the last barrier weight, if Ipopt starts there.
-"""
+"""Largest relative deviation of slack · multiplier from the barrier weight, if Ipopt continues."""
 Equalities = tuple[Indices, Indices, Array]
+"""Given entries of the elements: index of the element, index in its vector z, and value, (e,) each.
+"""
 _NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
+"""No equality constraints."""
 
 
 def solve_structured(
@@ -55,37 +60,47 @@ def solve_structured(
     switching: bool = False,
     centred: bool = False,
 ) -> NlpSolution:
-    """Solve a program by the structured solver.
+    """Solve a program by the structured interior-point solver.
+
+    The exponents of the barrier weight are tried one after the other until the solver converges.
 
     Parameters
     ----------
-    structure, element, data
-        The program.
+    structure : NlpStructure
+        Structure of the program.
+    element : ElementModel
+        Element model with the path constraints and the cost.
+    data : NlpData
+        Parameters and bounds of the program.
     start : (n, 4 m + 1) array
         Elements of a guess.
     warm : NlpSolution or None
-        Structured solution of a neighbouring program, which is tried as a start first.
+        Structured solution of a similar program. The first attempt starts at it, the others at the
+        guess.
     iterations : int
-        Largest number of iterations. With fewer than usual, one way of lowering the barrier is
-        tried instead of several.
+        Largest number of iterations of an attempt. Below ITERATIONS, only one exponent is tried.
     switching : bool
-        A row has a rounded edge, which needs the patient ways.
+        True if a path constraint has rounded edges. SUPERLINEAR is then skipped, because the
+        barrier weight must decrease slowly.
     centred : bool
-        Stop close to the central path, so that Ipopt finds its multipliers from the slacks.
+        True if the solver stops close to the central path, where slack · multiplier is the barrier
+        weight. Ipopt can then compute the multipliers from the slacks.
 
     Returns
     -------
     NlpSolution
-        Its status tells whether the solver converged.
+        The solution. Its message is NOT_CONVERGED if no attempt converged.
     """
     program = program_of(structure, element, data)
+    # The first attempt may start at a similar solution, the others start at the guess.
     state = None if warm is None else warm.structured_state
-    used = 0
+    total_iterations = 0
     initial = _point(program, structure, data, start)
     accurate = structure.smooth or len(data.least_times) == 1
     exponents: tuple[float, ...] = (
         (SUPERLINEAR, *EXPONENTS) if accurate and not switching else EXPONENTS
     )
+    # A short solve has no time for several attempts.
     if iterations < ITERATIONS:
         exponents = exponents[:1]
     for superlinear in exponents if state is None else (exponents[0], *exponents):
@@ -97,7 +112,7 @@ def solve_structured(
             superlinear=superlinear,
             off_centre=OFF_CENTRE if centred else np.inf,
         )
-        used += outcome.iterations
+        total_iterations += outcome.iterations
         if outcome.converged:
             break
         state = None
@@ -106,7 +121,7 @@ def solve_structured(
         "Solve_Succeeded" if outcome.converged else NOT_CONVERGED,
         structure,
         outcome.z[:, : 4 * structure.coordinates + 1],
-        used,
+        total_iterations,
         solver="structured",
         structured_state=outcome.state,
         objective=outcome.objective,
@@ -117,25 +132,46 @@ def solve_structured(
 def _multipliers(
     program: Program, structure: NlpStructure, element: ElementModel, data: NlpData, *, rows: Array
 ) -> Multipliers:
-    """Select the multipliers of path constraints and directions from those of all rows."""
+    """Select the multipliers of path constraints and directions from those of all constraints.
+
+    Parameters
+    ----------
+    program : Program
+        Program of the structured solver.
+    structure, element, data
+        Description of the same program by `solve_structured`.
+    rows : (all constraints,) array
+        Multipliers: first those of the groups, then those of the linear constraints of each
+        element.
+    """
     n, m = structure.elements, structure.coordinates
     sizes = [group.bound.size for group in program.groups]
-    path = rows[: sizes[0] if element.row_names else 0].reshape(n, -1)
-    linear = rows[sum(sizes) :][: program.bound.size].reshape(n, -1)
-    # Rows of `_linear_rows`: upper bounds of (u,) u̇, ü, ü and u̇_b, then the lower ones, then
-    # jerk.
+    path_multipliers = rows[: sizes[0] if element.row_names else 0].reshape(n, -1)
+    linear_multipliers = rows[sum(sizes) :][: program.bound.size].reshape(n, -1)
+    # `_linear_rows` returns upper bounds of u (optional), u̇, ü at the start, ü at the end and the
+    # middle Bernstein coefficient of u̇, then the lower bounds of these, then jerk.
     size = len(program.matrix) // 2 - m * (structure.smooth and structure.joints)
     upper, lower = (
-        side[:, size - 4 * m : size - 3 * m] + side[:, size - m : size]
-        for side in (linear[:, :size], linear[:, size : 2 * size])
+        columns[:, size - 4 * m : size - 3 * m] + columns[:, size - m : size]
+        for columns in (linear_multipliers[:, :size], linear_multipliers[:, size : 2 * size])
     )
-    return Multipliers.of_bounds(data, lower, upper, path, frozenset(element.row_names))
+    return Multipliers.of_bounds(data, lower, upper, path_multipliers, frozenset(element.row_names))
 
 
 def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
-    """Return the program of a structure, an element model and data."""
+    """Build the program in the form that the structured solver reads.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program.
+    element : ElementModel
+        Element model with the path constraints and the cost.
+    data : NlpData
+        Parameters and bounds of the program.
+    """
     n, m = structure.elements, structure.coordinates
-    # The whole motion is stretched with its times, unless it begins or ends at speed.
+    # From rest to rest, the spline's unknowns do not change if all times grow by one factor.
     at_speed = data.lower[0, m : 2 * m].any() or data.end[m:].any()
     spline = Spline(
         "bspline" if structure.smooth else "hermite",
@@ -146,20 +182,26 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
     )
     free, _, equal = _boundary(structure, spline, data)
     matrix, bound = _linear_rows(structure, data)
-    every = np.arange(n)
+    all_elements = np.arange(n)
     groups = []
     if element.row_names or element.aim != "time":
         groups.append(
-            _group(element, data.element_parameters, every, data.path_bound, data.weights[1])
+            _group(element, data.element_parameters, all_elements, data.path_bound, data.weights[1])
         )
     if np.isfinite(data.breakaway_bound).any():
-        indices, side = np.array(structure.breakaways).T
+        # A joint may break away at the start of one element in its direction in another one.
+        element_indices, direction_indices = np.array(structure.breakaways).T
         sigma, *other_parameters = data.element_parameters
         parameters = (
-            sigma[side],
-            *(values if values.ndim == 1 else values[indices] for values in other_parameters),
+            sigma[direction_indices],
+            *(
+                values if values.ndim == 1 else values[element_indices]
+                for values in other_parameters
+            ),
         )
-        groups.append(_group(element, parameters, indices, data.breakaway_bound, breakaway=True))
+        groups.append(
+            _group(element, parameters, element_indices, data.breakaway_bound, breakaway=True)
+        )
     return Program(
         spline=spline,
         groups=tuple(groups),
@@ -184,7 +226,29 @@ def _group(
     *,
     breakaway: bool = False,
 ) -> RowGroup:
-    """Return the rows and the cost of a model, or its breakaway rows."""
+    """Build a group of constraints for the structured solver.
+
+    Parameters
+    ----------
+    element : ElementModel
+        Element model.
+    parameters : tuple of arrays
+        Parameters of the element model, (size,) or (n, size) each.
+    elements : (n,) int array
+        Elements at which the constraints are imposed.
+    bound : (n, constraints) array
+        Upper bounds of the constraints.
+    cost_weight : float
+        Weight of the cost in the objective.
+    breakaway : bool
+        True for the breakaway constraints (static friction where a joint may start). False for the
+        path constraints and the cost.
+
+    Raises
+    ------
+    RuntimeError
+        If the compiled part of the package is missing.
+    """
     location: Location = "breakaway" if breakaway else "collocation"
     native = native_elements(element, parameters, len(elements), location)
     if native is None:
@@ -195,74 +259,107 @@ def _group(
 def _boundary(
     structure: NlpStructure, spline: Spline, data: NlpData
 ) -> tuple[Array, Array, Equalities]:
-    """Return the boundary conditions of the unknowns.
+    """Translate the boundary conditions to the unknowns of the spline.
 
-    These are the mask (rows, m) of free unknowns, the values of the others, and further fixed
-    entries of the elements.
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program.
+    spline : Spline
+        Spline of the coordinates with its unknown coefficients.
+    data : NlpData
+        Bounds of the program.
+
+    Returns
+    -------
+    free : (rows, m) mask
+        True for unknowns that the boundary conditions leave free.
+    values : (rows, m) array
+        Values of the other unknowns.
+    equalities : Equalities
+        Entries of the elements with given values, which the unknowns alone cannot fix.
     """
     n, m = structure.elements, structure.coordinates
-    same = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
+    is_fixed = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
     state_values = np.vstack([data.lower[:, : 2 * m], data.end])
     if spline.kind == "hermite":
-        return ~same.reshape(spline.rows, m), state_values.reshape(spline.rows, m), _NONE
+        return ~is_fixed.reshape(spline.rows, m), state_values.reshape(spline.rows, m), _NONE
     free = np.ones((spline.rows, m), dtype=bool)
     values = np.zeros((spline.rows, m))
     moving = structure.moving
     for k, i in np.argwhere(~moving):
         free[spline.local[k], i] = False
         values[spline.local[k], i] = state_values[k, i]
-    equal: list[tuple[Any, Any, Any]] = []
-    # Ends: u is given and ü = 0. u̇ is 0 or has a given value.
-    for rows, k, speed, entries in (
+    equalities: list[tuple[Any, Any, Any]] = []
+    # At both ends u is given and ü = 0, so the outermost coefficients are known if u̇ is 0 too.
+    # With another u̇, only the first one is known, and u̇ and ü become equality constraints.
+    for row_order, k, velocity, entries in (
         ((0, 1, 2), 0, state_values[0, m:], (m, 2 * m)),
         ((-1, -2, -3), n - 1, state_values[-1, m:], (4 * m + 1, 3 * m)),
     ):
-        values[list(rows)] = state_values[k + (k > 0), :m]
-        free[rows[0]] = False
-        free[list(rows[1:])] &= speed != 0
-        for i in np.flatnonzero(speed):
-            equal += [(k, entries[0] + i, speed[i]), (k, entries[1] + i, 0.0)]
-    equal += _via_equalities(structure, data)
-    if not equal:
+        values[list(row_order)] = state_values[k + (k > 0), :m]
+        free[row_order[0]] = False
+        free[list(row_order[1:])] &= velocity != 0
+        for i in np.flatnonzero(velocity):
+            equalities += [(k, entries[0] + i, velocity[i]), (k, entries[1] + i, 0.0)]
+    equalities += _via_equalities(structure, data)
+    if not equalities:
         return free, values, _NONE
-    index, entry, value = np.array(equal).T
+    index, entry, value = np.array(equalities).T
     return free, values, (index.astype(int), entry.astype(int), value)
 
 
 def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, Any, Any]]:
-    """Return the fixed entries (element, entry of z, value) at via points.
+    """Return the entries of the elements that are given at via points.
 
-    They count between segments in which the coordinate moves.
+    Only coordinates that move in the segments before and after the point are included.
+
+    Returns
+    -------
+    list of (int, int, float)
+        Index of the element, index of the entry of its vector z, and value.
     """
     m, moving = structure.coordinates, structure.moving
     return [
-        (k, e, data.lower[k, e])
+        (k, entry, data.lower[k, entry])
         for k in structure.borders[1:]
-        for e in np.flatnonzero(data.is_fixed[k, : 2 * m])
-        if moving[k - 1, e % m] and moving[k, e % m]
+        for entry in np.flatnonzero(data.is_fixed[k, : 2 * m])
+        if moving[k - 1, entry % m] and moving[k, entry % m]
     ]
 
 
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
-    """Return A (l, 5 m + 1) and bounds (n, l) of the linear rows.
+    """Return the linear constraints A z ≤ b_k of the elements k.
 
-    They bound u̇ at the start and between, ü and jerk, and u where it may reverse.
+    They bound u̇ at the start and in the middle of an element, ü and jerk, and u where it may
+    reverse.
+
+    Returns
+    -------
+    matrix : (l, 5 m + 1) array
+        A, for the vector z of an element and the middle Bernstein coefficients of u̇.
+    bound : (n, l) array
+        b_k, infinite where a constraint does not apply.
     """
     n, m = structure.elements, structure.coordinates
-    counts = data.bounds_of_u_count(structure)
+    is_bounded = data.bounds_of_u_count(structure)
     v_min, _ = data.velocity
-    offset = 0 if counts.any() else m
+    # Without bounds of u, its columns are left out.
+    offset = 0 if is_bounded.any() else m
     columns = np.r_[offset : 4 * m, 4 * m + 1 : 5 * m + 1]
     identity = np.eye(5 * m + 1)[columns]
-    counts = np.hstack([counts, ~data.is_fixed[:, m:]])
+    is_bounded = np.hstack([is_bounded, ~data.is_fixed[:, m:]])
     v_bounds = data.velocity if structure.velocity_limits else (v_min, np.full((n, m), np.inf))
     lower, upper = (
-        np.hstack([np.where(counts, bound, sign * np.inf)[:, offset:], middle])
-        for sign, bound, middle in zip((-1, 1), (data.lower, data.upper), v_bounds, strict=True)
+        np.hstack([np.where(is_bounded, bound, sign * np.inf)[:, offset:], middle_bounds])
+        for sign, bound, middle_bounds in zip(
+            (-1, 1), (data.lower, data.upper), v_bounds, strict=True
+        )
     )
     matrix = np.vstack([identity, -identity])
     bound = np.hstack([upper, -lower])
     if structure.smooth and structure.joints:
+        # |ü(h) − ü(0)| ≤ jerk · h as two rows, multiplied by n / jerk.
         rise = np.zeros((m, 5 * m + 1))
         rise[:, 2 * m : 3 * m] = np.diag(-n / data.jerk)
         rise[:, 3 * m : 4 * m] = np.diag(n / data.jerk)
@@ -274,7 +371,19 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
 
 
 def _point(program: Program, structure: NlpStructure, data: NlpData, elements: Array) -> Point:
-    """Return the unknowns of a guess of elements (n, 4 m + 1), slowed down."""
+    """Return the initial point of the solver for a guess. It is slower than the guess.
+
+    Parameters
+    ----------
+    program : Program
+        Program of the structured solver.
+    structure : NlpStructure
+        Structure of the program.
+    data : NlpData
+        Bounds of the program.
+    elements : (n, 4 m + 1) array
+        Elements of the guess.
+    """
     m = structure.coordinates
     times = np.maximum(structure.times(elements[:, -1]), 1.001 * data.least_times)
     if data.duration == (0.0, np.inf):
@@ -284,6 +393,6 @@ def _point(program: Program, structure: NlpStructure, data: NlpData, elements: A
     u = np.vstack([pieces.u, data.end[:m]])
     v = np.vstack([pieces.v, data.end[m:]])
     acceleration = np.vstack([pieces.a0[:1], (pieces.a1[:-1] + pieces.a0[1:]) / 2, pieces.a1[-1:]])
-    c = program.spline.unknowns(u, v, acceleration, h)
+    unknowns = program.spline.unknowns(u, v, acceleration, h)
     _, values, _ = _boundary(structure, program.spline, data)
-    return Point(np.where(program.free, c, values), times)
+    return Point(np.where(program.free, unknowns, values), times)

@@ -1,8 +1,8 @@
 """The nonlinear program of every optimised motion: transcription on cubic elements.
 
-A straight motion has one coordinate, the path parameter s. The coordinates of a free motion are its
-moving joints. `Transcription.build` states the program from top to bottom. Only the element model
-differs between both kinds.
+A motion along a path has one coordinate, the path parameter s. The coordinates of a free motion are
+its moving joints. `Transcription.build` states the program from top to bottom. Only the element
+model differs between both kinds.
 """
 
 from __future__ import annotations
@@ -29,35 +29,49 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, frozen, record
 
 SMOOTHING = 3e-6
-"""Weight of 3 ∫ (ü/limit)² dt of the joints. It determines the motion of joints that do not bind.
+"""Weight of the term 3 ∫ (ü/limit)² dt of the joints in the objective.
+
+It determines the motion of joints that could move in many ways without a change of the duration.
 """
 EVEN = 1e-5
-"""Weight of the variance of the blocks' times, relative to their least. It makes the mesh unique.
+"""Weight of the variance of the blocks' durations, each divided by its smallest value.
+
+It makes the mesh unique.
 """
 
 
 @record
 class _Symbols:
-    """Variables and parameters of a program with n elements, m coordinates and b blocks."""
+    """CasADi symbols of a program with n elements, m coordinates and b blocks."""
 
     x: ca.MX
     """u, u̇, ü at the start and ü at the end of every element, (4 m, n)."""
     times: ca.MX
-    """Times of the blocks, (b,)."""
+    """Durations of the blocks, (b,)."""
     cubic: Cubic
     """The elements as cubics, (m, n) each."""
     z: ca.MX
-    """The elements as vectors [u; u̇; ü; ü; h], (4 m + 1, n)."""
+    """Vectors [u; u̇; ü; ü; h] of the elements as columns, with their lengths h, (4 m + 1, n)."""
     element_parameters: list[ca.MX]
     """Parameters of the element model, (size, n) or (size, 1) each."""
     own_parameters: ca.MX
+    """Parameters of the program itself as one vector."""
     layout: Layout
+    """Positions of the named parameters in this vector."""
     p: Any
-    """Parameters of the program by their names in the layout."""
+    """The same parameters by name."""
 
     @classmethod
     def build(cls, structure: NlpStructure, element: ElementModel) -> _Symbols:
-        """Return the symbols of a structure and an element model."""
+        """Create the CasADi symbols of a program.
+
+        Parameters
+        ----------
+        structure : NlpStructure
+            Numbers of elements, coordinates and blocks.
+        element : ElementModel
+            Element model, which determines the sizes of its parameters.
+        """
         n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
         u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
@@ -68,7 +82,7 @@ class _Symbols:
         layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
         own_parameters = ca.MX.sym("p", layout.size)
         p = layout.unpack(own_parameters)
-        # h_k = fraction_k T_block(k)
+        # The length of element k is h_k = fraction_k · T_b, with the duration T_b of its block b.
         h = p.fractions.T * ca.horzcat(
             *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
         )
@@ -88,65 +102,70 @@ class _Symbols:
 
 @frozen
 class Transcription:
-    """Ipopt for one structure and element model.
+    """Nonlinear program for Ipopt, for one structure and one element model.
 
-    Every number of NlpData is a parameter or a bound.
+    All numbers of NlpData are parameters or bounds, so the program serves many problems.
     """
 
     structure: NlpStructure
     element: ElementModel
     solver: Callable[[Start], ca.Function] = field(compare=False)
-    """Returns Ipopt for a start from a guess, from an earlier solution with multipliers, or from
-    the structured solver's.
-    """
+    """Returns Ipopt's solver for a kind of start, see `ipopt.Start`."""
     native: MappedElements | None = field(compare=False)
-    """Functions that are evaluated in C. None without the compiled part."""
+    """Functions of the elements in C. None without the compiled part."""
     parameters: Layout = field(compare=False)
-    """Layout of the fields of NlpData that are parameters, after those of the element model."""
+    """Layout of the fields of NlpData that are parameters. They follow those of the element model.
+    """
     sizes: dict[str, int] = field(compare=False)
-    """Number of rows in every group of constraints before the path constraints, in their order."""
+    """Number of constraints in every group before the path constraints, in their order."""
 
     @classmethod
     @lru_cache(maxsize=12)
     def build(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
-        """Return the program, built once for each structure and element model.
+        """Build the program and its solvers. The result is cached for each structure and model.
 
-        With n elements k, m coordinates and b blocks, the program is
+        With n elements k, m coordinates and b blocks of duration T, the program is
 
             min   w_t Σ T + w_c Σ L(z_k) + 3 SMOOTHING Σ ∫ (ü/limit)² dt + EVEN var(T / T_least)
             s.t.  u, u̇ continuous, ü too if jerk is limited;
                   bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
 
-        Shapes are (coordinates, elements), because CasADi maps columns.
+        z_k contains u, u̇, ü at the start, ü at the end, and the length of element k. The path
+        constraints G and the cost L (heat or effort) follow from the element model. Matrices have
+        the shape (coordinates, elements), because CasADi maps functions over columns.
         """
-        s = _Symbols.build(structure, element)
-        duration = ca.sum1(s.times)
-        objective = s.p.weights[0] * duration + _regularisation(structure, s.cubic, s.times, s.p)
+        symbols = _Symbols.build(structure, element)
+        duration = ca.sum1(symbols.times)
+        objective = symbols.p.weights[0] * duration + _regularisation(
+            structure, symbols.cubic, symbols.times, symbols.p
+        )
 
         # Boundary conditions: bounds of the variables (BoundaryConditions), and static friction
         # where a joint starts. The path constraints G(z_k) and the cost L(z_k) follow from the
         # element model, with exact derivatives.
         constraints = {
-            "dynamics": _dynamics(structure, s.cubic, s.p.end),
-            **_limits(structure, s.cubic, s.p.jerk),
-            "breakaway": _breakaway(structure, element, s),
+            "dynamics": _dynamics(structure, symbols.cubic, symbols.p.end),
+            **_limits(structure, symbols.cubic, symbols.p.jerk),
+            "breakaway": _breakaway(structure, element, symbols),
             "duration": duration,
         }
         native = mapped_elements(element, structure.elements)
-        parameters = (ca.vec(parameter) for parameter in s.element_parameters)
+        parameters = (ca.vec(parameter) for parameter in symbols.element_parameters)
         program = IpoptProgram(
             structure,
-            x=ca.vertcat(ca.vec(s.x), s.times),
-            p=ca.vertcat(*parameters, s.own_parameters),
+            x=ca.vertcat(ca.vec(symbols.x), symbols.times),
+            p=ca.vertcat(*parameters, symbols.own_parameters),
             objective=objective,
             constraints=ca.vertcat(*constraints.values()),
-            cost_weight=s.p.weights[1],
-            z=s.z,
-            element_parameters=s.element_parameters,
+            cost_weight=symbols.p.weights[1],
+            z=symbols.z,
+            element_parameters=symbols.element_parameters,
         )
         solver = build_solvers(program, element_functions(element), native)
         sizes = {name: rows.numel() for name, rows in constraints.items()}
-        return cls(structure, element, solver, native=native, parameters=s.layout, sizes=sizes)
+        return cls(
+            structure, element, solver, native=native, parameters=symbols.layout, sizes=sizes
+        )
 
     def solve(
         self,
@@ -156,10 +175,23 @@ class Transcription:
         *,
         confirming: bool = False,
     ) -> NlpSolution:
-        """Solve with Ipopt from elements (n, 4 m + 1).
+        """Solve the nonlinear program with Ipopt.
 
-        The start is cold from a guess and `warm` from Ipopt's solution of a neighbouring program.
-        `confirming` starts from a solution of the structured solver.
+        Parameters
+        ----------
+        data : NlpData
+            Parameters and bounds.
+        elements : (n, 4 m + 1) array
+            Initial point: u, u̇, ü at the start, ü at the end, and length of each element.
+        warm : NlpSolution or None
+            Ipopt's solution of a similar program, whose multipliers are used. None: a cold start.
+        confirming : bool
+            True if the initial point is a solution of the structured solver.
+
+        Returns
+        -------
+        NlpSolution
+            The solution, or Ipopt's status of the failure.
         """
         n, m = self.structure.elements, self.structure.coordinates
         if confirming:
@@ -169,6 +201,7 @@ class Transcription:
         if self.native is not None:
             self.native.check()
         x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
+        # The variables are the states of all elements, then the durations of the blocks.
         states = x[: 4 * m * n].reshape(n, 4 * m)
         times = x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
@@ -183,26 +216,38 @@ class Transcription:
             multipliers=self._multipliers(data, lam_x, lam_g),
         )
 
-    def _multipliers(self, data: NlpData, of_x: Array, of_g: Array) -> Multipliers:
-        """Return the multipliers of the path constraints and of the directions.
+    def _multipliers(
+        self, data: NlpData, variable_multipliers: Array, constraint_multipliers: Array
+    ) -> Multipliers:
+        """Convert CasADi's multipliers to those of the path constraints and directions.
 
-        CasADi's are negative at lower bounds.
+        Parameters
+        ----------
+        data : NlpData
+            Bounds of the program.
+        variable_multipliers, constraint_multipliers : arrays
+            Multipliers of the bounds on the variables (4 m n + b,) and of those on the constraints.
+            They are negative at lower bounds.
         """
         n, m = self.structure.elements, self.structure.coordinates
-        within = np.zeros((n, m))
+        middle = np.zeros((n, m))
         start = self.sizes["dynamics"]
         limited = self.structure.moving & self.structure.velocity_limits
-        within[limited] = of_g[start : start + self.sizes["velocity"]]
-        at_start = np.where(data.is_fixed, 0.0, of_x[: 4 * m * n].reshape(n, 4 * m))[:, m : 2 * m]
-        signed = np.stack([at_start, within])
-        lower, upper = (np.maximum(side * signed, 0.0).sum(axis=0) for side in (-1, 1))
-        rows = np.maximum(of_g[sum(self.sizes.values()) :], 0.0).reshape(n, -1)
+        middle[limited] = constraint_multipliers[start : start + self.sizes["velocity"]]
+        # Fixed states have multipliers too, but no bound that forbids a reversal.
+        at_start = np.where(
+            data.is_fixed, 0.0, variable_multipliers[: 4 * m * n].reshape(n, 4 * m)
+        )[:, m : 2 * m]
+        signed = np.stack([at_start, middle])
+        lower, upper = (np.maximum(sign * signed, 0.0).sum(axis=0) for sign in (-1, 1))
+        rows = np.maximum(constraint_multipliers[sum(self.sizes.values()) :], 0.0).reshape(n, -1)
         return Multipliers.of_bounds(data, lower, upper, rows, frozenset(self.element.row_names))
 
     def _as_structured(self, data: NlpData) -> NlpData:
-        """Return the data without bounds of u that follow from others.
+        """Return the data without the bounds of u that follow from other constraints.
 
-        Their barrier would move the point at which Ipopt stops.
+        The structured solver does not have them either. Their barrier would move the point at which
+        Ipopt stops.
         """
         positions = slice(self.structure.coordinates)
         needed = data.bounds_of_u_count(self.structure) | data.is_fixed[:, positions]
@@ -212,8 +257,19 @@ class Transcription:
         return replace(data, lower=lower, upper=upper)
 
     def _inputs(self, data: NlpData, elements: Array, warm: NlpSolution | None) -> dict[str, Array]:
-        """Return the arguments of the solver."""
+        """Return the arguments with which CasADi calls the solver, by their names in `nlpsol`.
+
+        Parameters
+        ----------
+        data : NlpData
+            Parameters and bounds.
+        elements : (n, 4 m + 1) array
+            Elements of the initial point.
+        warm : NlpSolution or None
+            Solution with the initial multipliers.
+        """
         limited = self.structure.moving & self.structure.velocity_limits
+        # Lower and upper bounds of the groups of constraints.
         bounds = {
             "dynamics": (0.0, 0.0),
             "velocity": tuple(velocity[limited] for velocity in data.velocity),
@@ -223,9 +279,10 @@ class Transcription:
         }
         path_bound = data.path_bound.ravel()
         lower, upper = (
-            [np.broadcast_to(bounds[name][side], size) for name, size in self.sizes.items()]
-            for side in (0, 1)
+            [np.broadcast_to(bounds[name][end], size) for name, size in self.sizes.items()]
+            for end in (0, 1)
         )
+        # The names of the parameters are those of the fields of NlpData.
         own_parameters = self.parameters.pack(
             **{name: getattr(data, name) for name in self.parameters.slices}
         )
@@ -243,7 +300,23 @@ class Transcription:
 
 
 def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any) -> ca.MX:
-    """Return the smoothing of joints, with r = ü/limit, and the variance of the blocks' times."""
+    """Return the terms of the objective that make the solution unique.
+
+    They are 3 SMOOTHING Σ ∫ r² dt with r = ü/limit, if the coordinates are joints, and EVEN times
+    the variance of the blocks' durations. ü is linear in an element, so that 3 ∫ r² dt = h (r0² +
+    r0 r1 + r1²).
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program.
+    cubic : Cubic
+        The elements, (m, n) each.
+    times : (b,) MX
+        Durations of the blocks.
+    p
+        Parameters of the program by name.
+    """
     r0, r1 = (a / ca.repmat(p.acceleration, 1, structure.elements) for a in (cubic.a0, cubic.a1))
     smoothing = (
         ca.sum2(ca.sum1(cubic.h * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
@@ -254,59 +327,97 @@ def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any)
 
 
 def _dynamics(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> ca.MX:
-    """Return the gaps between elements, and between the last element and `end` (2 m,).
+    """Return the differences of u and u̇ (and ü if jerk is limited) between neighbouring elements.
 
-    ü may jump unless jerk is limited.
+    They must be 0. The last element is compared with `end` (2 m,), which contains u and u̇ at the
+    end. Without a jerk limit, ü may jump.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program.
+    cubic : Cubic
+        The elements, (m, n) each.
+    end : (2 m,) MX
+        u and u̇ at the end.
     """
     m, moving = structure.coordinates, structure.moving
     u_after, v_after = cubic.end
-    gaps = [
+    differences = [
         _select(u_after - ca.horzcat(cubic.u[:, 1:], end[:m]), moving),
         _select(v_after - ca.horzcat(cubic.v[:, 1:], end[m:]), moving),
     ]
     if structure.smooth:
-        gaps.append(_select(cubic.a1[:, :-1] - cubic.a0[:, 1:], moving[:-1] | moving[1:]))
-    return ca.vertcat(*gaps)
+        differences.append(_select(cubic.a1[:, :-1] - cubic.a0[:, 1:], moving[:-1] | moving[1:]))
+    return ca.vertcat(*differences)
 
 
 def _limits(structure: NlpStructure, cubic: Cubic, jerk: ca.MX) -> dict[str, ca.MX]:
-    """Return the rows of velocity and jerk.
+    """Return the constraints of velocity and jerk, by name.
 
-    They are the middle Bernstein coefficient of u̇ (the outer ones are variables), and |a1 − a0| −
-    jerk h.
+    "velocity" contains the middle Bernstein coefficient of u̇ in each element. The outer ones are
+    variables with bounds. "jerk" contains |ü(h) − ü(0)| − jerk · h as two constraints, which must
+    not be positive.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program.
+    cubic : Cubic
+        The elements, (m, n) each.
+    jerk : (m,) MX
+        Limits of jerk.
     """
     moving = structure.moving
     jerk_limited = moving & (structure.joints and structure.smooth)
-    rise = cubic.a1 - cubic.a0
+    difference = cubic.a1 - cubic.a0
     bound = ca.repmat(jerk, 1, structure.elements) * cubic.h
     return {
         "velocity": _select(cubic.middle_velocity, moving & structure.velocity_limits),
         "jerk": ca.vertcat(
-            _select(rise - bound, jerk_limited), _select(-rise - bound, jerk_limited)
+            _select(difference - bound, jerk_limited), _select(-difference - bound, jerk_limited)
         ),
     }
 
 
 def _breakaway(structure: NlpStructure, element: ElementModel, symbols: _Symbols) -> ca.MX:
-    """Return the rows of static friction where a joint may start."""
+    """Return the constraints of static friction at the instants at which joints may start to move.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program. Its `breakaways` contain the instants.
+    element : ElementModel
+        Element model, which contains the friction law.
+    symbols : _Symbols
+        Variables and parameters of the program.
+    """
     sigma, *other_parameters = symbols.element_parameters
     rows = []
-    for k, side in structure.breakaways:
+    for k, direction_element in structure.breakaways:
         parameters = (_column(parameter, k) for parameter in other_parameters)
-        rows.append(element.breakaway(symbols.z[:, k], sigma[:, side], *parameters))
+        rows.append(element.breakaway(symbols.z[:, k], sigma[:, direction_element], *parameters))
     return ca.vertcat(*rows)
 
 
 def forget_programs() -> None:
-    """Clear the cache of programs, in order to free memory."""
+    """Clear the cache of programs to free memory."""
     Transcription.build.cache_clear()
 
 
 def _select(values: ca.MX, mask: Any) -> ca.MX:
-    """Return the selected entries of a matrix (m, n), element after element. `mask` is (n, m)."""
+    """Return the selected entries of a matrix as one vector, element after element.
+
+    Parameters
+    ----------
+    values : (m, n) MX
+        One column for each element.
+    mask : (n, m) mask
+        True for selected entries.
+    """
     return ca.vec(values)[np.flatnonzero(mask).tolist()]
 
 
 def _column(parameter: ca.MX, k: int) -> ca.MX:
-    """Return the column of element k of a parameter."""
+    """Return the parameter values of element k. A parameter with one column is the same for all."""
     return parameter if parameter.size2() == 1 else parameter[:, k]

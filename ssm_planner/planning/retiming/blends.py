@@ -1,15 +1,15 @@
-"""Paths through several motions whose corners are rounded, so that the robot need not stop.
+"""Joint paths through several motions with rounded corners, so that the robot need not stop.
 
 Corner i lies between the pieces i and i + 1, each with its own parameter from 0 to 1. The path
-leaves piece i at 1 − a_i, where the tip is at the allowed distance from the corner's tip, and joins
-piece i + 1 at b_i, at the same distance. Between them every joint is the quintic with the q, q' and
-q'' of the pieces at both ends, so the whole path is twice continuously differentiable. q''' is
-finite where it jumps, at the ends of the roundings, and so is the jerk.
+leaves piece i at 1 − a_i, where the tip is at the allowed distance from the corner, and joins piece
+i + 1 at b_i, at the same distance. In between (the rounding), every joint follows the quintic with
+the q, q' and q'' of the pieces at both ends. The whole path is thus twice continuously
+differentiable. q''' jumps at the ends of the roundings, but is finite, and so is the jerk.
 
-Piece i is passed at the rate k_i with respect to the parameter of the whole path, and a rounding
-takes 2 a_i / k_i = 2 b_i / k_{i+1} of that parameter. Between two lines that are straight in the
-joints it is then the quintic whose direction turns without overshoot: q' = (1 − h) q'_i + h
-q'_{i+1} with h = 3σ² − 2σ³.
+The parameter of piece i grows at the rate k_i with respect to the parameter of the whole path, and
+a rounding takes 2 a_i / k_i = 2 b_i / k_{i+1} of the latter. If both pieces are straight in the
+joints, the direction then turns without overshoot: q' = (1 − h) q'_i + h q'_{i+1} with h = 3σ² −
+2σ³, where σ grows from 0 to 1 along the rounding.
 """
 
 from __future__ import annotations
@@ -36,44 +36,51 @@ from ssm_planner.trajectory import quintics
 from ssm_planner.typing import Array, Mask, record
 
 TURNS_BACK = 0.05
-"""Smallest remaining share of |q'| in a corner.
+"""Smallest ratio of |q'| within a rounding to |q'| at its ends.
 
-A path that turns back by more than about 174° cannot be passed at speed.
+The ratio is smaller where the path turns back by more than about 174°. The robot must stop there.
 """
 
 
 @record
 class BlendedPath(JointPath):
-    """Pieces that follow each other, with rounded corners.
+    """A path of consecutive pieces whose corners are rounded.
 
-    s from 0 to 1 is proportional to the parameter of the whole path.
+    s from 0 to 1 is proportional to the parameter of the whole path (see the module's docstring).
     """
 
     mechanism: Mechanism
     pieces: tuple[ClosedPath, ...]
+    """The pieces. Each begins where the previous one ends."""
     distances: tuple[float, ...]
     """Distance of the tip from each corner within which the path is rounded, m."""
     cuts: Array
-    """a and b of every corner: shares of the pieces before and behind it, (k, 2)."""
+    """a and b of every corner: the shares cut from the pieces before and behind it, (k, 2)."""
 
     @property
     def branch(self) -> int:
-        """Branch of the inverse kinematics."""
+        """Branch of the inverse kinematics on which all pieces lie: +1 or −1."""
         return self.pieces[0].branch
 
     @cached_property
     def _rates_and_breaks(self) -> tuple[Array, Array]:
-        """Rates of all pieces with respect to s, (pieces,), and s at the ends of the parts."""
-        behind = np.append(0.0, self.cuts[:, 1])
+        """Rates at which the parameter of each piece grows with s, and the breaks of s.
+
+        The rates have the shape (pieces,). The breaks (2 pieces,) are the ends of the pieces'
+        remaining parts and of the roundings.
+        """
+        cut_from_start = np.append(0.0, self.cuts[:, 1])
+        # The rates satisfy a_i / k_i = b_i / k_{i+1} in each corner, with k_1 = 1.
         rates = np.cumprod(np.append(1.0, self.cuts[:, 1] / self.cuts[:, 0]))
         lengths = np.zeros(2 * len(rates) - 1)
-        lengths[::2] = (np.append(1 - self.cuts[:, 0], 1.0) - behind) / rates
+        lengths[::2] = (np.append(1 - self.cuts[:, 0], 1.0) - cut_from_start) / rates
         lengths[1::2] = 2 * self.cuts[:, 0] / rates[:-1]
         breaks = np.append(0.0, np.cumsum(lengths))
         return rates * breaks[-1], breaks / breaks[-1]
 
     @property
     def _rates(self) -> Array:
+        """Rates (pieces,) at which the parameter of each piece grows with s."""
         return self._rates_and_breaks[0]
 
     @property
@@ -82,43 +89,53 @@ class BlendedPath(JointPath):
         return self._rates_and_breaks[1]
 
     def _on_piece(self, k: int, s: Array) -> Array:
-        """Return q, q' and q'' at values of s (n,) on piece k, (3, n, 4)."""
-        rate, first = self._rates[k], self.cuts[k - 1, 1] if k else 0.0
-        samples = self.pieces[k].sample(first + rate * (s - self.breaks[2 * k]))
+        """Evaluate q and its derivatives q' and q'' by s, at s (n,) on piece k, (3, n, 4)."""
+        rate, start = self._rates[k], self.cuts[k - 1, 1] if k else 0.0
+        samples = self.pieces[k].sample(start + rate * (s - self.breaks[2 * k]))
         return np.stack([samples.q, rate * samples.dq, rate**2 * samples.ddq])
 
     @cached_property
     def _roundings(self) -> Array:
-        """Coefficients (k, 6, 4) of the quintics in s, counted from the start of each rounding."""
+        """Coefficients of the quintics of all roundings, (k, 6, 4).
+
+        They belong to the powers of s since the start of the rounding.
+        """
         starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
         leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
         joining = [self._on_piece(k + 1, ends[[k]]) for k in range(len(ends))]
         return quintics(ends - starts, tuple(np.hstack(leaving)), tuple(np.hstack(joining)))
 
     def sample(self, s: Array) -> PathSamples:
-        """Return q, q' and q'' at s (n,)."""
+        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
         s = np.asarray(s, dtype=float)
         values = np.zeros((3, len(s), 4))
         part = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
         for k in np.unique(part):
-            inside = part == k
+            on_part = part == k
+            # Even parts are pieces, odd parts are roundings.
             if k % 2 == 0:
-                values[:, inside] = self._on_piece(k // 2, s[inside])
+                values[:, on_part] = self._on_piece(k // 2, s[on_part])
                 continue
             polynomial = self._roundings[k // 2]
             for order in range(3):
-                local = s[inside] - self.breaks[k]
-                values[order, inside] = np.polynomial.polynomial.polyval(local, polynomial).T
+                s_in_part = s[on_part] - self.breaks[k]
+                values[order, on_part] = np.polynomial.polynomial.polyval(s_in_part, polynomial).T
                 polynomial = np.polynomial.polynomial.polyder(polynomial)
         return PathSamples(s, *values)
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
-        """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
+        """Knots of s at which joints reverse, and the directions of the joints between them.
+
+        The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
+        """
         return self.smooth_directions(self.pieces[0].watched)
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Return where joints start at s (n,), (n, 4), also those that stood before or reverse."""
+        """Return a mask (n, 4) of the samples at which a joint starts to move.
+
+        Joints start at s = 0, and within the path where they reverse or end a rest.
+        """
         return joint_starts(samples, *self.directions)
 
     @property
@@ -130,10 +147,16 @@ class BlendedPath(JointPath):
 def rounded(
     mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Sequence[float]
 ) -> BlendedPath:
-    """Return the pieces as one path with rounded corners.
+    """Join pieces into one path, and round the corners between them.
 
-    `distances` are the distances of the tip from the corners within which the path may be rounded,
-    m.
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    pieces : sequence of ClosedPath
+        The pieces in their order.
+    distances : sequence of float
+        For each corner, the distance of the tip from it at which the rounding begins and ends, m.
 
     Raises
     ------
@@ -159,10 +182,13 @@ def rounded(
             raise ProblemError(reason, key=str(k), allowed=allowed)
         cuts.append([share for share, _ in shares])
     path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
-    scale = np.abs(path.sample(np.linspace(0.0, 1.0, SAMPLES)).dq).max(axis=0) + ROUNDING
+    # The joints are divided by their largest |q'|, which makes rad and m comparable.
+    largest_slope = np.abs(path.sample(np.linspace(0.0, 1.0, SAMPLES)).dq).max(axis=0) + ROUNDING
     for k, (start, end) in enumerate(zip(path.breaks[1:-1:2], path.breaks[2:-1:2], strict=True)):
-        speed = np.linalg.norm(path.sample(np.linspace(start, end, SAMPLES)).dq / scale, axis=1)
-        if speed.min() < TURNS_BACK * max(speed[0], speed[-1]):
+        slope = np.linalg.norm(
+            path.sample(np.linspace(start, end, SAMPLES)).dq / largest_slope, axis=1
+        )
+        if slope.min() < TURNS_BACK * max(slope[0], slope[-1]):
             reason = (
                 "the second motion goes back along the first, so the robot has to stop between them"
             )
@@ -173,13 +199,28 @@ def rounded(
 
 
 def _share(path: ClosedPath, distance: float, from_end: bool) -> tuple[float, float]:
-    """Return the share of a piece after which its tip is `distance` away from the corner.
+    """Return the share of a piece that a rounding cuts off.
 
-    The share is infinite if the tip is nowhere that far away within half of the piece. The second
-    value is the largest distance there, m.
+    Parameters
+    ----------
+    path : ClosedPath
+        The piece.
+    distance : float
+        Distance of the tip from the corner at the end of the rounding, m.
+    from_end : bool
+        True if the corner is at the end of the piece, False if it is at the start.
+
+    Returns
+    -------
+    share : float
+        Smallest share at which the tip has this distance. Infinite if the distance is larger in the
+        whole half of the piece.
+    reach : float
+        Largest distance of the tip from the corner within half of the piece, m.
     """
 
     def distance_from_corner(shares: Array) -> Array:
+        """Return the distances (n,) of the tip from the corner in m, at shares (n,) of the piece."""
         tips = tip_position(path.mechanism, path.sample(1 - shares if from_end else shares).q)
         return np.asarray(np.linalg.norm(tips - corner, axis=1))
 
@@ -190,5 +231,6 @@ def _share(path: ClosedPath, distance: float, from_end: bool) -> tuple[float, fl
     beyond = np.flatnonzero(distances >= distance)
     if not len(beyond):
         return np.inf, reach
+    # Between these two samples, the distance passes the required one.
     low, high = shares[beyond[0] - 1], shares[beyond[0]]
     return sign_change(lambda s: distance_from_corner(s) - distance, low, high), reach

@@ -5,11 +5,11 @@ and of the speed ṡ ≥ 0,
 
     a(s) s̈ + b(s) ṡ² + c(s) + k(s) ṡ,   (1)
 
-because q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ², with primes for derivatives with respect to s. A term is
-one such function, as the array of its coefficients a, b, c, k at n points, (4, n). A limit becomes
-a row (1) ≤ 1, divided by the limit. `LinearConstraints` holds all rows of a path. With x = ṡ², (1)
-is linear in (s̈, x) except for k √x. This term is concave, and a tangent that overestimates it
-takes its place.
+because q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ², with primes for derivatives with respect to s. In the
+code, a term is one such function. It is an array (4, n) of its coefficients a, b, c, k at n values
+of s. Divided by a limit, it becomes a constraint (a row) (1) ≤ 1. `LinearConstraints` holds all
+rows of a path. With x = ṡ², (1) is linear in (s̈, x) except for k √x. √x is concave, so its tangent
+overestimates it. TOPP-RA uses the tangent.
 
 Sources: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²));
@@ -35,14 +35,15 @@ from ssm_planner.problem import TASK, Drive, Robot, TaskLimits, TipSpeed
 from ssm_planner.typing import Array, Indices, Mask, record
 
 ACTIVE = 0.998
-"""Share of its limit from which on a row counts as binding."""
+"""Share of its limit at which a constraint counts as binding."""
 
 
 @record
 class LinearConstraints:
-    """Rows a s̈ + b ṡ² + c + k ṡ ≤ 1, (n, rows) each, and the bound ṡ² ≤ ceiling, (n,).
+    """Constraints a s̈ + b ṡ² + c + k ṡ ≤ 1 on the motion along a path, at n values of s.
 
-    Every row is divided by its limit.
+    a, b, c and k have the shape (n, rows). Every row is divided by its limit. In addition, ṡ² is at
+    most `ceiling` (n,).
     """
 
     a: Array
@@ -52,9 +53,14 @@ class LinearConstraints:
     ceiling: Array
 
     def tangent(self, speed_squared: Array) -> LinearConstraints:
-        """Return rows without k that are at least as strict, and exact at ṡ² = speed_squared (n,).
+        """Return constraints without k that are at least as strict. TOPP-RA needs linear ones.
 
-        The tangent at x₀ gives √x ≤ √x₀/2 + x/(2 √x₀).
+        The tangent of √x at x₀ gives √x ≤ √x₀/2 + x/(2 √x₀).
+
+        Parameters
+        ----------
+        speed_squared : (n,) array
+            Values x₀ of ṡ² > 0 at which the constraints remain exact.
         """
         root = np.sqrt(speed_squared)[:, None]
         b = self.b + self.k / (2 * root)
@@ -62,12 +68,20 @@ class LinearConstraints:
         return LinearConstraints(self.a, b, c, np.zeros_like(c), self.ceiling)
 
     def active(self, grid: Array, speed_squared: Array) -> Indices:
-        """Return the index of the row that binds on each grid interval, (n − 1,).
+        """Return the index of the constraint that binds on each grid interval, (n − 1,).
 
-        The bound ṡ² ≤ ceiling counts as the last row. The index −1 means that nothing binds.
+        The bound of ṡ² counts as the last row. The index −1 means that no constraint binds.
+
+        Parameters
+        ----------
+        grid : (n,) array
+            Values of s.
+        speed_squared : (n,) array
+            ṡ² of the motion there.
         """
 
         def middle(values: Array) -> Array:
+            """Return the mean of the values at both ends of each grid interval."""
             return (values[1:] + values[:-1]) / 2
 
         acceleration = (np.diff(speed_squared) / (2 * np.diff(grid)))[:, None]
@@ -84,6 +98,7 @@ class PathLimits:
 
     robot: Robot
     samples: PathSamples
+    """q, q' and q'' at the points."""
     loads: tuple[tuple[Array, Array, Array], ...]
     """A, B, C of τ_rigid = A s̈ + B ṡ² + C, (n, 4) each, for each of `Robot.loads`."""
     directions: Array
@@ -91,14 +106,30 @@ class PathLimits:
     ceiling: Array
     """Largest ṡ² that the speed limits allow, (n,)."""
     starts: Mask
-    """True where joints start from rest, (n, 4)."""
+    """True where a joint starts from rest, (n, 4)."""
     stops: Array | None
-    """|J q'| / (2d), (n,), for a limit d on the distance to stop. None without such a limit."""
+    """|J q'| / (2d) at the points, (n,), for a limit d on the tip's distance to stop.
+
+    |J q'| ṡ is the speed of the tip. None without such a limit.
+    """
 
     @classmethod
     def on_grid(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
-        """Evaluate the limits at the points s (n,) of a grid."""
+        """Evaluate the limits of a robot and a task on a grid.
+
+        Parameters
+        ----------
+        path : JointPath
+            The path.
+        grid : (n,) array
+            Values of s.
+        robot : Robot
+            The robot with the limits of its joints and motors.
+        limits : TaskLimits
+            Limits on the tool and on rates of task coordinates.
+        """
         knots, signs = path.directions
+        # Index of the interval between two knots that contains the grid point.
         interval = np.clip(np.searchsorted(knots, grid, side="right") - 1, 0, len(knots) - 2)
         samples = path.sample(grid)
         bodies = map(RigidBody.from_robot, robot.loads)
@@ -120,17 +151,17 @@ class PathLimits:
         )
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
-        """Return the rows for the joints' accelerations and the motors' torques.
+        """Return the constraints of accelerations, of the distance to stop, and of motor torques.
 
-        The rows of acceleration are ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max, and (2) of `braking_travel`.
-        Those of torque are described at `_torque_terms`.
+        The rows of acceleration are ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. `braking_travel` describes
+        those of the distance to stop, and `_torque_terms` those of torque.
 
         Parameters
         ----------
         speed_squared : (n,) array
             ṡ² of the previous pass, at which friction coefficients are evaluated.
         static_start : bool
-            Friction is static where joints start.
+            True if friction is static where joints start from rest.
         """
         rows: list[Array] = []
         for i, joint in enumerate(self.robot.joints):
@@ -145,6 +176,7 @@ class PathLimits:
             for load, drive, sides in self.robot.actuations(i):
                 mu = self._friction_coefficient(drive, i, speed_squared, static_start)
                 driving, braking = self._torque_terms(drive, i, mu, self.loads[load], speed_squared)
+                # An actuation concerns driving (1), braking (−1) or both.
                 rows += [term / limit for term in driving] if 1 in sides else []
                 rows += [braking / limit] if -1 in sides else []
         a, b, c, k = np.stack(rows, axis=-1)
@@ -153,7 +185,19 @@ class PathLimits:
     def _friction_coefficient(
         self, drive: Drive, i: int, speed_squared: Array, static_start: bool
     ) -> Array:
-        """Return μ (n,) of the drive of joint i at ṡ² (n,), static where the joint starts."""
+        """Return the friction coefficient μ (n,) of the drive of joint i.
+
+        Parameters
+        ----------
+        drive : Drive
+            The drive.
+        i : int
+            Index of the joint.
+        speed_squared : (n,) array
+            ṡ² at which a coefficient that depends on speed is evaluated.
+        static_start : bool
+            True if friction is static where the joint starts from rest.
+        """
         friction = friction_of(drive)
         w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
         static = self.starts[:, i] & static_start
@@ -168,24 +212,37 @@ class PathLimits:
         load: tuple[Array, Array, Array],
         speed_squared: Array,
     ) -> tuple[list[Array], Array]:
-        """Return the terms of the torque of motor i for friction coefficients mu (n,).
+        """Return the terms of the torque of a motor.
 
-        With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor velocity w = r
-        q̇, the torque in the direction of motion σ is the larger of two linear functions
+        With the output effort F = τ_rigid + J_out q̈ + b_oc σ + b_ov q̇ and the motor velocity w =
+        r q̇, the torque in the direction of motion σ is the larger of two linear functions
         (`transmission.TorqueRows`),
 
             σ τ = max_k [slope_k σF + σ (inertia ẇ + coulomb + viscous w)].
 
-        For driving, σ τ ≤ limit holds for both functions, which is exact. For braking, −σ τ ≤
-        limit, one function suffices, because each bounds σ τ from below. The one that is larger at
-        the given ṡ² (n,) is taken, with ṡ ≥ ṡ² / √ceiling.
+        If the motor drives, σ τ ≤ limit means that both functions satisfy it, which is exact. If it
+        brakes, −σ τ ≤ limit, one function suffices, because each is a lower bound of σ τ. The one
+        that is larger at the given ṡ² is taken, with ṡ ≥ ṡ² / √ceiling.
+
+        Parameters
+        ----------
+        drive : Drive
+            Drive of the joint.
+        i : int
+            Index of the joint.
+        mu : (n,) array
+            Friction coefficients.
+        load : tuple of three (n, 4) arrays
+            A, B and C of τ_rigid = A s̈ + B ṡ² + C.
+        speed_squared : (n,) array
+            ṡ² of the previous pass.
 
         Returns
         -------
         driving : list of (4, n) arrays
-            Terms that must stay below the limit in driving.
+            Terms that must stay below the limit if the motor drives.
         braking : (4, n) array
-            Term that must stay below the limit in braking.
+            Term that must stay below the limit if the motor brakes.
         """
         sigma = self.directions[:, i]
         dq = self.samples.dq[:, i]
@@ -196,9 +253,10 @@ class PathLimits:
         effort = sigma * output_effort(drive, self._term(a, b, c), qd, qdd, direction)
         rows = motor_torque_rows(drive, sigma, mu)
         inertia, viscous = drive.ratio * rows.inertia, drive.ratio * rows.viscous
-        motor = sigma * (inertia * qdd + self._term(c=rows.coulomb) + viscous * qd)
-        driving = [slope * effort + motor for slope in rows.slope]
-        for term in driving:  # Terms with k ≥ 0 are concave in ṡ².
+        motor_side = sigma * (inertia * qdd + self._term(c=rows.coulomb) + viscous * qd)
+        driving = [slope * effort + motor_side for slope in rows.slope]
+        # Only terms with k ≥ 0 are concave in ṡ². A negative k is replaced by 0, which is stricter.
+        for term in driving:
             np.maximum(term[3], 0.0, out=term[3])
         at_speed = effort[1] * speed_squared + effort[2]
         first, second = (slope * at_speed for slope in rows.slope)
@@ -212,23 +270,42 @@ class PathLimits:
         c: Array | float = 0.0,
         k: Array | float = 0.0,
     ) -> Array:
-        """Return the term of coefficients, each (n,) or a number, as an array (4, n)."""
+        """Return the coefficients of a function a s̈ + b ṡ² + c + k ṡ as an array (4, n).
+
+        Each argument has the shape (n,), or is a number that applies to all n points.
+        """
         a, b, c, k, _ = np.broadcast_arrays(a, b, c, k, self.ceiling)
         return np.stack([a, b, c, k])
 
 
 def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> Array:
-    """Return the distance of the tip (n,) from q and q̇ (n, 4) until rest, m.
+    """Return the distance that the tip covers until the robot stops, m.
 
-    Every joint brakes evenly by its largest acceleration. Along a path q(s), braking along the path
-    itself leaves less of each acceleration. If s̈ ≤ −|J q'|/(2d) ṡ² is within the accelerations at
-    every point and for every speed up to ṡ, then d(ṡ²)/ds = 2 s̈ brings ṡ to 0 within a distance d
-    of the tip. The limit d therefore holds if
+    Every joint brakes with a constant deceleration, and the joint that takes longest uses its
+    largest one. The tip stops after |J q̇| · max_i(|q̇_i| / q̈_i,max) / 2.
+
+    On a path q(s), a limit d on this distance must hold although the motion uses part of each
+    acceleration. If the deceleration s̈ = −|J q'| ṡ² / (2d) is available at every point, then
+    d(ṡ²)/ds = 2 s̈ brings ṡ to 0 before the tip has moved by d. The limit therefore holds if
 
         |J q'| |q'_i| ṡ² / (2d) − min(0, ± (q'_i s̈ + q''_i ṡ²)) ≤ q̈_i,max,   (2)
 
-    with + if joint i moves forwards. The condition is sufficient. The check covers motors that
-    cannot brake as hard.
+    with + if joint i moves forwards. The condition is sufficient. The independent check covers
+    motors that cannot brake as hard.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Geometry of the robot.
+    robot : Robot
+        The robot with the largest accelerations of its joints.
+    q, qd : (n, 4) arrays
+        Joint positions and velocities.
+
+    Returns
+    -------
+    (n,) array
+        Distance, m.
     """
     limit = robot.accelerations
     return np.asarray(tool_speed(TipSpeed, mechanism, q, qd) * (np.abs(qd) / limit).max(axis=1) / 2)
@@ -237,16 +314,28 @@ def braking_travel(mechanism: Mechanism, robot: Robot, q: Array, qd: Array) -> A
 def _speed_ceiling(
     path: JointPath, samples: PathSamples, robot: Robot, limits: TaskLimits
 ) -> Array:
-    """Return the largest ṡ² (n,) within all speed limits.
+    """Return the largest ṡ² (n,) that all limits of speed allow.
 
-    The speeds are |q'_i| ṡ of the joints, r |q'_i| ṡ of the motors, |J(q) q'| ṡ of the tool and
-    |dtask/ds| ṡ of the task coordinates. The distance to stop gives a further bound
-    (`braking_travel`).
+    The speeds are |q'_i| ṡ of the joints, r |q'_i| ṡ of the motors (r: gear ratio), |J(q) q'| ṡ of
+    the tool and |dtask/ds| ṡ of the task coordinates. The limit of the distance to stop gives a
+    further bound (`braking_travel`).
+
+    Parameters
+    ----------
+    path : JointPath
+        The path.
+    samples : PathSamples
+        q, q' and q'' at n values of s.
+    robot : Robot
+        The robot with the limits of its joints and motors.
+    limits : TaskLimits
+        Limits on the tool and on rates of task coordinates.
     """
     limit = robot.velocities
     for i, drive, motor in motorised(robot.joints):
         limit[i] = min(limit[i], motor.max_speed / drive.ratio)
     with np.errstate(divide="ignore", over="ignore"):
+        # Each entry is the largest ṡ that one limit allows, (n,).
         speeds = [*(limit / np.abs(samples.dq)).T]
         for bound in limits.speeds:
             slope = tool_speed(type(bound), path.mechanism, samples.q, samples.dq)

@@ -1,7 +1,7 @@
-"""Paths q(s), 0 ≤ s ≤ 1, that TOPP-RA times.
+"""Joint paths q(s), 0 ≤ s ≤ 1, to which TOPP-RA assigns times.
 
-They are straight in task coordinates, splines, polylines, curves of the tip, or the paths of
-motions.
+They are lines in task coordinates, lines and arcs of the tip, splines, polylines, and the paths of
+existing motions.
 """
 
 from __future__ import annotations
@@ -32,18 +32,19 @@ if TYPE_CHECKING:  # It loads slowly, and few paths are splines.
 FEW, MANY = 1000, 20_000
 """Smallest and largest number of grid intervals of TOPP-RA."""
 PER_POINT = 8
-"""Grid intervals for each point of a spline."""
+"""Number of grid intervals for each point of a spline."""
 CORNER = np.radians(30)
-"""Angle between two sides of a polyline, in joints scaled by their velocities, above which it is no
-smooth curve.
+"""Angle between two sides of a polyline above which a spline must not smooth their corner.
+
+The joints are divided by their velocity limits first.
 """
 BESIDE = 1e-4
-"""Distance of a grid point from the break beside it, as a share of the piece."""
+"""Distance of a grid point from the break of a motion beside it, as a share of the piece."""
 
 
 @record
 class PathSamples:
-    """q and its derivatives with respect to s, (n, 4) each, at s (n,)."""
+    """Joint positions q (n, 4) and their first two derivatives dq, ddq by s (n, 4), at s (n,)."""
 
     s: Array
     q: Array
@@ -52,9 +53,9 @@ class PathSamples:
 
 
 class JointPath(ABC):
-    """A path q(s), 0 ≤ s ≤ 1.
+    """A joint path q(s), 0 ≤ s ≤ 1, in rad and m.
 
-    A new kind of path is a frozen dataclass with a field `mechanism` and the methods `sample` and
+    A new kind of path is a frozen dataclass with a field `mechanism`, and with `sample` and
     `directions`.
     """
 
@@ -62,15 +63,15 @@ class JointPath(ABC):
 
     @abstractmethod
     def sample(self, s: Array) -> PathSamples:
-        """Return the joints and their first two derivatives with respect to s, at s (n,)."""
+        """Evaluate the joint positions and their first two derivatives by s, at n values s (n,)."""
 
     @property
     @abstractmethod
     def directions(self) -> tuple[Array, Array]:
-        """Reversals of the joints.
+        """Reversals of the joints, as two arrays.
 
-        These are knots s_k (m + 1,) from 0 to 1, and the signs of q'(s) between them, (m, 4), 0 for
-        a joint that stands.
+        The first contains knots s_k (m + 1,) from 0 to 1, between which no joint reverses. The
+        second contains the signs of q'(s) between them, (m, 4), which are 0 for a joint at rest.
         """
 
     @cached_property
@@ -80,10 +81,7 @@ class JointPath(ABC):
 
     @property
     def breaks(self) -> Array:
-        """Values of s between which the path is smooth, (k + 1,).
-
-        All of them are knots of `directions`.
-        """
+        """Values of s between which the path is smooth, (k + 1,). They are knots of `directions`."""
         return np.array([0.0, 1.0])
 
     @property
@@ -92,69 +90,89 @@ class JointPath(ABC):
         return FEW
 
     def speed_at(self, s: float, qd: Array) -> float:
-        """Return ṡ at s for joint velocities qd (4,) along the path."""
+        """Return ṡ in 1/s with which joints move at velocities qd (4,) along the path, at s."""
         if not qd.any():
             return 0.0
         slope = self.sample(np.array([s])).dq[0]
         return float(slope @ qd / (slope @ slope))
 
     def turning_point(self, joint: int, low: float, high: float) -> float:
-        """Return the root of q'(s) of one joint between two points with different signs."""
+        """Return the value of s at which a joint reverses.
+
+        It lies between `low` and `high`, at which q' of the joint must have different signs.
+        """
         return sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
     def smooth_directions(self, watched: tuple[int, ...]) -> tuple[Array, Array]:
-        """Return `directions` of a path that is smooth between its breaks, of `watched` joints."""
+        """Find the reversals of a path that is smooth between its breaks, see `directions`.
+
+        Parameters
+        ----------
+        watched : tuple of int
+            Indices of the joints whose reversals matter. The others count as joints at rest.
+        """
         s = np.unique(
             np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(self.breaks)])
         )
         dq = self.sample(s).dq
         rests = np.abs(dq) <= ROUNDING
         moving = ~rests.all(axis=0) & np.isin(np.arange(4), watched)
-        # A joint that rests on one piece and moves on the next starts at a break, which is a knot.
-        turns = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
+        # A joint can only start after a rest at a break of the path, and every break is a knot.
+        reverses = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
         roots = (
             round(self.turning_point(int(i), s[k], s[k + 1]), 12)
-            for k, i in np.argwhere(turns & moving)
+            for k, i in np.argwhere(reverses & moving)
         )
         knots = with_knots(self.breaks, roots)
         middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
         return knots, np.where(np.abs(middle) > ROUNDING, np.sign(middle), 0.0) * moving
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Return where joints start from rest if the motion does, (n, 4). This is at s = 0."""
+        """Return a mask (n, 4) of the samples at which a joint starts from rest.
+
+        If the motion begins at rest, joints start at s = 0. Paths on which joints reverse at rest
+        override this method.
+        """
         return np.tile((samples.s == 0.0)[:, None], 4)
 
 
 class ClosedPath(JointPath):
-    """A smooth path in closed form, by CasADi, on one branch of the inverse kinematics.
+    """A smooth path in closed form on one branch of the inverse kinematics, as a CasADi function.
 
     It is differentiable while the tilt stays away from the workspace boundary (paper, eq. 9).
     """
 
     branch: int
+    """Branch of the inverse kinematics: +1 or −1."""
     first: Array
-    """Joints at s = 0, (4,). They determine the whole turns of the revolute joints."""
+    """Joint positions at s = 0, (4,). They determine the whole turns of the revolute joints."""
     watched: tuple[int, ...]
     """Joints whose reversals matter, because they have a drive."""
 
     @abstractmethod
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Return the joints up to whole turns, and q' and q'', at s (n,), (n, 4) each."""
+        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+
+        The results q, q' and q'' have the shape (n, 4).
+        """
 
     def sample(self, s: Array) -> PathSamples:
-        """Return q, q' and q'' at s (n,)."""
+        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = self._derivatives(s)
         return PathSamples(s, q + self._turns, dq, ddq)
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
-        """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
+        """Knots of s at which joints reverse, and the directions of the joints between them.
+
+        The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
+        """
         return self.smooth_directions(self.watched)
 
     @cached_property
     def _turns(self) -> Array:
-        """Whole turns (1, 4) between the closed form and the joints."""
+        """Whole turns in rad (1, 4) that are added to the joint positions of the closed form."""
         q = self._derivatives(np.zeros(1))[0]
         turns = 2 * np.pi * np.round((self.first - q) / (2 * np.pi))
         turns[:, 3] = 0.0
@@ -163,24 +181,33 @@ class ClosedPath(JointPath):
 
 @record
 class StraightPath(ClosedPath):
-    """The joints along task(s) = start + s (end − start), on one inverse-kinematics branch."""
+    """Joint path along a straight line in task coordinates, task(s) = start + s (end − start)."""
 
     mechanism: Mechanism
     start: Array
     """Task coordinates (roll, tilt, spin, depth), (4,)."""
     end: Array
+    """Task coordinates roll, tilt, spin (rad) and depth (m) at both ends, (4,) each."""
     branch: int
     first: Array
     watched: tuple[int, ...] = (0, 1, 2, 3)
 
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+
+        The results q, q' and q'' have the shape (n, 4).
+        """
         function = _line(self.mechanism, self.branch)
         return _evaluated(function, s, [*self.start, *(self.end - self.start)])
 
 
 @lru_cache(maxsize=16)
 def _line(mechanism: Mechanism, branch: int) -> ca.Function:
-    """Return a Function of s and of start and displacement: the joints and their derivatives."""
+    """Build the CasADi Function that evaluates a line in task coordinates.
+
+    Its arguments are s, and the start and displacement as one vector (8,). It returns the joint
+    positions q up to whole turns, and q' and q'' by s.
+    """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", 8)
     task = parameters[:4] + s * parameters[4:]
     joints = joints_from_task_symbolic(mechanism, task, branch)
@@ -188,28 +215,30 @@ def _line(mechanism: Mechanism, branch: int) -> ca.Function:
 
 
 def _with_derivatives(joints: ca.SX, s: ca.SX, parameters: ca.SX) -> ca.Function:
-    """Return a Function of s and parameters: joints and their first two derivatives."""
+    """Build a CasADi Function from s and parameters to joint positions and two derivatives by s."""
     slope: Any = ca.jacobian(joints, s)
     return ca.Function("path", [s, parameters], ca.cse([joints, slope, ca.jacobian(slope, s)]))
 
 
 def _evaluated(function: ca.Function, s: Array, parameters: list[float]) -> tuple[Array, ...]:
-    """Return the values of a Function of s and parameters at s (n,)."""
+    """Evaluate a Function of s and parameters at s (n,) with the same parameters, (n, 4) each."""
     return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
 
 
 @record
 class TipPath(ClosedPath):
-    """The joints for a tip on p(s) = fixed + s line + cos(s angle) u + sin(s angle) v.
+    """Joint path of a tip that follows a line or an arc.
 
-    This is a line (u = v = 0) or an arc (line = 0), away from the remote centre and from the axis
-    of joint 1. The tip moves evenly in s, and the spin is proportional to s.
+    The tip is at p(s) = fixed + s line + cos(s angle) u + sin(s angle) v. A line has u = v = 0, and
+    an arc has line = 0. The curve must avoid the remote centre and the axis of joint 1. The speed
+    of the tip is constant in s, and the spin changes in proportion to s.
     """
 
     mechanism: Mechanism
     terms: Array
-    """fixed, line, u and v, (4, 3), m."""
+    """The vectors fixed, line, u and v, (4, 3), m."""
     angle: float
+    """Angle of the arc, rad. 0 for a line."""
     spins: tuple[float, float]
     """Spins at both ends, rad."""
     branch: int
@@ -217,32 +246,36 @@ class TipPath(ClosedPath):
     watched: tuple[int, ...] = (0, 1, 2, 3)
 
     def tips(self, s: Array) -> Array:
-        """Return the tip at s (n,), (n, 3)."""
+        """Return the tip positions (n, 3) in m at s (n,)."""
         turn = self.angle * s
         return np.asarray(
             np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms
         )
 
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+
+        The results q, q' and q'' have the shape (n, 4).
+        """
         function = _tip_curve(self.mechanism, self.branch)
         parameters = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
         return _evaluated(function, s, parameters)
 
     @cached_property
     def _middle_roll(self) -> float:
-        """Roll in the middle of the path.
+        """Roll in the middle of the path, rad.
 
-        Rolls are counted from it, so that none jumps by a turn.
+        The closed form returns rolls within half a turn of it, so that no roll jumps by a turn.
         """
         return roll_of_tip(self.mechanism, self.tips(np.array([0.5]))[0])
 
 
 @lru_cache(maxsize=16)
 def _tip_curve(mechanism: Mechanism, branch: int) -> ca.Function:
-    """Return a Function of s and of the data of a TipPath: its joints and their derivatives.
+    """Build the CasADi Function that evaluates a line or an arc of the tip.
 
-    The data are the rows of its terms, the angle, the spins, and the roll from which rolls are
-    counted.
+    Its arguments are s and 16 parameters: the rows of `TipPath.terms`, the angle, both spins, and
+    the roll in the middle. It returns the joint positions q up to whole turns, and q' and q'' by s.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("given", 16)
     terms = ca.reshape(parameters[:12], 3, 4)
@@ -256,8 +289,18 @@ def _tip_curve(mechanism: Mechanism, branch: int) -> ca.Function:
 
 
 def sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
-    """Return the root between two points where a function of s (n,) has different signs."""
-    for _ in range(5):  # The last interval is 1e-13 of the first.
+    """Find the root of a function between two points at which it has different signs.
+
+    The interval is sampled, and the first part with a change of sign becomes the next interval.
+
+    Parameters
+    ----------
+    function : callable
+        Function of s (n,) that returns (n,) values.
+    low, high : float
+        Ends of the interval.
+    """
+    for _ in range(5):  # Five rounds reduce the interval to 1e-13 of its length.
         s = np.linspace(low, high, SAMPLES)
         values = function(s)
         roots = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
@@ -267,12 +310,12 @@ def sign_change(function: Callable[[Array], Array], low: float, high: float) -> 
     return float(low + high) / 2
 
 
-def with_knots(knots: Array, others: Iterable[float]) -> Array:
-    """Return knots (k,) and all of `others` that are further than SAME from them, (m,).
+def with_knots(knots: Array, candidates: Iterable[float]) -> Array:
+    """Return knots (k,) and further values that are more than SAME away from all others, sorted.
 
     Joints that reverse together thus give one knot.
     """
-    for knot in sorted(others):
+    for knot in sorted(candidates):
         if np.abs(knots - knot).min() > SAME:
             knots = np.append(knots, knot)
     return np.sort(knots)
@@ -280,60 +323,79 @@ def with_knots(knots: Array, others: Iterable[float]) -> Array:
 
 @record
 class MotionPath(JointPath):
-    """The path of a motion, q(s) with s = t / duration.
+    """The path of an existing motion, q(s) with s = t / duration.
 
-    It consists of the polynomials of the motion, so the motion itself has ṡ = 1 / duration. Where
-    joints rest, q' is zero and ṡ is not. ṡ at the ends is therefore that of the motion.
+    The path consists of the polynomials of the motion, so the motion itself has ṡ = 1 / duration.
+    Where all joints rest, q' is 0 but ṡ is not. A new timing therefore begins and ends with the ṡ
+    of the motion.
     """
 
     mechanism: Mechanism
     trajectory: Trajectory
+    """The motion as joint polynomials."""
     knots: Array
     """Values of s between which no joint reverses, (k + 1,)."""
     signs: Array
-    """Directions of the joints between the knots, (k, 4)."""
+    """Directions +1, −1 or 0 of the joints between the knots, (k, 4)."""
 
     @property
     def directions(self) -> tuple[Array, Array]:
-        """Knots and signs."""
+        """Knots of s between which no joint reverses, and the directions of the joints.
+
+        The knots have the shape (k + 1,), and the directions +1, −1 or 0 between them have the
+        shape (k, 4).
+        """
         return self.knots, self.signs
 
     def grid(self, points: int) -> Array:
-        """Return about `points` values of s from 0 to 1.
+        """Return a grid of about `points` values of s from 0 to 1.
 
-        One lies close to each side of every break, where q'' jumps, and the others between the
-        breaks.
+        q'' jumps at the breaks of the motion. A grid point therefore lies close to each side of
+        every break, and the others lie between the breaks.
         """
         breaks = self.trajectory.breaks / self.trajectory.duration
-        between = max(points - 2 * (len(breaks) - 1), 0)
+        remaining = max(points - 2 * (len(breaks) - 1), 0)
         grid = [0.0]
         for start, end in pairwise(breaks):
-            count = max(round((end - start) * between), 1)
+            count = max(round((end - start) * remaining), 1)
             shares = np.linspace(BESIDE, 1 - BESIDE, count + 1)
             grid.extend(start + (end - start) * shares)
         return np.append(grid, 1.0)
 
     def sample(self, s: Array) -> PathSamples:
-        """Return q, q' and q'' at s (n,)."""
+        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
         s = np.asarray(s, dtype=float)
         duration = self.trajectory.duration
         samples = self.trajectory.sample(np.clip(s, 0.0, 1.0) * duration)
         dq, ddq = samples.qd * duration, samples.qdd * duration**2
-        still = ~self.signs.any(axis=0)
-        dq[:, still] = ddq[:, still] = 0.0
+        # Rounding of the polynomials must not move a joint at rest.
+        at_rest = ~self.signs.any(axis=0)
+        dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, samples.q, dq, ddq)
 
     def starts(self, samples: PathSamples) -> Mask:
-        """Return where joints start, (n, 4): at s = 0, and behind a knot at which they reverse."""
+        """Return a mask (n, 4) of the samples at which a joint starts from rest.
+
+        Joints start at s = 0 if q' is 0 there, and at knots at which they reverse.
+        """
         return joint_starts(samples, *self.directions, moving=True)
 
 
 def joint_starts(
     samples: PathSamples, knots: Array, directions: Array, *, moving: bool = False
 ) -> Mask:
-    """Return at which samples (n,) joints begin to move at a knot, (n, 4).
+    """Return a mask (n, 4) of the samples at which joints start after a rest or a reversal.
 
-    If `moving` is true, ṡ is not zero at s = 0, and joints start there only if q' is zero.
+    Parameters
+    ----------
+    samples : PathSamples
+        q, q' and q'' at n values of s.
+    knots : (m + 1,) array
+        Values of s between which no joint reverses.
+    directions : (m, 4) array
+        Directions +1, −1 or 0 of the joints between the knots.
+    moving : bool
+        True if ṡ is not zero at s = 0. Joints then start there only if q' is 0.
     """
     starts = np.zeros((len(samples.s), 4), dtype=bool)
     previous = np.zeros(4)
@@ -347,21 +409,29 @@ def joint_starts(
 
 @record
 class SplinePath(JointPath):
-    """The natural cubic spline through points (k + 1, 4).
+    """The natural cubic spline through given joint positions.
 
-    No two consecutive points may be equal. s is the distance along the straight lines between the
-    points, with joints divided by their `scale` (4,), as a share of the whole distance.
+    s is the length of the polyline through the points up to s, as a share of its whole length. The
+    joints are divided by `scale` first. No two consecutive points may be equal.
     """
 
     mechanism: Mechanism
     points: Array
+    """Joint positions, (k + 1, 4), rad and m."""
     scale: Array
+    """Divisors of the joints for the length, (4,), for example their velocity limits."""
     pieces: bool = False
-    """True if optimal control must know the breaks between the cubic pieces, where q''' jumps."""
+    """True if `breaks` contains the ends of the cubic pieces, at which q''' jumps.
+
+    The optimal control problem needs them.
+    """
 
     @property
     def breaks(self) -> Array:
-        """Values of s between which the path is smooth."""
+        """Values of s between which the path counts as smooth.
+
+        They are all nodes of the spline if the field `pieces` is true, otherwise both ends.
+        """
         return self.nodes if self.pieces else super().breaks
 
     @cached_property
@@ -372,6 +442,7 @@ class SplinePath(JointPath):
 
     @cached_property
     def _spline(self) -> CubicSpline:
+        """The spline q(s) with second derivative 0 at both ends."""
         from scipy.interpolate import CubicSpline
 
         return CubicSpline(self.nodes, self.points, axis=0, bc_type="natural")
@@ -382,16 +453,19 @@ class SplinePath(JointPath):
         return int(np.clip(PER_POINT * len(self.points), FEW, MANY))
 
     def sample(self, s: Array) -> PathSamples:
-        """Return q, q' and q'' at s (n,)."""
+        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = (self._spline(s, order) for order in range(3))
-        still = np.ptp(self.points, axis=0) < ROUNDING
-        dq[:, still] = ddq[:, still] = 0.0
+        at_rest = np.ptp(self.points, axis=0) < ROUNDING
+        dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, q, dq, ddq)
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
-        """Reversals of the joints: knots (m + 1,), and the signs of q' between them, (m, 4)."""
+        """Knots of s at which joints reverse, and the directions of the joints between them.
+
+        The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
+        """
         moving = np.flatnonzero(np.ptp(self.points, axis=0) >= ROUNDING)
         roots = self._spline.derivative().roots(extrapolate=False)
         reversals = np.concatenate([roots[i] for i in moving])
@@ -400,7 +474,7 @@ class SplinePath(JointPath):
 
     @property
     def off_lines(self) -> Array:
-        """Largest distance of each joint from the lines between the points, (4,), rad and m."""
+        """Largest deviation of each joint from the lines between the points, (4,), rad and m."""
         count = len(self.points) - 1
         share = np.linspace(0.0, 1.0, PER_POINT * count + 1)
         s = np.interp(share, np.linspace(0.0, 1.0, count + 1), self.nodes)
@@ -409,40 +483,54 @@ class SplinePath(JointPath):
 
 
 def smooth_runs(points: Array, scale: Array) -> list[Array]:
-    """Split points (n, 4) where they turn by more than CORNER, because a curve cannot pass there.
+    """Split a sequence of points at corners that a smooth curve cannot follow.
 
-    Split points belong to both parts. Points that are less than SAME apart count once, because
-    their directions are noise. `scale` (4,) is that of `SplinePath`.
+    The angle at such a corner is larger than CORNER. The point at the corner belongs to both parts.
+    Of points that are less than SAME apart, one is kept, because their direction is noise.
+
+    Parameters
+    ----------
+    points : (n, 4) array
+        Joint positions, rad and m.
+    scale : (4,) array
+        Divisors of the joints for distances and angles, as in `SplinePath`.
+
+    Returns
+    -------
+    list of (k, 4) arrays
+        The parts with at least two points each. Empty if all points coincide.
     """
     scaled = points / scale
-    apart = [0]
+    kept = [0]
     for k in range(1, len(scaled)):
-        if np.linalg.norm(scaled[k] - scaled[apart[-1]]) > SAME:
-            apart.append(k)
-    if len(apart) > 1:  # The motion ends at the last point itself.
-        apart[-1] = len(points) - 1
-    points = points[apart]
-    steps = np.diff(scaled[apart], axis=0)
-    unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
-    cosine = np.einsum("ij,ij->i", unit[1:], unit[:-1])
+        if np.linalg.norm(scaled[k] - scaled[kept[-1]]) > SAME:
+            kept.append(k)
+    # The last point replaces an equal one, so that the motion ends exactly there.
+    if len(kept) > 1:
+        kept[-1] = len(points) - 1
+    points = points[kept]
+    steps = np.diff(scaled[kept], axis=0)
+    directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    cosine = np.einsum("ij,ij->i", directions[1:], directions[:-1])
     cuts = [0, *(np.flatnonzero(cosine < np.cos(CORNER)) + 1).tolist(), len(points) - 1]
     return [points[a : b + 1] for a, b in pairwise(cuts) if b > a]
 
 
 @record
 class PolylinePath(JointPath):
-    """Straight lines in joint space through points (k + 1, 4), each over the same share of s."""
+    """Straight lines in joint space through given points. Each line takes the same share of s."""
 
     mechanism: Mechanism
     points: Array
+    """Joint positions, (k + 1, 4), rad and m."""
 
     @property
     def directions(self) -> tuple[Array, Array]:
-        """Knots at the points, and signs of the displacements."""
+        """Values of s at the points (k + 1,), and the directions +1, −1 or 0 of the lines, (k, 4)."""
         return np.linspace(0.0, 1.0, len(self.points)), np.sign(np.diff(self.points, axis=0))
 
     def sample(self, s: Array) -> PathSamples:
-        """Return q, q' and q'' at s (n,)."""
+        """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
         s = np.asarray(s, dtype=float)
         count = len(self.points) - 1
         index = np.clip((s * count).astype(int), 0, count - 1)

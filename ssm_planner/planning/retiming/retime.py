@@ -1,8 +1,9 @@
-"""TOPP-RA: the fastest motion along a given path, with friction as exact linear rows.
+"""TOPP-RA: the fastest motion along a given path, with friction as exact linear constraints.
 
-The rows come from constraints.py, and reachability.py computes one pass over them. Viscous terms
-are concave in ṡ². Each pass replaces them by their tangents at the motion of the previous pass.
-Tangents overestimate the terms, so every pass is feasible and the next one is not slower.
+constraints.py formulates the constraints, and reachability.py computes one pass over them. The
+viscous terms are concave in ṡ². Each pass replaces them by their tangents at the motion of the
+previous pass. A tangent overestimates its term, so every pass gives a feasible motion, and the
+motion of the next pass is not slower.
 
 Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, and its interpolation scheme.
@@ -24,37 +25,39 @@ from ssm_planner.trajectory import Samples, Trajectory, hermite
 from ssm_planner.typing import Array, Indices, record
 
 UNIFORM = 0.1
-"""Share of the grid points that is uniform in s."""
+"""Weight of uniform steps in s for the grid. The rest of the weight is on uniform steps in time."""
 PASSES = 12
 """Largest number of passes."""
 FASTER = 10.0
-"""Largest ratio of the speed after retiming to that of the motion."""
+"""Largest ratio of ṡ after retiming to ṡ of the existing motion."""
 SLOWER = 1 / 16
-"""Factor on ṡ² at the tangents after a pass without a motion."""
+"""Factor on the ṡ² of the tangents after a pass without a feasible motion."""
 
 
 @record
 class Retiming:
-    """Result of TOPP-RA: ṡ² at the grid points s, (n + 1,) each."""
+    """Result of TOPP-RA: the timing of a path on a grid with n intervals."""
 
     s: Array
     speed_squared: Array
+    """Path parameters s and ṡ² (1/s²) at the grid points, (n + 1,) each. ṡ² is 0 without a motion.
+    """
     active: Indices
-    """Row that binds on each grid interval, (n,), as `LinearConstraints.active`."""
+    """Index of the constraint that binds on each interval, (n,), see `LinearConstraints.active`."""
 
     @property
     def solved(self) -> bool:
-        """True if there is a motion."""
+        """True if TOPP-RA found a motion."""
         return bool(self.speed_squared.any())
 
     @property
     def status(self) -> str:
-        """The word "solved" or "infeasible"."""
+        """Status "solved" or "infeasible"."""
         return "solved" if self.solved else "infeasible"
 
     @property
     def message(self) -> str:
-        """Reason why there is no motion."""
+        """Reason why there is no motion. Empty if there is one."""
         return "" if self.solved else "TOPP-RA finds no motion along the path within the limits"
 
     @property
@@ -75,7 +78,7 @@ def retime(
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     speeds: tuple[float, float] = (0.0, 0.0),
 ) -> Retiming:
-    """Return the time-optimal motion along a path.
+    """Compute the time-optimal motion along a path by TOPP-RA.
 
     Parameters
     ----------
@@ -86,7 +89,7 @@ def retime(
     points : int
         Number of grid intervals.
     limits : TaskLimits
-        Limits on task coordinates and on the tool.
+        Limits on the tool and on rates of task coordinates.
     speeds : (float, float)
         ṡ at both ends, 1/s.
 
@@ -95,9 +98,9 @@ def retime(
     Retiming
         The motion, or the status "infeasible".
     """
-    # A rough motion determines where grid points lie.
-    few = SAMPLES // 2
-    rough = retime(path, robot, few, limits, speeds) if points > few else None
+    # A motion on a coarse grid determines where the points of the fine grid lie.
+    rough_points = SAMPLES // 2
+    rough = retime(path, robot, rough_points, limits, speeds) if points > rough_points else None
     grid = _grid(path.directions[0], points, rough)
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
     tangent = path_limits.ceiling
@@ -107,27 +110,47 @@ def retime(
 
 
 def stays_at(retiming: Retiming, path: JointPath, speed: float) -> bool:
-    """Return True if a motion reaches a tip speed, m/s, and keeps it until its end."""
+    """Return True if a motion reaches a speed of the tip and then keeps it until it slows down.
+
+    Parameters
+    ----------
+    retiming : Retiming
+        The motion.
+    path : JointPath
+        Its path.
+    speed : float
+        Speed of the tip, m/s. The motion is never faster.
+    """
     samples = path.sample(retiming.s)
-    tip = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) * np.sqrt(
+    tip_speed = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) * np.sqrt(
         retiming.speed_squared
     )
-    at_speed = np.flatnonzero(tip >= (1 - ROUNDING) * speed)
+    at_speed = np.flatnonzero(tip_speed >= (1 - ROUNDING) * speed)
     return len(at_speed) > 2 and len(at_speed) == at_speed[-1] - at_speed[0] + 1
 
 
 def retime_motion(
     path: MotionPath, robot: Robot, limits: TaskLimits, speed_ratio: float = 1.0
 ) -> Retiming:
-    """Return the time-optimal motion along the path of a motion.
+    """Compute the time-optimal motion along the path of an existing motion by TOPP-RA.
 
-    It is about as fast as that motion, or faster if the motion was no optimum. `speed_ratio` is ṡ
-    at both ends relative to that of the motion.
+    It takes about as long as that motion, or less if the motion was not optimal.
+
+    Parameters
+    ----------
+    path : MotionPath
+        Path of the existing motion.
+    robot : Robot
+        The robot with its limits.
+    limits : TaskLimits
+        Limits on the tool and on rates of task coordinates.
+    speed_ratio : float
+        Ratio of ṡ at both ends to the ṡ of the existing motion.
     """
     grid = path.grid(FEW)
     speed = speed_ratio / path.trajectory.duration
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
-    # Where all joints rest nothing limits ṡ.
+    # The joints do not limit ṡ where all of them rest.
     path_limits = replace(
         path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2)
     )
@@ -137,25 +160,37 @@ def retime_motion(
 def motion_along(path: MotionPath, retiming: Retiming) -> Trajectory:
     """Return a motion with the timing of `retime_motion`, as quintics between grid points.
 
-    Two grid points lie beside every break of the path. They become one point on the break, where
+    Two grid points lie beside every break of the path. They become one point on the break, at which
     the acceleration may jump.
+
+    Parameters
+    ----------
+    path : MotionPath
+        Path of the existing motion.
+    retiming : Retiming
+        Timing on the grid of the path.
     """
     motion = path.trajectory
-    t = retiming.s * motion.duration
-    x = retiming.speed_squared * motion.duration**2
-    behind = np.searchsorted(t, motion.breaks[1:-1])
-    x[behind - 1] = (x[behind - 1] + x[behind]) / 2
-    t[behind - 1] = motion.breaks[1:-1]
-    t, x = np.delete(t, behind), np.delete(x, behind)
-    pull = (np.diff(x) / (2 * np.diff(t)))[:, None]
+    old_time = retiming.s * motion.duration
+    rate_squared = retiming.speed_squared * motion.duration**2
+    # Index of the grid point after each break.
+    after_break = np.searchsorted(old_time, motion.breaks[1:-1])
+    rate_squared[after_break - 1] = (rate_squared[after_break - 1] + rate_squared[after_break]) / 2
+    old_time[after_break - 1] = motion.breaks[1:-1]
+    old_time, rate_squared = np.delete(old_time, after_break), np.delete(rate_squared, after_break)
+    acceleration = (np.diff(rate_squared) / (2 * np.diff(old_time)))[:, None]
 
     def states(samples: Samples, squares: Array) -> tuple[Array, Array, Array]:
-        speed, square = np.sqrt(squares)[:, None], squares[:, None]
-        return samples.q, samples.qd * speed, samples.qdd * square + samples.qd * pull
+        """Return q, q̇ and q̈ (n, 4) at samples of the old motion.
 
-    breaks = _times(t, x)
-    starts = states(motion.sample(t[:-1], "right"), x[:-1])
-    ends = states(motion.sample(t[1:], "left"), x[1:])
+        `squares` (n,) are the squared ratios of the new velocities to the old ones.
+        """
+        speed, square = np.sqrt(squares)[:, None], squares[:, None]
+        return samples.q, samples.qd * speed, samples.qdd * square + samples.qd * acceleration
+
+    breaks = _times(old_time, rate_squared)
+    starts = states(motion.sample(old_time[:-1], "right"), rate_squared[:-1])
+    ends = states(motion.sample(old_time[1:], "left"), rate_squared[1:])
     return Trajectory(breaks, hermite(breaks, starts, ends), ())
 
 
@@ -167,49 +202,77 @@ def _retimed(
     *,
     static: bool,
 ) -> Retiming:
-    """Return the motion of TOPP-RA on a grid, pass after pass until the tangents converge.
+    """Repeat the passes of TOPP-RA on a grid until the tangents converge.
 
-    The first tangents are taken at ṡ² = tangent (n,).
+    Parameters
+    ----------
+    grid : (n,) array
+        Values of s.
+    path_limits : PathLimits
+        Limits at the grid points.
+    tangent : (n,) array
+        ṡ² at which the first tangents are taken.
+    speeds : (float, float)
+        ṡ at both ends, 1/s.
+    static : bool
+        True if friction is static where joints start from rest.
     """
     result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
     for _ in range(PASSES):
         rows = path_limits.constraints(tangent, static_start=static)
         # The square root has no tangent at 0.
         linear = rows.tangent(np.maximum(tangent, 1e-12 * tangent.max()))
-        squares = fastest_profile(grid, linear, speeds)
-        if squares is None and result.solved:
+        speed_squared = fastest_profile(grid, linear, speeds)
+        if speed_squared is None and result.solved:
             break
-        if squares is None:
-            # A tangent at high speed overestimates viscous friction at low speed. A tangent nearer
-            # to rest may be feasible.
+        if speed_squared is None:
+            # A tangent at high speed overestimates viscous friction at low speed. With tangents
+            # at lower speed there may be a motion.
             tangent = tangent * SLOWER
             continue
         # Tangents only overestimate. If no row with a tangent binds, they do not change the motion.
         has_tangent = np.append(rows.k.any(axis=0), [False, False])
-        exact = not has_tangent[linear.active(grid, squares)].any()
-        duration = float(_times(grid, squares)[-1])
+        is_exact = not has_tangent[linear.active(grid, speed_squared)].any()
+        duration = float(_times(grid, speed_squared)[-1])
         # Another pass would change the duration by about the square of the last change.
-        converged = exact or abs(result.duration - duration) <= GAP * duration
-        result = Retiming(grid, squares, rows.active(grid, squares))
+        converged = is_exact or abs(result.duration - duration) <= GAP * duration
+        result = Retiming(grid, speed_squared, rows.active(grid, speed_squared))
         if converged:
             break
-        tangent = squares
+        tangent = speed_squared
     return result
 
 
 def _times(grid: Array, speed_squared: Array) -> Array:
-    """Return the time at each grid point, (n + 1,), for ṡ² that is linear in s between them."""
+    """Return the times (n + 1,) in s at which a motion passes the grid points.
+
+    Parameters
+    ----------
+    grid, speed_squared : (n + 1,) arrays
+        s and ṡ² at the grid points. ṡ² is linear in s between them.
+    """
     speed = np.sqrt(speed_squared)
+    # 1e-300 prevents a division by zero where the motion rests.
     steps = 2 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-300)
     return np.append(0.0, np.cumsum(steps))
 
 
 def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
-    """Return the grid (points + 1,): uniform in s, or after a rough motion nearly uniform in time.
+    """Return the grid points of TOPP-RA from 0 to 1, (points + 1,).
 
-    Every knot gets a grid point. Where ṡ is small, a step in s takes long, and the interpolation
-    scheme, which keeps the rows at both ends with one s̈, loses most. A grid uniform in time loses
-    a quarter as much with the same number of points.
+    Without a rough motion the grid is uniform in s. With one it is nearly uniform in time, because
+    the interpolation scheme loses most in intervals that take long: it satisfies the constraints at
+    both ends of an interval with a single s̈. With the same number of points, such a grid loses a
+    quarter as much. In both cases the grid points nearest to the knots are moved to the knots.
+
+    Parameters
+    ----------
+    knots : (k,) array
+        Values of s at which joints may reverse.
+    points : int
+        Number of grid intervals.
+    rough : Retiming or None
+        Motion on a coarser grid.
     """
     grid = np.linspace(0.0, 1.0, points + 1)
     if rough is not None and rough.solved:
