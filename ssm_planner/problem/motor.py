@@ -43,6 +43,8 @@ class Motor(Value):
     """Nominal voltage, V. It is the default supply of the controller."""
     nominal_current: Annotated[Positive, Quantity("current")] | None = None
     """Continuous current, A."""
+    no_load_current: Annotated[Positive, Quantity("current")] | None = None
+    """Current without a load at nominal voltage, A. It gives the friction torque of the motor."""
     torque_constant: Annotated[Positive, Quantity("torque_constant")] | None = None
     """Torque constant, N·m/A."""
     terminal_resistance: Annotated[Positive, Quantity("resistance")] | None = None

@@ -45,6 +45,8 @@ from ssm_planner.typing import JsonObject
 
 PRIMITIVE = {type(None), bool, int, float, str}
 """Types that JSON represents directly."""
+ADDED = "no_load_current"
+"""Field that earlier versions do not have. Without a value, it does not change a certificate."""
 
 
 def plain(value: Any) -> Any:
@@ -62,7 +64,8 @@ def plain(value: Any) -> Any:
     if value_type in _SPECIAL:
         return _SPECIAL[value_type](value)
     if names := _names(value_type):
-        return {name: plain(getattr(value, name)) for name in names}
+        items = ((name, plain(getattr(value, name))) for name in names)
+        return {name: item for name, item in items if item is not None or name != ADDED}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.dynamics import FrictionSpread, friction_of, spread_of
-from ssm_planner.problem import Drive, Motor
+from ssm_planner.problem import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.checks import (
     TOLERANCE,
@@ -25,7 +25,6 @@ from ssm_planner.sizing.checks import (
     unchecked,
 )
 from ssm_planner.sizing.demand import (
-    ELECTRICAL,
     Band,
     DemandName,
     Demands,
@@ -35,10 +34,12 @@ from ssm_planner.sizing.demand import (
 from ssm_planner.sizing.heat_check import Heat, heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
+    ELECTRICAL,
     MAGNET,
     Conditions,
     continuous_torque,
     missing,
+    no_load_torque,
     operating_shares,
     rotor_range,
     supply,
@@ -87,12 +88,12 @@ class MotorVerdict(ShortRepr):
 
     @property
     def adequate(self) -> bool | None:
-        """True if every check of the motor passes and no check of its gear fails.
+        """True if every check of the motor and of its gear passes, False if a check fails.
 
-        None if this is unknown. The answer True has the confidence that `Conditions` states.
+        None if no check fails and at least one is open, for example because a figure is missing.
+        The answer True has the confidence that `Conditions` states.
         """
-        gear_fails = any(check.passed is False for check in self.gear)
-        return False if gear_fails else all_of(check.passed for check in self.checks)
+        return all_of(check.passed for check in (*self.checks, *self.gear))
 
     @property
     def binds(self) -> str | None:
@@ -140,9 +141,13 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     conditions
         Operating conditions, which contain the pause after each repetition.
     """
-    drive, inertia, rotors = with_rotor(load, motor)
-    load = replace(load, drive=drive, motor=motor)
-    spread = replace(spread_of(drive, conditions.spread), inertia=inertia, rotors=rotors)
+    original = load.motor
+    load, inertia, rotors = with_motor(load, motor)
+    needs = rotors
+    least, largest = load.motor_friction
+    if least < largest:
+        needs += (f"no_load_current of {original.name if original else 'the original motor'}",)
+    spread = replace(spread_of(load.drive, conditions.spread), inertia=inertia, rotors=needs)
     case = Case(load, band_of(load, spread, conditions), spread, conditions)
     share = math.sqrt(load.duration / (load.duration + conditions.pause))
     heat = heat_of(
@@ -154,6 +159,11 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     confidence = _confidence(case, limits)
     requirement = motor_requirement(load)
     notes = tuple(_notes(load, motor, conditions))
+    if largest > 0:
+        notes += (
+            f"joint {load.joint}: friction of {motor.name} by its no-load current: up to "
+            f"{1e3 * largest:.3g} mN·m in addition to the friction of the drive",
+        )
     if inertia is not None:
         ends = " to ".join(f"{1e7 * end:.3g}" for end in inertia)
         notes += (
@@ -194,16 +204,16 @@ def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> 
     return linear_band(load, spread)
 
 
-def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tuple[str, ...]]:
-    """Replace the original motor's rotor by the rotor of `motor` in the drive of a joint.
+def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, tuple[str, ...]]:
+    """Replace the original motor of a joint by `motor`, with its rotor and its friction.
 
     The `input_inertia` of a drive includes the rotor of the joint's original motor.
 
     Returns
     -------
-    drive
-        Drive with the new input inertia. If a motor file does not state the rotor's inertia, the
-        drive has the largest input inertia that is possible.
+    load
+        Load with the new motor, its friction torque and the new input inertia. If a motor file does
+        not state the rotor's inertia, the drive has the largest input inertia that is possible.
     inertia
         Range of the input inertia, kg·m². None if it is certain.
     rotors
@@ -211,9 +221,9 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
     """
     low, high = shaft_inertia(load, motor)
     original = load.motor
-    drive = load.drive
+    friction = motor_friction(original, motor)
     if original is not None and _same_rotor(original, motor):
-        return drive, None, ()
+        return replace(load, motor=motor), None, ()
     missing_from = [
         candidate
         for candidate in (original, motor)
@@ -222,8 +232,26 @@ def with_rotor(load: JointLoad, motor: Motor) -> tuple[Drive, Range | None, tupl
     rotors = [f"rotor_inertia of {candidate.name}" for candidate in missing_from]
     if original is None:
         rotors.insert(0, "the motor whose rotor input_inertia includes")
-    drive = replace(drive, input_inertia=high)
-    return (drive, (low, high), tuple(rotors)) if rotors else (drive, None, ())
+    drive = replace(load.drive, input_inertia=high)
+    load = replace(load, drive=drive, motor=motor, motor_friction=friction)
+    return load, (low, high) if rotors else None, tuple(rotors)
+
+
+def motor_friction(original: Motor | None, motor: Motor) -> Range:
+    """Return the range of the friction torque that a motor adds to the friction of a drive, N·m.
+
+    The friction of the drive includes that of the joint's original motor. If the original motor
+    states its no-load current, the result is the increase, or 0. Otherwise, the range extends from
+    0 to the friction torque of the new motor. A motor without a no-load current is assumed to have
+    the friction of the original motor.
+    """
+    torque = no_load_torque(motor)
+    if torque is None or (original is not None and _same_rotor(original, motor)):
+        return 0.0, 0.0
+    included = no_load_torque(original)
+    if included is None:
+        return 0.0, torque
+    return (max(torque - included, 0.0),) * 2
 
 
 def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
@@ -305,9 +333,13 @@ def _check(case: Case, name: str, limit: Limit) -> Check:
 def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
     """Check that the motor keeps all its limits at once with the required confidence.
 
-    The probability of this is the value `worst` of the result.
+    The probability of this is the value `worst` of the result. If a limit is missing, the stated
+    limits give an upper bound of the probability, so the check can fail but not pass.
     """
     required = case.conditions.confidence
+    missing_names = dict.fromkeys(
+        name for _, _, limit, _, names in limits.values() if limit is None for name in names
+    )
     if not case.spread.is_stated:
         return unchecked(
             CONFIDENCE,
@@ -327,6 +359,8 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
         nominal=probability,
         best_margin=max(margin, optimistic),
     )
+    if missing_names and check.passed is not False:
+        return unchecked(CONFIDENCE, *missing_names)
     if check.passed is not None:
         return check
     return replace(check, needs="data that decide the open limits")

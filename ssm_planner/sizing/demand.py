@@ -15,6 +15,7 @@ from ssm_planner.problem import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
+    ELECTRICAL,
     REFERENCE_TEMPERATURE,
     missing,
     require_value,
@@ -34,8 +35,6 @@ DEMANDS: tuple[DemandName, ...] = (
     "peak_effort",
     "continuous_effort",
 )
-ELECTRICAL = ("torque_constant", "terminal_resistance", "max_winding_temperature")
-"""Data that the voltage check needs from a motor file."""
 SHARE = 500
 """Number of evenly spaced instants in a Monte Carlo simulation.
 
@@ -187,14 +186,16 @@ def _at_corners(load: JointLoad, spread: FrictionSpread) -> Array:
 
 
 def _lowest(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
-    """Reduce the demands (draws, 5) of the best corner to a lower bound for all possible inertias.
+    """Reduce the demands (draws, 5) of the best corner to a lower bound for all possible motors.
 
     Peak and RMS torque are convex in the inertia J. Between the ends J₁ and J₂ of its range, they
-    are at least their mean minus (J₂ − J₁)/2 · |ẇ|.
+    are at least their mean minus (J₂ − J₁)/2 · |ẇ|. The range of the motor's friction changes them
+    at most by its width.
     """
     low, high = spread.inertia or (0.0, 0.0)
     wd = np.abs(load.acceleration())
-    peak, rms = ((high - low) / 2 * value for value in (float(wd.max()), float(load.rms(wd))))
+    width = load.motor_friction[1] - load.motor_friction[0]
+    peak, rms = ((high - low) / 2 * float(value) + width for value in (wd.max(), load.rms(wd)))
     volts = peak * volts_per_torque(load.motor)
     return Demands.from_table(np.maximum(lowest - [peak, rms, volts, 0.0, 0.0], 0.0))
 

@@ -20,7 +20,7 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import DEGREE, Trajectory, parts_of
-from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.typing import Array, Indices, Mask, Range, record
 
 RATE = 2000.0
 """Default sampling rate, Hz."""
@@ -69,6 +69,8 @@ class JointLoad(ShortRepr):
     weight: Array
     """Share of the duration that each instant represents (trapezoidal rule). The sum is 1."""
     duration: float
+    motor_friction: Range = (0.0, 0.0)
+    """Least and largest friction torque of the motor that the drive's friction omits, N·m."""
 
     @property
     def tau_rigid(self) -> Array:
@@ -98,8 +100,11 @@ class JointLoad(ShortRepr):
         return output_effort(self.drive, self.tau_rigid, self.qd, self.qdd, self.direction)
 
     def torque(self) -> Array:
-        """Return the exact motor torque, N·m, (n,) or (draws, n) for random friction."""
-        return motor_torque(
+        """Return the exact motor torque, N·m, (n,) or (draws, n) for random friction.
+
+        It contains the largest friction torque of the motor.
+        """
+        torque = motor_torque(
             self.drive,
             self.effort(),
             self.speed(),
@@ -107,6 +112,7 @@ class JointLoad(ShortRepr):
             direction=self.direction,
             mu=self.coefficient(),
         )
+        return torque + self.motor_friction[1] * self.direction
 
     def coefficient(self) -> Array:
         """Return the kinetic friction coefficient μ at every instant, (n,) or (draws, n).

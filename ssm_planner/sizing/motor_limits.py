@@ -1,8 +1,8 @@
 """Compute the limits of a motor: speed–torque line, current limit, continuous torque.
 
 The electrical model is the steady balance U = R·I + k·w with the torque k·I. It omits the
-inductance, and the losses of the motor. The friction of the drive includes these losses, because it
-was identified together with the motor.
+inductance. The friction of a drive includes the friction and the iron losses of the joint's own
+motor, because it was identified together with this motor. `no_load_torque` gives them for others.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance, torque constant and nominal torque, K."""
 COPPER = 0.00393
 """Relative increase of the resistance of copper, 1/K."""
+ELECTRICAL = ("torque_constant", "terminal_resistance", "max_winding_temperature")
+"""Data that the voltage check needs from a motor file."""
 MAGNET = -0.0012
 """Relative change of the torque constant if the motor file does not state it, 1/K.
 
@@ -93,6 +95,20 @@ def rotor_range(motor: Motor) -> Range:
     """
     inertia = motor.rotor_inertia
     return (0.0, motor.nominal_torque / SLOWEST_START) if inertia is None else (inertia, inertia)
+
+
+def no_load_torque(motor: Motor | None) -> float | None:
+    """Return the friction torque of a motor, M_R = k·I_0, in N·m.
+
+    Without a load, the motor torque k·I_0 only overcomes bearing friction, brush friction and iron
+    losses (maxon, "Key information on maxon DC and EC motors": iron losses are treated as an
+    additional friction torque, and torque equals current times torque constant). The no-load
+    current applies at the no-load speed. These losses grow with speed, so M_R is an upper bound for
+    lower speeds. The result is None if the motor file lacks the current or the torque constant.
+    """
+    if motor is None or missing(motor, "no_load_current", "torque_constant"):
+        return None
+    return require_value(motor, "no_load_current") * torque_constant(motor)
 
 
 def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
@@ -182,10 +198,10 @@ def operating_shares(
     Returns
     -------
     dict[str, float] or None
-        Shares by region. None if the continuous torque is unknown.
+        Shares by region. None if the continuous torque or the speed–torque line is unknown.
     """
     steady = continuous_torque(motor, conditions.ambient)
-    if steady is None:
+    if steady is None or missing(motor, *ELECTRICAL) or supply(motor, conditions) is None:
         return None
     size = np.abs(torque)
     within = size <= available_torque(

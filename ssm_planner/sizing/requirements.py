@@ -146,7 +146,10 @@ class TorqueBreakdown(ShortRepr):
     """Torque with sliding friction in the mesh minus torque without it. At rest, it holds the load.
     """
     bearing_friction: Array
-    """Torque for the bearings of the input side and, through the mesh, of the output side."""
+    """Torque for the bearings of the input side and, through the mesh, of the output side.
+
+    It contains the friction torque of the motor.
+    """
     at_peak: dict[str, float]
     """Components at the instant of the largest torque, N·m."""
     rms: dict[str, float]
@@ -198,12 +201,13 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
     input_inertia = motor_torque(lossless, zero, zero, wd, direction=sign)
     output_inertia = _mesh(lossless, carried, sign)
     load_torque = _mesh(lossless, load.velocity + load.gravity, sign)
-    bearing = np.where(
+    in_motor = load.motor_friction[1] * load.direction
+    bearing = in_motor + np.where(
         moving, motor_torque(drive_with_bearings, friction_effort, w, zero, direction=sign), 0.0
     )
     total = load.torque()
     effort = load.effort()
-    without = np.where(
+    without = in_motor + np.where(
         moving,
         motor_torque(drive_with_bearings, effort, w, wd, direction=sign),
         _mesh(lossless, effort, sign),

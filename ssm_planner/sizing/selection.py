@@ -24,15 +24,17 @@ from ssm_planner.sizing.assess import (
     assess,
     gear_case,
     limits_of,
+    motor_friction,
     shaft_inertia,
-    with_rotor,
+    with_motor,
 )
 from ssm_planner.sizing.checks import TOLERANCE, Check, gear_checks
-from ssm_planner.sizing.demand import ELECTRICAL, volts_per_torque
+from ssm_planner.sizing.demand import volts_per_torque
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.heat_check import heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
+    ELECTRICAL,
     REFERENCE_TEMPERATURE,
     Conditions,
     missing,
@@ -47,6 +49,8 @@ Rank = Literal["mass", "length", "torque", "margin"]
 RANKS: tuple[Rank, ...] = ("mass", "length", "torque", "margin")
 Answers = NDArray[np.int8]
 """Answers (gears, motors): 1 means passed, 0 not known, and −1 failed."""
+ANSWERS = {True: 1, None: 0, False: -1}
+"""Numbers that represent the answers of checks."""
 MARGINS = ("torque", "speed", "continuous_torque", "voltage")
 NEAR = 0.01
 """Margin of the temperature bounds, K. Pairs that are closer to the limit are left to `assess`."""
@@ -79,43 +83,63 @@ class JointSelection:
     @property
     def adequate(self) -> Answers:
         """Answers for each pair, equal to `MotorVerdict.adequate`."""
-        answer = np.min(list(self.answers.values()), axis=0)
-        fails = np.array(
-            [any(check.passed is False for check in checks) for checks in self.of_gear]
-        )
-        return np.where(fails[:, None], np.int8(-1), answer)
+        gear = [min(ANSWERS[check.passed] for check in checks) for checks in self.of_gear]
+        return np.minimum(self._of_motors, np.array(gear, np.int8)[:, None])
+
+    @property
+    def _of_motors(self) -> Answers:
+        """Answers for each pair by the checks of its motor alone."""
+        return np.min(list(self.answers.values()), axis=0)
 
     def ruled_out_by(self, g: int, m: int) -> list[str]:
         """Return the names of the checks that a pair fails."""
-        motor = [name for name, answer in self.answers.items() if answer[g, m] < 0]
-        return motor + [check.name for check in self.of_gear[g] if check.passed is False]
+        return self._checks_with(-1, g, m)
+
+    def _checks_with(self, answer: int, g: int, m: int) -> list[str]:
+        """Return the names of the checks of a pair that have an answer: 1, 0 or −1."""
+        motor = [name for name, answers in self.answers.items() if answers[g, m] == answer]
+        return motor + [c.name for c in self.of_gear[g] if ANSWERS[c.passed] == answer]
 
     def ranked(self, by: Rank = "mass") -> list[tuple[int, int]]:
         """Return the pairs (gear, motor) that no check rules out.
 
-        Adequate pairs precede the others, and both groups are sorted by rank. Pairs for which the
-        quantity of the rank is not stated are last.
+        Adequate pairs come first. Pairs whose motor passes all its own checks come next, so that
+        only figures of the gear are open. Each group is sorted by rank. Pairs for which the
+        quantity of the rank is not known are last in their group.
         """
         adequate = self.adequate
+        of_motors = self._of_motors
         key = self._key(by)
-        pairs = [(int(g), int(m)) for g, m in np.argwhere(adequate >= 0)]
         nominal = [candidate.of.nominal_torque for candidate in self.motors]
-        return sorted(pairs, key=lambda pair: (-adequate[pair], key[pair], nominal[pair[1]], pair))
+        return sorted(
+            ((int(g), int(m)) for g, m in np.argwhere(adequate >= 0)),
+            key=lambda pair: (
+                -adequate[pair],
+                -of_motors[pair],
+                key[pair],
+                nominal[pair[1]],
+                pair,
+            ),
+        )
 
     def _key(self, by: Rank) -> Array:
-        """Return the sort key (gears, motors) of a rank. Pairs with small keys come first."""
-        shape = (len(self.gears), len(self.motors))
+        """Return the sort key (gears, motors) of a rank. Pairs with small keys come first.
+
+        The key is infinite if a part does not state the quantity. A quantity that no gear states
+        does not distinguish gears, and motors alone determine the key.
+        """
         if by == "margin":
-            return -np.nan_to_num(np.nanmin(list(self.margins.values()), axis=0), nan=-1.0)
+            return np.nan_to_num(-np.min(list(self.margins.values()), axis=0), nan=np.inf)
         if by == "torque":
-            return np.broadcast_to(
-                [candidate.of.nominal_torque for candidate in self.motors], shape
+            motor, gear = ([part.of.nominal_torque for part in self.motors], [])
+        else:
+            motor, gear = (
+                [getattr(part, by) for part in parts] for parts in (self.motors, self.gears)
             )
-        motor = np.array(
-            [np.inf if (x := getattr(candidate, by)) is None else x for candidate in self.motors]
-        )
-        gear = np.array([getattr(candidate, by) or 0.0 for candidate in self.gears])
-        return motor + gear[:, None]
+        if not any(gear):
+            gear = [0.0] * len(self.gears)
+        sizes = (np.array(values, dtype=float) for values in (gear, motor))
+        return np.nan_to_num(np.add.outer(*sizes), nan=np.inf)
 
     def verdict(self, g: int, m: int) -> MotorVerdict:
         """Assess one pair by `assess`, which computes all margins and the temperatures."""
@@ -164,14 +188,26 @@ class JointSelection:
             "motors": [candidate.label for candidate in self.motors],
             "gears": [candidate.label for candidate in self.gears],
             "adequate": [[as_json[int(answer)] for answer in row] for row in adequate],
-            "ruled_out_by": [
-                [self.ruled_out_by(g, m) for m in range(len(self.motors))]
-                for g in range(len(self.gears))
-            ],
+            "ruled_out_by": self._table(-1),
+            "open": self._table(0),
             "reasons": self.reasons(),
             "rank": rank,
             "best": [self.pair_dict(g, m) for g, m in self.ranked(rank)[:count]],
         }
+
+    def _table(self, answer: int) -> list[list[list[str]]]:
+        """Return the checks that give each pair (gears, motors) an answer, which is −1 or 0.
+
+        The list of a pair with another answer is empty.
+        """
+        adequate = self.adequate
+        return [
+            [
+                self._checks_with(answer, g, m) if adequate[g, m] == answer else []
+                for m in range(len(self.motors))
+            ]
+            for g in range(len(self.gears))
+        ]
 
     def pair_dict(self, g: int, m: int) -> JsonObject:
         """Return the full description of one pair."""
@@ -357,7 +393,7 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     speed = _margin(load.peak_speed, fleet.max_speed)
     if spread.names:
         return _assess_by_draws(load, fleet, conditions, gear, speed)
-    ends = np.array([shaft_inertia(load, motor) for motor in fleet.motors])
+    ends = np.array([(shaft_inertia(load, x), motor_friction(load.motor, x)) for x in fleet.motors])
     highest, lowest = _bands(load, [dict(corner) for corner in spread.corners()], ends, fleet)
     answers = {"speed": _answer(speed, speed)}
     margins = {"speed": speed}
@@ -367,10 +403,8 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
         "continuous_torque": ("rms", share),
         "voltage": ("volts", 1.0),
     }
-    has_limit = {"heat": np.isfinite(fleet.cool)}
     for name, (demand, factor) in limited.items():
         limit = fleet.limit(name)
-        has_limit[name] = np.isfinite(limit)
         margins[name] = _margin(factor * highest[demand], limit)
         answers[name] = _answer(margins[name], _margin(factor * lowest[demand], limit))
     fails = np.min(list(answers.values()), axis=0) < 0
@@ -378,12 +412,8 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     answers["heat"] = _heat(
         load, fleet, conditions, band=(share * highest["rms"], share * lowest["rms"]), fails=fails
     )
-    combined_answers = np.min(
-        [np.where(has_limit[name], answers[name], 1) for name in has_limit], axis=0
-    )
-    answers[CONFIDENCE] = (combined_answers if spread.is_stated else 0 * combined_answers).astype(
-        np.int8
-    )
+    combined = np.min([answers[name] for name in (*limited, "heat")], axis=0)
+    answers[CONFIDENCE] = combined if spread.is_stated else 0 * combined
     return answers, margins, gear
 
 
@@ -402,13 +432,10 @@ def _assess_by_draws(
         return answers, margins, gear
     for m in np.flatnonzero(answers["speed"] > 0).tolist():
         for check in assess(load, fleet.motors[m], conditions).checks:
-            answers[check.name][m] = _WORDS[check.passed]
+            answers[check.name][m] = ANSWERS[check.passed]
             if check.name in margins and check.margin is not None:
                 margins[check.name][m] = check.margin
     return answers, margins, gear
-
-
-_WORDS = {True: 1, None: 0, False: -1}
 
 
 def _bands(
@@ -416,43 +443,47 @@ def _bands(
 ) -> tuple[Arrays, Arrays]:
     """Return the largest and smallest demands of every motor, each as arrays (m,) by name.
 
-    `ends` (m, 2) contains the smallest and largest inertia of each motor's shaft, kg·m².
+    `ends` (m, 2, 2) contains the smallest and largest inertia (kg·m²) of each motor's shaft, and
+    the least and largest friction torque (N·m) of the motor. The torque is linear in both.
     """
     turning = load.acceleration() * (load.direction != 0)
+    inertias, friction = ends[:, 0], ends[:, 1]
     demands = []
     for corner in corners:
         drive = drive_with(load.drive, {**corner, "input_inertia": 0.0})
-        rotorless = replace(load, drive=drive).torque()
-        sums = [
-            float(load.weight @ (a * b))
-            for a, b in ((rotorless, rotorless), (rotorless, turning), (turning, turning))
-        ]
-        for inertia in ends.T if np.any(ends[:, 0] != ends[:, 1]) else ends.T[:1]:
-            rms = np.sqrt(np.maximum(sums[0] + 2 * inertia * sums[1] + inertia**2 * sums[2], 0.0))
-            demands.append([*_peaks(rotorless, turning, load.speed(), inertia, fleet), rms])
+        parts = np.stack([replace(load, drive=drive).torque(), turning, load.direction])
+        products = parts * load.weight @ parts.T
+        for inertia in inertias.T if np.any(inertias[:, 0] != inertias[:, 1]) else inertias.T[:1]:
+            factors = np.stack([np.ones(len(inertia)), inertia, friction[:, 1]], axis=1)
+            rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=1), 0.0))
+            demands.append([*_peaks(parts, factors, load.speed(), fleet), rms])
     peak, volts, rms = np.max(demands, axis=0)
     low_peak, low_volts, low_rms = np.min(demands, axis=0)
-    # The demands are convex in the inertia, so between its ends they fall by at most this.
-    half_width = (ends[:, 1] - ends[:, 0]) / 2
+    # The demands are convex in the inertia, so between its ends they fall by at most half of its
+    # width times |ẇ|. The friction changes them at most by the width of its range.
+    half_width = np.diff(inertias)[:, 0] / 2
+    width = np.diff(friction)[:, 0]
     wd = np.abs(load.acceleration())
-    low_peak = low_peak - half_width * wd.max()
-    low_rms = low_rms - half_width * float(load.rms(wd))
-    low_volts = low_volts - half_width * wd.max() * fleet.volts
+    low_peak = low_peak - half_width * wd.max() - width
+    low_rms = low_rms - half_width * float(load.rms(wd)) - width
+    low_volts = low_volts - (half_width * wd.max() + width) * fleet.volts
     lowest = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
     return {"peak": peak, "volts": volts, "rms": rms}, {
         name: np.maximum(low, 0.0) for name, low in lowest.items()
     }
 
 
-def _peaks(
-    rotorless: Array, turning: Array, speed: Array, inertia: Array, fleet: _Fleet
-) -> tuple[Array, Array]:
-    """Return the peak torques and voltages (m,) of motors with shaft inertias (m,)."""
-    peak = np.empty(len(inertia))
-    volts = np.full(len(inertia), np.nan)
+def _peaks(parts: Array, factors: Array, speed: Array, fleet: _Fleet) -> tuple[Array, Array]:
+    """Return the peak torques and voltages (m,) of motors with the torques factors @ parts.
+
+    `parts` (3, n) contains the torque without rotor, the motor acceleration, and the direction.
+    `factors` (m, 3) contains 1, the inertia of the shaft, and the friction torque of the motor.
+    """
+    peak = np.empty(len(factors))
+    volts = np.full(len(factors), np.nan)
     column = np.cumsum(fleet.electrical) - 1
-    for m, shaft in enumerate(inertia):
-        torque = rotorless + shaft * turning
+    for m, factor in enumerate(factors):
+        torque = factor @ parts
         peak[m] = max(torque.max(), -torque.min())
         if fleet.electrical[m]:
             needs = [
@@ -487,8 +518,7 @@ def _heat(
     )
     for m in np.flatnonzero(open_).tolist():
         motor = fleet.motors[m]
-        candidate = replace(load, drive=with_rotor(load, motor)[0], motor=motor)
-        heat = heat_of(candidate, motor, conditions, highest[m])
+        heat = heat_of(with_motor(load, motor)[0], motor, conditions, highest[m])
         if heat is not None:
             limit = np.array(heat.capacity)
             answers[m] = _answer(_margin(highest[m], limit), _margin(lowest[m], limit))

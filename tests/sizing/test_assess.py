@@ -20,6 +20,7 @@ from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.typing import Array
 from tests.support.paths import PROBLEMS
+from tests.support.sizing_cases import rated
 
 KINDS = {
     "nominal_torque": "torque",
@@ -60,7 +61,8 @@ def axes() -> tuple[JointLoad, ...]:
     """The shipped motion, at fewer instants: what is compared looks at the same ones."""
     problem = load_problem(PROBLEMS / "tilt_insert.yaml")
     trajectory = plan_motion(problem).trajectory
-    return joint_loads(trajectory, problem.robot, rate=50.0)
+    loads = joint_loads(trajectory, problem.robot, rate=50.0)
+    return tuple(replace(load, drive=rated(load.drive)) for load in loads)
 
 
 def reference_torque(load: JointLoad, inertia: float, values: dict[str, float]) -> Array:

@@ -86,18 +86,38 @@ def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, condit
 
 
 def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_them(duty, motors):
+    without_mass = 0
     for joint in select(duty, motors, gears(duty)):
         pairs = joint.ranked("mass")
         assert all(joint.adequate[pair] >= 0 for pair in pairs)
         assert len(pairs) == int((joint.adequate >= 0).sum())
-        mass = [joint.motors[m].mass + (joint.gears[g].mass or 0.0) for g, m in pairs]
+        # a gear of unknown mass is not a gear without mass
+        unknown = [joint.gears[g].mass is None for g, _ in pairs]
+        assert unknown == sorted(unknown)
+        without_mass += sum(unknown)
+        mass = [
+            joint.motors[m].mass + joint.gears[g].mass
+            for g, m in pairs
+            if joint.gears[g].mass is not None
+        ]
         assert mass == sorted(mass)
+        # the smallest margin of a pair is not known if one of its margins is not
         worst = [
-            min(margins[pair] for margins in joint.margins.values())
+            np.min([margins[pair] for margins in joint.margins.values()])
             for pair in joint.ranked("margin")
         ]
         known = [margin for margin in worst if np.isfinite(margin)]
         assert known == sorted(known, reverse=True)
+        assert np.isfinite(worst[: len(known)]).all()
+    assert without_mass > 0
+
+
+def test_a_mass_that_no_gear_states_leaves_the_rank_to_the_motors(duty, motors):
+    """Without --gears, every motor has the joint's present drive, whose mass no file states."""
+    heavier = [replace(part, mass=1.0 + k) for k, part in enumerate(reversed(motors))]
+    (joint, *_) = select(duty, [*heavier, replace(motors[0], mass=None)], {})
+    order = [m for _, m in joint.ranked("mass")]
+    assert order == sorted(order)
 
 
 def test_energy_to_the_bus_and_inertia_ratio_follow_from_their_definitions(duty):

@@ -57,6 +57,11 @@ def test_a_missing_figure_is_never_passed(complete: DutyCycle, name: str) -> Non
     unknown = {check.name: check.needs for check in verdict.checks if check.passed is None}
     assert "heat" in unknown
     assert all(name in needs for needs in unknown.values())
+    assert "confidence" in unknown
+    assert verdict.probability is None
+    assert not {"torque_constant", "terminal_resistance", "max_winding_temperature"} & {name} or (
+        verdict.regions is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -78,8 +83,14 @@ def test_a_missing_rating_leaves_the_whole_unknown(robot: Robot, name: str) -> N
         KNOWN,
     )
     assert found.adequate is None
-    assert all(verdict.adequate for verdict in found.verdicts)
-    assert name in json.dumps(found.to_dict()["gears"])
+    document = found.to_dict()
+    assert name in json.dumps(document["gears"])
+    lacking = {gear["joint"] for gear in document["gears"] if gear["not_checked"]}
+    for verdict, row in zip(found.verdicts, document["motors"], strict=True):
+        assert all(check.passed for check in verdict.checks)
+        assert verdict.adequate is (None if verdict.joint in lacking else True)
+        assert (name in json.dumps(row["not_checked"])) is (verdict.joint in lacking)
+        assert (document["smallest"][verdict.joint] is None) is (verdict.joint in lacking)
 
 
 def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> None:

@@ -59,6 +59,20 @@ def with_covariance(drive: Drive, relative: float = 0.08) -> Drive:
     return replace(drive, friction=replace(friction, covariance=table, identified_speed=20.0))
 
 
+def rated(drive: Drive) -> Drive:
+    """The drive with generous ratings of its gear."""
+    ratings = Ratings(
+        continuous_output=50.0,
+        peak_output=100.0,
+        input_speed=500.0,
+        duty=1.0,
+        free_length=0.05,
+        root_diameter=2.4e-3,
+        ends="fixed-supported",
+    )
+    return replace(drive, ratings=ratings)
+
+
 def equipped(robot: Robot, motor: Motor = COMPLETE, ratings: bool = True) -> Robot:
     """The robot with a complete motor on every drive, friction with covariance, and generous gear ratings."""
     joints = []
@@ -66,16 +80,7 @@ def equipped(robot: Robot, motor: Motor = COMPLETE, ratings: bool = True) -> Rob
         if joint.drive is None:
             joints.append(joint)
             continue
-        rated = Ratings(
-            continuous_output=50.0,
-            peak_output=100.0,
-            input_speed=500.0,
-            duty=1.0,
-            free_length=0.05,
-            root_diameter=2.4e-3,
-            ends="fixed-supported",
-        )
-        drive = replace(with_covariance(joint.drive, 0.03), ratings=rated if ratings else None)
+        drive = with_covariance(rated(joint.drive) if ratings else joint.drive, 0.03)
         # the drive's input inertia counts the rotor in
         drive = replace(
             drive, input_inertia=max(drive.input_inertia, 1.25 * (motor.rotor_inertia or 0.0))
