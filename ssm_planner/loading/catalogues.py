@@ -12,7 +12,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import read, shipped_folder
 from ssm_planner.loading.motors import MotorModel, motor_from
-from ssm_planner.loading.tables import table_rows
+from ssm_planner.loading.tables import table_rows, with_points
 from ssm_planner.loading.yaml_nodes import Section, plain_node
 from ssm_planner.problem import TRANSMISSIONS, Drive, Motor, Transmission
 from ssm_planner.typing import JsonObject, frozen
@@ -72,7 +72,7 @@ def entries(path: Path, gear: bool = False) -> JsonObject:
             row.label: {key: cell for key, cell in row.cells.items() if key not in SIZE_COLUMNS}
             for row in rows
         }
-    return {row.label: _motor(row, file.name) for row in rows}
+    return {row.label: _motor(file, row) for row in rows}
 
 
 def stated_beside(path: Path) -> dict[str, dict[str, float]]:
@@ -103,7 +103,7 @@ def motors_of(path: Path) -> list[Part[Motor]]:
         return [Part(label, motor, motor.mass) for label, motor in motors.items()]
     entries = []
     for row in rows_of(file):
-        motor = motor_from(_section(file, row, _motor(row, file.name)))
+        motor = motor_from(_section(file, row, _motor(file, row)))
         entries.append(Part(row.label, motor, motor.mass, _size(file, row, "length")))
     return entries
 
@@ -123,6 +123,11 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
             for label, section in _sections(file).items()
             if section.value.get("kind") == drive.kind
         ]
+    rows = rows_of(file)
+    for row in rows:
+        if row.cells.get("kind", drive.kind) not in TRANSMISSIONS:
+            kinds = ", ".join(TRANSMISSIONS)
+            raise ProblemError("unknown kind", file=file, line=row.line, key="kind", allowed=kinds)
     if not drive.threaded:
         return []
     return [
@@ -131,7 +136,7 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
             _with_gear(file, row, drive),
             *(_size(file, row, name) for name in SIZE_COLUMNS),
         )
-        for row in rows_of(file)
+        for row in rows
         if row.cells.get("kind", drive.kind) == drive.kind and _describes(row, drive.transmission)
     ]
 
@@ -161,10 +166,14 @@ def catalogue_file(path: Path) -> Path:
 def rows_of(file: Path) -> list[Row]:
     """Read the rows of a CSV catalogue. Each row must have a unique name or order number.
 
-    Raises ProblemError if the table is invalid.
+    Numbers of tables with semicolons or tabs may have decimal commas. Raises ProblemError if the
+    table is invalid.
     """
-    table = table_rows(file)
-    line, cells = next(table)
+    table = list(table_rows(file, decimal_commas=True))
+    if not table:
+        raise ProblemError("no headings", file=file, line=1)
+    with_points(table, {*TEXT_COLUMNS, "source"}, file)
+    line, cells = table[0]
     headings = [_heading(cell) for cell in cells]
     names = [name for name, _ in headings]
     if not TEXT_COLUMNS & set(names):
@@ -172,15 +181,15 @@ def rows_of(file: Path) -> list[Row]:
     if len(set(names)) < len(names):
         raise ProblemError("two columns have the same name", file=file, line=line)
     rows: dict[str, Row] = {}
-    for line, cells in table:
+    for line, cells in table[1:]:
         row: JsonObject = {
             name: cell if name in TEXT_COLUMNS else number_or_text(f"{cell} {unit}".rstrip())
             for (name, unit), cell in zip(headings, cells, strict=True)
             if cell
         }
         label = str(row.pop("order_number", None) or row.get("name", ""))
-        if label in rows or not label:
-            reason = f"{label!r} occurs twice" if label else "no name"
+        if label in rows or not label or not label.isprintable():
+            reason = f"{label!r} occurs twice" if label in rows else f"{label!r} is no name"
             raise ProblemError(reason, file=file, line=line)
         rows[label] = Row(label, row, line)
     return list(_check_count(file, rows).values())
@@ -220,10 +229,13 @@ def _heading(cell: str) -> tuple[str, str]:
     return name.strip(), unit.rstrip("] ")
 
 
-def _motor(row: Row, file: str) -> JsonObject:
-    """Convert a row to the content of a motor file. Other columns of the table are ignored."""
+def _motor(file: Path, row: Row) -> JsonObject:
+    """Convert a row to the content of a motor file. Other columns of the table are ignored.
+
+    Raises ProblemError if two columns state the same figure.
+    """
     cells = dict(row.cells)
-    source = cells.pop("source", f"{file}, {row.label}")
+    source = cells.pop("source", f"{file.name}, {row.label}")
     name = str(cells.pop("name", ""))
     entry: JsonObject = {
         "name": name if name == row.label else f"{name} {row.label}".strip(),
@@ -231,7 +243,9 @@ def _motor(row: Row, file: str) -> JsonObject:
     }
     for column, value in cells.items():
         name = MOTOR_COLUMNS.get(column, column)
-        if name in MotorModel.model_fields and name not in entry:
+        if name in entry:
+            raise ProblemError(f"two columns state {name}", file=file, line=row.line, key=column)
+        if name in MotorModel.model_fields:
             entry[name] = value
     return entry
 
@@ -242,18 +256,20 @@ def _section(file: Path, row: Row, values: JsonObject) -> Section:
 
 
 def _size(file: Path, row: Row, name: str) -> float | None:
-    """Return the mass (kg) or length (m) in a row, or None if the table does not have the column.
+    """Return the mass (kg) or length (m) in a row, or None if the row does not state it.
 
-    Raises ProblemError if the unit is wrong.
+    Raises ProblemError if the unit is wrong or the value is not positive.
     """
     if name not in row.cells:
         return None
     try:
-        return quantity(row.cells[name], SIZE_COLUMNS[name])
+        value = quantity(row.cells[name], SIZE_COLUMNS[name])
+        fault = None if value > 0 else "not greater than zero"
     except BadQuantity as error:
-        raise ProblemError(
-            str(error), file=file, line=row.line, key=name, value=row.cells[name]
-        ) from None
+        fault = str(error)
+    if fault:
+        raise ProblemError(fault, file=file, line=row.line, key=name, value=row.cells[name])
+    return value
 
 
 def _with_gear(file: Path, row: Row, drive: Drive) -> Drive:

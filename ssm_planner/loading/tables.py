@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
@@ -14,9 +14,13 @@ from ssm_planner.loading.files import text_of
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*[^\d\s]\S*)?")
 """Number with a decimal comma and possibly a unit."""
+LEADING_NUMBER = re.compile(r"[+-]?\d*([.,])\d+([eE][+-]?\d+)?(?![\d.,])")
+"""Number with a decimal comma or point at the start of a cell."""
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}(?![\deE])")
+"""Number whose comma may separate thousands."""
 
 
-def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
+def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the cells of each row of a table. The headings are the first row.
 
     The separator is the one that occurs most often in the headings. Rows of empty cells and lines
@@ -26,7 +30,8 @@ def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
     ------
     ProblemError
         If the file is not a table, if a row does not have as many cells as the headings, or if a
-        cell is a number with a decimal comma.
+        cell is a number with a decimal comma. Tables with semicolons or tabs may have such numbers
+        if `decimal_commas` is true.
     """
     text = text_of(file)
     heading_line = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
@@ -39,7 +44,7 @@ def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
             if not any(cells) or cells[0].startswith("#"):
                 continue
             headings = headings or cells
-            _check_row(cells, headings, separator)
+            _check_row(cells, headings, separator, decimal_commas and separator != ",")
             yield reader.line_num, cells
     except (csv.Error, ProblemError) as error:
         fault = (
@@ -50,14 +55,45 @@ def table_rows(file: Path) -> Iterator[tuple[int, list[str]]]:
         raise fault from None
 
 
-def _check_row(cells: list[str], headings: list[str], separator: str) -> None:
-    """Raise ProblemError if a row has a wrong number of cells or a number with a decimal comma."""
+def with_points(rows: list[tuple[int, list[str]]], texts: Container[str], file: Path) -> None:
+    """Replace the decimal commas of a table by points, except in the columns `texts`.
+
+    `rows` contains the lines and cells of the table. The headings are the first row. Raises
+    ProblemError if the table has decimal points as well, or if all its commas may separate
+    thousands.
+    """
+    headings = rows[0][1]
+    columns = [k for k, heading in enumerate(headings) if heading not in texts]
+    numbers = [
+        (line, cells, k, match)
+        for line, cells in rows[1:]
+        for k in columns
+        if (match := LEADING_NUMBER.match(cells[k]))
+    ]
+    commas = [item for item in numbers if item[3][1] == ","]
+    is_certain = any(not THOUSANDS.match(cells[k]) for _, cells, k, _ in commas)
+    for line, cells, k, match in numbers if commas else ():
+        reason = "a decimal point in a table with decimal commas" if match[1] == "." else None
+        if reason or not is_certain:
+            raise ProblemError(
+                reason or "the comma may separate decimals or thousands",
+                file=file,
+                line=line,
+                key=f"column {headings[k]}",
+                value=cells[k],
+                allowed="the same decimal sign in all numbers, and no thousands separators",
+            )
+        cells[k] = cells[k].replace(",", ".", 1)
+
+
+def _check_row(cells: list[str], headings: list[str], separator: str, commas: bool) -> None:
+    """Raise ProblemError for a wrong number of cells or for a decimal comma without `commas`."""
     number_format = f"a decimal point, because {SEPARATORS[separator]} separate the columns"
     if len(cells) != len(headings):
         allowed = f"{len(headings)} as in the headings; numbers have {number_format}"
         raise ProblemError(f"{len(cells)} cells", allowed=allowed)
     for name, cell in zip(headings, cells, strict=True):
-        if DECIMAL_COMMA.fullmatch(cell):
+        if not commas and DECIMAL_COMMA.fullmatch(cell):
             raise ProblemError(
                 "a number with a decimal comma",
                 key=f"column {name}",
