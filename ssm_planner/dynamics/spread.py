@@ -72,10 +72,9 @@ class FrictionSpread:
 
         Without ranges, there is one empty combination.
         """
-        ranges = {
-            **self.ranges,
-            **({} if self.inertia is None else {"input_inertia": self.inertia}),
-        }
+        ranges = dict(self.ranges)
+        if self.inertia is not None:
+            ranges["input_inertia"] = self.inertia
         return tuple(
             dict(zip(ranges, ends, strict=True)) for ends in itertools.product(*ranges.values())
         )
@@ -250,7 +249,8 @@ def _check(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     if np.any(np.diag(covariance) < 0) or not np.all(np.isfinite(covariance)):
         raise _not_one(drive, "a variance is negative or not finite")
-    scaled = covariance / np.outer(np.where(sigma > 0, sigma, 1.0), np.where(sigma > 0, sigma, 1.0))
+    unit = np.where(sigma > 0, sigma, 1.0)
+    scaled = covariance / np.outer(unit, unit)
     if np.abs(scaled - scaled.T).max() > 1e-4:
         raise _not_one(drive, "not symmetric")
     if np.linalg.eigvalsh((scaled + scaled.T) / 2).min() < -1e-3:

@@ -12,11 +12,12 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from
 from ssm_planner.loading.files import read, shipped_folder
 from ssm_planner.loading.motors import MotorModel, motor_from
+from ssm_planner.loading.schema import located
 from ssm_planner.loading.tables import table_rows, with_points
 from ssm_planner.loading.yaml_nodes import Section, plain_node
 from ssm_planner.problem import TRANSMISSIONS, Drive, Motor, Transmission
 from ssm_planner.typing import JsonObject, frozen
-from ssm_planner.units import BadQuantity, quantity
+from ssm_planner.units import BadQuantity, of_heading, quantity
 
 T = TypeVar("T", Motor, Drive)
 
@@ -81,17 +82,11 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
     The result is empty for a folder of YAML files. Raises ProblemError if the catalogue is invalid.
     """
     file = catalogue_file(path)
-    rows_with_units = (
-        {}
-        if file.is_dir()
-        else {
-            row.label: {name: _size(file, row, name) for name in SIZE_COLUMNS}
-            for row in rows_of(file)
-        }
-    )
     return {
-        label: {name: value for name, value in row_values.items() if value is not None}
-        for label, row_values in rows_with_units.items()
+        row.label: {
+            name: value for name in SIZE_COLUMNS if (value := _size(file, row, name)) is not None
+        }
+        for row in (() if file.is_dir() else rows_of(file))
     }
 
 
@@ -125,9 +120,8 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
         ]
     rows = rows_of(file)
     for row in rows:
-        if row.cells.get("kind", drive.kind) not in TRANSMISSIONS:
-            kinds = ", ".join(TRANSMISSIONS)
-            raise ProblemError("unknown kind", file=file, line=row.line, key="kind", allowed=kinds)
+        with located(_section(file, row, row.cells)):
+            TRANSMISSIONS.find(row.cells.get("kind", drive.kind), "Drive.kind")
     if not drive.threaded:
         return []
     return [
@@ -174,7 +168,7 @@ def rows_of(file: Path) -> list[Row]:
         raise ProblemError("no headings", file=file, line=1)
     with_points(table, {*TEXT_COLUMNS, "source"}, file)
     line, cells = table[0]
-    headings = [_heading(cell) for cell in cells]
+    headings = list(map(of_heading, cells))
     names = [name for name, _ in headings]
     if not TEXT_COLUMNS & set(names):
         raise ProblemError("no column name or order_number", file=file, line=line)
@@ -223,12 +217,6 @@ def number_or_text(text: str) -> str | float:
         return text
 
 
-def _heading(cell: str) -> tuple[str, str]:
-    """Split the heading of a column, such as `rotor_inertia [g*cm^2]`, into name and unit."""
-    name, _, unit = cell.strip().partition("[")
-    return name.strip(), unit.rstrip("] ")
-
-
 def _motor(file: Path, row: Row) -> JsonObject:
     """Convert a row to the content of a motor file. Other columns of the table are ignored.
 
@@ -275,8 +263,7 @@ def _size(file: Path, row: Row, name: str) -> float | None:
 def _with_gear(file: Path, row: Row, drive: Drive) -> Drive:
     """Return a drive with the gear of a row and the friction of the given drive."""
     friction = friction_of(drive)
-    slides = drive.slides
-    effort, inertia = ("N", "kg") if slides else ("N*m", "kg*m^2")
+    inertia = "kg" if drive.slides else "kg*m^2"
     values: JsonObject = {
         "name": row.label,
         "kind": drive.kind,
@@ -286,13 +273,12 @@ def _with_gear(file: Path, row: Row, drive: Drive) -> Drive:
         "output_inertia": f"{drive.output_inertia!r} {inertia}",
         "friction": {
             "mu": friction.mu,
-            "b_c": f"{friction.b_c!r} N*m",
-            "b_v": f"{friction.b_v!r} N*m*s/rad",
+            "mu_static": friction.mu_static,
+            "b_c": "0 N*m",  # replaced below
+            "b_v": "0 N*m*s/rad",
         },
         "self_locking": "not required",  # `size` checks self-locking
     }
-    values["friction"]["b_oc"] = f"{friction.b_oc!r} {effort}"
-    values["friction"]["mu_static"] = friction.mu_static
     if drive.two_nuts:
         values |= {
             "preload": f"{drive.preload!r} N",

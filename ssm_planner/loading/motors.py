@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,7 +28,6 @@ from ssm_planner.loading.schema import (
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import Bound, Motor
-from ssm_planner.typing import frozen
 
 
 def _check(quantity_kind: str, description: str) -> Any:
@@ -59,48 +59,15 @@ REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance and torque constant, K."""
 
 
-@frozen
-class Rule:
-    """Range in which a product of powers of figures must lie, in SI units.
-
-    `figure` is the name that messages contain. `fault` describes a violation. It may contain the
-    fields `value`, which is the product, and `expected`, which is the value of the figure for a
-    product of 1. Both are multiplied by `scale`.
-    """
-
-    figure: str
-    powers: Mapping[str, int]
-    low: float
-    high: float
-    scale: float
-    fault: str
-
-    def check(self, section: Section, figures: Mapping[str, float]) -> None:
-        """Raise ProblemError if the product is outside the range. A product of NaN is ignored."""
-        product = math.prod(figures[name] ** power for name, power in self.powers.items())
-        if not (product < self.low or product > self.high):
-            return
-        power = self.powers.get(self.figure, 1)
-        expected, *ends = (
-            figures[self.figure] * (end / product) ** (1 / power)
-            for end in (1.0, self.low, self.high)
-        )
-        fault = self.fault.format(value=self.scale * product, expected=self.scale * expected)
-        allowed = "{:.3g} to {:.3g} in SI units: figures of one datasheet and one winding"
-        raise section.error(fault, self.figure, allowed=allowed.format(*sorted(ends)))
-
-
-def _powers(product: str) -> dict[str, int]:
-    """Return the exponents by name of a product such as `nominal_voltage torque_constant^-1`."""
-    factors = (factor.partition("^") for factor in product.split())
-    return {name: int(power or 1) for name, _, power in factors}
-
-
 with Path(__file__).with_suffix(".csv").open(encoding="utf-8") as _table:
-    RULES = [
-        Rule(figure, _powers(product), *map(float, numbers), fault)
-        for figure, product, *numbers, fault in list(csv.reader(_table))[1:]
-    ]
+    RULES = list(csv.DictReader(_table))
+"""Ranges, from `low` to `high`, of products of powers of figures in SI units.
+
+`figure` is the name that messages contain, and `product` is a text such as `nominal_voltage
+torque_constant^-1`. `fault` describes a violation. It may contain the fields `value`, which is the
+product, and `expected`, which is the value of the figure for a product of 1. Both are multiplied by
+`scale`.
+"""
 
 
 def motor_from(section: Section) -> Motor:
@@ -133,28 +100,36 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
 
     Rules whose figures are not all stated are ignored.
     """
-    figures = {name: values.get(name, math.nan) for name in MotorModel.model_fields}
-    k, resistance, voltage, current, idle = (
-        figures[name]
-        for name in (
-            "torque_constant",
-            "terminal_resistance",
-            "nominal_voltage",
-            "nominal_current",
-            "no_load_current",
-        )
+    figures = defaultdict(lambda: math.nan, values)
+    voltage, resistance = figures["nominal_voltage"], figures["terminal_resistance"]
+    current, idle = figures["nominal_current"], figures["no_load_current"]
+    figures["loaded_current"] = current - idle
+    figures["loaded_voltage"] = voltage - resistance * current
+    figures["idle_voltage"] = voltage - resistance * idle
+    figures["thermal_resistance"] = (
+        figures["resistance_winding_housing"] + figures["resistance_housing_ambient"]
     )
-    figures |= {
-        "loaded_current": current - idle,
-        "loaded_voltage": voltage - resistance * current,
-        "idle_voltage": voltage - resistance * idle,
-        "heating_current": values.get("nominal_current", figures["nominal_torque"] / k),
-        "thermal_resistance": figures["resistance_winding_housing"]
-        + figures["resistance_housing_ambient"],
-        "permitted_rise": figures["max_winding_temperature"] - REFERENCE_TEMPERATURE,
-        "rotor_time": math.nan
-        if "mechanical_time_constant" in values
-        else figures["rotor_inertia"] * resistance / k**2,
-    }
+    figures["permitted_rise"] = figures["max_winding_temperature"] - REFERENCE_TEMPERATURE
+    constant = figures["torque_constant"]
+    figures["heating_current"] = values.get("nominal_current", figures["nominal_torque"] / constant)
+    if "mechanical_time_constant" not in values:
+        figures["rotor_time"] = figures["rotor_inertia"] * resistance / constant**2
     for rule in RULES:
-        rule.check(section, figures)
+        _check_rule(section, figures, rule)
+
+
+def _check_rule(section: Section, figures: Mapping[str, float], rule: Mapping[str, str]) -> None:
+    """Raise ProblemError if figures violate a rule. A product of NaN violates none."""
+    factors = (factor.partition("^") for factor in rule["product"].split())
+    powers = {name: int(power or 1) for name, _, power in factors}
+    product = math.prod(figures[name] ** power for name, power in powers.items())
+    low, high, scale = (float(rule[name]) for name in ("low", "high", "scale"))
+    if not (product < low or product > high):
+        return
+    figure = rule["figure"]
+    expected, *ends = (
+        figures[figure] * (end / product) ** (1 / powers.get(figure, 1)) for end in (1.0, low, high)
+    )
+    fault = rule["fault"].format(value=scale * product, expected=scale * expected)
+    allowed = "{:.3g} to {:.3g} in SI units: figures of one datasheet and one winding"
+    raise section.error(fault, figure, allowed=allowed.format(*sorted(ends)))

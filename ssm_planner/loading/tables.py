@@ -46,13 +46,11 @@ def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, 
             headings = headings or cells
             _check_row(cells, headings, separator, decimal_commas and separator != ",")
             yield reader.line_num, cells
-    except (csv.Error, ProblemError) as error:
-        fault = (
-            error if isinstance(error, ProblemError) else ProblemError(f"invalid table: {error}")
-        )
-        if fault.file is None:
-            fault.file, fault.line = str(file), reader.line_num
-        raise fault from None
+    except csv.Error as error:
+        raise ProblemError(f"invalid table: {error}", file=file, line=reader.line_num) from None
+    except ProblemError as fault:
+        fault.file, fault.line = str(file), reader.line_num
+        raise
 
 
 def with_points(rows: list[tuple[int, list[str]]], texts: Container[str], file: Path) -> None:
@@ -63,25 +61,23 @@ def with_points(rows: list[tuple[int, list[str]]], texts: Container[str], file: 
     thousands.
     """
     headings = rows[0][1]
-    columns = [k for k, heading in enumerate(headings) if heading not in texts]
     numbers = [
         (line, cells, k, match)
         for line, cells in rows[1:]
-        for k in columns
-        if (match := LEADING_NUMBER.match(cells[k]))
+        for k, heading in enumerate(headings)
+        if heading not in texts and (match := LEADING_NUMBER.match(cells[k]))
     ]
     commas = [item for item in numbers if item[3][1] == ","]
     is_certain = any(not THOUSANDS.match(cells[k]) for _, cells, k, _ in commas)
     for line, cells, k, match in numbers if commas else ():
-        reason = "a decimal point in a table with decimal commas" if match[1] == "." else None
-        if reason or not is_certain:
+        if match[1] == "." or not is_certain:
             raise ProblemError(
-                reason or "the comma may separate decimals or thousands",
+                "commas and points may separate decimals or thousands",
                 file=file,
                 line=line,
                 key=f"column {headings[k]}",
                 value=cells[k],
-                allowed="the same decimal sign in all numbers, and no thousands separators",
+                allowed="one decimal sign in the whole table, and no thousands separators",
             )
         cells[k] = cells[k].replace(",", ".", 1)
 

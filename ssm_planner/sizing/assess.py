@@ -154,7 +154,10 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
         load, motor, conditions, share * case.band.high("rms_torque", conditions.confidence)
     )
     limits = limits_of(motor, conditions, share, heat)
-    checks = [_check(case, name, limit) for name, limit in limits.items()]
+    checks = [
+        case.below(name, demand, limit, unit, needs=needs, factor=factor)
+        for name, (demand, factor, limit, unit, needs) in limits.items()
+    ]
     checks.insert(1, below("speed", load.peak_speed, motor.max_speed, "rad/s"))
     confidence = _confidence(case, limits)
     requirement = motor_requirement(load)
@@ -222,7 +225,7 @@ def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, 
     low, high = shaft_inertia(load, motor)
     original = load.motor
     friction = motor_friction(original, motor)
-    if original is not None and _same_rotor(original, motor):
+    if _is_own(original, motor):
         return replace(load, motor=motor), None, ()
     missing_from = [
         candidate
@@ -246,7 +249,7 @@ def motor_friction(original: Motor | None, motor: Motor) -> Range:
     the friction of the original motor.
     """
     torque = no_load_torque(motor)
-    if torque is None or (original is not None and _same_rotor(original, motor)):
+    if torque is None or _is_own(original, motor):
         return 0.0, 0.0
     included = no_load_torque(original)
     if included is None:
@@ -258,16 +261,17 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
     """Return the smallest and largest possible inertia (kg·m²) on the shaft with this motor."""
     original = load.motor
     inertia = load.drive.input_inertia
-    if original is not None and _same_rotor(original, motor):
+    if _is_own(original, motor):
         return inertia, inertia
     old = (0.0, inertia) if original is None else rotor_range(original)
     new = rotor_range(motor)
     return max(inertia - old[1], 0.0) + new[0], max(inertia - old[0], 0.0) + new[1]
 
 
-def _same_rotor(motor: Motor, candidate: Motor) -> bool:
-    """Return True if two motors are the same, so that the rotor does not change."""
-    return (motor.name, motor.rotor_inertia) == (candidate.name, candidate.rotor_inertia)
+def _is_own(original: Motor | None, motor: Motor) -> bool:
+    """Return True if a motor is the original one, so that rotor and friction do not change."""
+    figures = motor.name, motor.rotor_inertia
+    return original is not None and (original.name, original.rotor_inertia) == figures
 
 
 Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
@@ -320,14 +324,6 @@ def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tup
         return None, needs
     hot = torque_constant(motor, motor.max_winding_temperature)
     return min(motor.max_torque, hot * conditions.current_limit), ()
-
-
-def _check(case: Case, name: str, limit: Limit) -> Check:
-    """Compare the demand of one limit with its bound."""
-    demand, factor, bound, unit, needs = limit
-    if bound is None:
-        return unchecked(name, *needs)
-    return case.below(name, demand, bound, unit, factor)
 
 
 def _confidence(case: Case, limits: dict[str, Limit]) -> Check:

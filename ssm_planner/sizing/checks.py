@@ -7,7 +7,7 @@ speed, load, duty and self-locking. Screws are also checked for whirling and buc
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -80,14 +80,21 @@ def unchecked(name: str, *needs: str) -> Check:
     return Check(name, needs=" and ".join(needs))
 
 
-def below(name: str, value: float, limit: float, unit: str) -> Check:
-    """Build a check of an upper limit on a quantity that does not depend on friction."""
-    return Check(name, _margin(value, limit), value, limit, unit, nominal=value, probability=1.0)
+def below(name: str, value: float, limit: float | None, unit: str, needs: str = "") -> Check:
+    """Build a check of an upper limit on a quantity that does not depend on friction.
+
+    Without a limit, the check is open, and `needs` names the missing figure.
+    """
+    if limit is None:
+        return unchecked(name, needs)
+    margin = float(margin_of(value, limit))
+    return Check(name, margin, value, limit, unit, nominal=value, probability=1.0)
 
 
-def _margin(value: float, limit: float) -> float:
-    """Return (limit − worst)/limit. A limit of 0 permits nothing, so its margin is −1."""
-    return (limit - value) / limit if limit > 0 else -1.0
+def margin_of(demand: Array | float, limit: Array | float) -> Array:
+    """Return (limit − demand)/limit. A limit of 0 permits nothing, so its margin is −1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.less_equal(limit, 0), -1.0, np.divide(np.subtract(limit, demand), limit))
 
 
 @record
@@ -100,7 +107,14 @@ class Case:
     conditions: Conditions
 
     def below(
-        self, name: str, demand: DemandName, limit: float, unit: str, factor: float = 1.0
+        self,
+        name: str,
+        demand: DemandName,
+        limit: float | None,
+        unit: str,
+        *,
+        needs: Iterable[str],
+        factor: float = 1.0,
     ) -> Check:
         """Compare `factor` times an uncertain demand with its upper limit.
 
@@ -111,12 +125,17 @@ class Case:
         demand
             Name of the demand.
         limit
-            Upper limit, in the SI unit `unit`. Infinity means that nothing limits the demand.
+            Upper limit, in the SI unit `unit`. Infinity means that nothing limits the demand. None
+            means that the limit is not known, so the check is open.
         unit
             Unit of the limit.
+        needs
+            Names of the data without which the limit is not known.
         factor
             Factor on the demand.
         """
+        if limit is None:
+            return unchecked(name, *needs)
         band = self.band
         confidence = self.conditions.confidence
         demand_high = factor * band.high(demand, confidence)
@@ -126,13 +145,13 @@ class Case:
         samples = factor * getattr(band.worst, demand)
         check = Check(
             name,
-            _margin(demand_high, limit),
+            float(margin_of(demand_high, limit)),
             worst=demand_high,
             limit=limit,
             unit=unit,
             nominal=nominal,
             probability=float(np.mean(samples <= limit)) if band.known else None,
-            best_margin=_margin(factor * band.low(demand, confidence), limit),
+            best_margin=float(margin_of(factor * band.low(demand, confidence), limit)),
         )
         if check.passed is not None:
             return check
@@ -216,9 +235,24 @@ COLUMN: dict[ScrewEnds, float] = {
 def gear_checks(case: Case) -> tuple[Check, ...]:
     """Run every check of a joint's gear or screw. A check that lacks data names them in `needs`."""
     load = case.load
-    drive = case.load.drive
+    drive = load.drive
     ratings = drive.ratings or Ratings()
-    checks = [_speed(load, ratings), *_output(case, ratings), _duty(load, ratings, case.conditions)]
+    unit = "N" if drive.slides else "N·m"
+    share = load.moving_share * load.duration / (load.duration + case.conditions.pause)
+    outputs: tuple[tuple[DemandName, str], ...] = (
+        ("peak_effort", "peak_output"),
+        ("continuous_effort", "continuous_output"),
+    )
+    checks = [
+        below("gear_speed", load.peak_speed, ratings.input_speed, "rad/s", "ratings.input_speed"),
+        *(
+            case.below(
+                f"gear_{key}", demand, getattr(ratings, key), unit, needs=(f"ratings.{key}",)
+            )
+            for demand, key in outputs
+        ),
+        below("gear_duty", share, ratings.duty, "", "ratings.duty"),
+    ]
     if drive.self_locking:
         checks.append(_locking(case))
     if drive.transmission.rotating_screw:
@@ -237,36 +271,6 @@ def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
 def buckling_load(length: float, diameter: float, ends: ScrewEnds) -> float:
     """Return Euler's buckling load π²EI/(KL)² (N) of a slender round steel screw (lengths in m)."""
     return math.pi**2 * YOUNG * (math.pi * diameter**4 / 64) / (COLUMN[ends] * length) ** 2
-
-
-def _speed(load: JointLoad, ratings: Ratings) -> Check:
-    """Check the rated input speed of the gear."""
-    if ratings.input_speed is None:
-        return unchecked("gear_speed", "ratings.input_speed")
-    return below("gear_speed", load.peak_speed, ratings.input_speed, "rad/s")
-
-
-def _output(case: Case, ratings: Ratings) -> Iterator[Check]:
-    """Yield the checks of the rated peak and continuous output."""
-    unit = "N" if case.load.drive.slides else "N·m"
-    pairs: tuple[tuple[str, DemandName, str], ...] = (
-        ("gear_peak_output", "peak_effort", "peak_output"),
-        ("gear_continuous_output", "continuous_effort", "continuous_output"),
-    )
-    for name, demand, key in pairs:
-        limit = getattr(ratings, key)
-        if limit is None:
-            yield unchecked(name, f"ratings.{key}")
-        else:
-            yield case.below(name, demand, limit, unit)
-
-
-def _duty(load: JointLoad, ratings: Ratings, conditions: Conditions) -> Check:
-    """Check the share of the time in which the gear moves."""
-    if ratings.duty is None:
-        return unchecked("gear_duty", "ratings.duty")
-    share = load.moving_share * load.duration / (load.duration + conditions.pause)
-    return below("gear_duty", share, ratings.duty, "")
 
 
 def _locking(case: Case) -> Check:
@@ -305,16 +309,16 @@ def _screw(case: Case, ratings: Ratings) -> list[Check]:
     length = ratings.free_length
     diameter = ratings.root_diameter
     ends = ratings.ends
-    if length is None or diameter is None or ends is None:
-        needs = [
-            f"ratings.{k}"
-            for k in ("free_length", "root_diameter", "ends")
-            if getattr(ratings, k) is None
-        ]
-        return [unchecked("critical_speed", *needs), unchecked("buckling", *needs)]
-    whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
-    column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)
+    needs = [
+        f"ratings.{key}"
+        for key in ("free_length", "root_diameter", "ends")
+        if getattr(ratings, key) is None
+    ]
+    whirl = column = None
+    if length is not None and diameter is not None and ends is not None:
+        whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
+        column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)
     return [
-        below("critical_speed", case.load.peak_speed, whirl, "rad/s"),
-        case.below("buckling", "peak_effort", column, "N"),
+        below("critical_speed", case.load.peak_speed, whirl, "rad/s", " and ".join(needs)),
+        case.below("buckling", "peak_effort", column, "N", needs=needs),
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -28,13 +28,7 @@ from ssm_planner.typing import Array, record
 DemandName = Literal[
     "peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"
 ]
-DEMANDS: tuple[DemandName, ...] = (
-    "peak_torque",
-    "rms_torque",
-    "peak_voltage",
-    "peak_effort",
-    "continuous_effort",
-)
+DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
 SHARE = 500
 """Number of evenly spaced instants in a Monte Carlo simulation.
 

@@ -8,9 +8,10 @@ pairs. The function `assess` decides the other pairs, and all pairs whose fricti
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,7 @@ from ssm_planner.sizing.assess import (
     shaft_inertia,
     with_motor,
 )
-from ssm_planner.sizing.checks import TOLERANCE, Check, gear_checks
-from ssm_planner.sizing.demand import volts_per_torque
+from ssm_planner.sizing.checks import TOLERANCE, Check, gear_checks, margin_of
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.heat_check import heat_of
 from ssm_planner.sizing.joint_load import JointLoad
@@ -46,7 +46,7 @@ from ssm_planner.sizing.thermal_network import FIGURES, Modes, ThermalModel
 from ssm_planner.typing import Array, Arrays, JsonObject, Keywords, Mask, record
 
 Rank = Literal["mass", "length", "torque", "margin"]
-RANKS: tuple[Rank, ...] = ("mass", "length", "torque", "margin")
+RANKS: tuple[Rank, ...] = get_args(Rank)
 Answers = NDArray[np.int8]
 """Answers (gears, motors): 1 means passed, 0 not known, and −1 failed."""
 ANSWERS = {True: 1, None: 0, False: -1}
@@ -152,15 +152,9 @@ class JointSelection:
 
         A pair counts for each of its failed checks.
         """
-        shape = (len(self.gears), len(self.motors))
-        counts = {name: int((answer < 0).sum()) for name, answer in self.answers.items()}
-        for checks in self.of_gear:
-            for check in checks:
-                if check.passed is False:
-                    counts[check.name] = counts.get(check.name, 0) + shape[1]
-        return dict(
-            sorted(((k, n) for k, n in counts.items() if n), key=lambda item: (-item[1], item[0]))
-        )
+        failed = (name for row in self._table(-1) for names in row for name in names)
+        counts = Counter(failed).items()
+        return dict(sorted(counts, key=lambda item: (-item[1], item[0])))
 
     def inertia_ratio(self, g: int, m: int) -> float | None:
         """Return the inertia of load and gear at the motor shaft divided by that of the rotor.
@@ -255,12 +249,16 @@ def select(
     """
     conditions = conditions or Conditions()
     inertias = load_inertias(duty, payload)
-    selections = []
-    for load in duty.loads(payload):
-        default = [Part(load.drive.name, load.drive)]
-        options = gears.get(load.joint) or default
-        selections.append(select_joint(load, motors, options, conditions, inertias[load.joint]))
-    return tuple(selections)
+    return tuple(
+        select_joint(
+            load,
+            motors,
+            gears.get(load.joint) or [Part(load.drive.name, load.drive)],
+            conditions,
+            inertias[load.joint],
+        )
+        for load in duty.loads(payload)
+    )
 
 
 def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
@@ -286,12 +284,18 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
     return float(load.duration * (load.weight @ np.maximum(-power, 0.0)))
 
 
-def _balance(motor: Motor, hot: bool) -> tuple[float, float]:
-    """Return R/k in V/(N·m) and k in N·m/A of the cold or of the hot motor."""
-    temperature = require_value(motor, "max_winding_temperature") if hot else REFERENCE_TEMPERATURE
-    return resistance(motor, temperature) / torque_constant(motor, temperature), torque_constant(
-        motor, temperature
-    )
+def _balance(motor: Motor) -> Array:
+    """Return R/k in V/(N·m) and k in N·m/A of the cold and of the hot motor, (2, 2).
+
+    The values are NaN if data are missing.
+    """
+    if missing(motor, *ELECTRICAL):
+        return np.full((2, 2), np.nan)
+    hottest = require_value(motor, "max_winding_temperature")
+    constants = [
+        (resistance(motor, t), torque_constant(motor, t)) for t in (REFERENCE_TEMPERATURE, hottest)
+    ]
+    return np.array([(ohm / k, k) for ohm, k in constants])
 
 
 def select_joint(
@@ -331,14 +335,7 @@ class _Fleet:
         self.motors = motors
         self.limits = [limits_of(motor, conditions, 1.0, None) for motor in motors]
         self.max_speed = np.array([motor.max_speed for motor in motors])
-        electrical = [motor for motor in motors if not missing(motor, *ELECTRICAL)]
-        self.electrical = np.array([not missing(motor, *ELECTRICAL) for motor in motors])
-        self.balance = [
-            np.array([_balance(motor, hot) for motor in electrical]).reshape(-1, 2, 1)
-            for hot in (False, True)
-        ]
-        """R/k and k of a cold and of a hot motor, (electrical, 2, 1) each."""
-        self.volts = np.array([volts_per_torque(motor) for motor in motors])
+        self.balance = np.array([_balance(motor) for motor in motors])
         self.cool, self.hot = np.array([_certain(motor, conditions, period) for motor in motors]).T
 
     def limit(self, name: str) -> Array:
@@ -390,7 +387,7 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     case = gear_case(load, conditions)
     spread = case.spread
     gear = gear_checks(case)
-    speed = _margin(load.peak_speed, fleet.max_speed)
+    speed = margin_of(load.peak_speed, fleet.max_speed)
     if spread.names:
         return _assess_by_draws(load, fleet, conditions, gear, speed)
     ends = np.array([(shaft_inertia(load, x), motor_friction(load.motor, x)) for x in fleet.motors])
@@ -405,8 +402,8 @@ def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
     }
     for name, (demand, factor) in limited.items():
         limit = fleet.limit(name)
-        margins[name] = _margin(factor * highest[demand], limit)
-        answers[name] = _answer(margins[name], _margin(factor * lowest[demand], limit))
+        margins[name] = margin_of(factor * highest[demand], limit)
+        answers[name] = _answer(margins[name], margin_of(factor * lowest[demand], limit))
     fails = np.min(list(answers.values()), axis=0) < 0
     fails |= any(check.passed is False for check in gear)
     answers["heat"] = _heat(
@@ -425,7 +422,7 @@ def _assess_by_draws(
     Motors that are too slow and gears that fail are not assessed further.
     """
     count = len(fleet.motors)
-    names = ("torque", "continuous_torque", "voltage", "heat", CONFIDENCE)
+    names = (*MARGINS, "heat", CONFIDENCE)
     answers = {name: np.zeros(count, np.int8) for name in names} | {"speed": _answer(speed, speed)}
     margins = {name: np.full(count, np.nan) for name in MARGINS} | {"speed": speed}
     if any(check.passed is False for check in gear):
@@ -453,7 +450,7 @@ def _bands(
         drive = drive_with(load.drive, {**corner, "input_inertia": 0.0})
         parts = np.stack([replace(load, drive=drive).torque(), turning, load.direction])
         products = parts * load.weight @ parts.T
-        for inertia in inertias.T if np.any(inertias[:, 0] != inertias[:, 1]) else inertias.T[:1]:
+        for inertia in np.unique(inertias, axis=1).T:
             factors = np.stack([np.ones(len(inertia)), inertia, friction[:, 1]], axis=1)
             rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=1), 0.0))
             demands.append([*_peaks(parts, factors, load.speed(), fleet), rms])
@@ -466,7 +463,7 @@ def _bands(
     wd = np.abs(load.acceleration())
     low_peak = low_peak - half_width * wd.max() - width
     low_rms = low_rms - half_width * float(load.rms(wd)) - width
-    low_volts = low_volts - (half_width * wd.max() + width) * fleet.volts
+    low_volts = low_volts - (half_width * wd.max() + width) * fleet.balance[:, 1, 0]
     lowest = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
     return {"peak": peak, "volts": volts, "rms": rms}, {
         name: np.maximum(low, 0.0) for name, low in lowest.items()
@@ -480,17 +477,11 @@ def _peaks(parts: Array, factors: Array, speed: Array, fleet: _Fleet) -> tuple[A
     `factors` (m, 3) contains 1, the inertia of the shaft, and the friction torque of the motor.
     """
     peak = np.empty(len(factors))
-    volts = np.full(len(factors), np.nan)
-    column = np.cumsum(fleet.electrical) - 1
+    volts = np.empty(len(factors))
     for m, factor in enumerate(factors):
         torque = factor @ parts
         peak[m] = max(torque.max(), -torque.min())
-        if fleet.electrical[m]:
-            needs = [
-                balance[column[m]][0] * torque + balance[column[m]][1] * speed
-                for balance in fleet.balance
-            ]
-            volts[m] = max(max(need.max(), -need.min()) for need in needs)
+        volts[m] = np.abs(fleet.balance[m] @ np.stack([torque, speed])).max()
     return peak, volts
 
 
@@ -521,14 +512,8 @@ def _heat(
         heat = heat_of(with_motor(load, motor)[0], motor, conditions, highest[m])
         if heat is not None:
             limit = np.array(heat.capacity)
-            answers[m] = _answer(_margin(highest[m], limit), _margin(lowest[m], limit))
+            answers[m] = _answer(margin_of(highest[m], limit), margin_of(lowest[m], limit))
     return answers
-
-
-def _margin(demand: Array | float, limit: Array) -> Array:
-    """Return (limit − demand)/limit (m,). A limit of 0 permits nothing, so its margin is −1."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(limit <= 0, -1.0, (limit - demand) / limit)
 
 
 def _answer(highest_margin: Array, lowest_margin: Array) -> Answers:

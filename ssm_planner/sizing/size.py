@@ -331,28 +331,21 @@ def _search_largest(
     value from `start`, and then bisects. The status is "never" if a margin is negative at `lower`,
     and "unlimited" if no margin is negative at `upper`.
     """
-    judgement = judge(start)
-    low = start
-    high = start
-    if judgement.margin < 0:
-        while judgement.margin < 0:
-            high = low
-            failed = judgement
-            if low <= lower:
-                return WhatIf(
-                    "never", None, judgement.joint, judgement.binds, judgement.not_checked
-                )
-            low = low / 2 if lower > 0 or low > start / 64 else 0.0
-            low = max(low, lower)
+    judgement = failed = judge(start)
+    low = high = start
+    fails = judgement.margin < 0
+    while (judgement.margin < 0) is fails:
+        if fails and low <= lower:
+            return WhatIf("never", None, judgement.joint, judgement.binds, judgement.not_checked)
+        if not fails and high >= upper:
+            return WhatIf("unlimited", None, None, None, judgement.not_checked)
+        if fails:
+            high, failed = low, judgement
+            low = max(low / 2 if lower > 0 or low > start / 64 else 0.0, lower)
             judgement = judge(low)
-    else:
-        while judgement.margin >= 0:
-            low = high
-            if high >= upper:
-                return WhatIf("unlimited", None, None, None, judgement.not_checked)
-            high = min(2 * high, upper)
-            judgement = judge(high)
-        failed = judgement
+        else:
+            low, high = high, min(2 * high, upper)
+            judgement = failed = judge(high)
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         judgement = judge(middle)

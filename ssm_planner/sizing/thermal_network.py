@@ -289,27 +289,41 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
     temperature on the loss.
     """
     mean = _mean_temperature(model, cycle)
-    unsteady = Temperatures(
-        np.full(len(cycle.t), np.inf), np.full(len(cycle.t), np.inf), "no steady state"
-    )
-    if mean is None:
-        return unsteady
-    winding = np.full(len(cycle.t), mean)
+    return _unsteady(cycle) if mean is None else _temperatures(model, cycle, mean)
+
+
+def _unsteady(cycle: Cycle) -> Temperatures:
+    """Return the result for a motor that becomes hotter without end."""
+    infinite = np.full(len(cycle.t), np.inf)
+    return Temperatures(infinite, infinite, "no steady state")
+
+
+def _temperatures(
+    model: ThermalModel, cycle: Cycle, guess: float, start: Array | None = None
+) -> Temperatures:
+    """Linearise the loss repeatedly until the temperatures over one cycle no longer change.
+
+    `guess` is a first guess of the winding temperature, K. `start` (2,) contains the temperatures
+    above ambient at the start of the cycle. Without it, the temperatures repeat with the cycle.
+    """
+    winding = np.full(len(cycle.t), guess)
+    housing = winding
     for _ in range(PASSES):
         modes, power = _linearised(model, cycle, winding)
-        if modes.is_unstable:
-            return unsteady
+        if start is None and modes.is_unstable:
+            break
         free = follow(modes, cycle.t, power)
-        decay = modes.decay(cycle.period)
-        states = free + modes.decay(cycle.t) * (free[:, -1:] / (1.0 - decay))
-        rise, housing = modes.temperatures(states)
-        change = float(np.abs(model.ambient + rise - winding).max())
-        winding = model.ambient + rise
-        if not np.isfinite(change) or winding.max() > HOTTEST:
-            return unsteady
+        periodic = free[:, -1] / (1.0 - modes.decay(cycle.period)[:, 0])
+        initial = periodic if start is None else modes.states(start)
+        states = free + modes.decay(cycle.t) * initial[:, None]
+        previous = winding
+        winding, housing = model.ambient + modes.temperatures(states)
+        change = float(np.abs(winding - previous).max())
         if change < SETTLED:
-            return Temperatures(winding, model.ambient + housing)
-    return unsteady
+            return Temperatures(winding, housing, "steady" if start is None else "warming up")
+        if not np.isfinite(change) or winding.max() > HOTTEST:
+            break
+    return _unsteady(cycle) if start is None else Temperatures(winding, housing, "warming up")
 
 
 def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Modes, Array]:
@@ -349,17 +363,7 @@ def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Te
 
     `start` contains the temperatures of winding and housing at the start of the cycle, K.
     """
-    winding = np.full(len(cycle.t), start[0])
-    rise = np.array(start) - model.ambient
-    for _ in range(PASSES):
-        modes, power = _linearised(model, cycle, winding)
-        states = follow(modes, cycle.t, power) + modes.decay(cycle.t) * modes.states(rise)[:, None]
-        warmer, housing = modes.temperatures(states)
-        change = float(np.abs(model.ambient + warmer - winding).max())
-        winding = model.ambient + warmer
-        if change < SETTLED or winding.max() > HOTTEST:
-            break
-    return Temperatures(winding, model.ambient + housing, "warming up")
+    return _temperatures(model, cycle, start[0], np.array(start) - model.ambient)
 
 
 def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
@@ -376,61 +380,44 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
         * (model.r_winding_housing + model.r_housing_ambient)
         * (model.c_winding + model.c_housing)
     )
-    current = previous = _Start(0, model.ambient, model.ambient)
+    cycles = before = 0
+    current = previous = np.full(2, model.ambient)
     max_stride = 1 << 40
-    while current.cycles * cycle.period <= horizon:
-        temperatures = warm_up(model, cycle, (current.winding, current.housing))
+    while cycles * cycle.period <= horizon:
+        temperatures = warm_up(model, cycle, tuple(current))
         hot = np.flatnonzero(temperatures.winding >= limit)
-        stride = current.cycles - previous.cycles
+        stride = cycles - before
         if len(hot) and stride <= 1:
-            return current.cycles * cycle.period + _crossing(
+            return cycles * cycle.period + _crossing(
                 cycle.t, temperatures.winding, int(hot[0]), limit
             )
         if len(hot):
-            current = previous
+            cycles, current = before, previous
             max_stride = stride // 2
-            temperatures = warm_up(model, cycle, (current.winding, current.housing))
-        previous = current
-        current = _later(model, cycle, temperatures, current, max_stride)
+            temperatures = warm_up(model, cycle, tuple(current))
+        before, previous = cycles, current
+        stride, current = _later(model, cycle, temperatures, current, max_stride)
+        cycles += stride
     return None
 
 
-@frozen
-class _Start:
-    """Temperatures (K) at the start of a repetition, and the number of preceding repetitions."""
-
-    cycles: int
-    winding: float
-    housing: float
-
-
 def _later(
-    model: ThermalModel, cycle: Cycle, temperatures: Temperatures, start: _Start, max_stride: int
-) -> _Start:
-    """Compute the temperatures at the start of a later repetition.
+    model: ThermalModel, cycle: Cycle, temperatures: Temperatures, start: Array, max_stride: int
+) -> tuple[int, Array]:
+    """Compute the temperatures (2,) at the start of a later repetition, K.
 
-    It is at most `max_stride` repetitions after `start`. The loss is linearised about
-    `temperatures`.
+    The number of repetitions after `start` (2,), which is also returned, is at most `max_stride`.
+    The loss is linearised about `temperatures`.
     """
-    change = max(
-        abs(temperatures.winding[-1] - start.winding),
-        abs(temperatures.housing[-1] - start.housing),
-        1e-12,
-    )
-    stride = int(max(min(max_stride, STEP / change), 1))
-    if stride == 1:
-        return _Start(
-            start.cycles + 1, float(temperatures.winding[-1]), float(temperatures.housing[-1])
-        )
+    change = abs(np.array([temperatures.winding[-1], temperatures.housing[-1]]) - start).max()
+    stride = int(max(min(max_stride, STEP / max(change, 1e-12)), 1))
     modes, power = _linearised(model, cycle, temperatures.winding)
     decay = modes.decay(cycle.period)[:, 0]
-    initial = modes.states(np.array([start.winding, start.housing]) - model.ambient)
     gained_states = follow(modes, cycle.t, power)[:, -1]
-    state = decay**stride * initial + gained_states * np.expm1(stride * np.log(decay)) / (
-        decay - 1.0
-    )
-    winding, housing = model.ambient + modes.temperatures(state)
-    return _Start(start.cycles + stride, float(winding), float(housing))
+    state = decay**stride * modes.states(start - model.ambient) + gained_states * np.expm1(
+        stride * np.log(decay)
+    ) / (decay - 1.0)
+    return stride, model.ambient + modes.temperatures(state)
 
 
 def _crossing(t: Array, winding: Array, k: int, limit: float) -> float:

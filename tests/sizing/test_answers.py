@@ -7,16 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ssm_planner.sizing.checks import margin_of
 from ssm_planner.sizing.demand import Band
-from ssm_planner.sizing.selection import TOLERANCE, _answer, _margin
+from ssm_planner.sizing.selection import TOLERANCE, _answer
 from ssm_planner.sizing.size import JointSizing
 
 
 def test_a_margin_is_the_share_of_the_limit_that_is_left() -> None:
     limit = np.array([2.0, 2.0, 2.0, 0.0, -1.0])
     worst = np.array([1.0, 2.0, 3.0, 0.0, -2.0])
-    assert _margin(worst, limit) == pytest.approx([0.5, 0.0, -0.5, -1.0, -1.0])
-    assert _margin(1.0, limit[:1]) == pytest.approx([0.5])
+    assert margin_of(worst, limit) == pytest.approx([0.5, 0.0, -0.5, -1.0, -1.0])
+    assert margin_of(1.0, limit[:1]) == pytest.approx([0.5])
 
 
 def test_an_answer_is_yes_no_or_not_known() -> None:
