@@ -252,12 +252,12 @@ def _size(file: Path, row: Row, name: str) -> float | None:
         return None
     try:
         value = quantity(row.cells[name], SIZE_COLUMNS[name])
-        fault = None if value > 0 else "not greater than zero"
+        if value > 0:
+            return value
+        fault = "not greater than zero"
     except BadQuantity as error:
         fault = str(error)
-    if fault:
-        raise ProblemError(fault, file=file, line=row.line, key=name, value=row.cells[name])
-    return value
+    raise ProblemError(fault, file=file, line=row.line, key=name, value=row.cells[name])
 
 
 def _with_gear(file: Path, row: Row, drive: Drive) -> Drive:

@@ -33,8 +33,7 @@ from ssm_planner.problem import Bound, Motor
 def _check(quantity_kind: str, description: str) -> Any:
     """Return the type of a quantity that is only compared with other quantities of the file."""
     hint = Annotated[Figure, sourced_field(quantity(quantity_kind, Bound(above=0.0)))]
-    text = f"{description}. It only serves to check other figures."
-    return hint | None, Field(None, description=text)
+    return hint | None, Field(None, description=description + ", only to check other figures.")
 
 
 CHECKS = {

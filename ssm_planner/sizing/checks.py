@@ -92,7 +92,10 @@ def below(name: str, value: float, limit: float | None, unit: str, needs: str = 
 
 
 def margin_of(demand: Array | float, limit: Array | float) -> Array:
-    """Return (limit − demand)/limit. A limit of 0 permits nothing, so its margin is −1."""
+    """Return (limit − demand)/limit for numbers or arrays (m,).
+
+    A limit of 0 permits nothing, so its margin is −1.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(np.less_equal(limit, 0), -1.0, np.divide(np.subtract(limit, demand), limit))
 

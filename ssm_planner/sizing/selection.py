@@ -313,16 +313,14 @@ def select_joint(
         [candidate.of for candidate in motors], conditions, load.duration + conditions.pause
     )
     rows = [_assess_gear(replace(load, drive=gear.of), fleet, conditions) for gear in gears]
-    answers = {name: np.stack([answer[name] for answer, _, _ in rows]) for name in rows[0][0]}
-    margins = {name: np.stack([margin[name] for _, margin, _ in rows]) for name in MARGINS}
-    of_gear = [checks for _, _, checks in rows]
+    answers, margins, of_gear = zip(*rows, strict=True)
     return JointSelection(
         load,
         conditions,
         motors,
         gears,
-        answers,
-        margins=margins,
+        {name: np.stack([answer[name] for answer in answers]) for name in answers[0]},
+        margins={name: np.stack([margin[name] for margin in margins]) for name in MARGINS},
         of_gear=of_gear,
         load_inertia=inertia,
     )

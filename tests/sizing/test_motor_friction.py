@@ -9,6 +9,7 @@ import pytest
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
+from ssm_planner.problem.serialization import plain, robot_from_plain, robot_text
 from ssm_planner.sizing.assess import MotorVerdict, assess
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
@@ -104,3 +105,18 @@ def test_the_voltage_is_that_of_the_larger_current(load: JointLoad) -> None:
         ohm = 0.5 * (1 + 0.00393 * (temperature - 298.15))
         volts.append(np.abs(ohm * torque / k + k * speed).max())
     assert check_of(verdict, "voltage").nominal == pytest.approx(max(volts))
+
+
+def test_plans_store_the_figure_and_certificates_without_it_stay_valid(robot: Robot) -> None:
+    """A certificate contains the text of the robot, which must not change if the figure is missing."""
+    assert "no_load_current" not in robot_text(robot)
+    joints = [
+        joint
+        if joint.motor is None
+        else replace(joint, motor=replace(joint.motor, no_load_current=0.1))
+        for joint in robot.joints
+    ]
+    stated = replace(robot, joints=tuple(joints))
+    assert "no_load_current" in robot_text(stated)
+    assert robot_from_plain(plain(stated)) == stated
+    assert robot_from_plain(plain(robot)) == robot
