@@ -8,7 +8,7 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody, motor_motion
 from ssm_planner.problem import FeedForward, Joint, MotorTorque, Robot
-from ssm_planner.trajectory import Samples
+from ssm_planner.trajectory import BLOCK, Samples, blocks
 from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification import LimitCheck
 
@@ -112,16 +112,20 @@ def _torque_range(
     low = np.full(q.shape, np.inf)
     high = np.full(q.shape, -np.inf)
     standing_rows = np.flatnonzero(standing.any(axis=1))
-    all_rows = np.arange(len(t))
+    cases = [
+        (rows[block], sign, breaking)
+        for rows, sign, breaking in (
+            (np.arange(len(t)), 1.0, False),
+            *((standing_rows, *case) for case in AT_REST),
+        )
+        for block in blocks(len(rows), BLOCK)
+    ]
     # The motor torque is monotonic in each acceleration, except where its effort changes sign.
     for share in (*product((0.0, 1.0), repeat=4), (0.5,) * 4):
-        qdd = lowest + np.array(share) * (highest - lowest)
-        for rows, sign, breaking in (
-            (all_rows, 1.0, False),
-            *((standing_rows, *case) for case in AT_REST),
-        ):
+        for rows, sign, breaking in cases:
+            qdd = lowest[rows] + np.array(share) * (highest[rows] - lowest[rows])
             at_rest = standing[rows]
-            samples = Samples(t[rows], q[rows], qd[rows], qdd[rows], np.zeros_like(q[rows]))
+            samples = Samples(t[rows], q[rows], qd[rows], qdd, np.zeros_like(qdd))
             direction = np.where(at_rest, sign, np.sign(qd[rows]))
             torque = motor_motion(
                 robot, body, samples, direction, (at_rest & breaking).astype(float)
