@@ -9,7 +9,14 @@ from typing import Literal
 
 import numpy as np
 
-from ssm_planner.comparison.clock import Alignment, Clock, correlation, match, planned_speed_at
+from ssm_planner.comparison.clock import (
+    Alignment,
+    Clock,
+    Match,
+    correlation,
+    match,
+    planned_speed_at,
+)
 from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.noise import (
     CERTAIN,
@@ -195,6 +202,10 @@ class AlignedAxis:
             "torque": CERTAIN_ALONE * torque + resolution / 2,
         }
 
+    def fit(self, plan: Predicted, scale: float = 1.0) -> Match:
+        """Find a plan, executed at a fraction `scale` of its speed, in the recording."""
+        return match(plan.time, plan.speed, self.measured.time, self.measured.w, scale)
+
     def interpolate_plan(self, values: Array) -> Array:
         """Interpolate values of the plan (m,) at the samples (n,)."""
         return np.interp(self.t, self.plan.time, values)
@@ -361,46 +372,36 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding 
     motion.
     """
     measured = axis.measured
-    joint = measured.joint
-    own = match(axis.plan.time, axis.plan.speed, measured.time, measured.w, 1.0)
     likeness = axis.alignment.correlation
-
-    def named(kind: str, text: str) -> Finding:
-        return Finding(kind, "not held", text, likeness, ALIKE)
-
-    costs = {
-        plan.joint.name: match(plan.time, plan.speed, measured.time, measured.w, 1.0).cost
-        for plan in plans
-    }
-    nearest = min(costs, key=costs.__getitem__)
-    if costs[nearest] < min(own.cost / 4, UNRESOLVED):
-        return named(
-            "swapped",
-            f"its speed is not the planned one of joint {joint}, but that of joint {nearest}: are "
-            "the recordings or the motors swapped?",
-        )
-    if 1 - abs(own.correlation) < STANDS and not 1 / UNLIKE < abs(own.factor) < UNLIKE:
-        return named("units", f"its speed is {times_planned(own.factor)}")
-    if (own.cost < UNRESOLVED**2 and likeness >= ALIKE) or find_stall(axis) is not None:
+    fit = axis.fit
+    own = fit(axis.plan)
+    nearest = min(plans, key=lambda plan: fit(plan).cost)
+    scale = max((1e-3, 1e3), key=lambda scale: fit(axis.plan, scale).correlation)
+    text = f"its speed is not the planned one of joint {measured.joint}"
+    if fit(nearest).cost < min(own.cost / 4, UNRESOLVED):
+        kind = "swapped"
+        text += f", but that of joint {nearest.joint.name}: are recordings or motors swapped?"
+    elif 1 - abs(own.correlation) < STANDS and not 1 / UNLIKE < abs(own.factor) < UNLIKE:
+        kind, text = "units", f"its speed is {times_planned(own.factor)}"
+    elif max(own.cost, 1 - likeness) < UNRESOLVED or find_stall(axis) is not None:
         return None
-    plan = axis.plan
-    for scale in (1e-3, 1e3):
-        other = match(plan.time, plan.speed, measured.time, measured.w, scale)
-        if own.cost > UNRESOLVED and other.correlation >= ALIKE:
-            return named("units", f"its time is {times_planned(1 / scale)}")
-    if likeness >= ALIKE or follows_plan(axis):
+    elif fit(axis.plan, scale).correlation >= ALIKE:
+        kind, text = "units", f"its time is {times_planned(1 / scale)}"
+    elif likeness >= ALIKE or follows_plan(axis):
         return None
-    if own.correlation < -ALIKE:
-        return named(
+    elif own.correlation < -ALIKE:
+        kind, text = (
             "reversed",
             "reversed it is; motor_direction of the joint in the robot file, or the recording's "
             "sign, is wrong",
         )
-    return named(
-        "other motion",
-        f"its speed is not the planned one of joint {joint} (correlation {likeness:.2f}, at least "
-        f"{ALIKE:g} needed): is it another joint's or another motion's?",
-    )
+    else:
+        kind = "other motion"
+        text += (
+            f" (correlation {likeness:.2f}, at least {ALIKE:g} needed): is it another joint's or "
+            "another motion's?"
+        )
+    return Finding(kind, "not held", text, likeness, ALIKE)
 
 
 def times_planned(factor: float) -> str:
@@ -657,11 +658,9 @@ def check_speed(clock: Clock, played: float, intended: float | None) -> Iterator
     multiples of the planned speed. Without a declared speed, a lower speed counts as intended.
     """
     speed = played * clock.estimated_rate if clock.slower else played
-    if speed == 1.0:
-        return
-    text = f"played at {100 * speed:.3g} % of the plan's speed"
-    if clock.slower or played > 1 or (intended is not None and played != intended):
-        text += f" instead of {100 * (intended or 1.0):.3g} %"
-        yield Finding("speed", "not held", text, speed, intended or 1.0)
-    else:
-        yield Finding("speed", "held", text, speed, played)
+    wanted = played if intended is None and not clock.slower and played < 1 else intended or 1.0
+    if speed != 1.0:
+        differs = speed != wanted
+        text = f"played at {100 * speed:.3g} % of the plan's speed"
+        text += f" instead of {100 * wanted:.3g} %" if differs else ""
+        yield Finding("speed", "not held" if differs else "held", text, speed, wanted)
