@@ -73,7 +73,8 @@ def run_compare(options: Namespace) -> int:
 def compare_lines(comparison: ssm.Comparison) -> list[str]:
     """Return lines of text that report a comparison.
 
-    They state the clock of the recordings, the smallest visible faults, the errors of every axis, the margins of the limits,
+    They state the clock of the recordings, the smallest visible faults, the errors of every axis,
+    the margins of the limits,
     the findings and the verdict.
     """
     from ssm_planner.comparison.clock import CERTAIN
