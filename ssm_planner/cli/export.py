@@ -106,6 +106,7 @@ PARSED: dict[str, Keywords] = {
     "mode": {"choices": ("csp", "csv", "cst")},
     "counts_per_turn": {"nargs": "+", "metavar": "[JOINT=]N"},
     "effort": {"action": "store_true"},
+    "rigid_effort": {"action": "store_true"},
     "stops": {"type": int, "metavar": "N"},
     "bag": {"action": "store_false"},
 }

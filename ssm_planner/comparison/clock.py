@@ -12,10 +12,6 @@ from ssm_planner.typing import Array, frozen
 
 SAMPLES = 4000
 """Approximate number of samples that are used for an alignment."""
-DELAYS = 400
-"""Smallest number of delays in the first grid."""
-FINEST = 1e-5
-"""Width of the last grid of delays, s."""
 FAR = 0.3
 """Largest deviation of a sample that determines the clock, as a share of the planned peak speed."""
 FASTEST = 0.05
@@ -28,6 +24,8 @@ ENDS = 0.05
 """Speed below which a motion has ended, as a share of the planned peak speed."""
 CERTAIN = 5.0
 """Number of standard deviations beyond which a difference is significant."""
+SPEEDS = np.union1d(np.arange(5, 126) / 100, np.geomspace(0.05, 1.25, 80))
+"""Speeds of execution that are tried, as multiples of the planned speed."""
 
 
 @frozen
@@ -44,7 +42,7 @@ class Alignment(ShortRepr):
     delay: float
     """Time of the recording at which the motion starts, s."""
     correlation: float
-    """Correlation of the measured with the planned speed."""
+    """Correlation of the measured with the planned speed during the planned motion."""
     reversed_correlation: float
     """Best correlation that results if the sign of the recording is reversed."""
     rate: float = 1.0
@@ -120,20 +118,99 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
         return Alignment(float(time[0]), both_at_rest, 0.0)
     moves = np.flatnonzero(np.abs(w) > ENDS * np.abs(planned_speed).max())
     stop = int(moves[-1]) + 2 if len(moves) else len(w)
-    forward, reverse = (
-        _search(planned_time, planned_speed, t[:stop], sign * w[:stop]) for sign in (1, -1)
+    coarse = match(planned_time, planned_speed, t[:stop], w[:stop])
+    delay, rate, size, errors = _refine(
+        coarse.delay, planned_time, planned_speed, t[:stop], w[:stop]
     )
-    delay, rate, size, errors = _refine(forward[0], planned_time, planned_speed, t[:stop], w[:stop])
-    expected = planned_speed_at(planned_time, planned_speed, rate * (t - delay))
+    planned_t = rate * (t - delay)
+    expected = planned_speed_at(planned_time, planned_speed, planned_t)
     return Alignment(
         delay,
-        correlation=correlation(expected, w),
-        reversed_correlation=reverse[1],
+        correlation=correlation(expected, w * (np.abs(2 * planned_t / planned_time[-1] - 1) <= 1)),
+        reversed_correlation=coarse.reversed_correlation,
         rate=rate,
         rate_error=errors[1],
         delay_error=errors[0],
         size=size,
         agreement=correlation(expected[:stop], w[:stop]),
+    )
+
+
+def estimate_speed(
+    plans: Sequence[tuple[Array, Array]], recordings: Sequence[tuple[Array, Array]]
+) -> float:
+    """Estimate the speed of execution as a multiple of the planned speed.
+
+    Another speed than 1 must explain the recordings much better. Each plan contains times and
+    planned speeds, and each recording times and measured speeds, see `align`. A recording may
+    belong to any of the plans.
+    """
+
+    def costs(speed: float) -> list[float]:
+        return [
+            min(match(*plan, *recording, speed).cost for plan in plans) for recording in recordings
+        ]
+
+    at_plan = costs(1.0)
+    if min(at_plan) <= FOLLOWS**2:
+        return 1.0
+    cost, best = min((float(np.mean(costs(speed))), speed) for speed in SPEEDS.tolist())
+    before = float(np.mean(at_plan))
+    # A recording of two motions leaves half of its squared speed unexplained.
+    explains = 4 * cost < before or 1 - cost > max(4 * (1 - before), 1 - ALIKE**2)
+    return best if explains and abs(best - 1) > FASTEST else 1.0
+
+
+@frozen
+class Match:
+    """Comparison of a measured speed with a plan that is executed at another speed."""
+
+    delay: float
+    """Time of the recording at which the plan explains the speed best, s."""
+    cost: float
+    """Smallest share of the squared speed that the plan does not explain, in either direction."""
+    correlation: float
+    """Correlation of largest magnitude. It is negative if the recording is reversed."""
+    reversed_correlation: float
+    """Best correlation with the reversed plan."""
+    factor: float
+    """Measured speed as a multiple of the planned speed, for the correlation."""
+
+
+def match(
+    planned_time: Array, planned_speed: Array, time: Array, measured: Array, speed: float = 1.0
+) -> Match:
+    """Find the plan, executed at a fraction `speed` of its speed, in a recording at any delay.
+
+    The other parameters are those of `align`.
+    """
+    from scipy.signal import correlate
+
+    moves = np.flatnonzero(np.abs(measured) > ENDS * np.abs(measured).max(initial=0.0))
+    begin, end = time[moves[[0, -1]]] if len(moves) else time[[0, 0]]
+    duration = float(planned_time[-1]) / speed
+    step = max(end - begin, duration) * 2 / SAMPLES
+    w = np.interp(np.arange(begin, end, step), time, measured)
+    v = speed * np.interp(speed * np.arange(0.0, duration, step), planned_time, planned_speed)
+    if len(w) < 8 or not (w.any() and v.any()):
+        return Match(float(begin), float(len(moves) > 0), 0.0, 0.0, 1.0)
+    product = correlate(w, v, method="fft")
+    first = np.arange(1 - len(v), len(w))
+    sums = np.append(0.0, np.cumsum(v**2))
+    energy = sums[np.minimum(len(v), len(w) - first)] - sums[np.maximum(0, -first)]
+    # A short overlap does not determine a correlation.
+    enough = np.maximum(energy, 1e-3 * sums[-1])
+    total = float(w @ w)
+    shape = product / np.sqrt(enough * total)
+    k = int(np.argmax(np.abs(shape)))
+    # A recording that fits both directions equally well is not reversed.
+    errors = min(energy - 2 * product, energy + 2 * product + (1 - ALIKE) * total, key=np.min)
+    return Match(
+        float(begin + step * first[int(np.argmin(errors))]),
+        1 + float(errors.min()) / total,
+        float(shape[k]),
+        -float(shape.min()),
+        float((product / enough)[k]),
     )
 
 
@@ -177,31 +254,6 @@ def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
 def planned_speed_at(planned_time: Array, planned_speed: Array, t: Array) -> Array:
     """Interpolate the planned speed (m,) at planned times t (n,). It is 0 outside of the motion."""
     return np.interp(t, planned_time, planned_speed, left=0.0, right=0.0)
-
-
-def _search(planned_time: Array, planned_speed: Array, t: Array, w: Array) -> tuple[float, float]:
-    """Find the delay (s) for which measured and planned speed differ least, and their correlation.
-
-    The cost is the sum of squared differences. A bound on each difference limits the effect of
-    faults. The search evaluates grids of delays that become finer around the minimum.
-    """
-    duration = float(planned_time[-1])
-    low = float(t[0]) - duration
-    high = float(t[-1])
-    cutoff = FAR * float(np.abs(planned_speed).max())
-    # The first grid must be finer than the features of the motion.
-    count = int(np.clip((high - low) / (duration / 100), DELAYS, 20 * DELAYS))
-    delay = low
-    while high - low > FINEST:
-        delays = np.linspace(low, high, count)
-        speeds = (planned_speed_at(planned_time, planned_speed, t - shift) for shift in delays)
-        cost = [float(np.sum(np.minimum(np.abs(w - v), cutoff) ** 2)) for v in speeds]
-        delay = float(delays[int(np.argmin(cost))])
-        margin = 2 * (high - low) / (count - 1)
-        low = delay - margin
-        high = delay + margin
-        count = 41
-    return delay, correlation(planned_speed_at(planned_time, planned_speed, t - delay), w)
 
 
 def correlation(x: Array, y: Array) -> float:

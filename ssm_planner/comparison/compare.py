@@ -10,24 +10,23 @@ from dataclasses import field
 
 import numpy as np
 
-from ssm_planner.comparison.clock import Alignment, Clock, align, clock_of
+from ssm_planner.comparison.clock import Alignment, Clock, align, clock_of, estimate_speed
 from ssm_planner.comparison.findings import (
-    ALIKE,
     DRIFT,
     AlignedAxis,
     Finding,
     Kept,
     Verdict,
     check_clock,
-    find_stall,
+    check_speed,
+    find_other_motion,
     findings_of,
-    follows_plan,
     limits_of,
     map_to_clock,
     worst_of,
 )
 from ssm_planner.comparison.measured import Measured
-from ssm_planner.comparison.predicted import predict_axes
+from ssm_planner.comparison.predicted import Predicted, predict_axes
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification import rms
@@ -90,6 +89,13 @@ class AxisComparison(ShortRepr):
     limits: tuple[Kept, ...]
     notes: tuple[str, ...] = field(default_factory=tuple)
     findings: tuple[Finding, ...] = ()
+    visible: dict[str, float] = field(default_factory=dict)
+    """Shortest and smallest fault that the recording can show.
+
+    `duration` is the longest interval between two samples during the motion, s. A shorter fault can
+    lie between two samples. `speed` and `torque` are the smallest faults of a single sample, rad/s
+    and N·m at the motor, and `position` is the smallest fault of the joint, rad or m.
+    """
 
     @property
     def verdict(self) -> Verdict:
@@ -118,6 +124,7 @@ class AxisComparison(ShortRepr):
             "held": self.followed,
             "verdict": self.verdict,
             "findings": [vars(finding) for finding in self.findings],
+            "visible": self.visible,
             "notes": list(self.notes),
         }
 
@@ -139,6 +146,8 @@ class Comparison(ShortRepr):
     clock: Clock
     findings: tuple[Finding, ...] = ()
     """Findings that concern all recordings."""
+    speed: float = 1.0
+    """Speed of execution as a multiple of the planned speed. The axes are compared at this speed."""
 
     @property
     def verdict(self) -> Verdict:
@@ -165,6 +174,7 @@ class Comparison(ShortRepr):
         return {
             "held": self.followed,
             "verdict": self.verdict,
+            "speed": self.speed,
             "clock": {
                 name: value if np.isfinite(value) else None
                 for name, value in vars(self.clock).items()
@@ -182,6 +192,7 @@ def compare(
     certificate: Certificate | None,
     recordings: Sequence[Measured],
     lag: float = LAG,
+    speed: float | None = None,
 ) -> Comparison:
     """Compare a planned motion with recordings of its axes.
 
@@ -198,6 +209,9 @@ def compare(
     lag
         Delay of a joint (s) that is permitted at its largest speed. It determines the permitted
         tracking error.
+    speed
+        Speed at which the motion was meant to be executed, as a multiple of the planned speed. By
+        default, a speed below 95 % is estimated from the recordings.
 
     Returns
     -------
@@ -207,59 +221,70 @@ def compare(
     Raises
     ------
     RecordingError
-        If the list of recordings is empty, or if a recording belongs to another motion.
+        If the list of recordings is empty, or if the speed is not above 0 and at most 1.
     """
     if not recordings:
         raise RecordingError("no recording to compare with")
-    plans = predict_axes(trajectory, robot, [recording.joint for recording in recordings])
-    alignments = [
-        align(plan.time, plan.speed, recording.time, recording.w)
-        for plan, recording in zip(plans, recordings, strict=True)
-    ]
-    clock = clock_of(alignments, DRIFT)
+    if speed is not None and not 0 < speed <= 1:
+        raise RecordingError(f"the speed {speed:g} is out of range (allowed: above 0, up to 1)")
+    joints = [recording.joint for recording in recordings]
+    driven = [joint.name for joint in robot.joints if joint.drive is not None]
+    joints += [name for name in driven if name not in joints]
+    plans = predict_axes(trajectory, robot, joints)
+    alignments, clock, played = _align(plans, recordings, speed or 1.0)
+    if played != 1.0:
+        plans = predict_axes(trajectory, robot, joints, played)
+        certificate = None
     axes = [
-        map_to_clock(plan, recording, clock, alignment)
-        for plan, recording, alignment in zip(plans, recordings, alignments, strict=True)
+        map_to_clock(*parts, clock) for parts in zip(plans, recordings, alignments, strict=False)
     ]
-    for axis in axes:
-        _reject_other_motion(axis)
+    findings = [*check_clock(clock, axes), *check_speed(clock, played, speed)]
     return Comparison(
-        tuple(_compare_axis(axis, certificate, lag) for axis in axes),
+        tuple(_compare_axis(axis, plans, certificate, lag) for axis in axes),
         clock,
-        tuple(check_clock(clock, axes)),
+        tuple(findings),
+        played,
     )
 
 
-def _reject_other_motion(axis: AlignedAxis) -> None:
-    """Raise RecordingError if a recording does not resemble the planned motion."""
-    alignment = axis.alignment
-    measured = axis.measured
-    if alignment.correlation >= ALIKE or find_stall(axis) is not None or follows_plan(axis):
-        return
-    hint = "is it another joint's or another motion's?"
-    if alignment.reversed_correlation > max(ALIKE, alignment.correlation):
-        hint = (
-            "reversed it is; motor_direction of the joint in the robot file, or the recording's "
-            "sign, is wrong"
-        )
-    raise RecordingError(
-        f"{measured.name}: its speed is not the planned one of joint {measured.joint} (correlation "
-        f"{alignment.correlation:.2f}, at least {ALIKE:g} needed): {hint}"
-    )
+def _align(
+    plans: list[Predicted], recordings: Sequence[Measured], intended: float
+) -> tuple[list[Alignment], Clock, float]:
+    """Return the alignment of every axis, the common clock, and the speed of execution.
+
+    `intended` is the intended speed of execution, near which no other speed is estimated.
+    """
+
+    measured = [(recording.time, recording.w) for recording in recordings]
+
+    def planned(speed: float) -> list[tuple[Array, Array]]:
+        return [(plan.time / speed, plan.speed * speed) for plan in plans]
+
+    def aligned(speed: float) -> tuple[list[Alignment], Clock, float]:
+        pairs = zip(planned(speed), measured, strict=False)
+        alignments = [align(*plan, *recording) for plan, recording in pairs]
+        return alignments, clock_of(alignments, DRIFT), speed
+
+    estimate = aligned(intended * estimate_speed(planned(intended), measured))
+    _, clock, speed = estimate
+    if clock.slower and speed != intended:
+        return aligned(speed * clock.estimated_rate)
+    return estimate
 
 
-def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float) -> AxisComparison:
-    """Compare one axis. Raises RecordingError if the recording contains nothing of the motion.
+def _compare_axis(
+    axis: AlignedAxis, plans: Sequence[Predicted], certificate: Certificate | None, lag: float
+) -> AxisComparison:
+    """Compare one axis.
 
-    `lag` is the permitted delay at the largest speed, s.
+    `plans` are the predictions of all axes, and `lag` is the permitted delay at the largest speed,
+    s.
     """
     plan = axis.plan
     measured = axis.measured
     t = axis.t
     is_planned = (t >= 0) & (t <= plan.duration)
     covered = float(min(t[-1], plan.duration) - max(t[0], 0.0)) / plan.duration
-    if covered <= 0 or np.count_nonzero(is_planned) < 3:
-        raise RecordingError(f"{measured.name}: holds nothing of the motion")
     notes = list(measured.repairs)
     if axis.integrated:
         notes.append(
@@ -269,16 +294,19 @@ def _compare_axis(axis: AlignedAxis, certificate: Certificate | None, lag: float
     predictions = {"position": plan.position, "speed": plan.speed, "torque": plan.torque}
     channels = {"position": axis.q, "speed": measured.w, "torque": measured.tau}
     differences = {}
-    for name, values in channels.items():
-        planned = np.interp(t[is_planned], plan.time, predictions[name])
-        differences[name] = Difference.from_samples(planned, values[is_planned])
+    if is_planned.any():
+        for name, values in channels.items():
+            planned = np.interp(t[is_planned], plan.time, predictions[name])
+            differences[name] = Difference.from_samples(planned, values[is_planned])
+    other = find_other_motion(axis, plans)
     return AxisComparison(
         measured.joint,
         measured.name,
         axis.alignment,
-        covered,
+        max(covered, 0.0),
         differences=differences,
         limits=limits_of(axis, certificate),
         notes=tuple(notes),
-        findings=findings_of(axis, lag),
+        findings=findings_of(axis, lag) if other is None else (other,),
+        visible=axis.visible,
     )

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from ssm_planner.comparison.clock import Alignment, Clock, correlation
+from ssm_planner.comparison.clock import (
+    Alignment,
+    Clock,
+    Match,
+    correlation,
+    match,
+    planned_speed_at,
+)
 from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.noise import (
     CERTAIN,
+    CERTAIN_ALONE,
     longest_run,
     noise_of,
     smoothed,
     windows,
     worst_excess,
 )
-from ssm_planner.comparison.predicted import PLAN_RATE, Predicted
+from ssm_planner.comparison.predicted import Predicted
 from ssm_planner.identification import rms
 from ssm_planner.problem import (
     JointLimit,
@@ -37,8 +45,8 @@ STEP = 5e-3
 """Largest difference between the starts of the axes, s."""
 DRIFT = 1e-3
 """Largest relative error of the recordings' clock. The error of a crystal is ten times smaller."""
-GAP = 20e-3
-"""Longest permitted time without a sample, s."""
+GAP = 10e-3
+"""Longest permitted time without a sample, s. A fault that is shorter can lie between samples."""
 MISSING = 0.005
 """Share of missing samples above which they are reported."""
 TOO_MANY = 0.2
@@ -58,6 +66,16 @@ SHORT = 20e-3
 """Shortest saturation, s."""
 STALL = 0.1
 """Shortest stall, s."""
+UNLIKE = 3.5
+"""Smallest ratio of measured and planned values that suggests a wrong unit."""
+UNITS = {
+    4.0: "increments and encoder counts",
+    60 / (2 * np.pi): "rpm and rad/s",
+    180 / np.pi: "degrees and radians",
+    100.0: "percent and fractions",
+    1000.0: "units and thousandths",
+}
+"""Units that differ by a factor."""
 ALIKE = 0.8
 """Smallest correlation of measured and planned speed in a recording of the same motion."""
 NEAR = 15e-3
@@ -84,7 +102,11 @@ class Finding(ShortRepr):
     """
 
     kind: str
-    """tracking, out of step, stall, saturation, torque, gap, missing samples, coverage or clock."""
+    """Name of the fault.
+
+    tracking, out of step, stall, saturation, torque, gap, sampling, missing samples, coverage,
+    clock, speed, swapped, reversed, units, several motions or other motion.
+    """
     verdict: Verdict
     text: str
     value: float
@@ -162,6 +184,28 @@ class AlignedAxis:
         """Standard deviation of the noise in a single sample of the speed, rad/s."""
         return noise_of(self.speed_error[self.moving], 1, self.measured.speed_resolution)
 
+    @property
+    def intervals(self) -> tuple[Array, Array]:
+        """Planned times and durations (n,) of the intervals between samples in the motion, s."""
+        during = (self.t[1:] > 0) & (self.t[:-1] < self.plan.duration)
+        return self.t[:-1][during], np.diff(self.measured.time)[during]
+
+    @property
+    def visible(self) -> dict[str, float]:
+        """Shortest and smallest faults that the recording can show, see `AxisComparison`."""
+        resolution = self.measured.torque_resolution
+        torque = noise_of(self.torque_error[self.moving], 1, resolution)
+        return {
+            "duration": float(self.intervals[1].max(initial=self.step)),
+            "position": position_noise(self),
+            "speed": CERTAIN_ALONE * self.sigma + self.measured.speed_resolution / 2,
+            "torque": CERTAIN_ALONE * torque + resolution / 2,
+        }
+
+    def fit(self, plan: Predicted, scale: float = 1.0) -> Match:
+        """Find a plan, executed at a fraction `scale` of its speed, in the recording."""
+        return match(plan.time, plan.speed, self.measured.time, self.measured.w, scale)
+
     def interpolate_plan(self, values: Array) -> Array:
         """Interpolate values of the plan (m,) at the samples (n,)."""
         return np.interp(self.t, self.plan.time, values)
@@ -183,29 +227,27 @@ class AlignedAxis:
 
 
 def map_to_clock(
-    plan: Predicted, measured: Measured, clock: Clock, alignment: Alignment
+    plan: Predicted, measured: Measured, alignment: Alignment, clock: Clock
 ) -> AlignedAxis:
     """Convert the times of a recording to the planned time, and add the planned values.
 
-    Without a position channel, the position is the integral of the speed. The integration begins at
-    the planned position, and begins again after every gap.
+    Without a position channel, the position is the planned one plus the integral of the speed
+    error. The integration begins without an error, and begins again after every gap.
     """
     t = clock.planned_time(measured.time)
     step = float(np.median(np.diff(measured.time)))
+    speed = planned_speed_at(plan.time, plan.speed, t)
     q = measured.q
     if q is None:
-        q = np.empty(len(t))
+        q = np.interp(t, plan.time, plan.position)
         starts = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
         for start, end in pairwise(starts):
-            w = measured.w[start:end]
+            error = (measured.w - speed)[start:end] / plan.ratio
             times = t[start:end]
-            motor_angle = np.append(0.0, np.cumsum(np.diff(times) * (w[1:] + w[:-1]) / 2))
-            distance = motor_angle / plan.ratio
+            distance = np.append(0.0, np.cumsum(np.diff(times) * (error[1:] + error[:-1]) / 2))
             # The integration begins at the start of the motion if this run of samples contains it.
             start_index = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
-            planned_position = np.interp(times[start_index], plan.time, plan.position)
-            q[start:end] = distance - distance[start_index] + planned_position
-    speed = np.interp(t, plan.time, plan.speed, left=0.0, right=0.0)
+            q[start:end] += distance - distance[start_index]
     return AlignedAxis(
         plan,
         measured,
@@ -230,6 +272,7 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
         *check_tracking(axis, lag),
         *([stall] if stall is not None else find_saturation(axis)),
         *check_torque(axis),
+        *find_second_motion(axis),
     ]
     return tuple(findings)
 
@@ -241,18 +284,20 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
     duration = axis.plan.duration
     covered = (min(float(t[-1]), duration) - max(float(t[0]), 0.0)) / duration
     if covered < COVERED:
-        text = f"the recording holds {100 * covered:.0f} % of the motion"
+        text = f"the recording holds {100 * max(covered, 0.0):.0f} % of the motion"
         yield Finding("coverage", "cannot tell", text, covered, COVERED)
-    during = np.flatnonzero((t[1:] > 0) & (t[:-1] < duration))
-    steps = np.diff(axis.measured.time)[during]
+    times, steps = axis.intervals
     if not len(steps):
         return
     gap = float(steps.max())
-    allowed = max(GAP, 3 * step)
-    if gap > allowed:
-        time = float(t[during[int(np.argmax(steps))]])
-        text = f"no samples for {gap:.3g} s, {time:.3g} s after the motion's start"
-        yield Finding("gap", "cannot tell", text, gap, allowed)
+    if round(gap, 4) > GAP:
+        kind, text = "sampling", f"samples are up to {gap:.3g} s apart"
+        if gap > 3 * step:
+            kind = "gap"
+            time = float(times[int(np.argmax(steps))])
+            text = f"no samples for {gap:.3g} s, {time:.3g} s after the motion's start"
+        text += f": a fault that is shorter can be missing (a verdict needs {1e3 * GAP:.3g} ms)"
+        yield Finding(kind, "cannot tell", text, gap, GAP)
     missing = float(np.sum(np.rint(steps / step) - 1))
     share = missing / (missing + len(steps))
     if share > MISSING:
@@ -290,6 +335,9 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
             f"{scale * largest:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
             f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
         )
+        travel = float(np.ptp(axis.plan.position))
+        if np.ptp(axis.q) > UNLIKE * travel > 0:
+            text += f"; its travel is {times_planned(float(np.ptp(axis.q)) / travel)}"
         yield Finding("tracking", "not held", text, largest, allowed)
     elif noise > limit:
         text = (
@@ -313,11 +361,78 @@ def follows_plan(axis: AlignedAxis) -> bool:
 
     This test also works for a motor that rests most of the time.
     """
-    is_planned = (axis.t >= 0) & (axis.t <= axis.plan.duration)
-    if axis.step * is_planned.sum() < 0.1 * axis.plan.duration:
-        return False
     difference = rms(axis.speed_error)
     return difference <= STANDS * axis.plan.peak + CERTAIN * axis.sigma
+
+
+def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding | None:
+    """Return a finding if the recording does not show the planned motion of its joint.
+
+    The finding names the cause: another joint of `plans`, another sign, another unit or another
+    motion.
+    """
+    measured = axis.measured
+    likeness = axis.alignment.correlation
+    fit = axis.fit
+    own = fit(axis.plan)
+    nearest = min(plans, key=lambda plan: fit(plan).cost)
+    scale = max((1e-3, 1e3), key=lambda scale: fit(axis.plan, scale).correlation)
+    text = f"its speed is not the planned one of joint {measured.joint}"
+    if fit(nearest).cost < min(own.cost / 4, UNRESOLVED):
+        kind = "swapped"
+        text += f", but that of joint {nearest.joint.name}: are recordings or motors swapped?"
+    elif 1 - abs(own.correlation) < STANDS and not 1 / UNLIKE < abs(own.factor) < UNLIKE:
+        kind, text = "units", f"its speed is {times_planned(own.factor)}"
+    elif max(own.cost, 1 - likeness) < UNRESOLVED or find_stall(axis) is not None:
+        return None
+    elif fit(axis.plan, scale).correlation >= ALIKE:
+        kind, text = "units", f"its time is {times_planned(1 / scale)}"
+    elif likeness >= ALIKE or follows_plan(axis):
+        return None
+    elif own.correlation < -ALIKE:
+        kind, text = (
+            "reversed",
+            "reversed it is; motor_direction of the joint in the robot file, or the recording's "
+            "sign, is wrong",
+        )
+    else:
+        kind = "other motion"
+        text += (
+            f" (correlation {likeness:.2f}, at least {ALIKE:g} needed): is it another joint's or "
+            "another motion's?"
+        )
+    return Finding(kind, "not held", text, likeness, ALIKE)
+
+
+def times_planned(factor: float) -> str:
+    """Describe a measured value as a multiple of the planned one, and name likely causes."""
+    sign = ", so its sign is wrong" if factor < 0 else ""
+    size = abs(np.log(max(abs(factor), 1e-9)))
+    units = [text for ratio, text in UNITS.items() if abs(size - np.log(ratio)) < 0.2]
+    hint = f": are its units wrong ({units[0]})?" if units else ""
+    shown = f"{factor:.2f}" if abs(factor) > STANDS else f"{factor:.2g}"
+    return f"{shown} times the predicted{sign}{hint}"
+
+
+def find_second_motion(axis: AlignedAxis) -> Iterator[Finding]:
+    """Yield a finding if the motor also moves before or after the planned motion."""
+    w = axis.measured.w
+    n = windows(axis.step)[1][0]
+    if len(w) < n:
+        return
+    alignment = axis.alignment
+    time = smoothed(alignment.rate * (axis.measured.time - alignment.delay), n)
+    margin = STALL + n * axis.step
+    outside = (time < -margin) | (time > axis.plan.duration + margin)
+    level = max(STANDS * axis.plan.peak, CERTAIN * axis.sigma / np.sqrt(n))
+    moves = np.abs(smoothed(w, n)) > level
+    start, _, length = longest_run(outside & moves, time)
+    if length >= STALL:
+        text = (
+            f"the motor also moves {float(time[start]):.3g} s after the start, outside of the "
+            "planned motion: does the recording contain several motions?"
+        )
+        yield Finding("several motions", "not held", text, length, STALL)
 
 
 def find_stall(axis: AlignedAxis) -> Finding | None:
@@ -332,8 +447,7 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     n = windows(axis.step)[1][0]
     if peak == 0.0 or len(w) < n:
         return None
-    noise = noise_of(axis.speed_error, n, axis.measured.speed_resolution)
-    level = max(STANDS * peak, CERTAIN * noise)
+    level = max(STANDS * peak, CERTAIN * axis.sigma / np.sqrt(n))
     mean = smoothed(np.abs(w), n)
     planned_mean = smoothed(np.abs(planned_speed), n)
     mean_time = smoothed(axis.t, n)
@@ -406,7 +520,7 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     moving = np.abs(axis.speed) > STANDS * plan.peak
     if len(tau) < 3 * n or moving.sum() < n:
         return
-    reach = round((NEAR + n * axis.step / 2) * PLAN_RATE)
+    reach = round((NEAR + n * axis.step / 2) / plan.time[1])
     mean = smoothed(tau, n)
     expected, low, high = (
         smoothed(axis.interpolate_plan(values), n)
@@ -418,12 +532,11 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     outside = moving_windows & ((mean > high + noise) | (mean < low - noise))
     share = float(outside.sum() / max(moving_windows.sum(), 1))
     if share > OUTSIDE:
-        ratio = float(
-            np.median(np.abs(mean[outside]) / np.maximum(np.abs(expected[outside]), 1e-12))
-        )
+        size = np.maximum(np.abs(expected), 1e-12)
+        ratio = float(np.median((np.sign(expected) * mean / size)[outside]))
         source = "the drive's posterior" if plan.known else "assumed"
         text = (
-            f"torque is {ratio:.2f} times the predicted, outside its band ({source}) in "
+            f"torque is {times_planned(ratio)}, outside its band ({source}) in "
             f"{100 * share:.0f} % of the motion"
         )
         yield Finding("torque", "not held", text, share, OUTSIDE)
@@ -516,14 +629,14 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         )
     if len(axes) < 2:
         return
-    delays = {
-        axis.name: axis.alignment.delay - clock.delay
+    aligned = [
+        axis
         for axis in axes
-        if axis.alignment.correlation >= ALIKE
-    }
-    errors = [
-        axis.alignment.delay_error for axis in axes if np.isfinite(axis.alignment.delay_error)
+        if min(axis.alignment.correlation, axis.alignment.agreement) >= ALIKE
+        and np.isfinite(axis.alignment.delay_error)
     ]
+    delays = {axis.name: axis.alignment.delay - clock.delay for axis in aligned}
+    errors = [axis.alignment.delay_error for axis in aligned]
     spread = float(np.ptp(list(delays.values()))) if delays else 0.0
     allowed = STEP + CERTAIN * max(errors, default=0.0)
     if spread > allowed:
@@ -536,3 +649,18 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
             "do not share a clock)"
         )
         yield Finding("out of step", "not held", text, spread, allowed)
+
+
+def check_speed(clock: Clock, played: float, intended: float | None) -> Iterator[Finding]:
+    """Yield a remark if the motion was played at another speed, or a finding if it should not.
+
+    `played` is the speed at which the axes are compared, and `intended` the declared speed, both as
+    multiples of the planned speed. Without a declared speed, a lower speed counts as intended.
+    """
+    speed = played * clock.estimated_rate if clock.slower else played
+    wanted = played if intended is None and not clock.slower and played < 1 else intended or 1.0
+    if speed != 1.0:
+        differs = speed != wanted
+        text = f"played at {100 * speed:.3g} % of the plan's speed"
+        text += f" instead of {100 * wanted:.3g} %" if differs else ""
+        yield Finding("speed", "not held" if differs else "held", text, speed, wanted)

@@ -51,7 +51,7 @@ def noise_of(departure: Array, n: int, resolution: float) -> float:
     mean = smoothed(departure, n) if len(departure) >= n else departure
     rounding = resolution / np.sqrt(12.0 * n)
     if len(mean) <= 2 * n:
-        return float(rounding)
+        return float(rounding) if n == 1 else noise_of(departure, 1, resolution) / np.sqrt(n)
     differences = mean[2 * n :] - 2 * mean[n:-n] + mean[: -2 * n]
     return float(max(_TO_SIGMA * np.quantile(np.abs(differences), _SHARE) / np.sqrt(6.0), rounding))
 

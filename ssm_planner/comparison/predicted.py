@@ -20,7 +20,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 
 PLAN_RATE = 2000.0
-"""Sampling rate of the prediction, Hz."""
+"""Sampling rate of the prediction at the planned speed, Hz."""
 SPREAD = 0.25
 """Assumed relative deviation of the torque if the drive file contains no posterior."""
 TAIL = 1.96
@@ -29,7 +29,7 @@ TAIL = 1.96
 
 @record
 class Predicted:
-    """The prediction of one axis at PLAN_RATE. Arrays are (n,), in SI units.
+    """The prediction of one axis. Arrays are (n,), in SI units.
 
     Speed and torque are those of the motor.
     """
@@ -60,9 +60,15 @@ class Predicted:
         return float(self.time[-1])
 
 
-def predict_axes(trajectory: Trajectory, robot: Robot, joints: Sequence[str]) -> list[Predicted]:
-    """Predict the axes of the given joints. Raises RecordingError for a joint without a drive."""
-    samples = trajectory.uniform(PLAN_RATE)
+def predict_axes(
+    trajectory: Trajectory, robot: Robot, joints: Sequence[str], speed: float = 1.0
+) -> list[Predicted]:
+    """Predict the axes of the given joints. Raises RecordingError for a joint without a drive.
+
+    `speed` is the speed of execution as a multiple of the planned speed.
+    """
+    trajectory = trajectory.slower(speed)
+    samples = trajectory.uniform(PLAN_RATE * speed)
     direction, breakaway = directions(robot, samples, 1)
     body = RigidBody.from_robot(robot)
     motor = motor_motion(robot, body, samples, direction, breakaway)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import starmap
 from pathlib import Path
 from typing import Any
@@ -42,14 +42,18 @@ class Content:
     """Entries of a manifest and texts of files that follow from a motion."""
 
     entries: JsonObject
-    files: Mapping[str, str | None]
-    """Text of each file by name. None if `require_agreement` does not compare the file."""
+    files: Mapping[str, Iterable[str] | None]
+    """Text of each file by name, possibly in parts, which are used once.
+
+    None if `require_agreement` does not compare the file.
+    """
 
     def write(self, folder: Path) -> JsonObject:
         """Write the files, and return the entries."""
         for name, text in self.files.items():
             if text is not None:
-                (folder / name).write_text(text, encoding="utf-8", newline="")
+                with (folder / name).open("w", encoding="utf-8", newline="") as file:
+                    file.writelines([text] if isinstance(text, str) else text)
         return self.entries
 
 
@@ -105,8 +109,9 @@ def require_agreement(
     fault = fault or difference(
         sorted(manifest["files"]), sorted(content.files), f"{MANIFEST}.files"
     )
-    for name, text in content.files.items():
-        if fault is None and text is not None:
+    for name, parts in content.files.items():
+        if fault is None and parts is not None:
+            text = "".join(parts)
             read = (folder / name).read_bytes().decode("utf-8", "replace")
             if read != text:
                 fault = difference(_without_explanations(read), _without_explanations(text), name)

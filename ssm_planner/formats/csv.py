@@ -7,7 +7,6 @@ keeps the limits.
 
 from __future__ import annotations
 
-import io
 import math
 import re
 import warnings
@@ -16,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import IO, TextIO
+from typing import TextIO
 
 import numpy as np
 
@@ -38,7 +37,7 @@ from ssm_planner.formats.trajectory_csv import Heading, headings
 from ssm_planner.kinematics import Mechanism, task_from_joints, tip_position
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, TASK, Robot
-from ssm_planner.trajectory import BLOCK, Samples, Trajectory
+from ssm_planner.trajectory import BLOCK, Samples, Trajectory, blocks
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.verification import Certificate
 
@@ -163,7 +162,7 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
         rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
     header, rows = trajectory_table(trajectory, robot, rate, DEFAULT)
     with replacing(path) as temporary:
-        _write(temporary, header, rows, ("%.12g", "%.12g"))
+        _write(temporary, header, rows, "%.12g")
     return path
 
 
@@ -401,15 +400,20 @@ def _counts(motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: s
     return Content({"axes": entries}, files)
 
 
-def table_text(columns: Mapping[str, Array], forms: tuple[str, str] = ("%.3f", "%d")) -> str:
-    """Return columns (n,) as the text of a CSV file.
+def table_text(
+    columns: Mapping[str, Array], forms: tuple[str, str] = ("%.3f", "%d")
+) -> Iterator[str]:
+    """Yield the text of a CSV file with columns (n,) in parts, which bounds the memory in use.
 
     `forms` contains the printf format of the first column, which is the time, and the format of all
     other columns.
     """
-    text = io.StringIO()
-    _write(text, list(columns), np.column_stack(list(columns.values())), forms)
-    return text.getvalue()
+    yield ",".join(columns) + "\n"
+    values = list(columns.values())
+    row = ",".join([forms[0], *forms[1:] * (len(values) - 1)]) + "\n"
+    for block in blocks(len(values[0]), BLOCK):
+        rows = np.column_stack([column[block] for column in values])
+        yield row * len(rows) % tuple(rows.ravel().tolist())
 
 
 def _as_read(reading: Reading, plan: Plan) -> list[str]:
@@ -430,12 +434,9 @@ def _as_read(reading: Reading, plan: Plan) -> list[str]:
     ]
 
 
-def _write(
-    file: Path | IO[str], header: list[str], rows: Array, forms: tuple[str, str] = ("%.17g",) * 2
-) -> None:
-    """Write a table. `forms` contains the formats of the first column and of all others."""
-    fmt = [forms[0], *(forms[1],) * (len(header) - 1)]
-    np.savetxt(file, rows, fmt=fmt, delimiter=",", header=",".join(header), comments="")
+def _write(path: Path, header: Sequence[str], rows: Array, form: str = "%.17g") -> None:
+    """Write a table of rows (n, columns) with a printf format of all numbers."""
+    np.savetxt(path, rows, fmt=form, delimiter=",", header=",".join(header), comments="")
 
 
 SEPARATORS = (",", ";", "\t")

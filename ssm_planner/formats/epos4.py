@@ -6,7 +6,7 @@ also writes the setup objects of the drives. Streams of positions can be read as
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,6 +40,7 @@ from ssm_planner.formats.spline_points import REST, at_times
 from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, TASK, Joint, Robot, TaskLimits
+from ssm_planner.trajectory import BLOCK, blocks
 from ssm_planner.typing import Array, Arrays, JsonObject, record
 from ssm_planner.units import display_unit, rpm
 from ssm_planner.verification import Certificate, end_velocities
@@ -132,7 +133,7 @@ class Setpoints:
         Raises ExportError if a number does not fit its object.
         """
         t = np.arange(float(len(self.q))) * (self.period / 1000)
-        files = {}
+        files: dict[str, Iterable[str]] = {}
         entries: JsonObject = {}
         rows: list[dict[str, str]] = []
         for joint, q in zip(self.robot.joints, self.q.T, strict=True):
@@ -293,21 +294,19 @@ def _motion(plan: Plan, t: Array, stretch: float) -> Arrays:
 
     `stretch` is the factor on the duration. Joints that end at rest hold their last position.
     """
-    samples = at_times(plan, plan.motion.breaks[0] + t, stretch)
     moving = np.abs(end_velocities(plan.motion)[1]) > REST
-    ended = (t >= plan.motion.duration * stretch * (1 - 1e-12))[:, None] & ~moving
-    samples.qd[ended], samples.qdd[ended] = 0.0, 0.0
-    direction, breakaway = directions(plan.robot, samples, 1)
-    direction = np.where(ended, 0.0, direction)
-    starting = breakaway.astype(bool) & ~ended
-    motor = motor_motion(
-        plan.robot,
-        RigidBody.from_robot(plan.robot),
-        samples,
-        direction,
-        np.asarray(starting, dtype=float),
-    )
-    return {"q": samples.q, "speed": motor.speed, "torque": motor.torque}
+    body = RigidBody.from_robot(plan.robot)
+    motion = {name: np.empty((len(t), 4)) for name in ("q", "speed", "torque")}
+    for block in blocks(len(t), BLOCK):
+        samples = at_times(plan, plan.motion.breaks[0] + t[block], stretch)
+        ended = (t[block] >= plan.motion.duration * stretch * (1 - 1e-12))[:, None] & ~moving
+        samples.qd[ended], samples.qdd[ended] = 0.0, 0.0
+        direction, breakaway = directions(plan.robot, samples, 1)
+        starting = np.where(ended, 0.0, breakaway)
+        motor = motor_motion(plan.robot, body, samples, np.where(ended, 0.0, direction), starting)
+        motion["q"][block] = samples.q
+        motion["speed"][block], motion["torque"][block] = motor.speed, motor.torque
+    return motion
 
 
 def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, Stream]:

@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
-from ssm_planner.dynamics import RigidBody, motor_motion
+from ssm_planner.dynamics import RigidBody, drive_torque
 from ssm_planner.problem import FeedForward, Joint, MotorTorque, Robot
-from ssm_planner.trajectory import Samples
+from ssm_planner.trajectory import BLOCK, blocks
 from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification import LimitCheck
 
@@ -111,22 +111,40 @@ def _torque_range(
     body = RigidBody.from_robot(robot)
     low = np.full(q.shape, np.inf)
     high = np.full(q.shape, -np.inf)
-    standing_rows = np.flatnonzero(standing.any(axis=1))
-    all_rows = np.arange(len(t))
-    # The motor torque is monotonic in each acceleration, except where its effort changes sign.
-    for share in (*product((0.0, 1.0), repeat=4), (0.5,) * 4):
-        qdd = lowest + np.array(share) * (highest - lowest)
-        for rows, sign, breaking in (
-            (all_rows, 1.0, False),
-            *((standing_rows, *case) for case in AT_REST),
-        ):
-            at_rest = standing[rows]
-            samples = Samples(t[rows], q[rows], qd[rows], qdd[rows], np.zeros_like(q[rows]))
-            direction = np.where(at_rest, sign, np.sign(qd[rows]))
-            torque = motor_motion(
-                robot, body, samples, direction, (at_rest & breaking).astype(float)
-            ).torque
-            low[rows], high[rows] = np.fmin(low[rows], torque), np.fmax(high[rows], torque)
+    for block in blocks(len(t), BLOCK):
+        rows = np.arange(len(t))[block]
+        motion = q[rows], qd[rows]
+        # The load is affine in the accelerations.
+        load = body.inverse_dynamics(*motion, np.zeros_like(motion[0]))
+        inertia = [
+            body.inverse_dynamics(*motion, np.zeros_like(motion[0]) + unit) - load
+            for unit in np.eye(4)
+        ]
+        resting = np.flatnonzero(standing[rows].any(axis=1))
+        # The motor torque is monotonic in each acceleration, except where its effort changes sign.
+        for share in (*product((0.0, 1.0), repeat=4), (0.5,) * 4):
+            qdd = lowest[rows] + np.array(share) * (highest[rows] - lowest[rows])
+            tau = load + sum(column * qdd[:, [k]] for k, column in enumerate(inertia))
+            for chosen, sign, breaking in (
+                (np.arange(len(rows)), 1.0, False),
+                *((resting, *case) for case in AT_REST),
+            ):
+                k = rows[chosen]
+                direction = np.where(standing[k], sign, np.sign(qd[k]))
+                starts = standing[k] & breaking
+                for i in offsets:
+                    drive = robot.joints[i].drive
+                    assert drive is not None
+                    torque, _ = drive_torque(
+                        drive,
+                        tau[chosen, i],
+                        qd[k, i],
+                        qdd[chosen, i],
+                        direction[:, i],
+                        breakaway=starts[:, i],
+                    )
+                    low[k, i] = np.fmin(low[k, i], torque)
+                    high[k, i] = np.fmax(high[k, i], torque)
     return low, high
 
 

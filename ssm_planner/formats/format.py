@@ -95,7 +95,8 @@ FORMATS = Registry(
             "JointTrajectory and rosbag2",
             {
                 "rate": "states in the bag (default 100)",
-                "effort": "add joint efforts",
+                "effort": "add joint efforts: motor torque with friction, times ratio",
+                "rigid_effort": "add rigid-body efforts, without drives and friction",
                 "bag": "no rosbag2",
             },
             reader="ssm_planner.formats.ros2:read_ros2",

@@ -16,6 +16,7 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.errors import ProblemError, TrajectoryError
+from ssm_planner.formats.csv import table
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.formats.spline_points import SplinePoints
 from ssm_planner.loading.json_files import read_bytes
@@ -60,16 +61,26 @@ class Message:
     effort: list[Sequence[float]]
 
 
-def trajectory_message(plan: Plan, points: SplinePoints, effort: bool) -> Message:
+def trajectory_message(
+    plan: Plan, points: SplinePoints, effort: bool, rigid: bool = False
+) -> Message:
     """Build the JointTrajectory of spline points.
 
-    If `effort` is true, the message contains the rigid-body efforts at the joints, N·m and N.
+    If `effort` is true, the message contains the motor torques times the ratios of the drives, N·m
+    and N. They include the exact friction. A joint without a drive has its rigid-body effort. If
+    `rigid` is true, the message contains the rigid-body efforts of all joints.
     """
     s = points.samples
     empty: list[Sequence[float]] = [[] for _ in s.t]
     efforts = empty
-    if effort:
-        efforts = RigidBody.from_robot(plan.robot).inverse_dynamics(s.q, s.qd, s.qdd).tolist()
+    if effort or rigid:
+        values = RigidBody.from_robot(plan.robot).inverse_dynamics(s.q, s.qd, s.qdd)
+        if not rigid:
+            _, torques = table(s, plan.robot, ("torque",), at_end=s.t == s.t[-1])
+            joints = enumerate(plan.robot.joints)
+            ratios = {i: joint.drive.ratio for i, joint in joints if joint.drive is not None}
+            values[:, [*ratios]] = torques[:, 1:] * [*ratios.values()]
+        efforts = values.tolist()
     return Message(
         tuple(joint.name for joint in plan.robot.joints),
         s.t,

@@ -68,6 +68,7 @@ def export_ros2(
     rate: float = 100.0,
     effort: bool = False,
     bag: bool | None = None,
+    rigid_effort: bool = False,
 ) -> JsonObject:
     """Write joint_trajectory.yaml, goal.yaml and a rosbag2, and return the entries of the manifest.
 
@@ -82,9 +83,12 @@ def export_ros2(
     rate : float
         Rate of the joint states and transforms in the bag, Hz.
     effort : bool
-        Include the rigid-body efforts. A controller without an effort interface rejects them.
+        Include efforts: the motor torque with exact friction, times the ratio of the drive. A
+        controller without an effort interface rejects them.
     bag : bool, optional
         Write the bag. By default, the bag is written if the package rosbags is installed.
+    rigid_effort : bool
+        Include the efforts that move the rigid bodies instead, without drives and friction.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def export_ros2(
             f"the rate {rate:g} Hz is out of range (allowed: above 0, up to {LARGEST_RATE:g} Hz)"
         )
     points = spline_points(plan, certificate)
-    message = trajectory_message(plan, points, effort)
+    message = trajectory_message(plan, points, effort, rigid_effort)
     faults, remarks = controller_faults(message, [joint.name for joint in plan.robot.joints])
     if faults:
         raise ExportError(

@@ -11,17 +11,24 @@ import pytest
 import yaml
 
 from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.export import export
-from ssm_planner.formats.joint_trajectory import REST, controller_faults, message_from
+from ssm_planner.formats.joint_trajectory import (
+    REST,
+    controller_faults,
+    message_from,
+    trajectory_message,
+)
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.formats.ros2 import _of_states, link_poses, quaternion, state_times
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
-from ssm_planner.plans import Plan
+from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
+from tests.support.paths import RESULTS
 
 
 def message(path: Path, under: str | None = None) -> dict:
@@ -123,13 +130,69 @@ def test_joint_trajectory_controller_would_accept_it(plan: Plan, tmp_path: Path)
         assert not remarks
 
 
-def test_effort_is_opt_in(plan: Plan, tmp_path: Path) -> None:
-    _, manifest = export(plan, "ros2", tmp_path, effort=True, bag=False)
-    points = message(tmp_path / "joint_trajectory.yaml")["points"]
+def efforts_of(plan: Plan, folder: Path, **options: bool) -> tuple[np.ndarray, dict]:
+    _, manifest = export(plan, "ros2", folder, bag=False, **options)
+    points = message(folder / "joint_trajectory.yaml")["points"]
+    return np.array([p["effort"] for p in points]), manifest
+
+
+def test_rigid_body_efforts_are_written_on_request(plan: Plan, tmp_path: Path) -> None:
+    efforts, manifest = efforts_of(plan, tmp_path, rigid_effort=True)
     samples = spline_points(plan, plan.certificate).samples
     expected = RigidBody.from_robot(plan.robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)
-    assert np.array([p["effort"] for p in points]) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    assert efforts == pytest.approx(expected, rel=1e-12, abs=1e-15)
     assert any("effort" in note for note in manifest["notes"])
+
+
+def test_efforts_are_motor_torques_through_the_drives(plan: Plan, tmp_path: Path) -> None:
+    """Against the law of physics for a worm and a screw, and against `motor_torque`."""
+    efforts, manifest = efforts_of(plan, tmp_path, effort=True)
+    s = spline_points(plan, plan.certificate).samples
+    rigid = RigidBody.from_robot(plan.robot).inverse_dynamics(s.q, s.qd, s.qdd)
+    torque = motor_torque(plan.robot, s.q, s.qd, s.qdd)
+    compared = 0
+    for i, joint in enumerate(plan.robot.joints):
+        drive = joint.drive
+        if drive is None:
+            assert efforts[:, i] == pytest.approx(rigid[:, i], rel=1e-12, abs=1e-15)
+            continue
+        moving = np.abs(s.qd[:, i]) > 1e-3 * joint.velocity
+        way = np.sign(s.qd[moving, i])
+        f = drive.friction
+        load = rigid[moving, i] + drive.output_inertia * s.qdd[moving, i]
+        load += f.b_oc * way + f.b_ov * s.qd[moving, i]
+        phi = np.arctan(f.mu / np.cos(drive.pressure_angle))
+        slope = np.tan(drive.lead_angle + np.sign(load * way) * phi)
+        expected = (
+            drive.input_inertia * drive.ratio * s.qdd[moving, i]
+            + f.b_c * way
+            + f.b_v * drive.ratio * s.qd[moving, i]
+            + drive.gamma * slope * load
+        )
+        peak = np.abs(expected).max()
+        assert efforts[moving, i] / drive.ratio == pytest.approx(expected, abs=1e-9 * peak)
+        # Before the end, where a joint at rest does not start again.
+        assert efforts[:-1, i] == pytest.approx(drive.ratio * torque[:-1, i], rel=1e-12, abs=1e-15)
+        compared += int(moving.sum())
+    assert compared > len(s.t)
+    assert np.sqrt(np.mean(efforts[:, 0] ** 2)) > 3 * np.sqrt(np.mean(rigid[:, 0] ** 2))
+    assert any("effort" in note for note in manifest["notes"])
+
+
+@pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
+def test_efforts_between_points_are_those_of_the_law(name: str) -> None:
+    """Interpolated efforts are within 1 % of the largest, except where torques jump."""
+    plan = load_plan(RESULTS / name / "plan.json")
+    points = spline_points(plan, plan.certificate)
+    efforts = np.array(trajectory_message(plan, points, effort=True).effort)
+    fine = plan.motion.uniform(2000.0)
+    torque = motor_torque(plan.robot, fine.q, fine.qd, fine.qdd)
+    for i, joint in enumerate(plan.robot.joints):
+        if joint.drive is not None:
+            expected = joint.drive.ratio * torque[:, i]
+            between = np.interp(fine.t * points.stretch, points.samples.t, efforts[:, i])
+            wrong = np.abs(between - expected) > 0.01 * np.abs(expected).max()
+            assert wrong.mean() < 0.02
 
 
 def test_the_stretch_is_small_and_stated(plan: Plan, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,14 +36,18 @@ class Run:
 class Executions:
     """Runs of one plan; each is a fresh copy that may be spoilt."""
 
-    def __init__(self, plan: Plan, step: float = 1e-3) -> None:
+    def __init__(self, plan: Plan, step: float = 1e-3, speed: float = 1.0) -> None:
         self.plan, self.step = plan, step
         self.names = [joint.name for joint in plan.robot.joints if joint.drive is not None]
         self.joints = {joint.name: joint for joint in plan.robot.joints}
         self.plans = dict(
-            zip(self.names, predict_axes(plan.motion, plan.robot, self.names), strict=True)
+            zip(
+                self.names,
+                predict_axes(plan.motion.slower(speed), plan.robot, self.names),
+                strict=True,
+            )
         )
-        self.duration = plan.motion.duration
+        self.duration = plan.motion.duration / speed
 
     def run(self, clock: Callable[[np.ndarray], np.ndarray] | None = None) -> Run:
         """As planned; clock: planned time of every true time, by joint the same."""
@@ -107,6 +111,17 @@ class Executions:
         spoil, verdict, finding = FAULTS[kind]
         run = spoil(self, run, joint, moving, rng) or run
         return self.measured(run, rng, rng.uniform(0.5, 3.0)), verdict, finding
+
+
+def decimated(recordings: Sequence[Measured], factor: int, first: int = 0) -> list[Measured]:
+    """Every so many samples of each recording."""
+    return [taken(each, slice(first, None, factor)) for each in recordings]
+
+
+def taken(recording: Measured, chosen: slice | np.ndarray) -> Measured:
+    """Some samples of a recording."""
+    channels = {name: getattr(recording, name) for name in ("time", "w", "tau", "q")}
+    return replace(recording, **{k: v if v is None else v[chosen] for k, v in channels.items()})
 
 
 def write(it: Executions, measured: Sequence[Measured], folder: Path) -> dict[str, Path]:

@@ -1,0 +1,39 @@
+"""Streams of long motions: their text, and the memory that it takes to write it."""
+
+from __future__ import annotations
+
+import io
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssm_planner.formats.agreement import Content
+from ssm_planner.formats.csv import table_text
+
+
+@pytest.mark.parametrize("forms", [("%.3f", "%d"), ("%.9g", "%d"), ("%.3f", "%.17g")])
+@pytest.mark.parametrize("count", [0, 1, 70_000])
+def test_a_table_in_parts_has_the_text_of_numpy(count: int, forms: tuple[str, str]) -> None:
+    rng = np.random.default_rng(1)
+    columns = {"time_s": np.arange(count) / 1000, "a": rng.integers(-(2**31), 2**31, count) + 0.0}
+    columns["b"] = np.round(1e3 * rng.normal(size=count)) if forms[1] == "%d" else rng.random(count)
+    text = io.StringIO()
+    rows = np.column_stack(list(columns.values()))
+    fmt = [forms[0], forms[1], forms[1]]
+    np.savetxt(text, rows, fmt, delimiter=",", header="time_s,a,b", comments="")
+    assert "".join(table_text(columns, forms)) == text.getvalue()
+
+
+def test_writing_a_table_takes_a_bounded_memory(tmp_path: Path) -> None:
+    """The memory of one part, whatever the length of the motion."""
+    peaks = []
+    for count in (70_000, 210_000):
+        columns = {name: np.arange(float(count)) for name in ("time_s", "a", "b")}
+        tracemalloc.start()
+        Content({}, {"a.csv": table_text(columns)}).write(tmp_path)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0]
+    assert len((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()) == 210_001
