@@ -3,8 +3,6 @@
 `__all__` lists the public names. Each is loaded on first use, so the package imports quickly.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import lazy_loader

@@ -1,7 +1,5 @@
 """Write files atomically and durably, so that a file appears completely or not at all."""
 
-from __future__ import annotations
-
 import glob
 import os
 import secrets

@@ -1,7 +1,5 @@
 """Run Python child processes that end with their parent and ignore the working directory."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

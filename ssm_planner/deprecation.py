@@ -1,7 +1,5 @@
 """Keep old public names for one more release, with a warning."""
 
-from __future__ import annotations
-
 from typing import Any
 from warnings import warn
 

@@ -1,7 +1,5 @@
 """Format numbers and templates for the terminal, pages, figures and the paper."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -57,7 +55,7 @@ def plain_words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> Environment:
+def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> "Environment":
     """Return a Jinja2 environment with the templates of a package.
 
     Parameters
@@ -89,6 +87,6 @@ def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> En
     return result
 
 
-def render_template(templates: Environment, template: str, /, **values: Any) -> str:
+def render_template(templates: "Environment", template: str, /, **values: Any) -> str:
     """Fill in a template, and return the text with exactly one newline at its end."""
     return templates.get_template(template).render(values).rstrip("\n") + "\n"

@@ -1,7 +1,5 @@
 """Define the exceptions that the program raises deliberately."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager

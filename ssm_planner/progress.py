@@ -1,7 +1,5 @@
 """Represent the progress of long work by values that a caller can show, count or use to cancel."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from ssm_planner.typing import frozen

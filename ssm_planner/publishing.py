@@ -6,8 +6,6 @@ the result folder. The files follow, and finally the manifest without the mark. 
 interrupted, the folder either contains one generation, or its mark shows that it does not.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Provide registries of objects, such as drives and formats, that other packages can extend."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator, Mapping
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Represent values as short texts, as HTML tables in notebooks, and as data frames."""
 
-from __future__ import annotations
-
 import dataclasses
 import reprlib
 from collections.abc import Mapping, Sequence

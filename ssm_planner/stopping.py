@@ -1,7 +1,5 @@
 """Compute controlled stops from every instant of a motion, with their certificate."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.problem import Robot, TaskLimits

@@ -8,8 +8,6 @@ them.
 analysis, IEEE Trans. Robotics 34, 2018.
 """
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

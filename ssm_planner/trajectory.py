@@ -3,8 +3,6 @@
 The planner writes this form, the check judges it, and the exports sample it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
@@ -157,7 +155,7 @@ class Trajectory(ShortRepr):
     @classmethod
     def from_samples(
         cls, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None
-    ) -> Trajectory:
+    ) -> "Trajectory":
         """Interpolate samples of a joint motion.
 
         Parameters
@@ -298,7 +296,7 @@ class Trajectory(ShortRepr):
         t[-1] = self.breaks[-1]
         return self.sample(t)
 
-    def slower(self, speed: float) -> Trajectory:
+    def slower(self, speed: float) -> "Trajectory":
         """Return the motion along the same path at a share `speed` of its speed.
 
         The start time does not change.
@@ -329,7 +327,7 @@ class Trajectory(ShortRepr):
         }
 
     @classmethod
-    def from_dict(cls, data: JsonObject) -> Trajectory:
+    def from_dict(cls, data: JsonObject) -> "Trajectory":
         """Build a trajectory from the result of `to_dict`.
 
         Raises TrajectoryError if the data are invalid, or if the phases do not cover the

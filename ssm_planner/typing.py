@@ -1,7 +1,5 @@
 """Define types that many modules share, and the decorators of immutable classes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar

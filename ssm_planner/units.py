@@ -1,7 +1,5 @@
 """Convert quantities with units, such as `65 deg/s`, to numbers in SI units."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re
@@ -213,7 +211,7 @@ def interval(value: object, unit_kind: str) -> tuple[float, float]:
     return low, high
 
 
-def _convert(magnitude: float, unit: str, target: Kind) -> float:
+def _convert(magnitude: float, unit: str, target: "Kind") -> float:
     """Convert a magnitude with a unit to SI units.
 
     Raises BadQuantity if the unit is unknown, or does not belong to the kind of quantity `target`.
@@ -236,7 +234,7 @@ def _convert(magnitude: float, unit: str, target: Kind) -> float:
     )
 
 
-def _plausible(value: float, target: Kind, text: str) -> float:
+def _plausible(value: float, target: "Kind", text: str) -> float:
     """Return a value in SI units. Raises BadQuantity if its size suggests another unit.
 
     `text` is the value as the user wrote it.

@@ -1,7 +1,5 @@
 """Command line: parse arguments, call the library, print results and return the exit status."""
 
-from __future__ import annotations
-
 import argparse
 import errno
 import gc

@@ -3,8 +3,6 @@
 This module never imports the planner.
 """
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
@@ -146,9 +144,9 @@ def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
 
 def _check_speeds(
     options: Namespace,
-    reading: Reading,
-    robot: Robot,
-    limits: TaskLimits,
+    reading: "Reading",
+    robot: "Robot",
+    limits: "TaskLimits",
     document: JsonObject,
 ) -> int:
     """Check a motion at one lower speed or in a range of speeds, and return the exit status.
@@ -227,7 +225,7 @@ def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
 
 def read(
     path: Path, robot_file: Path | None, problem_file: Path | None = None
-) -> tuple[Reading, Robot, ssm.TaskLimits]:
+) -> "tuple[Reading, Robot, ssm.TaskLimits]":
     """Read a trajectory file, and determine the robot and the limits for its check.
 
     A plan.json contains a robot and limits. A problem file overrides both. A robot file overrides
@@ -302,7 +300,7 @@ def read(
     return reading, robot, limits
 
 
-def _declared(options: Namespace, limits: TaskLimits) -> TaskLimits:
+def _declared(options: Namespace, limits: "TaskLimits") -> "TaskLimits":
     """Return the limits with the rates at both ends that the options declare.
 
     Raises ProblemError if a rate is invalid.
@@ -345,7 +343,7 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
 
 
 def certificate_lines(
-    certificate: ssm.Certificate, notes: tuple[str, ...], robot: Robot
+    certificate: ssm.Certificate, notes: tuple[str, ...], robot: "Robot"
 ) -> list[str]:
     """Return a certificate as lines of text: a table of the limits, remarks and the verdict.
 

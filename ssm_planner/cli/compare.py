@@ -1,7 +1,5 @@
 """Run `ssm-planner compare PLAN RECORDING...`, which compares an executed motion with its plan."""
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 
 import ssm_planner as ssm

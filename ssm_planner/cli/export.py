@@ -1,7 +1,5 @@
 """Run `ssm-planner export PLAN --to FORMAT`, which writes files for controllers and simulators."""
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 

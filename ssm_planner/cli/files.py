@@ -1,7 +1,5 @@
 """Run `ssm-planner schema KIND` and `ssm-planner new KIND`, which print keys and templates."""
 
-from __future__ import annotations
-
 import json
 from argparse import ArgumentParser, Namespace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run `ssm-planner identify DRIVE RECORDING…` and `ssm-planner predict DRIVE RECORDING…`."""
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from pathlib import Path

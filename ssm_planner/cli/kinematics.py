@@ -1,7 +1,5 @@
 """Run `ssm-planner ik ROBOT --tilt …` and `ssm-planner workspace ROBOT` or `--reach A B`."""
 
-from __future__ import annotations
-
 import math
 from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator

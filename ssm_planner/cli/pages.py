@@ -1,7 +1,5 @@
 """Run `ssm-planner report PLAN [OTHER]`, `film PLAN`, `view [PROBLEM]` and `reproduce`."""
 
-from __future__ import annotations
-
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path

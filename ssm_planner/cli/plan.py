@@ -1,7 +1,5 @@
 """Run `ssm-planner plan PROBLEM`, which plans, checks and sizes a motion and writes its results."""
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 

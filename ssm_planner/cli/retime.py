@@ -3,8 +3,6 @@
 The command computes the fastest timing of the path in a trajectory file within the robot's limits.
 """
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 

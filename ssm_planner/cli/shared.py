@@ -3,8 +3,6 @@
 They add arguments, convert values, report progress on stderr, and print or write results.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

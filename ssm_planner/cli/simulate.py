@@ -1,7 +1,5 @@
 """Run `ssm-planner simulate PLAN`, which simulates the exported set points with optional faults."""
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 The command computes what a motion requires of motors and gears, and assesses candidate motors.
 """
 
-from __future__ import annotations
-
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from dataclasses import replace
@@ -139,7 +137,7 @@ MAX_PAIRS = 10
 """Largest number of pairs of motor and gear in the output, per joint."""
 
 
-def _run_selection(options: Namespace, duty: DutyCycle, conditions: Conditions) -> int:
+def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Conditions") -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
     from ssm_planner.loading import Part, gears_of, motors_of
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
@@ -181,7 +179,7 @@ def _run_selection(options: Namespace, duty: DutyCycle, conditions: Conditions) 
     return FAILED if adequate is False else OK
 
 
-def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
+def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
     """Read the duty cycle for which motors are sized.
 
     Parameters
@@ -226,7 +224,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> DutyCycle:
     return replace(duty, pause=pause_of(plan.problem))
 
 
-def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[ssm.Motor]]:
+def read_candidates(words: Sequence[str], duty: "DutyCycle") -> dict[str, list[ssm.Motor]]:
     """Load the candidate motors that words such as `[JOINT=]FILE` name, and return them by joint.
 
     A file without a joint applies to all joints that the duty cycle moves. Raises ProblemError if a
@@ -254,7 +252,7 @@ def read_candidates(words: Sequence[str], duty: DutyCycle) -> dict[str, list[ssm
     return candidates
 
 
-def chosen_motors(sizing: Sizing) -> dict[str, ssm.Motor]:
+def chosen_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
     """Return the smallest adequate motor of each joint, or its largest candidate if there is none.
 
     Joints without candidates are left out.
@@ -266,7 +264,7 @@ def chosen_motors(sizing: Sizing) -> dict[str, ssm.Motor]:
     }
 
 
-def _conditions(options: Namespace, duty: DutyCycle) -> Conditions:
+def _conditions(options: Namespace, duty: "DutyCycle") -> "Conditions":
     from ssm_planner.sizing import REFERENCE_TEMPERATURE, Conditions
 
     return Conditions(

@@ -1,7 +1,5 @@
 """Run `ssm-planner study FILE`, which compares many candidate robots over a set of motions."""
 
-from __future__ import annotations
-
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Sequence

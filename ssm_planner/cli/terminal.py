@@ -1,7 +1,5 @@
 """Print on the terminal: wrap lines, colour verdicts, and suggest corrections of typing errors."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -1,7 +1,5 @@
 """Translate a CasADi Function to a C99 function, with one statement for each operation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Evaluate CasADi Functions repeatedly at many points, without new Python objects in each call."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Provide the elementary functions of the closed forms for NumPy arrays and CasADi expressions."""
 
-from __future__ import annotations
-
 from functools import cache
 from types import SimpleNamespace
 from typing import Any

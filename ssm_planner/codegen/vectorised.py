@@ -3,8 +3,6 @@
 For many samples, this is several times faster than CasADi's virtual machine.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, lru_cache

@@ -1,7 +1,5 @@
 """Estimate the start of a planned motion in its recordings, and the rate of their clock."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 All recordings must share one clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import field
 
@@ -57,7 +55,7 @@ class Difference:
     """RMS divided by the range of the measured values. None if the measured value is constant."""
 
     @classmethod
-    def from_samples(cls, planned: Array, measured: Array) -> Difference:
+    def from_samples(cls, planned: Array, measured: Array) -> "Difference":
         """Compute the statistics from planned and measured values (n,)."""
         error = planned - measured
         size = rms(error)

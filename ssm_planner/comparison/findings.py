@@ -1,7 +1,5 @@
 """Find faults of an executed motion, such as missing samples, stalls and exceeded limits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise

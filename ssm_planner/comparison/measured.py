@@ -1,7 +1,5 @@
 """Read recordings of an executed motion in SI units, with the signs of the joints."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

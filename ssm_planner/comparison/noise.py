@@ -1,7 +1,5 @@
 """Estimate the noise of a recorded channel, and find values that exceed it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.identification import runs

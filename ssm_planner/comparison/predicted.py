@@ -1,7 +1,5 @@
 """Predict position, motor speed and motor torque of each axis from a plan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 The coefficient μ depends on the motor speed, the dwell time at rest, and the recent motion.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compute direction, torque and effort of every drive in a motion, by the exact friction law."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import casadi as ca

@@ -4,8 +4,6 @@ All symbolic and numeric results come from one Newton–Euler recursion about th
 motion (RCM), which is written in CasADi.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Sequence
 from dataclasses import replace
@@ -250,7 +248,7 @@ class RigidBody:
     gravity: Array
 
     @classmethod
-    def from_robot(cls, robot: Robot) -> RigidBody:
+    def from_robot(cls, robot: Robot) -> "RigidBody":
         """Return the dynamics of a robot.
 
         Equal geometry, bodies and gravity give the same object, so its functions are built once.

@@ -4,8 +4,6 @@ Each solid contributes the integrals of 1, r and r·rᵀ, multiplied by its dens
 several solids are added. The inertia is tr(S)·1 − S for the second moment S.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -24,12 +22,12 @@ class Moments:
     first: Array
     second: Array
 
-    def __add__(self, moments: Moments) -> Moments:
+    def __add__(self, moments: "Moments") -> "Moments":
         return Moments(
             self.mass + moments.mass, self.first + moments.first, self.second + moments.second
         )
 
-    def rotated(self, rotation: Array) -> Moments:
+    def rotated(self, rotation: Array) -> "Moments":
         """Return the moments of the solid after a rotation (3, 3)."""
         return Moments(self.mass, rotation @ self.first, rotation @ self.second @ rotation.T)
 

@@ -5,8 +5,6 @@ A stated range (lubrication, temperature, wear) is a requirement: a motion must 
 corner of the range. A parameter with a stated range is removed from the statistics.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import field

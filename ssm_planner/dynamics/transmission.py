@@ -21,8 +21,6 @@ large (J_in·ratio < γ·|tan(λ − φ)|·M). The motion of a rigid drive with 
 it may continue or jam at once.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ The results equal those of the CasADi Functions `ElementFunctions`, `dense_rows`
 the same model, up to rounding.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -406,7 +404,7 @@ class _Evaluated(ca.Callback):
     Its results have the sparsity of the CasADi Function.
     """
 
-    def __init__(self, elements: _AtParameters, name: str, function: ca.Function) -> None:
+    def __init__(self, elements: "_AtParameters", name: str, function: ca.Function) -> None:
         """Determine the sizes of arguments and results from a CasADi Function for one element."""
         ca.Callback.__init__(self)
         self._elements, self._name = elements, name

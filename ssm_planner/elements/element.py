@@ -10,8 +10,6 @@ An element is an interval of time in which the motion is a cubic. All symbols ar
     ℓ(x, p)        integrand of the cost; on the element L(z) = h Σ_c w_c ℓ(x_c) by Simpson's rule
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
 from functools import cached_property, lru_cache

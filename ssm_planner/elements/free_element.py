@@ -4,8 +4,6 @@ They are u = (q − q0)/d with d > 0. The state x = (u, u̇, ü) contains all fo
 scaled time. Every joint keeps its direction within an element, so the friction law is exact.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Hashable
 from functools import cached_property

@@ -10,8 +10,6 @@ native/elements.c combines the parts by the chain rule. Run `python -m ssm_plann
 after a change of a physical law.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product

@@ -12,8 +12,6 @@ replaced by polynomials of degree DEGREE (a *fit*), so the optimisation evaluate
 Every joint keeps its direction within an element, so the friction law is exact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from functools import cache, cached_property
 from types import SimpleNamespace

@@ -6,8 +6,6 @@ changed file or entry therefore disagrees with the motion, even if somebody also
 in the manifest.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import re

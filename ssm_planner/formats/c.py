@@ -4,8 +4,6 @@ The code contains kinematics, dynamics and motor torques, and is intended for a 
 generated from the CasADi expressions of this package, so no physical law is implemented twice.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

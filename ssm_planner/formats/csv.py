@@ -5,8 +5,6 @@ fixed rate. Without a rate, it contains the points between which cubic or quinti
 keeps the limits.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import warnings

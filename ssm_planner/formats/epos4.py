@@ -4,8 +4,6 @@ The streams contain positions, velocities or torques for the cyclic synchronous 
 also writes the setup objects of the drives. Streams of positions can be read as a trajectory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

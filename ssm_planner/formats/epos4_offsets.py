@@ -1,7 +1,5 @@
 """Compare the velocity and torque offsets of EPOS4 streams with their target positions."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

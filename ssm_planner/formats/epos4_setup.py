@@ -4,8 +4,6 @@ The units depend on the encoder, the direction and the rated torque of the motor
 is listed with a reason.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -3,8 +3,6 @@
 To add a format, declare a `Format` and register it, as docs/architecture.md describes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import field
 

@@ -5,8 +5,6 @@ joint_trajectory_controller would reject a message, the reader raises an error w
 the controller.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -8,8 +8,6 @@ The module also rejects values that do not fit their column: degrees instead of 
 instead of metres, and swapped columns.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace

@@ -10,8 +10,6 @@ slightly slower plan for which the cubics stay within the accelerations, velocit
 that the plan has nearby. The motion that the drives will execute is then checked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path

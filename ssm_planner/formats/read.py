@@ -3,8 +3,6 @@
 The suffix of the file name determines the reader. For an export folder, the manifest determines it.
 """
 
-from __future__ import annotations
-
 import pkgutil
 from dataclasses import replace
 from pathlib import Path, PurePosixPath

@@ -4,8 +4,6 @@ An export contains a JointTrajectory as YAML, an action goal, and a rosbag2 (MCA
 the trajectory, joint states, the description of the robot, and transforms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace

@@ -4,8 +4,6 @@ The signature covers the whole manifest, which contains the hashes of the plan, 
 all files, and the versions of the program.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

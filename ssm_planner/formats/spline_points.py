@@ -6,8 +6,6 @@ like any trajectory. Its cubics differ slightly from the quintics of the plan. I
 limit by a small amount, the motion is slowed down until it keeps the limit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.errors import ExportError

@@ -5,8 +5,6 @@ computes the stops again and compares them. If the folder states positions alone
 the stops of its table instead.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

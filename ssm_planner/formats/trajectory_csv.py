@@ -3,8 +3,6 @@
 A name consists of words and a unit, such as q1_rad, "roll [deg]" or joint1_velocity_rad_per_s.
 """
 
-from __future__ import annotations
-
 import re
 
 from ssm_planner.errors import TrajectoryError

@@ -3,8 +3,6 @@
 URDF cannot represent the friction of the drives, so the export leaves it out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from functools import cache
@@ -183,7 +181,7 @@ def effort_limit(joint: Joint) -> float:
 
 
 @cache
-def _templates(escape: bool) -> Environment:
+def _templates(escape: bool) -> "Environment":
     """Return the templates with the filters that they use."""
     from markupsafe import Markup
 

@@ -1,7 +1,5 @@
 """Write the file of a drive with its identified friction, intervals and sources, as YAML."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -4,8 +4,6 @@ The parameter vector θ (3,) contains the excess of the static over the sliding 
 the time constant of the growth at rest in s, and the delay of friction behind the speed in s.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ judged by its errors on recordings that it has not used. Parameters have 95 % in
 posterior.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -6,8 +6,6 @@ the angle is the integral of the speed from an unknown start. The harmonics of s
 rotated until they agree, so only their amplitudes are valid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

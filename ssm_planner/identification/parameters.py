@@ -1,7 +1,5 @@
 """Define the parameters of an identification and set them in a drive."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import cast
 

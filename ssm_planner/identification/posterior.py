@@ -20,8 +20,6 @@ samples this posterior.
 [1] M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, J. R. Stat. Soc. B 63, 2001.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -210,7 +208,7 @@ class MapModel:
             value = np.logaddexp.reduce(terms, axis=0) - 0.5 * np.sum(z * z, axis=1)
         return np.where(np.isfinite(value), value, -np.inf)
 
-    def without(self, points: Indices) -> MapModel:
+    def without(self, points: Indices) -> "MapModel":
         """Return the model without the points at some indices, but with the same prior."""
         remaining = np.setdiff1d(np.arange(len(self.w)), points)
         model = replace(

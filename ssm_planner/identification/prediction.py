@@ -1,7 +1,5 @@
 """Predict motor torque from measured speed with 95 % bands, and compare it with measured torque."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -237,7 +235,7 @@ def predict_recording(
     )
 
 
-def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | None:
+def repeating(drive: Drive, recording: Recording, motion: "Motion") -> Array | None:
     """Return the part of the torque (samples,) in N·m that repeats with the motor angle.
 
     The result is None if the recording lacks the angle, or the drive file lacks the phases of the
@@ -255,7 +253,7 @@ def repeating(drive: Drive, recording: Recording, motion: Motion) -> Array | Non
     return np.sum(waves, axis=0) if waves else None
 
 
-def unseen_speed(drive: Drive, motion: Motion) -> float | None:
+def unseen_speed(drive: Drive, motion: "Motion") -> float | None:
     """Return the motor speed that is farthest from the recordings of the fit, rad/s.
 
     The result is None if the recordings cover the speeds of the motion, or if the drive has no
@@ -272,7 +270,7 @@ def unseen_speed(drive: Drive, motion: Motion) -> float | None:
     return float(extremes[np.argmax(distance)]) if distance.max() > EXTRAPOLATED else None
 
 
-def departure(drive: Drive, motion: Motion, load: float) -> Array:
+def departure(drive: Drive, motion: "Motion", load: float) -> Array:
     """Return the expected difference between the torque and that of the drive's parameters, N·m.
 
     The result (samples,) has two parts. The first is the error of the friction law, which is
@@ -300,7 +298,7 @@ def departure(drive: Drive, motion: Motion, load: float) -> Array:
     return np.where(direction == 0, 0.0, expected)[index]
 
 
-def _kinds(motion: Motion) -> tuple[Array, Array, Indices]:
+def _kinds(motion: "Motion") -> tuple[Array, Array, Indices]:
     """Find the distinct pairs of speed and direction in a motion, which have equal torques.
 
     Returns
@@ -352,7 +350,7 @@ def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
 
 
 def band_of(
-    drive: Drive, motion: Motion, tau: Array, load: float, *, wave: Array | None = None
+    drive: Drive, motion: "Motion", tau: Array, load: float, *, wave: Array | None = None
 ) -> PredictionBand | None:
     """Return the 95 % band around a predicted torque, or None for a drive without a posterior.
 
@@ -417,7 +415,7 @@ class Motion:
     """Index of the first sample and one past the last sample of each rest."""
 
     @staticmethod
-    def from_speed(time: Array, w: Array) -> Motion:
+    def from_speed(time: Array, w: Array) -> "Motion":
         """Find rests, directions and accelerations in a recorded speed.
 
         The speed channel averages and rounds, so it shows a start too late. The direction is

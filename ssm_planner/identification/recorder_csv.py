@@ -3,8 +3,6 @@
 Numbers may have decimal commas or thousands separators. Every repair of a file is noted.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 import math

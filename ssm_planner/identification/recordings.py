@@ -3,8 +3,6 @@
 The names of the channels select the columns. Every repair of a file is stated.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import field
 from pathlib import Path

@@ -15,8 +15,6 @@ general mixture classes, Stat. Comput. 18, 2008.
 discrepancy measures, Signal Process. 131, 2017.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
 

@@ -3,8 +3,6 @@
 The package contains the maps of the three test rigs of the paper as a table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

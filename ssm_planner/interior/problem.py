@@ -9,8 +9,6 @@ depend on all entries of z_k except the last m. The unknowns are x = (c, T). The
 native/program.c and derivatives.c evaluates values and derivatives.
 """
 
-from __future__ import annotations
-
 import ctypes
 from typing import Protocol
 
@@ -35,7 +33,7 @@ class ElementGroup(ctypes.Structure):
     @classmethod
     def from_library(
         cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int, int]
-    ) -> ElementGroup:
+    ) -> "ElementGroup":
         """Build a group that native/elements.c evaluates.
 
         Parameters

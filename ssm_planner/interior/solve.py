@@ -5,8 +5,6 @@ linear systems are small positive definite band matrices with a border. Without 
 (`native.library`), only Ipopt solves programs.
 """
 
-from __future__ import annotations
-
 import ctypes
 
 import numpy as np

@@ -21,8 +21,6 @@ T (b,) of the blocks: η_k = E_k T + e. There are two kinds of splines:
 The C code in native/spline.c computes M and its derivatives with respect to η.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

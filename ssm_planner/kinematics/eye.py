@@ -7,8 +7,6 @@ contains the three components of the tip position p in the base frame, m. Each r
 of one component.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

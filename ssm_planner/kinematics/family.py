@@ -4,8 +4,6 @@ A family is a set of mechanisms that differ in the angle α, the home tilt and t
 module `mechanism` explains the symbols.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any, cast
 
@@ -36,7 +34,7 @@ class Family:
     home_roll: Array
     insertion_sign: int = -1
 
-    def subset(self, which: Array) -> Family:
+    def subset(self, which: Array) -> "Family":
         """Return the mechanisms for which the mask `which` (n,) is true."""
         return Family(
             self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign

@@ -8,8 +8,6 @@ the cache. Functions whose names end with _symbolic express the same equations f
 in CasADi.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -153,7 +151,7 @@ def _space_terms(mechanism: Mechanism) -> Array:
     return terms.reshape(9, 24)
 
 
-def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, casadi.SX]":
     """Return the tool pose (R (3, 3), p (3, 1)) in CasADi for joints q (4, 1) (paper, eq. 2).
 
     R rotates from the tool frame to the base frame, and p is the tip position in m.
@@ -166,19 +164,19 @@ def forward_symbolic(mechanism: Mechanism, q: casadi.SX) -> tuple[casadi.SX, cas
     ) * q[3]
 
 
-def tip_position_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+def tip_position_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
     """Return the tip position (3, 1) in the base frame, m, in CasADi for joints q (4, 1)."""
     return forward_symbolic(mechanism, q)[1]
 
 
-def tip_jacobian(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+def tip_jacobian(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
     """Return the Jacobian ∂p/∂q (3, 4) of the tip position p in CasADi for joints q (4, 1)."""
     import casadi
 
     return casadi.jacobian(tip_position_symbolic(mechanism, q), q)
 
 
-JACOBIANS: dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]] = {
+JACOBIANS: "dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]]" = {
     TipSpeed: tip_jacobian
 }
 """Jacobian J(q) (k, 4) of each kind of speed limit, as a function that returns a CasADi expression.
@@ -222,7 +220,7 @@ def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
 
 
 @lru_cache(maxsize=16)
-def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> casadi.Function:
+def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> "casadi.Function":
     """Build the CasADi function of q and qd (4,) that returns the limited speed."""
     import casadi
 

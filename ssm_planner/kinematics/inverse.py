@@ -5,8 +5,6 @@ Targets are task coordinates or tip positions. `task.joints_of_task` contains th
 of the paper). A branch, +1 or −1, is one of the two solutions for a tilt.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

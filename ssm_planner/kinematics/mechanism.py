@@ -29,8 +29,6 @@ on θ2 alone. The functions of the triangle accept NumPy arrays and CasADi expre
 where the triangle degenerates to an arc.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cached_property, lru_cache
 from typing import Any
@@ -78,12 +76,12 @@ class Mechanism:
             array.setflags(write=False)
 
     @classmethod
-    def from_robot(cls, robot: Robot) -> Mechanism:
+    def from_robot(cls, robot: Robot) -> "Mechanism":
         """Build the mechanism of a robot."""
         return cls.from_geometry(robot.geometry)
 
     @classmethod
-    def from_geometry(cls, geometry: Geometry) -> Mechanism:
+    def from_geometry(cls, geometry: Geometry) -> "Mechanism":
         """Build the mechanism from the `geometry` section of a robot file.
 
         The axes are normalised, and the z column of the tool frame is set to the third axis
@@ -111,7 +109,7 @@ class Mechanism:
         *,
         tool_home: ArrayLike | None = None,
         insertion_sign: int = -1,
-    ) -> Mechanism:
+    ) -> "Mechanism":
         """Build a mechanism from its angles, for design studies.
 
         The base frame is chosen such that ω1 = x, t = y and ω2 = (cos α, sin α, 0).

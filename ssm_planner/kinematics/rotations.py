@@ -4,8 +4,6 @@ An error of a check names the argument, its shape and the required shape. Source
 Sastry, A Mathematical Introduction to Robotic Manipulation, eq. 2.14.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,7 +44,7 @@ def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
     return np.tensordot(monomials, exponential_terms(omega), axes=1)
 
 
-def rotation_symbolic(omega: Any, angle: Any) -> casadi.SX:
+def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
     """Return the rotation matrix (3, 3) about a unit axis in CasADi.
 
     Parameters

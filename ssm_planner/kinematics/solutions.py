@@ -1,7 +1,5 @@
 """Represent solutions of the inverse kinematics, mark them by joint limits, and sort them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

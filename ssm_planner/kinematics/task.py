@@ -6,8 +6,6 @@ argument `xp` selects the library. The other functions apply them to NumPy batch
 their names end with _symbolic, to CasADi vectors (4, 1).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -263,8 +261,8 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
 
 
 def joints_from_task_symbolic(
-    mechanism: Mechanism, task: casadi.SX, branch: int, reference: Any | None = None
-) -> casadi.SX:
+    mechanism: Mechanism, task: "casadi.SX", branch: int, reference: Any | None = None
+) -> "casadi.SX":
     """Return the joint positions (4, 1) for task coordinates on one branch, in CasADi.
 
     Parameters
@@ -297,8 +295,8 @@ def joints_from_task_symbolic(
 
 
 def task_of_tip_symbolic(
-    mechanism: Mechanism, tip: casadi.SX, roll: casadi.SX, spin: casadi.SX
-) -> casadi.SX:
+    mechanism: Mechanism, tip: "casadi.SX", roll: "casadi.SX", spin: "casadi.SX"
+) -> "casadi.SX":
     """Return the task coordinates (4, 1) of a tool whose tip is at a given point, in CasADi.
 
     Parameters
@@ -328,7 +326,7 @@ def roll_of_tip(mechanism: Mechanism, tip: Array) -> float:
     return float(roll_and_tilt(NUMPY, mechanism, pointing, np.hypot(*pointing[1:]))[0])
 
 
-def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
+def task_from_joints_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
     """Return roll, tilt, spin and depth (4, 1) for joint positions (4, 1), in CasADi.
 
     The tilt has the sign of the home tilt. Roll and spin are not wrapped.
@@ -338,7 +336,7 @@ def task_from_joints_symbolic(mechanism: Mechanism, q: casadi.SX) -> casadi.SX:
     return casadi.vertcat(*task_of_joints(casadi_namespace(), mechanism, casadi.vertsplit(q)))
 
 
-def task_rates_symbolic(mechanism: Mechanism, q: casadi.SX, qd: casadi.SX) -> casadi.SX:
+def task_rates_symbolic(mechanism: Mechanism, q: "casadi.SX", qd: "casadi.SX") -> "casadi.SX":
     """Return the rates of roll, tilt, spin and depth (4, 1) in rad/s and m/s, in CasADi.
 
     `q` and `qd` (4, 1) are joint positions and joint velocities on either branch.

@@ -1,7 +1,5 @@
 """Read catalogues of motors and gears, which are CSV tables with units or folders of YAML files."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Read drive files, complete the geometry of the gear, and record the source of each figure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import cache

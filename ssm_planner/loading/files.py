@@ -1,7 +1,5 @@
 """Find files by path or shipped name, read them, and follow the references between them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

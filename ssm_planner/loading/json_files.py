@@ -4,8 +4,6 @@ For any content of a file, the result is either data with finite numbers or an e
 file and the fault.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -3,8 +3,6 @@
 The expansion changes the tree of the file, before the values are checked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """Define the keys of the motion list of problem files, and build the motions from their values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal

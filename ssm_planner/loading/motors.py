@@ -5,8 +5,6 @@ Figures of one datasheet follow from each other by physics: stall torque = k·U/
 motors.csv state these relations, and ranges for quantities that only experience limits.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from collections import defaultdict

@@ -4,8 +4,6 @@ A table contains joint positions, task coordinates, or tip positions and spin. I
 the units.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

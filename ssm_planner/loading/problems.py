@@ -3,8 +3,6 @@
 The models describe the keys of the file. The functions build the values from a validated model.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

@@ -3,8 +3,6 @@
 A file may state the axes as vectors or as angles, and inertias in either sign convention.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal

@@ -6,8 +6,6 @@ modules that read a file declare keys that have another form in the file. All fa
 collected in one ProblemError.
 """
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import re

@@ -1,7 +1,5 @@
 """Read tables of cells from text files, with commas, semicolons or tabs between the columns."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

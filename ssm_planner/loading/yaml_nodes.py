@@ -3,8 +3,6 @@
 A `Section` is a part of this tree. It builds error messages with file, line and key.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import field
@@ -50,7 +48,7 @@ class Node:
     """Line on which the value begins, counted from 1. None for data from Python."""
     size: int = 1
     """Number of values in the tree below and including this node, with aliases expanded."""
-    children: Mapping[str | int, Node] = field(default_factory=dict)
+    children: "Mapping[str | int, Node]" = field(default_factory=dict)
     """Nodes of the entries, by key or list position."""
     key_lines: Mapping[str | int, int | None] = field(default_factory=dict)
     """Lines of the keys of the entries."""
@@ -258,7 +256,7 @@ class Section:
         """Value of this part as the YAML parser returns it, without conversion."""
         return self._locate(())[1].value
 
-    def sub(self, *path: str | int) -> Section:
+    def sub(self, *path: str | int) -> "Section":
         """Return the part of the file at a path below this section.
 
         The path need not exist. Messages then refer to its deepest existing part.

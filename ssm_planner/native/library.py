@@ -4,8 +4,6 @@ Every function in it has an equivalent in Python or is optional. `.native_build.
 of the package runs, compiles it. Each library contains the key of its sources.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import os

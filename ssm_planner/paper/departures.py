@@ -3,8 +3,6 @@
 The package is the MATLAB code that the authors published with the paper.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -133,7 +131,7 @@ def _largest_starts(run: SpeedRun) -> list[float | None]:
     return [float(torque.max()) if len(torque) else None for torque in torques]
 
 
-def _stribeck_figure() -> Figure:
+def _stribeck_figure() -> "Figure":
     """Draw both forms of the Stribeck term over the speed."""
     figure = new_figure(4.8, 3.2)
     axes = figure.subplots()

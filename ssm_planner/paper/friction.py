@@ -4,8 +4,6 @@ For the rigs, the section compares parameters that were identified from the ship
 those of the authors, and predicted torque with measured torque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -248,7 +246,7 @@ def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str,
     return (symbol, *(" / ".join(number(scale * value) for value in values) for values in columns))
 
 
-def _maps_figure(maps: tuple[FrictionMap, ...]) -> Figure:
+def _maps_figure(maps: tuple[FrictionMap, ...]) -> "Figure":
     """Draw the torque–velocity maps of all joints side by side."""
     figure = new_figure(9.6, 3.6)
     panels = figure.subplots(1, len(maps))
@@ -522,7 +520,7 @@ def _reasons(fit: MapFit, law: str) -> list[str]:
     return reasons
 
 
-def _rigs_figure(results: tuple[RigResult, ...]) -> Figure:
+def _rigs_figure(results: tuple[RigResult, ...]) -> "Figure":
     """Draw the torque–velocity maps of the test rigs with the published and the fitted laws."""
     figure = new_figure(9.6, 3.6)
     for axes, result in zip(figure.subplots(1, len(results)), results, strict=True):

@@ -1,7 +1,5 @@
 """Compute motor torques of complete motions, for Table III and for the payload curves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -180,7 +178,7 @@ def motions_section(problem: Problem, runs: tuple[SpeedRun, ...]) -> Section:
     return Section("motions", values, {"motions": _plot(solved)} if solved else {})
 
 
-def _plot(runs: tuple[SpeedRun, ...]) -> Figure:
+def _plot(runs: tuple[SpeedRun, ...]) -> "Figure":
     """Draw the motor torques of all motions over time."""
     figure = new_figure(9.6, 5.6)
     panels = figure.subplots(len(DRIVEN), len(runs), sharex="col", sharey="row", squeeze=False)

@@ -4,8 +4,6 @@ The module also reads the problem files of the project. The drive files contain 
 parameters of the test rigs.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Render a section of the document from its template in paper/templates."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap
@@ -32,7 +30,7 @@ class Section:
     """Name of the template without suffix."""
     values: Mapping[str, Any]
     """Variables of the template."""
-    figures: Mapping[str, Figure] = field(default_factory=dict)
+    figures: "Mapping[str, Figure]" = field(default_factory=dict)
     """Figures by file name without suffix. The template inserts them by the macro `picture`."""
 
     @cached_property
@@ -76,7 +74,7 @@ def wrapped(paragraph: str) -> str:
 
 
 @cache
-def _templates() -> Environment:
+def _templates() -> "Environment":
     """Return the Jinja2 environment of the document, with filters for angles and milli-units."""
     templates = environment(
         "ssm_planner.paper",

@@ -1,7 +1,5 @@
 """Compare the workspace with the paper: Table I, reachable set, and the choice of α and β (§IV)."""
 
-from __future__ import annotations
-
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -69,7 +67,7 @@ def tilt_table(mechanism: Mechanism) -> tuple[TiltRow, TiltRow, TiltRow]:
     )
 
 
-def tilt_disks(mechanism: Mechanism) -> Figure:
+def tilt_disks(mechanism: Mechanism) -> "Figure":
     """Draw the tilts that the tool reaches, as two sectors that are symmetric about ω₁.
 
     The measured limits of Table I are drawn as lines.
@@ -98,7 +96,7 @@ def tilt_disks(mechanism: Mechanism) -> Figure:
     return figure
 
 
-def _sector(axes: Axes, interval: Range, sign: float, **style: Any) -> None:
+def _sector(axes: "Axes", interval: Range, sign: float, **style: Any) -> None:
     """Draw a sector of tilts with its label.
 
     The tilts are those of `interval` in rad, times `sign`.
@@ -113,7 +111,7 @@ def _sector(axes: Axes, interval: Range, sign: float, **style: Any) -> None:
     axes.text(x, y, "2α", ha="center", va="center", fontsize=SIZE)
 
 
-def _ray(axes: Axes, tilt: float, length: float, **style: Any) -> None:
+def _ray(axes: "Axes", tilt: float, length: float, **style: Any) -> None:
     """Draw a line of the given length from the centre in the direction of a tilt in rad."""
     axes.plot([0.0, length * math.cos(tilt)], [0.0, -length * math.sin(tilt)], **style)
 
@@ -207,7 +205,7 @@ def design_section(robot: Robot, eye: Eye) -> Section:
     )
 
 
-def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
+def eye_sections(mechanism: Mechanism, eye: Eye) -> "Figure":
     """Draw the eye with the required ranges of tilt and roll, from the port to the retina, in mm.
 
     The tilt range is drawn at roll 0, and the roll range at the middle tilt.
@@ -231,7 +229,7 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> Figure:
 
 
 def _eye_section(
-    axes: Axes, eye: Eye, i: int, directions: Array, labels: tuple[str, str, str]
+    axes: "Axes", eye: Eye, i: int, directions: Array, labels: tuple[str, str, str]
 ) -> None:
     """Draw a section of the eye, with a range of tool directions.
 

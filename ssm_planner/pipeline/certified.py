@@ -4,8 +4,6 @@ After a failed check, the exceeded limits are tightened by their excess and the 
 again, up to PLANNING_ROUNDS times.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The result folder of a plan."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +13,7 @@ NO_PLAN = "no_plan.html"
 
 
 def write_folder(
-    plan: Plan, folder: Path, drawer: FigureProcess | None = None, rate: float | None = None
+    plan: Plan, folder: Path, drawer: "FigureProcess | None" = None, rate: float | None = None
 ) -> dict[str, Path]:
     """Write the result folder of a plan.
 

@@ -4,8 +4,6 @@ The search treats one target after the other. `planning/candidates/other_joints`
 candidates.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace

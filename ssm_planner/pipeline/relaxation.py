@@ -3,8 +3,6 @@
 Every change is planned, so every reported change works.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -149,7 +147,7 @@ class Cure:
     outcome: float | Reason
     combined: tuple[str, ...] = ()
     """Descriptions of the limits that are relaxed together with it."""
-    alternatives: tuple[Cure, ...] = ()
+    alternatives: "tuple[Cure, ...]" = ()
     """Other cures, each of which works alone."""
 
     @property

@@ -16,8 +16,6 @@ motors rest take longer first, because that adds no heat. All phases take longer
 motors never rest or if that does not suffice. They are planned again for the least heat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

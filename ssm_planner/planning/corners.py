@@ -13,8 +13,6 @@ grows with the friction coefficient μ, with both bearing parameters and with th
 - If the motor brakes, the smallest value of every parameter together is the worst case.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from itertools import product
 

@@ -3,8 +3,6 @@
 The curves are splines, tables of points, and lines and arcs of the tip.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import groupby

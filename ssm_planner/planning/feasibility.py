@@ -5,8 +5,6 @@ and the points of other motions. `with_boundary_rates` tests the velocities at b
 whole motion. A failed test returns a `Reason`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, pairwise, product
@@ -65,7 +63,7 @@ class _Places:
     """
 
     @classmethod
-    def of_phase(cls, phase: Phase) -> _Places:
+    def of_phase(cls, phase: Phase) -> "_Places":
         """Return samples of the given path of a phase, or its points if it has no path."""
         if phase.path is None:
             return cls(phase, np.linspace(0.0, 1.0, len(phase.points)), phase.points)
@@ -80,7 +78,7 @@ class _Places:
             return f"{name}, at point {k} on its way"
         return f"{name}, {100 * s:.0f} % of the way"
 
-    def refined(self, k: int) -> _Places:
+    def refined(self, k: int) -> "_Places":
         """Return samples of the path between the neighbours of sample k.
 
         Without a path there are no places between the points, so the result is unchanged.

@@ -3,8 +3,6 @@
 A lower bound considers each joint, and each limited task rate, as if it moved alone.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cached_property
 
@@ -274,14 +272,14 @@ class SCurve:
         """Instants at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
         return _sums(self.lengths)
 
-    def stretched(self, duration: float) -> SCurve:
+    def stretched(self, duration: float) -> "SCurve":
         """Return the motion stretched in time to a duration in s. It covers the same distance."""
         factor = duration / self.duration
         return SCurve(
             self.lengths * factor, self.start / factor**2, self.end / factor**2, self.speed / factor
         )
 
-    def scaled(self, factor: float) -> SCurve:
+    def scaled(self, factor: float) -> "SCurve":
         """Return the motion over `factor` times the distance in the same time."""
         return SCurve(self.lengths, self.start * factor, self.end * factor, self.speed * factor)
 

@@ -4,8 +4,6 @@ Such a motor is too weak to move, to brake or to hold a speed, or every motion m
 `no_motion` looks for the cause after a solver has not found a motion.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -255,7 +253,7 @@ class _SlowMotion:
     """Largest ṡ that the joints' velocities allow, (n,)."""
 
     @classmethod
-    def from_phase(cls, robot: Robot, phase: Phase) -> _SlowMotion | None:
+    def from_phase(cls, robot: Robot, phase: Phase) -> "_SlowMotion | None":
         """Sample a phase along its given path at n values of s.
 
         Returns None if the phase has no given path, or if it begins or ends at speed.

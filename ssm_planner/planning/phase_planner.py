@@ -4,8 +4,6 @@ Candidates ask these methods for motions: along a path or freely, by optimal con
 alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import field, replace
 from functools import partial
@@ -58,13 +56,13 @@ class PhasePlanner:
         """Problem of the phase."""
         return self.phase.problem
 
-    def with_problem(self, **changes: Any) -> PhasePlanner:
+    def with_problem(self, **changes: Any) -> "PhasePlanner":
         """Return a copy with changes of the problem."""
         problem = unchecked(self.problem, **changes)
         return replace(self, phase=replace(self.phase, problem=problem))
 
     @property
-    def for_time(self) -> PhasePlanner:
+    def for_time(self) -> "PhasePlanner":
         """Copy that looks for the fastest motion, without a requested duration.
 
         Ipopt does not confirm it.
@@ -191,7 +189,7 @@ class PhasePlanner:
         If other limits do not allow that speed, a bisection finds the largest one that they allow.
         """
 
-        def with_tip_speed(limit_speed: float) -> PhasePlanner:
+        def with_tip_speed(limit_speed: float) -> "PhasePlanner":
             return self.with_problem(limits=(*self.problem.limits, TipSpeed(limit_speed)))
 
         def is_feasible(limit_speed: float) -> bool:

@@ -3,8 +3,6 @@
 The end points follow from the inverse kinematics, with a choice of branches and whole turns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import field, replace
 from functools import cached_property, lru_cache
@@ -271,7 +269,7 @@ class _PhaseBuilder:
         end = task_at_end(self.mechanism, knots, self.start)
         return Phase(self.problem, motion, self.start, end, knots, path=path)
 
-    def _builder_at(self, q: Array) -> _PhaseBuilder:
+    def _builder_at(self, q: Array) -> "_PhaseBuilder":
         """Return a builder whose phases begin at joint positions q (4,)."""
         end = task_from_joints(self.mechanism, q[None], near=self.start)[0]
         return replace(self, start=end, q=q)
@@ -296,7 +294,7 @@ class _PhaseBuilder:
             return self._standing(motion)
         return Phase(self.problem, motion, self.start, at_target.start, np.stack(points))
 
-    def targets(self, motion: Free) -> Iterator[tuple[Point, _PhaseBuilder, _PhaseBuilder]]:
+    def targets(self, motion: Free) -> "Iterator[tuple[Point, _PhaseBuilder, _PhaseBuilder]]":
         """Yield the targets of a free motion, with a builder before and a builder at each of them.
 
         If the spin of a target is free, it keeps its value.

@@ -1,7 +1,5 @@
 """A phase with its motion."""
 
-from __future__ import annotations
-
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phases import Phase
 from ssm_planner.typing import record

@@ -1,7 +1,5 @@
 """Planning of all phases of a problem, joined to a trajectory."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

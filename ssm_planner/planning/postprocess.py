@@ -1,7 +1,5 @@
 """Motions that TOPP-RA alone times: along given paths, and for short stops."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

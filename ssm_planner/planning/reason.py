@@ -4,8 +4,6 @@ A reason is a value that names the limit, the joint and the place, with the valu
 requires and the value that is available.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from ssm_planner.problem import ConstantSpeed, Duration, Limit, in_words

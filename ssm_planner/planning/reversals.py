@@ -9,8 +9,6 @@ reversal borders with free positions, and solves the motion again. It ends when 
 multipliers exceeds MULTIPLIER, when a round saves less than GAP, or when a solve fails.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

@@ -6,8 +6,6 @@ run in the direction in which roll turns the tool. The spots are projected onto 
 from its centre. The tool always passes through the remote centre, and it points at each spot.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.errors import ProblemError

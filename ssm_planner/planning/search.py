@@ -1,7 +1,5 @@
 """Search for the fastest motion among candidates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from heapq import heappop, heappush
 from itertools import count

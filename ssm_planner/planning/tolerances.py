@@ -1,7 +1,5 @@
 """Tolerances that several modules of planning and pipeline share."""
 
-from __future__ import annotations
-
 ROUNDING = 1e-9
 """Distance (rad, m), or share of a value, that counts as rounding."""
 SAME = 1e-6

@@ -6,8 +6,6 @@ velocities at the points. Closed forms then give the duration of each segment. M
 shows at which points a joint should pass at speed instead of resting there.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.planning.lower_bound import minimum_times

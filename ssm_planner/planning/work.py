@@ -3,8 +3,6 @@
 Unlike time, work does not depend on the machine or its load, so neither of them changes a plan.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 SOLVE = 0.02

@@ -1,7 +1,5 @@
 """Settings of the controller that plays a plan, and of joint compliance, in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated

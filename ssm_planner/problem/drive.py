@@ -1,7 +1,5 @@
 """Geometry, friction, ratings and test rig of drives, in SI units and radians."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import field

@@ -1,7 +1,5 @@
 """Compute the dimensions of a gear from any sufficient set of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

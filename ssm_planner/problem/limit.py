@@ -4,8 +4,6 @@ A limit is a value that bounds one quantity of a motion. It can move its bound, 
 describe it.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import replace
@@ -111,7 +109,7 @@ class Limit(Value, ABC):
         """Return True if a value in SI units is within the limit."""
         return self.low <= value <= self.high
 
-    def tightened(self, worst: float, bound: float) -> Self | None:
+    def tightened(self, worst: float, bound: float) -> "Self | None":
         """Return a stricter limit for another plan, or None if a stricter limit does not help.
 
         The result is stricter by TIGHTENING times the excess.
@@ -125,7 +123,7 @@ class Limit(Value, ABC):
         """
         return None
 
-    def relaxed(self, value: float) -> Self | None:
+    def relaxed(self, value: float) -> "Self | None":
         """Return a looser limit that allows a value in SI units.
 
         The result is None if no bound of this kind allows the value.
@@ -186,11 +184,11 @@ class Symmetric(Limit):
     def bound(self, value: float) -> float:
         return self.largest
 
-    def tightened(self, worst: float, bound: float) -> Self | None:
+    def tightened(self, worst: float, bound: float) -> "Self | None":
         # (bound / worst)^TIGHTENING is never 0, however large the excess
         return replaced(self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING)
 
-    def relaxed(self, value: float) -> Self | None:
+    def relaxed(self, value: float) -> "Self | None":
         return replaced(self, largest=max(self.largest, abs(value)))
 
 
@@ -217,7 +215,7 @@ class Between(Limit):
     def high(self) -> float:
         return self.upper
 
-    def relaxed(self, value: float) -> Self | None:
+    def relaxed(self, value: float) -> "Self | None":
         return replaced(self, lower=min(self.lower, value), upper=max(self.upper, value))
 
 

@@ -1,7 +1,5 @@
 """Define a class for each kind of limit, on joints, motors, task coordinates, tool and path."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -200,7 +198,7 @@ class SelfLocking(Limit):
     def bound(self, value: float) -> float:
         return self.friction
 
-    def relaxed(self, value: float) -> SelfLocking:
+    def relaxed(self, value: float) -> "SelfLocking":
         return replace(self, friction=max(self.friction, value))
 
     def described(self, value: float) -> str:
@@ -268,7 +266,7 @@ class TaskRange(Between):
         """
         return self.coordinate in ("roll", "spin")
 
-    def tightened(self, worst: float, bound: float) -> TaskRange | None:
+    def tightened(self, worst: float, bound: float) -> "TaskRange | None":
         shift = TIGHTENING * abs(worst - bound)
         if not self.coupled or not 2 * shift < self.upper - self.lower:
             return None
@@ -328,7 +326,7 @@ class ToolLimit(Symmetric):
     unit = "m"
 
     @classmethod
-    def kinds(cls) -> tuple[type[ToolLimit], ...]:
+    def kinds(cls) -> "tuple[type[ToolLimit], ...]":
         """Return the classes of limits on the tool that a problem can have."""
         return (*SpeedLimit.__subclasses__(), StopTravel)
 
@@ -432,7 +430,7 @@ class StopTravel(ToolLimit):
     field = "stop_travel"
     order = 2
 
-    def tightened(self, worst: float, bound: float) -> StopTravel:
+    def tightened(self, worst: float, bound: float) -> "StopTravel":
         # the travel is proportional to the planner's estimate, so the excess itself suffices
         return replace(self, largest=self.largest * min(bound / worst, 1.0) * (1 - STOP_RESERVE))
 
@@ -459,11 +457,11 @@ class RetinaClearance(Limit):
     def half_width(self) -> float:
         return self.radius - self.clearance
 
-    def tightened(self, worst: float, bound: float) -> RetinaClearance | None:
+    def tightened(self, worst: float, bound: float) -> "RetinaClearance | None":
         clearance = self.clearance + TIGHTENING * max(bound - worst, 0.0)
         return replace(self, clearance=clearance) if clearance < self.radius else None
 
-    def relaxed(self, value: float) -> RetinaClearance | None:
+    def relaxed(self, value: float) -> "RetinaClearance | None":
         # no clearance allows a tip beyond the retina
         return None if value < 0 else replace(self, clearance=min(self.clearance, value))
 
@@ -492,13 +490,13 @@ class LensClearance(Limit):
     def half_width(self) -> float:
         return self.low
 
-    def tightened(self, worst: float, bound: float) -> LensClearance:
+    def tightened(self, worst: float, bound: float) -> "LensClearance":
         return replace(
             self,
             shaft_radius=self.shaft_radius + TIGHTENING * max(bound - worst, 0.0) * self.thickness,
         )
 
-    def relaxed(self, value: float) -> LensClearance | None:
+    def relaxed(self, value: float) -> "LensClearance | None":
         # an axis through the lens violates the limit for every shaft radius
         if value <= 1:
             return None
@@ -544,7 +542,7 @@ class Duration(Limit):
     def high(self) -> float:
         return self.largest
 
-    def relaxed(self, value: float) -> Duration:
+    def relaxed(self, value: float) -> "Duration":
         longer = value if self.exact else max(self.largest, value)
         return replace(self, largest=longer, asked=self.asked or self.largest)
 

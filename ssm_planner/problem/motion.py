@@ -1,7 +1,5 @@
 """Define points and motions of a tool, and strokes of single joints, in SI units and radians."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 from ssm_planner.deprecation import Renamed
@@ -79,7 +77,7 @@ class Joints(Value):
     line: Line | None = uncompared()
 
     @classmethod
-    def from_array(cls, q: Array) -> Joints:
+    def from_array(cls, q: Array) -> "Joints":
         """Return the point with joint positions q (4,)."""
         a, b, c, d = q.tolist()
         return cls((a, b, c, d))

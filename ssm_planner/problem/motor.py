@@ -1,7 +1,5 @@
 """Define the figures of a motor's datasheet, in SI units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Define the uncertainty of an identified drive: equally likely friction parameters and ripple."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -155,7 +153,7 @@ class Harmonics(Value):
     @classmethod
     def from_coefficients(
         cls, orders: tuple[float, ...], coefficients: Any, phased: bool
-    ) -> Harmonics:
+    ) -> "Harmonics":
         """Build the series Re Σ_k coefficients_k exp(i order_k θ).
 
         Parameters
@@ -185,7 +183,7 @@ class Harmonics(Value):
         waves = np.outer(angle, self.orders)
         return np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
 
-    def rotated(self, start: float) -> Harmonics:
+    def rotated(self, start: float) -> "Harmonics":
         """Return the same series as a function of the angle that is counted from `start`, rad."""
         coefficients = self.coefficients * np.exp(1j * start * np.array(self.orders))
         return Harmonics.from_coefficients(self.orders, coefficients, self.phased)

@@ -1,7 +1,5 @@
 """Define problems, the eye, and the limits of a task, in SI units and radians."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field, replace
@@ -226,7 +224,7 @@ class TaskLimits(Limited, ShortRepr):
     motion: tuple[Straight | Free | Follow | Dwell | Scan, ...] = ()
     """Motions with lines, rounded corners and constant speeds that the check evaluates."""
 
-    def within(self, robot: Robot) -> TaskLimits:
+    def within(self, robot: Robot) -> "TaskLimits":
         """Return these limits together with the ranges of a robot.
 
         If both have a range of a coordinate, the result has their intersection. If the intersection
@@ -243,7 +241,7 @@ class TaskLimits(Limited, ShortRepr):
             limits = [*(limit for limit in limits if limit.key != robot_range.key), common]
         return replace(self, limits=tuple(limits))
 
-    def slower(self, stretch: float) -> TaskLimits:
+    def slower(self, stretch: float) -> "TaskLimits":
         """Return the limits that apply when the motion takes `stretch` times as long.
 
         The declared rates at both ends and the constant speeds are divided by `stretch`.
@@ -368,12 +366,12 @@ class Problem(Value, Limited):
     The constructor computes them.
     """
     file: str | None = uncompared()
-    from_dict: ClassVar[Callable[[Mapping[str, Any]], Problem]]
+    from_dict: "ClassVar[Callable[[Mapping[str, Any]], Problem]]"
     """Return the problem that a mapping with the keys of a problem file describes.
 
     Raises ProblemError, which names the key.
     """
-    from_yaml: ClassVar[Callable[[str], Problem]]
+    from_yaml: "ClassVar[Callable[[str], Problem]]"
     """Return the problem that the text of a problem file describes.
 
     Raises ProblemError, which names the line and the key. The module `loading/load` defines both

@@ -1,7 +1,5 @@
 """Define geometry, bodies and joints of robots, in SI units and radians."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import lru_cache
@@ -307,12 +305,12 @@ class Robot(Value, Limited):
     """Acceleration of gravity in the base frame, m/s², (3,)."""
     limits: tuple[Limit, ...] = ()
     """Ranges of task coordinates that the robot itself declares."""
-    corners: tuple[Robot, ...] = ()
+    corners: "tuple[Robot, ...]" = ()
     """Variants of the robot with other friction and tool mass.
 
     If there are any, the planner respects the driving torques of the motors for each of them.
     """
-    lightest: tuple[Robot, ...] = ()
+    lightest: "tuple[Robot, ...]" = ()
     """Variants for braking torques."""
     file: str | None = uncompared()
 
@@ -351,7 +349,7 @@ class Robot(Value, Limited):
         return tuple(joint.name for joint in self.joints if joint.jerk is not None)
 
     @property
-    def loads(self) -> tuple[Robot, ...]:
+    def loads(self) -> "tuple[Robot, ...]":
         """This robot and its variants, one for each different set of bodies."""
         if not self.corners and not self.lightest:
             return (self,)

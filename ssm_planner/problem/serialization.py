@@ -3,8 +3,6 @@
 The values are complete: all files that a problem names have been read.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

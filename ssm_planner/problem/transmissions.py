@@ -3,8 +3,6 @@
 To add a kind, write a subclass of `Transmission` and register it (docs/architecture.md).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import field

@@ -4,8 +4,6 @@ Functions whose names end in `_lines` return lines for the terminal. Functions w
 `_table` return a `Table`, which the terminal and the pages show.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate, zip_longest
@@ -111,7 +109,7 @@ class Table:
             for line in _wrap_row(row, widths)
         ]
 
-    def _select(self, indices: Sequence[int]) -> Table:
+    def _select(self, indices: Sequence[int]) -> "Table":
         """Return a table that contains only the columns with these indices."""
         rows = [[row[i] for i in indices] for row in self.rows]
         numbers = [k for k, i in enumerate(indices) if i in self.numbers]
@@ -156,7 +154,7 @@ def _wrap_row(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[st
     return zip_longest(*cells, fillvalue="")
 
 
-def unit_of_limit(limit: LimitCheck | Kept, degree: str = "deg") -> tuple[str, float]:
+def unit_of_limit(limit: "LimitCheck | Kept", degree: str = "deg") -> tuple[str, float]:
     """Return the display unit of a limit.
 
     Parameters
@@ -218,7 +216,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
     return Table(header, rows, (2, 3, 5, 6))
 
 
-def phases_table(plan: Plan) -> Table:
+def phases_table(plan: "Plan") -> Table:
     """Build the table of the phases with their durations in s.
 
     The columns contain the duration, the duration by toppra, the bound along the path, and the
@@ -233,7 +231,7 @@ def phases_table(plan: Plan) -> Table:
     return Table(header, rows, (1, 2, 3, 4))
 
 
-def candidates_table(plan: Plan) -> Table:
+def candidates_table(plan: "Plan") -> Table:
     """Build the table of the candidate motions of every phase.
 
     The columns contain the lower bound, the estimate and the duration of a candidate in s, and the
@@ -250,7 +248,7 @@ def candidates_table(plan: Plan) -> Table:
     return Table(header, rows, (2, 3, 4))
 
 
-def explanation(plan: Plan) -> list[str]:
+def explanation(plan: "Plan") -> list[str]:
     """Return the lines that `--explain` prints.
 
     They list the candidates of every phase. They also state how much time a further reversal would
@@ -265,7 +263,7 @@ def explanation(plan: Plan) -> list[str]:
     return [*candidates_table(plan).lines(), "", *savings, *([""] if savings else [])]
 
 
-def joints_table(plan: Plan) -> Table:
+def joints_table(plan: "Plan") -> Table:
     """Build the table of the joint positions at the start and at the end of the motion.
 
     Several sets of joint positions reach the same point. The table shows which of them the plan
@@ -310,7 +308,7 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     return Table(header, rows, (2, 3, 4, 5))
 
 
-def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False) -> list[str]:
+def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = False) -> list[str]:
     """Return the summary of a plan as lines of text.
 
     The last lines are those of `answers`. If there is no motion, the lines state the reason.
@@ -350,7 +348,7 @@ def summary_lines(plan: Plan, folder: Path | None = None, verbose: bool = False)
     return lines + answers(plan, folder)
 
 
-def answers(plan: Plan, folder: Path | None = None) -> list[str]:
+def answers(plan: "Plan", folder: Path | None = None) -> list[str]:
     """Return the lines that answer the main questions about a plan.
 
     There is one line each for the duration, the check, the closest limit, the motors and the
@@ -415,7 +413,7 @@ def rate_words(rates: Mapping[str, float]) -> str:
     )
 
 
-def solvers(plan: Plan) -> str:
+def solvers(plan: "Plan") -> str:
     """Name the solver of a plan, and the phases that only Ipopt could solve."""
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
@@ -425,7 +423,7 @@ def solvers(plan: Plan) -> str:
     return f"structured; Ipopt in {', '.join(by_ipopt)}"
 
 
-def confirmation(plan: Plan) -> tuple[str, str]:
+def confirmation(plan: "Plan") -> tuple[str, str]:
     """Describe how the motions by Ipopt compare with those of the structured solver.
 
     Numbers of iterations and exact differences are left out, because they depend on rounding.
@@ -451,7 +449,7 @@ def confirmation(plan: Plan) -> tuple[str, str]:
     return verb, agreement + (f"; only Ipopt solved {', '.join(alone)}" if alone else "")
 
 
-def range_lines(plan: Plan) -> list[str]:
+def range_lines(plan: "Plan") -> list[str]:
     """Describe the effect of uncertain friction and payload on a plan.
 
     The first line states the ranges and the additional duration. One line for each motor states its
@@ -476,7 +474,7 @@ def range_lines(plan: Plan) -> list[str]:
     return lines
 
 
-def path_lines(plan: Plan) -> list[str]:
+def path_lines(plan: "Plan") -> list[str]:
     """Describe the rounded corners and the constant tip speeds of all phases, one per line."""
     corners = [
         f"corners      {phase.name}: the tip deviates from its lines by up to "
@@ -496,7 +494,7 @@ def path_lines(plan: Plan) -> list[str]:
     return corners + constant
 
 
-def conditions(plan: Plan) -> list[str]:
+def conditions(plan: "Plan") -> list[str]:
     """Describe the conditions that a problem contains in addition to its limits.
 
     The conditions are corners, constant tip speeds, rates at the start and at the end, and ranges
@@ -517,7 +515,7 @@ def conditions(plan: Plan) -> list[str]:
     return lines
 
 
-def cross_check_lines(plan: Plan) -> list[str]:
+def cross_check_lines(plan: "Plan") -> list[str]:
     """Describe how the duration compares with toppra's duration and with the proven bound.
 
     Phases that toppra cannot judge are listed with the reason.
@@ -538,7 +536,7 @@ def cross_check_lines(plan: Plan) -> list[str]:
     return lines
 
 
-def verdicts(plan: Plan) -> list[str]:
+def verdicts(plan: "Plan") -> list[str]:
     """Describe the solvers and the conditions of a plan, which `answers` omits."""
     lines = []
     if plan.problem.planner == "fast" and plan.phases:
@@ -909,7 +907,7 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
     return "the motor does NOT suffice"
 
 
-def simulation_tables(result: SimulationResult) -> tuple[Table, Table]:
+def simulation_tables(result: "SimulationResult") -> tuple[Table, Table]:
     """Build the tables of a simulated playback.
 
     Returns

@@ -12,8 +12,6 @@ largest current of the power stage, and the current that the supply voltage U ca
 winding resistance R against the back-EMF k·w, that is |k·w + R·i| ≤ U.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Simulate one playback many times at once, with random friction from the drive files."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.codegen import Vectorised

@@ -4,8 +4,6 @@ A drive slides, or comes to a stop within the step, or rests (stiction). These a
 of Coulomb friction.
 """
 
-from __future__ import annotations
-
 import casadi as ca
 
 from ssm_planner.dynamics import (

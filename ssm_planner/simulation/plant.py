@@ -11,8 +11,6 @@ The integrator takes midpoint steps in CasADi. It sums up the energies, so that 
 checked.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 from collections.abc import Sequence
@@ -48,7 +46,7 @@ class Compliance:
         body: RigidBody,
         q: Array,
         frequency: Sequence[float] = (30.0, 30.0, 30.0, 100.0),
-    ) -> Compliance:
+    ) -> "Compliance":
         """Compute stiffness and damping from the natural frequencies of the joints.
 
         The default values and the damping ratio DAMPING_RATIO are assumptions, not measurements.

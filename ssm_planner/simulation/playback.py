@@ -3,8 +3,6 @@
 Time is divided into periods of the position loop, and each period into a few steps of the plant.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import casadi as ca

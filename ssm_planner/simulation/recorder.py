@@ -3,8 +3,6 @@
 The commands `compare` and `identify` read these files, so both can be tested without hardware.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ The assessment runs every check for which the files of motor, drive and controll
 It names the check with the smallest margin. The verdict is adequate, not adequate, or not known.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ An answer is True, False or None (not known). The module also contains the check
 speed, load, duty and self-locking. Screws are also checked for whirling and buckling.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Compute the demands of a motion on motors and gears, and their range if friction is uncertain."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import reduce
@@ -64,7 +62,7 @@ class Demands(ShortRepr):
         return np.stack([np.atleast_1d(getattr(self, name)) for name in DEMANDS], axis=1)
 
     @classmethod
-    def from_table(cls, table: Array) -> Demands:
+    def from_table(cls, table: Array) -> "Demands":
         """Build the demands from a table (draws, 5) whose columns have the order of DEMANDS."""
         return cls(*(table[:, i] for i in range(len(DEMANDS))))
 

@@ -4,8 +4,6 @@ A duty cycle is either a planned motion or a set of strokes. A stroke moves one 
 at full acceleration, speed and deceleration. Its trajectory has a closed form.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -94,12 +92,14 @@ class DutyCycle:
     """Pause between repetitions that the source of the motion states, s."""
 
     @classmethod
-    def of_trajectory(cls, trajectory: Trajectory, robot: Robot, name: str = "motion") -> DutyCycle:
+    def of_trajectory(
+        cls, trajectory: Trajectory, robot: Robot, name: str = "motion"
+    ) -> "DutyCycle":
         """Build a duty cycle from one motion, in which all joints are sized."""
         return cls(name, robot, ((trajectory, None),))
 
     @classmethod
-    def of_motorisation(cls, motorisation: Motorisation) -> DutyCycle:
+    def of_motorisation(cls, motorisation: Motorisation) -> "DutyCycle":
         """Build a duty cycle that moves single joints back and forth."""
         runs = tuple((back_and_forth(stroke), stroke.joint) for stroke in motorisation.strokes)
         return cls(motorisation.name, motorisation.robot, runs)

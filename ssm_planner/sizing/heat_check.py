@@ -4,8 +4,6 @@ The check finds the largest permitted RMS torque of a motion that repeats foreve
 temperatures of the winding.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compute the load of each joint's drive over a motion: speed, acceleration and effort."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -130,7 +128,7 @@ class JointLoad(ShortRepr):
         """Return the root mean square over the motion of values (n,) or (draws, n)."""
         return np.sqrt(np.square(value) @ self.weight)
 
-    def stretched(self, factor: float) -> JointLoad:
+    def stretched(self, factor: float) -> "JointLoad":
         """Return the load of the same motion with `factor` times its duration."""
         return replace(
             self,
@@ -142,7 +140,7 @@ class JointLoad(ShortRepr):
             duration=factor * self.duration,
         )
 
-    def plus(self, load: JointLoad, share: float) -> JointLoad:
+    def plus(self, load: "JointLoad", share: float) -> "JointLoad":
         """Interpolate linearly between this load (share 0) and another one (share 1).
 
         Loads are linear in the masses, so the interpolation between two payloads is exact.
@@ -156,7 +154,7 @@ class JointLoad(ShortRepr):
             },
         )
 
-    def subset(self, keep: Indices) -> JointLoad:
+    def subset(self, keep: Indices) -> "JointLoad":
         """Select the instants with increasing indices `keep` (m,) and recompute their weights."""
         names = ("t", "q", "qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
         columns = {name: getattr(self, name)[keep] for name in names}

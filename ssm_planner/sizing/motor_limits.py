@@ -5,8 +5,6 @@ inductance. The friction of a drive includes the friction and the iron losses of
 motor, because it was identified together with this motor. `no_load_torque` gives them for others.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated
 

@@ -7,8 +7,6 @@ Therefore, the torque is a sum of components, of which friction is the remainder
           + (mesh with friction − mesh without)
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -58,7 +56,7 @@ class MotorRequirement(ShortRepr):
     """Mean heat in the winding at 25 °C, W. None without torque constant or resistance."""
     joule_energy: float | None
     """Heat in the winding over one motion, J."""
-    split: TorqueBreakdown
+    split: "TorqueBreakdown"
 
     @property
     def placeholder(self) -> bool:

@@ -5,8 +5,6 @@ torque of a gear is evaluated once for all motors. Two bounds on the winding tem
 pairs. The function `assess` decides the other pairs, and all pairs whose friction is random.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -4,8 +4,6 @@ The module assesses candidates for every joint, and selects the smallest adequat
 finds the largest payload and the shortest duration with which every check passes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 

@@ -10,8 +10,6 @@ the temperatures of the previous pass. Each pass solves the equations exactly in
 for a power that is piecewise linear in time.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -49,7 +47,7 @@ class Modes:
     @classmethod
     def from_network(
         cls, r_inner: float, r_outer: float, c_inner: float, c_outer: float, gain: float = 0.0
-    ) -> Modes:
+    ) -> "Modes":
         """Compute the modes from thermal resistances (K/W) and capacities (J/K).
 
         `gain` (W/K) is the additional power per kelvin of the inner body.
@@ -176,7 +174,7 @@ class ThermalModel(ShortRepr):
     magnet: float = 0.0
 
     @classmethod
-    def from_motor(cls, motor: Motor, ambient: float) -> ThermalModel:
+    def from_motor(cls, motor: Motor, ambient: float) -> "ThermalModel":
         """Build the model of a motor at an ambient temperature (K).
 
         Raises ProblemError if data of FIGURES other than the temperature limit are missing.
@@ -232,7 +230,7 @@ class Cycle(ShortRepr):
     square: Array
 
     @classmethod
-    def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> Cycle:
+    def from_torque(cls, t: Array, torque: Array, pause: float = 0.0) -> "Cycle":
         """Build a cycle from the instants t (n,) and torques (n,) of a motion, and a pause (s)."""
         t = t - t[0]
         square = np.square(torque)
@@ -248,7 +246,7 @@ class Cycle(ShortRepr):
         """Duration of motion and pause, s."""
         return float(self.t[-1])
 
-    def scaled(self, factor: float) -> Cycle:
+    def scaled(self, factor: float) -> "Cycle":
         """Return the cycle with `factor` times the torque."""
         return Cycle(self.t, factor**2 * self.square)
 

@@ -4,8 +4,6 @@ Candidates are requested in batches of constant size, and their results are repo
 order. Therefore, the search does not depend on the number of workers or on interruptions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Evaluate one candidate robot: plan its motions, select motors and gears, check, and size."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import mmap

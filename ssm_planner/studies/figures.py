@@ -1,7 +1,5 @@
 """Draw the figures of a study: its front, and the stages that rejected candidates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,7 +59,7 @@ def write_study_figures(
 
 
 def _front(
-    axes: Axes,
+    axes: "Axes",
     study: Study,
     rows: Sequence[Candidate],
     reference: Candidate,
@@ -93,7 +91,7 @@ def _front(
     legend(axes)
 
 
-def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
+def _map(axes: "Axes", study: Study, rows: Sequence[Candidate]) -> None:
     """Plot the state of every candidate over the first two variables."""
     horizontal, vertical = (choices_at(study, path, rows) for path in study.paths[:2])
     points: dict[str, list[tuple[float, float]]] = {}

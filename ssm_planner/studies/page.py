@@ -1,7 +1,5 @@
 """Write the page of a study with its front, rejections, parallel coordinates and sensitivity."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -5,8 +5,6 @@ and the torque that starts each straight motion from rest against weight and sta
 candidate that a screen cannot evaluate passes it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Write the robot file, the plans and the pages of one candidate, or compare two candidates."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

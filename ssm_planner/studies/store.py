@@ -5,8 +5,6 @@ of the design, the motions and the version of the package. The database contains
 plans. Plans are computed again on request.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

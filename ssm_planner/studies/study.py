@@ -1,7 +1,5 @@
 """Define a study as an immutable value: variables, motions, requirements and objectives."""
 
-from __future__ import annotations
-
 import copy
 import itertools
 import math

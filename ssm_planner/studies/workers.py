@@ -5,8 +5,6 @@ pool dies, the entire pool fails. This pool replaces a dead process and repeats 
 has ended several workers, it fails with `WorkerDied`, and all other tasks continue.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import queue

@@ -9,8 +9,6 @@ Arrays are (m, n + 1, …) for m polynomials with n + 1 coefficients each. Opera
 the m values of one coefficient are adjacent in memory (Fortran order). The results have this order.
 """
 
-from __future__ import annotations
-
 from math import comb
 
 import numpy as np

@@ -8,8 +8,6 @@ evaluates these candidates as closely as the nominal robot. It does not use the 
 planner selects.
 """
 
-from __future__ import annotations
-
 from itertools import starmap
 
 import numpy as np

@@ -5,8 +5,6 @@ the SHA-256 hash of the checked motion, the robot, the limits and the result. It
 change of any of them.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable
@@ -83,7 +81,7 @@ class LimitCheck(ShortRepr):
     """
 
     @classmethod
-    def from_extreme(cls, limit: Limit, worst: float, time: float) -> LimitCheck:
+    def from_extreme(cls, limit: Limit, worst: float, time: float) -> "LimitCheck":
         """Build the result of a limit on a magnitude.
 
         Parameters
@@ -122,7 +120,7 @@ class LimitCheck(ShortRepr):
         return dict(vars(self))
 
     @classmethod
-    def from_dict(cls, data: JsonObject) -> LimitCheck:
+    def from_dict(cls, data: JsonObject) -> "LimitCheck":
         """Build a result from the output of `to_dict`.
 
         Raises TrajectoryError if a key is missing or if a value has the wrong type.
@@ -210,7 +208,7 @@ class Certificate(ShortRepr):
                 return limit
         raise KeyError(key)
 
-    def with_more(self, checks: tuple[LimitCheck, ...]) -> Certificate:
+    def with_more(self, checks: tuple[LimitCheck, ...]) -> "Certificate":
         """Return the certificate with further results.
 
         A new result replaces the earlier result for the same limit and joint, unless the earlier
@@ -221,7 +219,7 @@ class Certificate(ShortRepr):
         unjudged = tuple(u for u in self.unjudged if (u.name, u.joint) not in judged_limits)
         return replace(self, limits=(*limits, *checks), unjudged=unjudged)
 
-    def allowing(self, *names: str) -> Certificate:
+    def allowing(self, *names: str) -> "Certificate":
         """Return the certificate in which limits with these names may remain unjudged.
 
         Such limits move from `unjudged` to `unchecked`. A last word such as "torque" stands for all
@@ -297,7 +295,7 @@ class Certificate(ShortRepr):
         }
 
     @classmethod
-    def from_dict(cls, data: JsonObject) -> Certificate:
+    def from_dict(cls, data: JsonObject) -> "Certificate":
         """Build a certificate from the output of `to_dict`.
 
         The result loses its seal if the entry `passed` contradicts the limits.

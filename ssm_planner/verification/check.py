@@ -13,8 +13,6 @@ of a task. Three methods find the worst value of a quantity:
 Joints that start from rest or reverse have static friction at that instant.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 A motion must rest at both ends unless end velocities are declared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 

@@ -4,8 +4,6 @@ A `Quantity` pairs a limit with a rule that computes the limited value from the 
 `Worst` collects the worst value of one quantity while the check goes through the motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 

@@ -31,8 +31,6 @@ where it reverses. At every speed, the friction coefficient is the smallest that
 Source: S. Boyd, L. Vandenberghe, Convex Optimization, 2004, §5.1 (weak duality).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -142,7 +140,7 @@ class _Program:
     """F² at the inner grid points, (n − 1,)."""
 
     @classmethod
-    def from_rows(cls, path: PathRows, max_speed: Array, squares: Array) -> _Program:
+    def from_rows(cls, path: PathRows, max_speed: Array, squares: Array) -> "_Program":
         """Build the program of a path.
 
         Parameters

@@ -5,8 +5,6 @@ are its velocities and accelerations, and the motion itself has ṡ = 1. Another
 has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is a limited quantity divided by its limit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.dynamics import STILL, RigidBody, motor_torque_rows, output_effort
@@ -74,7 +72,7 @@ class PathRows:
         span: tuple[float, float],
         shares: tuple[float, ...],
         refinement: int = 1,
-    ) -> PathRows:
+    ) -> "PathRows":
         """Return the path between two times.
 
         Parameters

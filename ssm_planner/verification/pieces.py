@@ -4,8 +4,6 @@ The first axis of every array counts pieces. Arrays are in Fortran order, becaus
 along values that are then adjacent in memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import zip_longest

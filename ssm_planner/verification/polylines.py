@@ -7,8 +7,6 @@ the motion, which rests there or has a declared speed, the length of the outer i
 jump exceeds the acceleration limit, every motion through the points violates this limit.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 

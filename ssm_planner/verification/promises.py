@@ -4,8 +4,6 @@ A problem prescribes the lines of some motions. They follow from the problem and
 of the tip where the phase begins, by kinematics alone. The check compares the tip with them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial

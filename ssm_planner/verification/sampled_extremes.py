@@ -20,8 +20,6 @@ contains a worse value.
 `RmsTorques` integrates the torques at these instants.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -209,14 +207,14 @@ class SampledExtremes:
                     )
         return values
 
-    def _sample(self, pieces: Pieces, intervals: Intervals) -> Array:
+    def _sample(self, pieces: Pieces, intervals: "Intervals") -> Array:
         """Return the values (4, n, k) at the instants of n intervals, and store the worst ones."""
         values = np.empty((len(self.quantities), 4, len(intervals.piece))).transpose(1, 2, 0)
         for block in blocks(len(intervals.piece), BLOCK):
             self._sample_block(pieces, intervals.subset(block), values[:, block])
         return values
 
-    def _sample_block(self, pieces: Pieces, intervals: Intervals, values: Array) -> None:
+    def _sample_block(self, pieces: Pieces, intervals: "Intervals", values: Array) -> None:
         """Write the values of a block into `values` (4, n, k)."""
         final = np.flatnonzero(~intervals.joined)
         s = intervals.begin + INSTANTS[:3] * intervals.width
@@ -324,7 +322,7 @@ class Intervals:
         *,
         rate: float,
         max_intervals: int,
-    ) -> Intervals:
+    ) -> "Intervals":
         """Cut m segments of pieces into intervals.
 
         Parameters
@@ -370,13 +368,13 @@ class Intervals:
             slow=slow,
         )
 
-    def subset(self, selection: slice) -> Intervals:
+    def subset(self, selection: slice) -> "Intervals":
         """Return the intervals of a slice. The last of them counts as not joined."""
         columns = {name: values[selection] for name, values in vars(self).items()}
         columns["joined"] = np.append(columns["joined"][:-1], False)
         return Intervals(**columns)
 
-    def split(self, indices: Indices, count: int) -> Intervals:
+    def split(self, indices: Indices, count: int) -> "Intervals":
         """Cut each interval with one of the `indices` (n,) into `count` equal parts."""
         parent = np.repeat(indices, count)
         offset = np.tile(np.arange(count), len(indices))

@@ -16,8 +16,6 @@ Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterizatio
 Reachability Analysis, IEEE T-RO 34(3), 2018.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

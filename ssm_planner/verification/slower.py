@@ -6,8 +6,6 @@ do not scale like this. Friction may grow towards low speed (Stribeck effect), a
 the arm carries less of the load.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.dynamics import RigidBody, directions, motor_motion, motorised

@@ -10,8 +10,6 @@ convex in ṡ². Every slower motion between both therefore keeps them as well, 
 always leads to a state from which a stop exists. No stop along the path is shorter.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -128,7 +126,7 @@ class _Path:
     """True if all joints rest in the motion at the node, (m + 1,)."""
 
     @classmethod
-    def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> _Path:
+    def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> "_Path":
         """Sample the path of a motion.
 
         The nodes include all breaks and the instants (n,), s. Each distance between them is divided
@@ -342,7 +340,7 @@ class _Bounds:
     """Joints whose friction depends on the speed. Their torques are not among the rows."""
 
     @classmethod
-    def from_path(cls, path: _Path, robot: Robot) -> _Bounds:
+    def from_path(cls, path: _Path, robot: Robot) -> "_Bounds":
         """Compute the rows of all acceleration limits and of the torque limits.
 
         The torque in the direction of motion is the larger of two linear functions. It must not
@@ -483,7 +481,7 @@ class _MotorAlong:
         index: tuple[Indices, Indices, int],
         grows: Array,
         square: Array | float = 0.0,
-    ) -> _MotorAlong:
+    ) -> "_MotorAlong":
         """Build the motor of one joint at n positions of a path.
 
         Parameters

@@ -9,8 +9,6 @@ gives the upper end. Both ends hold for every motion that keeps these limits and
 within their rounding.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -4,8 +4,6 @@ The check searches the earliest instant at which each point is reached after the
 does not need phases, so it can judge any table.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plan motions for the view: one at a time, in a separate process that can be killed."""
 
-from __future__ import annotations
-
 import secrets
 import tempfile
 import threading
@@ -40,7 +38,7 @@ class Outcome:
     """
 
     message: str
-    plan: Plan | None = None
+    plan: "Plan | None" = None
     relaxation: str | None = None
     """Description of the smallest change of a limit that permits a motion."""
     changes: Mapping[float, str] = field(default_factory=dict)
@@ -288,7 +286,7 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
     return Outcome(text, result, changes=in_words, desk=desk)
 
 
-def text_of(text_type: str, plan: Plan) -> str:
+def text_of(text_type: str, plan: "Plan") -> str:
     """Return the report of a plan as HTML ("report"), or the content of plan.json ("plan")."""
     from ssm_planner.reporting import report_page
 

@@ -4,8 +4,6 @@ A request is a JSON object that the script of the page sends. The methods of `St
 of their requests and answers.
 """
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from functools import cached_property
@@ -76,7 +74,7 @@ def _in_units(name: str, value: float) -> str:
     return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
-def view_page(study: Study, token: str) -> str:
+def view_page(study: "Study", token: str) -> str:
     """Return the HTML document of a page.
 
     Parameters
@@ -157,7 +155,7 @@ class Study:
         name = {} if self.problem is None else {"name": self.problem.name}
         return name | file.value | {"robot": robot_content(follow(file, "robot"))}
 
-    def edit(self, text: str) -> Study:
+    def edit(self, text: str) -> "Study":
         """Return the study of a text that replaces the problem file.
 
         Parameters

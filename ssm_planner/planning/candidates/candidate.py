@@ -7,8 +7,6 @@ trying (`suggested`), which duration it cannot beat (`bound`), how long it takes
 and stops as soon as another candidate is known to be faster.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,7 +44,9 @@ class Candidate(ABC, Generic[P, R]):
 
     @classmethod
     @abstractmethod
-    def suggested(cls, planner: P, latest: Evaluation[P, R] | None) -> Iterator[Candidate[P, R]]:
+    def suggested(
+        cls, planner: P, latest: "Evaluation[P, R] | None"
+    ) -> "Iterator[Candidate[P, R]]":
         """Yield the candidates that the latest evaluation suggests.
 
         The search calls this method once at the beginning, and again after each estimate and each

@@ -1,7 +1,5 @@
 """Motions around the eye: the tool is drawn back, swings, and is inserted again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The motion between the points without additional reversals."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import ClassVar
 

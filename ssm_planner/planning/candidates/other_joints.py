@@ -5,8 +5,6 @@ the nearest joints on the present branch. The candidates have other joints there
 follows the target is reached with the nearest joints again, so a candidate moves the whole problem.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
@@ -153,7 +151,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     @classmethod
     def suggested(
         cls, planner: JointsPlanner, latest: Evaluation[JointsPlanner, MissionMotion] | None
-    ) -> Iterator[OtherJoints]:
+    ) -> "Iterator[OtherJoints]":
         """Yield other branches and whole turns first, and spins beside every motion."""
         if latest is not None:
             if planner.spin_free and isinstance(latest.result, MissionMotion):
@@ -171,7 +169,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             yield from cls._spun(planner, planner.phase.points[-1], planner.best)
 
     @classmethod
-    def _rescues(cls, planner: JointsPlanner, options: list[OtherJoints]) -> list[OtherJoints]:
+    def _rescues(cls, planner: JointsPlanner, options: "list[OtherJoints]") -> "list[OtherJoints]":
         """Return the first options with different postures, if no motion is known.
 
         Whole turns of joint 3 change no load.
@@ -186,7 +184,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     @classmethod
     def _allowed(
         cls, planner: JointsPlanner, q: Array, *, spun: bool = False
-    ) -> Iterator[OtherJoints]:
+    ) -> "Iterator[OtherJoints]":
         """Yield the candidate with joints q (4,) if it is feasible and may be shorter.
 
         Phases that are already planned count with their duration.
@@ -207,7 +205,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     @classmethod
     def _spun(
         cls, planner: JointsPlanner, q: Array, motion: MissionMotion
-    ) -> Iterator[OtherJoints]:
+    ) -> "Iterator[OtherJoints]":
         """Yield three spins between those at which the motion to joints q (4,) may become faster.
 
         Durations of the other joints depend on joint 3 only through their load, so a coarse search

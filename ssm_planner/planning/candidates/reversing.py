@@ -1,7 +1,5 @@
 """Free motions on which joints reverse between the points because this saves time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Motions that begin at speed: a stop, then a motion from rest."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar

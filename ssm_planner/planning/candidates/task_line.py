@@ -1,7 +1,5 @@
 """Motions along a straight line in task coordinates, in place of a free motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar

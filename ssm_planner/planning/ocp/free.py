@@ -3,8 +3,6 @@
 `solve_free` builds the mesh and the initial guess, and solves the optimal control problem.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -9,8 +9,6 @@ and the limits of the eye are path constraints. Only those that a motion comes c
 the program ("active").
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 

@@ -4,8 +4,6 @@ The guess is a closed form if the joints begin and end at rest, or at speed (`tu
 with reversals is sampled from the earlier motion that suggested the reversals.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

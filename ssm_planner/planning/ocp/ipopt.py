@@ -1,7 +1,5 @@
 """Ipopt's options for every kind of start, and exact sparse derivatives of a program."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache, partial
 from typing import Any, Literal

@@ -4,8 +4,6 @@ The mesh follows the motion of TOPP-RA: its elements end where another limit bec
 one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.planning.retiming.retime import Retiming
@@ -47,7 +45,7 @@ class Mesh:
     @classmethod
     def from_retiming(
         cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None
-    ) -> Mesh:
+    ) -> "Mesh":
         """Build a mesh of at least `count` elements for a motion of TOPP-RA.
 
         If jerk is limited, every jump of s̈ needs time. The element borders then get a ramp behind

@@ -1,7 +1,5 @@
 """Motion of a phase in SI units: joint polynomials, directions and reversals of the joints."""
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 
 import numpy as np
@@ -98,7 +96,7 @@ class PhaseSolution:
         """Duration, s."""
         return float(self.breaks[-1])
 
-    def slower(self, factor: float) -> PhaseSolution:
+    def slower(self, factor: float) -> "PhaseSolution":
         """Return the motion along the same path with its duration multiplied by `factor`.
 
         Only a motion from rest to rest keeps its velocities at both ends.

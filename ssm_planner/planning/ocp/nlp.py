@@ -7,8 +7,6 @@ duration of a block is an unknown, and its elements share it in fixed proportion
 times are scaled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import field, replace
 from functools import cached_property
@@ -60,7 +58,7 @@ class NlpStructure:
     the borders in many ways.
     """
 
-    def split(self, counts: Indices) -> NlpStructure:
+    def split(self, counts: Indices) -> "NlpStructure":
         """Return the structure with every element divided into equal parts.
 
         Parameters
@@ -238,7 +236,7 @@ class NlpData:
         counts[structure.borders[1:]] = True
         return np.asarray(counts & ~self.is_fixed[:, : structure.coordinates])
 
-    def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> NlpData:
+    def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> "NlpData":
         """Return the data of the program that minimises the cost plus `time` times the duration.
 
         Parameters
@@ -289,7 +287,7 @@ class Multipliers:
         upper: Array,
         rows: Array,
         active: frozenset[tuple[str, int | None]],
-    ) -> Multipliers:
+    ) -> "Multipliers":
         """Build the multipliers of a solution from those of its bounds on u̇.
 
         Only bounds that forbid a reversal count: u̇ ≥ 0 where a coordinate moves forwards, and u̇ ≤

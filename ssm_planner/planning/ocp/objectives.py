@@ -3,8 +3,6 @@
 Ipopt confirms each of them if the solution method is "confirmed".
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

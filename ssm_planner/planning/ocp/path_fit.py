@@ -3,8 +3,6 @@
 They are parameters of the element model `elements.straight_element.StraightElement`.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

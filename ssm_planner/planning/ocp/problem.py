@@ -3,8 +3,6 @@
 It provides the data of the program, and evaluates the path constraints between collocation points.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import field, replace
 from functools import cached_property
@@ -122,7 +120,7 @@ class OcpProblem(ABC):
             breakaway_bound=self._breakaway_bound(),
         )
 
-    def with_cut_elements(self, counts: Indices) -> OcpProblem:
+    def with_cut_elements(self, counts: Indices) -> "OcpProblem":
         """Return the problem with every element divided into equal parts.
 
         Parameters
@@ -133,7 +131,7 @@ class OcpProblem(ABC):
         lengths = np.repeat(self.lengths / counts, counts)
         return replace(self, structure=self.structure.split(counts), lengths=lengths)
 
-    def with_one_time(self, lengths: Array) -> OcpProblem:
+    def with_one_time(self, lengths: Array) -> "OcpProblem":
         """Return the problem with the total duration as its only unknown time.
 
         Parameters

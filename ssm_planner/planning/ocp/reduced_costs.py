@@ -9,8 +9,6 @@ weights w_k of the trapezoidal rule. The steepest descent of ℓ under this cond
 mean(c/w) − c_k / w_k. Its size is the multiplier of "q̇_j = 0".
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

@@ -7,8 +7,6 @@ violation is divided (mesh refinement). A small violation lowers the bound of it
 (backoff). Then the program is solved again.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -74,7 +72,7 @@ class RefinementState:
     """Solution with the multipliers at which the next solve starts. None: a start without them."""
 
     @classmethod
-    def from_guess(cls, problem: OcpProblem, guess: Array) -> RefinementState:
+    def from_guess(cls, problem: OcpProblem, guess: Array) -> "RefinementState":
         """Create the initial state of a refinement.
 
         A path constraint is active if it reaches a share NEAR of its limit in the guess.
@@ -92,7 +90,7 @@ class RefinementState:
         backoff = np.zeros((len(guess), len(problem.row_names)))
         return cls(guess, problem, active, backoff, elements=guess)
 
-    def restarted(self, guess: Array) -> RefinementState:
+    def restarted(self, guess: Array) -> "RefinementState":
         """Return the state with another guess (n, 4 m + 1).
 
         The active constraints and their backoff remain.
@@ -139,7 +137,7 @@ class RefinementState:
             structure, element, data, self.elements, warm=self.warm, switching=beside_lens
         )
 
-    def cut(self, coarse: Array) -> RefinementState:
+    def cut(self, coarse: Array) -> "RefinementState":
         """Return the state with some elements divided into PARTS. The parts inherit the backoff.
 
         Parameters
@@ -158,7 +156,7 @@ class RefinementState:
             warm=None,
         )
 
-    def tightened(self, solution: NlpSolution, increase: Array) -> RefinementState:
+    def tightened(self, solution: NlpSolution, increase: Array) -> "RefinementState":
         """Return the state for a solve with stricter bounds, which starts at a solution.
 
         Parameters

@@ -4,8 +4,6 @@ Every joint keeps its direction within a segment. Two neighbouring segments meet
 is a given point, a reversal of a joint, or a passage of the port (incision) of an eye.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
 from typing import Literal
@@ -36,7 +34,7 @@ class SegmentGuess:
 
     def halves(
         self, joint: int, position: float, least_count: int
-    ) -> tuple[SegmentGuess, SegmentGuess]:
+    ) -> "tuple[SegmentGuess, SegmentGuess]":
         """Divide the guess in the middle of its duration, where a joint must pass a given position.
 
         The motion of this joint is compressed in time in one half, and stretched in the other one.
@@ -73,7 +71,7 @@ class SegmentGuess:
         joint: int,
         joint_span: tuple[float, float],
         least_count: int,
-    ) -> SegmentGuess:
+    ) -> "SegmentGuess":
         """Return the guess during an interval of time, with one joint taken from another interval.
 
         Parameters
@@ -213,7 +211,7 @@ class SegmentChain:
     """
 
     @classmethod
-    def joined(cls, chains: Sequence[SegmentChain], free: Collection[int]) -> SegmentChain:
+    def joined(cls, chains: "Sequence[SegmentChain]", free: Collection[int]) -> "SegmentChain":
         """Join several chains into one. Each begins at the point at which the previous one ends.
 
         Parameters
@@ -264,7 +262,7 @@ class SegmentChain:
 
     def cut_at(
         self, port: float, is_outside: Callable[[Array], bool], least_count: int
-    ) -> SegmentChain:
+    ) -> "SegmentChain":
         """Insert a border wherever the tip passes the port of an eye, which divides a segment.
 
         The depth of the tip depends on joint 4 alone. The distance to the retina is only limited on

@@ -6,8 +6,6 @@ Every joint keeps its direction between two reversals, so the sign of its fricti
 `joint_pieces` converts s(t) to joint polynomials.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 

@@ -6,8 +6,6 @@ constraints remain in two cases. A jerk-limited coordinate passes a point, or re
 motion of several segments. Or the duration is given.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

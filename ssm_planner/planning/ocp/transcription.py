@@ -5,8 +5,6 @@ its moving joints. `Transcription.build` states the program from top to bottom. 
 model differs between both kinds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import field, replace
 from functools import lru_cache
@@ -62,7 +60,7 @@ class _Symbols:
     """The same parameters by name."""
 
     @classmethod
-    def build(cls, structure: NlpStructure, element: ElementModel) -> _Symbols:
+    def build(cls, structure: NlpStructure, element: ElementModel) -> "_Symbols":
         """Create the CasADi symbols of a program.
 
         Parameters
@@ -121,7 +119,7 @@ class Transcription:
 
     @classmethod
     @lru_cache(maxsize=12)
-    def build(cls, structure: NlpStructure, element: ElementModel) -> Transcription:
+    def build(cls, structure: NlpStructure, element: ElementModel) -> "Transcription":
         """Build the program and its solvers. The result is cached for each structure and model.
 
         With n elements k, m coordinates and b blocks of duration T, the program is

@@ -6,8 +6,6 @@ end, at a position that the solver determines. The reversals of all joints, orde
 the motion into segments in which every joint keeps its direction.
 """
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -48,7 +46,7 @@ class _Profile:
     @classmethod
     def from_limits(
         cls, displacement: float, speeds: tuple[float, float], limits: Array
-    ) -> _Profile:
+    ) -> "_Profile":
         """Build the profile of a joint.
 
         Parameters

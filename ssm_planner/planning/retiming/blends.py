@@ -12,8 +12,6 @@ joints, the direction then turns without overshoot: q' = (1 − h) q'_i + h q'_{
 2σ³, where σ grows from 0 to 1 along the rounding.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise

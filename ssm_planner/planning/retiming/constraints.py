@@ -16,8 +16,6 @@ Reachability Analysis, IEEE T-RO 34(3), 2018, §II (rows linear in (s̈, ṡ²))
 dynamics/transmission.py (the friction law).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ssm_planner.dynamics import (
@@ -52,7 +50,7 @@ class LinearConstraints:
     k: Array
     ceiling: Array
 
-    def tangent(self, speed_squared: Array) -> LinearConstraints:
+    def tangent(self, speed_squared: Array) -> "LinearConstraints":
         """Return constraints without k that are at least as strict. TOPP-RA needs linear ones.
 
         The tangent of √x at x₀ gives √x ≤ √x₀/2 + x/(2 √x₀).
@@ -114,7 +112,9 @@ class PathLimits:
     """
 
     @classmethod
-    def on_grid(cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits) -> PathLimits:
+    def on_grid(
+        cls, path: JointPath, grid: Array, robot: Robot, limits: TaskLimits
+    ) -> "PathLimits":
         """Evaluate the limits of a robot and a task on a grid.
 
         Parameters

@@ -4,8 +4,6 @@ They are lines in task coordinates, lines and arcs of the tip, splines, polyline
 existing motions.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import cached_property, lru_cache
@@ -441,7 +439,7 @@ class SplinePath(JointPath):
         return np.append(0.0, distance / distance[-1])
 
     @cached_property
-    def _spline(self) -> CubicSpline:
+    def _spline(self) -> "CubicSpline":
         """The spline q(s) with second derivative 0 at both ends."""
         from scipy.interpolate import CubicSpline
 

@@ -23,8 +23,6 @@ Reachability Analysis, IEEE T-RO 34(3), 2018, §III, with constraints at both en
 (its interpolation scheme).
 """
 
-from __future__ import annotations
-
 import ctypes
 
 import numpy as np

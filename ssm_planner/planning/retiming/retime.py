@@ -9,8 +9,6 @@ Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterizatio
 Reachability Analysis, IEEE T-RO 34(3), 2018, and its interpolation scheme.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Draw the figures of a plan: motion with limits, motor requirements, and simulated playback."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from textwrap import wrap
@@ -57,7 +55,7 @@ NEAR = 2.0
 """Largest distance of a drawn limit from its curve, in multiples of the curve's span."""
 
 
-def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> Figure:
+def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> "Figure":
     """Draw joint positions, velocities and accelerations over time, with dashed limits.
 
     Revolute joints are on the left, and the translation is on the right. Figures narrower than
@@ -120,7 +118,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     return figure
 
 
-def _draw_limit(axes: Axes, ends: Range, values: Array) -> None:
+def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
     """Draw the bounds that are close to the values (n,), so that the curve stays readable."""
     size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     for end in ends:
@@ -131,9 +129,9 @@ def _draw_limit(axes: Axes, ends: Range, values: Array) -> None:
 def motors_figure(
     trajectory: Trajectory,
     robot: Robot,
-    requirements: Sequence[MotorRequirement],
+    requirements: "Sequence[MotorRequirement]",
     width: float = WIDE,
-) -> Figure:
+) -> "Figure":
     """Draw the motor torque over time and over motor speed for every driven joint.
 
     The panels also state the RMS torque and the ratings of the motor. Figures narrower than NARROW
@@ -183,11 +181,14 @@ def motors_figure(
     return figure
 
 
-PLAN_FIGURES: dict[str, Callable[..., Figure]] = {"motion": motion_figure, "motors": motors_figure}
+PLAN_FIGURES: "dict[str, Callable[..., Figure]]" = {
+    "motion": motion_figure,
+    "motors": motors_figure,
+}
 """Function that draws each figure of a plan, by file name."""
 
 
-def write_simulation_figures(result: SimulationResult, folder: Path) -> Files:
+def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
     """Write the figures of a simulation as PNG and PDF, and return their paths by name.
 
     The figures are "playback" and, if the simulation contains several power losses, "power_loss".
@@ -199,7 +200,7 @@ def write_simulation_figures(result: SimulationResult, folder: Path) -> Files:
     return save_figures(figures, folder)
 
 
-def playback(result: SimulationResult) -> Figure:
+def playback(result: "SimulationResult") -> "Figure":
     """Draw following errors, motor torques and the distance of the tip from the plan."""
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
@@ -224,7 +225,7 @@ def playback(result: SimulationResult) -> Figure:
     return figure
 
 
-def power_loss(result: SimulationResult) -> Figure:
+def power_loss(result: "SimulationResult") -> "Figure":
     """Draw the tip travel and the time to standstill over the instant of the power loss."""
     losses = result.losses
     figure = new_figure(7.2, 4.2)

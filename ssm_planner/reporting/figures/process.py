@@ -6,8 +6,6 @@ content of the image files at the end. It opens no files and is not connected to
 it can be killed at any time.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import pickle
@@ -78,12 +76,12 @@ class FigureProcess:
         self._pipe = ThreadPoolExecutor(1)
         self._questions = 0
 
-    def judge(self, trajectory: Trajectory, problem: Problem) -> None:
+    def judge(self, trajectory: "Trajectory", problem: "Problem") -> None:
         """Request the result of `second_opinions` for a motion, and return immediately."""
         self._questions += 1
         self.draw(OPINION, trajectory, problem)
 
-    def opinions(self) -> tuple[Opinion, ...] | None:
+    def opinions(self) -> "tuple[Opinion, ...] | None":
         """Wait for the answer to the last request of `judge`, and return it.
 
         Returns
@@ -135,7 +133,7 @@ class FigureProcess:
             return {}
         return files
 
-    def _read(self) -> tuple[Opinion, ...] | None:
+    def _read(self) -> "tuple[Opinion, ...] | None":
         """Read the next opinion from the standard output of the child."""
         if self._process is None or self._process.stdout is None:
             return None
@@ -147,7 +145,7 @@ class FigureProcess:
             self._process.stdin.write(message)
             self._process.stdin.flush()
 
-    def __enter__(self) -> FigureProcess:
+    def __enter__(self) -> "FigureProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -210,7 +208,7 @@ def serve() -> None:
     answer.flush()
 
 
-def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None) -> Files:
+def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = None) -> Files:
     """Write the figures of a new plan as PNG.
 
     The figures are "motion" and, if the robot has drives, "motors".
@@ -247,7 +245,7 @@ def write_figures(plan: Plan, folder: Path, drawer: FigureProcess | None = None)
     return paths
 
 
-def write_figures_of_file(plan: Plan, folder: Path, width: float = WIDE) -> Files:
+def write_figures_of_file(plan: "Plan", folder: Path, width: float = WIDE) -> Files:
     """Write the figures of a loaded plan as PNG and PDF.
 
     Parameters

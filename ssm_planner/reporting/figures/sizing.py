@@ -3,8 +3,6 @@
 They show the requirements of a motion, friction maps of drives, and predicted motor torques.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,7 +41,7 @@ PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
 """Colours and line styles of the parts of a motor torque."""
 
 
-def write_sizing_figures(sizing: Sizing, folder: Path) -> Files:
+def write_sizing_figures(sizing: "Sizing", folder: Path) -> Files:
     """Write the figures of a sizing as PNG and PDF, and return their paths by name.
 
     The figures are payload_curves, torque_split and, if motors are assessed, operating_regions. If
@@ -61,7 +59,7 @@ def write_sizing_figures(sizing: Sizing, folder: Path) -> Files:
     return save_figures(figures, folder)
 
 
-def payload_curves(sizing: Sizing) -> Figure:
+def payload_curves(sizing: "Sizing") -> "Figure":
     """Draw the motor torque over the motor speed.
 
     Rotary joints are on the left, and the translation is on the right. A broad bar at the peak
@@ -83,7 +81,7 @@ def payload_curves(sizing: Sizing) -> Figure:
     return figure
 
 
-def torque_split_figure(sizing: Sizing) -> Figure:
+def torque_split_figure(sizing: "Sizing") -> "Figure":
     """Draw the motor torque of every joint and its components over time."""
     figure = new_figure(7.2, 2.2 * len(sizing.joints) + 0.5)
     panels = figure.subplots(len(sizing.joints), 1, squeeze=False)[:, 0]
@@ -100,7 +98,7 @@ def torque_split_figure(sizing: Sizing) -> Figure:
     return figure
 
 
-def operating_regions(sizing: Sizing) -> Figure:
+def operating_regions(sizing: "Sizing") -> "Figure":
     """Draw the motion of each joint in the speed–torque plane of each candidate motor.
 
     The continuous region of the motor is shaded, and the short-term region is outlined. A dotted
@@ -121,7 +119,7 @@ def operating_regions(sizing: Sizing) -> Figure:
     return figure
 
 
-def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
+def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     """Draw the regions of one motor, and the motion of its joint, in one panel."""
     motor, load, conditions = verdict.motor, verdict.load, sizing.conditions
     speed = np.linspace(0.0, motor.max_speed, 400)
@@ -156,7 +154,7 @@ def _region(axes: Axes, verdict: MotorVerdict, sizing: Sizing) -> None:
     axes.set_title(f"{verdict.joint}: {motor.name}\n{answer}{mark}", fontsize=SIZE - 1.5)
 
 
-def _curve(axes: Axes, joint: JointSizing, confidence: float) -> None:
+def _curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:
     """Draw torque over speed for one joint, and the range of its peak torque."""
     i = JOINTS.index(joint.load.joint)
     speed, torque = RPM * joint.requirement.speed, 1e3 * joint.requirement.torque
@@ -182,7 +180,7 @@ def _runs(direction: Array) -> list[Indices]:
     return [run for run in runs if direction[run[0]] != 0]
 
 
-def _label(joint: JointSizing) -> str:
+def _label(joint: "JointSizing") -> str:
     """Return the number and the name of a joint for a label."""
     return f"joint {JOINTS.index(joint.load.joint) + 1} ({joint.load.joint})"
 
@@ -193,7 +191,7 @@ OUTLIER: Keywords = {"color": COLOURS[1], "marker": "x", "markersize": 7, "lines
 """Styles of the fitted law, of measurements and of outliers."""
 
 
-def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
+def map_figure(fit: "MapFit", data: "TorqueMap", load: float) -> "Figure":
     """Draw a torque–velocity map: measurements, outliers, and the fitted law with its bands.
 
     The bands contain 95 % of new recordings. The inner band applies to the mean of a recording, and
@@ -230,7 +228,7 @@ def map_figure(fit: MapFit, data: TorqueMap, load: float) -> Figure:
     return figure
 
 
-def _bands(axes: Axes, drive: Drive, w: Array, load: float, with_labels: bool) -> None:
+def _bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels: bool) -> None:
     """Draw the bands that contain 95 % of new recordings at constant motor speeds.
 
     A drive without a posterior is drawn without bands.
@@ -282,7 +280,7 @@ def speeds_of_map(w: Array) -> tuple[Array, Array]:
     return -backward, forward
 
 
-def prediction_figure(prediction: Prediction) -> Figure:
+def prediction_figure(prediction: "Prediction") -> "Figure":
     """Draw the measured and the predicted motor torque over time, and the speed below.
 
     Shaded bands contain 95 % of the samples and of the means, if the drive states a posterior.

@@ -3,8 +3,6 @@
 The colours remain distinguishable for colour-blind readers and in grey print.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -57,7 +55,7 @@ def unit_of(unit: str) -> tuple[str, float]:
     return display_unit(unit, "°")
 
 
-def new_figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> "Figure":
     """Create an empty figure that does not use pyplot's global state.
 
     Matplotlib arranges the panels when it draws the figure, so that all labels fit.
@@ -80,7 +78,7 @@ def new_panels(
     edges: Sequence[float],
     gaps: Sequence[float],
     **options: Any,
-) -> tuple[Figure, NDArray[Any]]:
+) -> "tuple[Figure, NDArray[Any]]":
     """Create a figure with panels at fixed positions.
 
     An automatic layout would take longer than the drawing itself.
@@ -118,7 +116,7 @@ def new_panels(
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def _empty_figure(width: float, height: float) -> Figure:
+def _empty_figure(width: float, height: float) -> "Figure":
     """Create a figure with a canvas for PNG files."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -128,7 +126,7 @@ def _empty_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
+def finish(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     """Add labels and a light grid to a panel, and remove its frame at the top and on the right.
 
     Parameters
@@ -148,7 +146,7 @@ def finish(axes: Axes, x: str, y: str, title: str | None = None) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def render_figure(figure: Figure, pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
+def render_figure(figure: "Figure", pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
     """Render a figure as the content of its files.
 
     Equal figures give equal bytes. PDF files embed TrueType fonts. The function calls the canvases
@@ -182,7 +180,7 @@ def render_figure(figure: Figure, pdf: bool = True, about: str | None = None) ->
     return files
 
 
-def save_figure(figure: Figure, path: Path, pdf: bool = True, about: str | None = None) -> Files:
+def save_figure(figure: "Figure", path: Path, pdf: bool = True, about: str | None = None) -> Files:
     """Write a figure as path.png and optionally path.pdf.
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
@@ -190,7 +188,7 @@ def save_figure(figure: Figure, path: Path, pdf: bool = True, about: str | None 
     return save_rendered(render_figure(figure, pdf, about), path, about)
 
 
-def save_figures(figures: Mapping[str, Figure], folder: Path, about: str | None = None) -> Files:
+def save_figures(figures: "Mapping[str, Figure]", folder: Path, about: str | None = None) -> Files:
     """Write each figure as PNG and PDF under its name, into a folder.
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
@@ -248,7 +246,7 @@ def png_with_text(png: bytes, key: str, text: str) -> bytes:
     return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
 
 
-def _png(figure: Figure) -> bytes:
+def _png(figure: "Figure") -> bytes:
     """Render a figure as an opaque PNG image with a palette of 256 colours.
 
     The palette reduces the file to a third of its size. Python's zlib compresses the image, because
@@ -281,19 +279,19 @@ def _chunk(chunk_type: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + body + struct.pack(">I", crc32(body))
 
 
-def legend(axes: Axes, **options: Any) -> None:
+def legend(axes: "Axes", **options: Any) -> None:
     """Draw a legend inside a panel. The options are those of `Axes.legend`."""
     axes.legend(**{"fontsize": SIZE - 1, "frameon": False, **options})
 
 
-def zero_lines(axes: Axes, down: bool = False) -> None:
+def zero_lines(axes: "Axes", down: bool = False) -> None:
     """Draw a horizontal line at zero and, if `down` is true, a vertical line as well."""
     axes.axhline(0.0, **AXIS)
     if down:
         axes.axvline(0.0, **AXIS)
 
 
-def shade_phases(axes: Axes, trajectory: Trajectory, with_names: bool = False) -> None:
+def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = False) -> None:
     """Shade every second phase in a panel whose horizontal axis is the time in s.
 
     Parameters
@@ -330,7 +328,7 @@ def fitting_name(name: str, letters: int) -> str:
     return next(form for form in forms if len(form) <= letters)
 
 
-def legend_above(figure: Figure, axes: Axes, columns: int, size: float = SIZE) -> None:
+def legend_above(figure: "Figure", axes: "Axes", columns: int, size: float = SIZE) -> None:
     """Draw the legend of one panel above all panels of a figure, in several columns."""
     figure.legend(
         *axes.get_legend_handles_labels(),

@@ -3,8 +3,6 @@
 They show the reachable part of the sphere, θ2 over tilt, joint speeds and the design region.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,7 +41,7 @@ CENTRED: Keywords = {"ha": "center", "va": "center", "fontsize": SIZE}
 """Style of a label whose middle is at the given position."""
 
 
-def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
+def workspace_figures(mechanism: Mechanism) -> "dict[str, Figure]":
     """Draw all figures of a mechanism, and return them by file name."""
     return {
         "axes": axes_figure(mechanism),
@@ -53,7 +51,7 @@ def workspace_figures(mechanism: Mechanism) -> dict[str, Figure]:
     }
 
 
-def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> Files:
+def publish_figures(figures: "Mapping[str, Figure]", directory: str | Path) -> Files:
     """Write each figure as PNG and PDF into a folder, all at once.
 
     Parameters
@@ -82,7 +80,7 @@ def publish_figures(figures: Mapping[str, Figure], directory: str | Path) -> Fil
     return paths
 
 
-def axes_figure(mechanism: Mechanism) -> Figure:
+def axes_figure(mechanism: Mechanism) -> "Figure":
     """Draw the joint axes through the remote centre at q = 0, with the angles between them."""
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot(projection="3d")
@@ -146,7 +144,7 @@ def great_arc(start: Array, end: Array) -> Array:
     return np.asarray(arc / np.sin(angle))
 
 
-def reachable_set_figure(mechanism: Mechanism) -> Figure:
+def reachable_set_figure(mechanism: Mechanism) -> "Figure":
     """Draw the directions that the tool axis reaches: on a sphere, and in a section through ω1."""
     figure = new_figure(9.0, 4.4)
     sphere = figure.add_subplot(1, 2, 1, projection="3d")
@@ -156,7 +154,7 @@ def reachable_set_figure(mechanism: Mechanism) -> Figure:
     return figure
 
 
-def theta2_figure(mechanism: Mechanism) -> Figure:
+def theta2_figure(mechanism: Mechanism) -> "Figure":
     """Draw θ2 over the tilt on both branches of the inverse kinematics.
 
     The branches meet at the ends of the tilt range.
@@ -177,7 +175,7 @@ def theta2_figure(mechanism: Mechanism) -> Figure:
     return figure
 
 
-def joint_speed_figure(mechanism: Mechanism) -> Figure:
+def joint_speed_figure(mechanism: Mechanism) -> "Figure":
     """Draw the joint speeds per tilt speed, and the smallest singular value, over the tilt.
 
     Roll and spin are constant.
@@ -213,7 +211,7 @@ def design_region_figure(
     region: DesignRegion,
     built: tuple[float, float] | None = None,
     size: tuple[float, float] = (5.6, 5.4),
-) -> Figure:
+) -> "Figure":
     """Draw the region of all designs (α, β) that reach a tilt range, for several margins.
 
     Parameters

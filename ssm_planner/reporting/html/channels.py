@@ -1,7 +1,5 @@
 """Sample every quantity that a page plots. A sampled quantity is called a channel."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 

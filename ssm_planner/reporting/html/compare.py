@@ -1,7 +1,5 @@
 """Write a page that compares two plans."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from pathlib import Path

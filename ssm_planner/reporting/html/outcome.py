@@ -1,7 +1,5 @@
 """Write the page of a command for which there is only a general template."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterable, Sequence
 from pathlib import Path

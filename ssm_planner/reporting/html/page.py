@@ -3,8 +3,6 @@
 A page contains its styles, scripts and data. It loads nothing from the network.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from importlib import resources
@@ -51,7 +49,7 @@ def render(template: str, data: Any, **content: Any) -> str:
 
 
 @cache
-def templates() -> Environment:
+def templates() -> "Environment":
     """Return the template environment of the pages, which escapes every value."""
     pages = environment(PACKAGE, escape=True)
     pages.globals.update(asset=_asset, libraries=LIBRARIES)
@@ -91,7 +89,7 @@ def safe_json(data: Any) -> str:
 
 
 @cache
-def _asset(name: str) -> Markup:
+def _asset(name: str) -> "Markup":
     """Return the content of a file in assets/, which is trusted and therefore not escaped."""
     from markupsafe import Markup
 

@@ -3,8 +3,6 @@
 A panel is a plot with its series, its limits and the intervals in which these limits are active.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import TypeVar
 

@@ -3,8 +3,6 @@
 The page is self-contained, and its content follows from plan.json alone.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 All coordinates are in m in the base frame, whose origin is the remote centre of motion (RCM).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -4,8 +4,6 @@ The page shows the planned and the simulated arm in one view. It also plots the 
 motor torques and the effect of power losses.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
