@@ -139,9 +139,9 @@ def estimate_speed(
 ) -> float:
     """Estimate the speed of execution as a multiple of the planned speed.
 
-    Another speed than 1 must explain the recordings much better. Each plan contains times and
-    planned speeds, and each recording times and measured speeds, see `align`. A recording may
-    belong to any of the plans.
+    A speed other than 1 must explain the recordings much better. Each plan contains times (n,), s,
+    and planned speeds (n,), rad/s. Each recording contains times (m,) and measured speeds (m,). A
+    recording may belong to any of the plans.
     """
 
     def costs(speed: float) -> list[float]:
@@ -180,7 +180,7 @@ def match(
 ) -> Match:
     """Find the plan, executed at a fraction `speed` of its speed, in a recording at any delay.
 
-    The other parameters are those of `align`.
+    planned_time, planned_speed (n,): the plan, s and rad/s. time, measured (m,): the recording.
     """
     from scipy.signal import correlate
 

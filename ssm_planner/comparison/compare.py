@@ -145,7 +145,7 @@ class Comparison(ShortRepr):
     findings: tuple[Finding, ...] = ()
     """Findings that concern all recordings."""
     speed: float = 1.0
-    """Speed of execution as a multiple of the planned speed. The axes are compared at this speed."""
+    """Speed of execution, as a multiple of the planned speed, at which the axes are compared."""
 
     @property
     def verdict(self) -> Verdict:
