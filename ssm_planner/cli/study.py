@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, share, show
 from ssm_planner.display import number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
@@ -24,14 +24,16 @@ MAX_ROWS = 12
 def study_arguments(parser: ArgumentParser) -> None:
     parser.usage = (
         "ssm-planner study [show N … | compare A B] FILE [-o DIR]\n"
-        "       [--workers N | --scheduler ADDRESS] [--table FILE] [--json]"
+        "       [--workers N | --scheduler ADDRESS] [--table FILE] [--json]\n"
+        "       ssm-planner study audit DIR [--tolerance PERCENT] [--workers N] [--json]"
     )
     parser.add_argument(
         "words",
         nargs="+",
         metavar="FILE",
         help="study file (YAML); `show N …` before it writes robot file, plans and pages of "
-        "candidates, `compare A B` compares two of them",
+        "candidates, `compare A B` compares two of them; `audit DIR` plans the front and a random "
+        "5 %% of the candidates in a folder of results again",
     )
     executors = parser.add_mutually_exclusive_group()
     executors.add_argument(
@@ -51,11 +53,20 @@ def study_arguments(parser: ArgumentParser) -> None:
         metavar="FILE",
         help="also write the table to this file: .csv or .parquet",
     )
+    parser.add_argument(
+        "--tolerance",
+        type=lambda text: share(text, "--tolerance"),
+        default=0.0,
+        metavar="PERCENT",
+        help="largest difference of a figure that `audit` permits (default 0)",
+    )
     output_arguments(parser, "default results/NAME")
 
 
 def run_study(options: Namespace) -> int:
     verb, numbers, file = _request(options.words)
+    if verb == "audit":
+        return _audit(Path(file), options)
     study = ssm.load_study(file)
     folder = options.output or Path("results") / study.name
     if verb == "study":
@@ -74,10 +85,12 @@ def run_study(options: Namespace) -> int:
 def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
     """Parse the words of the command.
 
-    Returns "study", "show" or "compare", the numbers of the candidates, and the study file. Raises
-    ProblemError.
+    Returns "study", "show", "compare" or "audit", the numbers of the candidates, and the study file
+    or the folder of the results. Raises ProblemError.
     """
     verb = words[0]
+    if verb == "audit" and len(words) == 2:
+        return verb, [], words[1]
     if verb not in ("show", "compare"):
         if len(words) > 1:
             raise ProblemError("give a single study file", value=" ".join(words), key="FILE")
@@ -114,7 +127,7 @@ def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
         "own": _entry(result.own),
         "better": [row.number for row in result.better],
         "reasons": result.reasons,
-        "notes": study.notes,
+        "notes": [*study.notes, *result.notes],
         "finished": result.finished,
         "files": files,
     }
@@ -123,6 +136,33 @@ def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
         print("ssm-planner: interrupted; the same command continues", file=sys.stderr)
         return 130
     return OK if result.front else FAILED
+
+
+def _audit(folder: Path, options: Namespace) -> int:
+    audit = ssm.audit_study(
+        folder, tolerance=options.tolerance, workers=options.workers, progress=_progress()
+    )
+    document = {
+        **vars(audit),
+        "passed": audit.passed,
+        "differences": [vars(difference) for difference in audit.differences],
+    }
+    show(options.json, document, lambda: _audit_lines(audit))
+    return OK if audit.passed else FAILED
+
+
+def _audit_lines(audit: ssm.Audit) -> list[str]:
+    return [
+        *audit.faults,
+        *(
+            f"candidate {each.number}: {each.name}: {each.stored} is stored, {each.planned} is "
+            f"planned again{' (within the tolerance)' if each.within_tolerance else ''}"
+            for each in audit.differences
+        ),
+        *(f"note: the program or an input is another one: {note}" for note in audit.notes),
+        f"audit: {'PASSED' if audit.passed else 'FAILED'}: {len(audit.planned)} candidates were "
+        f"planned again, {len(audit.differences)} figures differ, {len(audit.faults)} other faults",
+    ]
 
 
 @contextmanager
@@ -172,7 +212,7 @@ def _lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> list[str]
     lines = [
         "Why candidates fall out",
         *(f"  {n:>6}  {reason}" for reason, n in list(result.reasons.items())[:MAX_ROWS]),
-        *("", *study.notes, *(f"file: {path}" for path in files.values()), ""),
+        *("", *study.notes, *result.notes, *(f"file: {path}" for path in files.values()), ""),
     ]
     lines += [f"Front in {', '.join(map(plain_words, study.minimise))}: {len(front)} candidates"]
     for row in front[:MAX_ROWS]:

@@ -33,6 +33,7 @@ from ssm_planner.sizing import (
     select_joint,
     size_motion,
 )
+from ssm_planner.studies.provenance import program
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import PACE, Choice, Design, Study
 from ssm_planner.trajectory import Trajectory
@@ -195,6 +196,13 @@ def evaluate_batch(
             _release_memory()
             _memory_after_release[0] = _memory()
     return rows, time.monotonic() - start
+
+
+def evaluate_and_describe(
+    pickled: bytes, candidates: Sequence[tuple[int, Design]]
+) -> tuple[tuple[list[Candidate], float], dict[str, str]]:
+    """Return the result of `evaluate_batch`, and the description of the worker's program."""
+    return evaluate_batch(pickled, candidates), program()
 
 
 def _memory() -> int:
