@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,28 +16,8 @@ from ssm_planner.representation import ShortRepr
 from ssm_planner.studies.provenance import context_of, description_of, differences, study_of
 from ssm_planner.studies.run import OWN, TABLE, StudyProgress, driver_of, existing_store
 from ssm_planner.studies.store import Candidate, pareto, write_table
-from ssm_planner.studies.study import Design, Study
+from ssm_planner.studies.study import Study
 from ssm_planner.typing import frozen
-
-
-@frozen
-class FigureDifference(ShortRepr):
-    """A figure of a candidate that differs from the one that was planned again.
-
-    Examples
-    --------
-    >>> import ssm_planner as ssm
-    >>> ssm.FigureDifference(3, "duration", 4.0, 4.1, within_tolerance=False).name
-    'duration'
-    """
-
-    number: int
-    """Number of the candidate, or −1 for the study's own robot."""
-    name: str
-    """Name of the figure, "state" or "stage"."""
-    stored: Any
-    planned: Any
-    within_tolerance: bool
 
 
 @frozen
@@ -47,50 +27,43 @@ class Audit(ShortRepr):
     Examples
     --------
     >>> import ssm_planner as ssm
-    >>> ssm.Audit(planned=(-1, 0, 7), faults=("candidate 3 is missing",)).passed
+    >>> ssm.Audit(planned=(-1, 0, 7), faults=("candidate 3: there is no result",)).passed
     False
     """
 
     planned: tuple[int, ...]
-    """Numbers of the candidates that were planned again."""
-    differences: tuple[FigureDifference, ...] = ()
-    """All figures that differ."""
+    """Numbers of the candidates that were planned again. The study's own robot has −1."""
     faults: tuple[str, ...] = ()
-    """Rows that were changed or are missing, and other faults of the folder."""
+    """Figures that differ, rows that were changed or are missing, and a table that differs."""
     notes: tuple[str, ...] = ()
-    """Remarks that are no faults, such as another version of the program."""
+    """Differences within the tolerance, and differences between the programs."""
 
     @property
     def passed(self) -> bool:
-        """True if there are no faults and all differences are within the tolerance."""
-        return not self.faults and all(each.within_tolerance for each in self.differences)
+        """True if there are no faults."""
+        return not self.faults
 
 
 @checked
 def audit_study(
     folder: str | Path,
-    share: float = 0.05,
     tolerance: float = 0.0,
-    seed: int | None = None,
     workers: int | None = None,
     progress: StudyProgress = lambda done, count, states: None,
 ) -> Audit:
     """Plan and check some candidates of a study again, and compare them with the stored results.
 
-    These candidates are the study's own robot, the front, and a random share of the others. All
-    rows are compared with their hashes, and the designs with those of the search.
+    These candidates are the study's own robot, the front, and a random 5 % of the others. All rows
+    are compared with their hashes, and their designs with those of the search. The designs of an
+    adaptive search are not compared.
 
     Parameters
     ----------
     folder
         Folder of the results.
-    share
-        Share of the other candidates, 0 to 1.
     tolerance
         Largest permitted difference of a figure, as a share of the larger value. On the same
         processor, the figures are equal. Another processor may change them by up to 0.5 %.
-    seed
-        Seed of the random candidates. By default, they differ at each call.
     workers
         Number of worker processes, 1 to 256. The default is the number of processors.
     progress
@@ -99,7 +72,7 @@ def audit_study(
     Returns
     -------
     Audit
-        Differences and faults.
+        Faults, and the numbers of the candidates that were planned again.
 
     Raises
     ------
@@ -113,24 +86,19 @@ def audit_study(
     >>> import ssm_planner as ssm
     >>> ssm.audit_study("results/study").passed  # doctest: +SKIP
     """
-    for name, value, most in (
-        ("share", share, 1),
-        ("tolerance", tolerance, 1),
-        ("seed", seed, None),
-    ):
-        if value is not None and not 0 <= value <= (value if most is None else most):
-            allowed = "at least 0" if most is None else f"0 to {most}"
-            raise ProblemError("out of range", key=name, value=value, allowed=allowed)
+    if not 0 <= tolerance < 1:
+        raise ProblemError("not a share", key="tolerance", value=tolerance, allowed="0 to 1")
     folder = Path(folder)
     with existing_store(folder) as store:
         description = store.description()
-        study = study_of(description, folder.resolve().name)
+        study = study_of(description, str(folder))
         store.describe(description, context_of(description))
         entries = {number: row for _, number, row in store.entries()}
     original = entries.pop(OWN, None)
-    rows, faults = _judged(study, entries)
+    faults = dict(_faults(study, entries))
     if original is None or original.design:
-        faults.append("the row of the study's own robot is missing or was changed")
+        faults[OWN] = "the row is missing or was changed"
+    rows = [row for number, row in entries.items() if row and number not in faults]
     front = pareto(rows, study.minimise)
     numbers = {row.number for row in front}
     others = [row for row in rows if row.number not in numbers]
@@ -140,54 +108,46 @@ def audit_study(
         driver_of(study, Path(temporary), workers, None, progress) as driver,
     ):
         driver.run([row.design for row in sample])
-        pairs = [*zip([original, *sample], driver.rows(), strict=True)]
-        copy = Path(temporary) / TABLE
-        write_table(rows, copy)
-        table = folder / TABLE
-        if not faults and table.is_file() and table.read_bytes() != copy.read_bytes():
-            faults.append(f"{TABLE} does not contain the figures of the rows")
-    return Audit(
-        tuple(row.number for row, _ in pairs if row),
-        tuple(each for row, again in pairs if row for each in _differences(row, again, tolerance)),
-        tuple(faults),
-        tuple(differences(description, description_of(study))),
-    )
+        planned = driver.rows()
+        write_table(rows, Path(temporary, TABLE))
+        tables = {
+            path.read_bytes() for path in (folder / TABLE, Path(temporary, TABLE)) if path.is_file()
+        }
+    messages = [f"candidate {number}: {fault}" for number, fault in sorted(faults.items())]
+    notes = differences(description, description_of(study))
+    if not faults and len(tables) > 1:
+        messages.append(f"{TABLE} does not contain the figures of the rows")
+    for row, again in zip([original or planned[0], *sample], planned, strict=True):
+        for text, is_near in _differences(row, again, tolerance):
+            (notes if is_near else messages).append(f"candidate {row.number}: {text}")
+    return Audit((OWN, *(row.number for row in sample)), tuple(messages), tuple(notes))
 
 
-def _judged(
-    study: Study, entries: dict[int, Candidate | None]
-) -> tuple[list[Candidate], list[str]]:
-    """Return the results that belong to the study, and the faults of all other rows.
+def _faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[tuple[int, str]]:
+    """Yield the number and the fault of each row that is not a result of the study.
 
     `entries` contains the rows by number, or None for a row that was changed.
     """
     designs = repeat(None, study.count) if study.search.adaptive else study.designs()
-    expected: dict[int, Design | None] = dict(enumerate(designs))
-    rows, faults = [], []
-    for number in sorted({*expected, *entries}):
+    for number, design in enumerate(designs):
         row = entries.get(number)
-        if row is None and number in entries:
-            fault = "the row was changed after the study had written it"
-        elif row is None or row.state == "waiting":
-            fault = "there is no result"
-        elif number not in expected or expected[number] not in (None, row.design):
-            fault = "the search of the study gives no such candidate"
-        else:
-            rows.append(row)
-            continue
-        faults.append(f"candidate {number}: {fault}")
-    return rows, faults
+        if row is None:
+            yield number, "the row is missing or was changed"
+        elif row.state == "waiting":
+            yield number, "there is no result"
+        elif design not in (None, row.design):
+            yield number, "the search of the study gives another design"
+    for number in entries.keys() - range(study.count):
+        yield number, "the search of the study gives no such candidate"
 
 
-def _differences(
-    stored: Candidate, planned: Candidate, tolerance: float
-) -> Iterator[FigureDifference]:
-    """Yield the differences between a stored candidate and the same candidate planned again."""
+def _differences(stored: Candidate, planned: Candidate, tolerance: float) -> Iterator[Any]:
+    """Yield each difference in words, and whether it is within the tolerance."""
     old, new = ({"state": x.state, "stage": x.stage, **x.figures} for x in (stored, planned))
     for name in dict.fromkeys([*old, *new]):
         a: Any = old.get(name)
         b: Any = new.get(name)
         if a != b:
-            are_numbers = isinstance(a, (int, float)) and isinstance(b, (int, float))
-            is_near = are_numbers and math.isclose(a, b, rel_tol=tolerance)
-            yield FigureDifference(stored.number, name, a, b, is_near)
+            are_numbers = {type(a), type(b)} <= {int, float}
+            is_near = are_numbers and abs(a - b) <= tolerance * max(abs(a), abs(b))
+            yield f"{name}: {a} is stored, {b} is planned again", is_near

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from ssm_planner.reporting import COLOURS, FIFTH, finish, legend, new_figure, save_figures
 from ssm_planner.studies.page import choices_at, scaled, title_of
-from ssm_planner.studies.store import Candidate
+from ssm_planner.studies.store import Candidate, Candidates
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import Files, Keywords
 
@@ -25,8 +24,8 @@ STAGE_COLOURS = ("0.45", *COLOURS[1:3], FIFTH, COLOURS[3])
 def write_study_figures(
     study: Study,
     reference: Candidate,
-    rows: Sequence[Candidate],
-    front: Sequence[Candidate],
+    rows: Candidates,
+    front: Candidates,
     folder: Path,
 ) -> Files:
     """Write the figures `front` and `map` as PNG and PDF, and return the paths by name.
@@ -63,14 +62,14 @@ def write_study_figures(
 def _front(
     axes: Axes,
     study: Study,
-    rows: Sequence[Candidate],
+    rows: Candidates,
     reference: Candidate,
-    front: Sequence[Candidate],
+    front: Candidates,
     names: list[str],
 ) -> None:
     """Plot the planned candidates, the front and the study's own robot over two objectives."""
 
-    def coordinates(candidates: Sequence[Candidate]) -> Any:
+    def coordinates(candidates: Candidates) -> Any:
         values = [[scaled(name, row.figures) for name in names[:2]] for row in candidates]
         return np.array(values, dtype=float).reshape(-1, 2).T
 
@@ -93,7 +92,7 @@ def _front(
     legend(axes)
 
 
-def _map(axes: Axes, study: Study, rows: Sequence[Candidate]) -> None:
+def _map(axes: Axes, study: Study, rows: Candidates) -> None:
     """Plot the state of every candidate over the first two variables."""
     horizontal, vertical = (choices_at(study, path, rows) for path in study.paths[:2])
     points: dict[str, list[tuple[float, float]]] = {}

@@ -25,7 +25,7 @@ from ssm_planner.studies.store import Candidate, Store, better, key_of, pareto, 
 from ssm_planner.studies.study import Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
-from ssm_planner.typing import JsonObject, frozen
+from ssm_planner.typing import frozen
 
 STORE = "study.sqlite"
 TABLE = "table.csv"
@@ -79,7 +79,7 @@ class StudyResult(ShortRepr):
     own: Candidate
     """The study's own robot without changes."""
     notes: tuple[str, ...] = ()
-    """Remarks on rows of earlier studies and programs in the folder."""
+    """Remarks that a reader of the results must know."""
 
     @property
     def states(self) -> dict[str, int]:
@@ -166,7 +166,7 @@ def study(
             finished = False
         driver.flush()
         original, *rows = driver.rows()
-    result = StudyResult(of, tuple(rows), folder, finished, original, driver.notes)
+    result = StudyResult(of, tuple(rows), folder, finished, original, tuple(driver.notes))
     write_table(rows, folder / TABLE)
     write_study_page(of, (original, *rows), result.front, folder / PAGE, finished=True)
     write_study_figures(of, original, rows, result.front, folder)
@@ -213,17 +213,6 @@ def driver_of(
         yield Driver(of, store, pool, ahead, progress)
 
 
-def _notes(previous: JsonObject, current: JsonObject) -> tuple[str, ...]:
-    """Return remarks on the rows of the previous study in the folder."""
-    if not previous or context_of(previous) == context_of(current):
-        return ()
-    return (
-        "The folder contained results of another study or program: "
-        f"{', '.join(differences(previous, current))}. Their rows remain in {STORE}, but they are "
-        "not used, and all candidates were evaluated again.",
-    )
-
-
 class Driver:
     """Driver of a study. It screens candidates, sends them to the workers and writes the store."""
 
@@ -238,7 +227,13 @@ class Driver:
         description = description_of(study)
         self._context = context_of(description)
         previous = store.describe(description, self._context)
-        self.notes = _notes(previous, description)
+        self.notes = study.notes
+        if previous and context_of(previous) != self._context:
+            self.notes += [
+                "The folder contained results of another study or program: "
+                f"{', '.join(differences(previous, description))}. Their rows remain in {STORE}, "
+                "but they are not used, and the candidates were evaluated again."
+            ]
         self._screens = Screens(study)
         self.keys: list[str] = []
         self.own = key_of({}, self._context)
@@ -248,7 +243,7 @@ class Driver:
         self._finished: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()
         self._next_page = self._last_write + PAGE_EVERY
-        self._states: dict[str, int] = {}
+        self._states: Counter[str] = Counter()
         self._earlier: dict[str, tuple[int | None, str]] = {}
         # Executors treat the pickle as bytes, so the study is pickled only once.
         self._evaluation = pickle.dumps(Evaluation(study))
@@ -392,5 +387,5 @@ class Driver:
 
     def _count(self, state: str) -> None:
         """Count the state of a candidate, and report the progress."""
-        self._states[state] = self._states.get(state, 0) + 1
-        self._progress(sum(self._states.values()), self._total, self._states)
+        self._states[state] += 1
+        self._progress(self._states.total(), self._total, self._states)

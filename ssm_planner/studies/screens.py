@@ -46,6 +46,10 @@ class Move:
     end: Array
 
 
+Rejections = list[Rejection | None]
+"""Rejection of each candidate, or None if it passes."""
+
+
 class Screens:
     """The screens of one study. They can be applied to many candidates at once."""
 
@@ -57,11 +61,11 @@ class Screens:
         self._tilts, self._moves = _demands(problems)
         self._joints = self._alternatives()
 
-    def reject(self, designs: Sequence[Design]) -> list[Rejection | None]:
+    def reject(self, designs: Sequence[Design]) -> Rejections:
         """Apply all screens. Returns the rejection of each candidate, or None if it passes."""
         if not designs:
             return []
-        rejections: list[Rejection | None] = [None] * len(designs)
+        rejections: Rejections = [None] * len(designs)
         family = self._family(designs)
         if family is not None:
             self._reach(family, rejections)
@@ -115,7 +119,7 @@ class Screens:
         sign = -1 if geometry["insertion"] == "negative" else 1
         return Family(columns[0], columns[1], columns[2], sign)
 
-    def _reach(self, family: Family, rejections: list[Rejection | None]) -> None:
+    def _reach(self, family: Family, rejections: Rejections) -> None:
         """Reject candidates that do not reach the required tilts or the tilts of the motions."""
         require = self.study.require
         demands: list[tuple[str, Array, float]] = []
@@ -134,7 +138,7 @@ class Screens:
                         f"{subject}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1",
                     )
 
-    def _screen_parts(self, designs: Sequence[Design], rejections: list[Rejection | None]) -> None:
+    def _screen_parts(self, designs: Sequence[Design], rejections: Rejections) -> None:
         """Reject candidates with an invalid drive or motor, or with a drive that does not lock."""
         for path, options in self._joints.items():
             faults = {label: self._fault(option) for label, option in options.items()}
@@ -181,9 +185,7 @@ class Screens:
             joints[variable.path] = options
         return joints
 
-    def _start(
-        self, designs: Sequence[Design], family: Family, rejections: list[Rejection | None]
-    ) -> None:
+    def _start(self, designs: Sequence[Design], family: Family, rejections: Rejections) -> None:
         """Reject designs whose motors cannot start a motion from rest on any branch.
 
         The reason is that of the first branch.
@@ -200,9 +202,7 @@ class Screens:
             if None not in both:
                 rejections[i] = both[0]
 
-    def _weak_motors(
-        self, family: Family, branch: int, designs: Sequence[Design]
-    ) -> list[Rejection | None]:
+    def _weak_motors(self, family: Family, branch: int, designs: Sequence[Design]) -> Rejections:
         """Return the rejection of each design whose motors are too weak on one branch, or None."""
         starts = np.array([move.start for move in self._moves])
         steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
@@ -212,7 +212,7 @@ class Screens:
             step[..., :3] = np.arctan2(np.sin(step[..., :3]), np.cos(step[..., :3]))
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
             load = self._loads(family, q)
-        rejections: list[Rejection | None] = [None] * len(designs)
+        rejections: Rejections = [None] * len(designs)
         selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
             for joint, members in self._groups(name, designs) if name not in selected else ():

@@ -65,7 +65,9 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     target.mkdir(parents=True, exist_ok=True)
     robot = target / "robot.yaml"
     tree = study.resolved(study.complete_design(row.design, row.figures))
-    text = yaml.safe_dump(_numbered(tree, study, number), sort_keys=False, allow_unicode=True)
+    tree["name"] = f"{tree['name']}, candidate {number}"
+    tree["source"] = f"study {study.name}; {tree.get('source', '')}"
+    text = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
     refuse_link(robot)
     write_text(robot, f"# Candidate {number} of the study {study.name}.\n{text}")
     paths = [robot]
@@ -79,15 +81,6 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     front = pareto(others, study.minimise)
     write_study_page(study, (original, *others), front, folder / PAGE, finished=True)
     return paths
-
-
-def _numbered(tree: JsonObject, study: Study, number: int) -> JsonObject:
-    """Add the number of the candidate to the name and the source in a robot file's content."""
-    return {
-        **tree,
-        "name": f"{tree['name']}, candidate {number}",
-        "source": f"study {study.name}; {tree.get('source', '')}",
-    }
 
 
 def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int) -> JsonObject:

@@ -93,6 +93,10 @@ class Candidate(ShortRepr):
         ]
 
 
+Candidates = Sequence[Candidate]
+"""Results of several candidates."""
+
+
 def key_of(design: Mapping[str, Any], context: str) -> str:
     """Return the key of a design in the store.
 
@@ -328,7 +332,7 @@ def refuse_link(path: Path) -> None:
         raise ExportError(f"{path}: cannot be written: is a symbolic link; remove it")
 
 
-def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:
+def columns(rows: Candidates) -> dict[str, list[Any]]:
     """Return candidates as the columns of a table, by name of the column.
 
     The columns are the attributes of the candidates, their designs and their results. Missing
@@ -344,7 +348,7 @@ def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:
     return table
 
 
-def write_table(rows: Sequence[Candidate], path: Path) -> None:
+def write_table(rows: Candidates, path: Path) -> None:
     """Write candidates as a table, as Parquet if the path ends with ".parquet" and else as CSV.
 
     Raises ExportError if the file cannot be written, or if Parquet is requested without pyarrow.
@@ -367,7 +371,7 @@ def write_table(rows: Sequence[Candidate], path: Path) -> None:
         parquet.write_table(pyarrow.table(table), temporary)
 
 
-def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
+def pareto(rows: Candidates, objectives: Sequence[str]) -> tuple[Candidate, ...]:
     """Return the Pareto front: the candidates that no other candidate dominates.
 
     A candidate dominates another one if it is not worse in any objective. Margins are maximised,
@@ -389,7 +393,7 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
 
 
 def better(
-    reference: Candidate, front: Sequence[Candidate], objectives: Sequence[str]
+    reference: Candidate, front: Candidates, objectives: Sequence[str]
 ) -> tuple[Candidate, ...]:
     """Return the candidates of a front that dominate the candidate `reference`.
 
