@@ -56,9 +56,9 @@ def study_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--tolerance",
         type=lambda text: share(text, "--tolerance"),
-        default=0.0,
+        default=1e-6,
         metavar="PERCENT",
-        help="largest difference of a figure that `audit` permits (default 0)",
+        help="largest difference of a figure that `audit` permits (default 0.0001%%)",
     )
     output_arguments(parser, "default results/NAME")
 

@@ -47,7 +47,7 @@ class Audit(ShortRepr):
 @checked
 def audit_study(
     folder: str | Path,
-    tolerance: float = 0.0,
+    tolerance: float = 1e-6,
     workers: int | None = None,
     progress: StudyProgress = lambda done, count, states: None,
 ) -> Audit:
@@ -62,8 +62,8 @@ def audit_study(
     folder
         Folder of the results.
     tolerance
-        Largest permitted difference of a figure, as a share of the larger value. On the same
-        processor, the figures are equal. Another processor may change them by up to 0.5 %.
+        Largest permitted difference of a figure, as a share of the larger value. The default only
+        permits rounding. Another processor may change figures by up to 0.5 %.
     workers
         Number of worker processes, 1 to 256. The default is the number of processors.
     progress

@@ -52,7 +52,7 @@ def write_study_figures(
     ]
     if len(names) > 1:
         plots["front"] = new_figure(5.5, 4.0)
-        _front(plots["front"].add_subplot(), study, rows, reference, front, names=names)
+        _front(plots["front"].add_subplot(), rows, reference, front, names)
     if len(study.vary) > 1 and rows:
         plots["map"] = new_figure(6.5, 4.0)
         _map(plots["map"].add_subplot(), study, rows)
@@ -60,12 +60,7 @@ def write_study_figures(
 
 
 def _front(
-    axes: Axes,
-    study: Study,
-    rows: Candidates,
-    reference: Candidate,
-    front: Candidates,
-    names: list[str],
+    axes: Axes, rows: Candidates, reference: Candidate, front: Candidates, names: list[str]
 ) -> None:
     """Plot the planned candidates, the front and the study's own robot over two objectives."""
 

@@ -20,7 +20,7 @@ from ssm_planner.kinematics import Family
 from ssm_planner.loading import of_data, problem_from_dict, robot_from
 from ssm_planner.problem import JOINTS, TASK, Joint, Problem, Robot, Straight, Task
 from ssm_planner.studies.study import Choice, Design, Study
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, frozen
 from ssm_planner.units import quantity
 
 ANGLES = ("alpha", "home_tilt", "home_roll")
@@ -38,16 +38,12 @@ class Rejection:
     reason: str
 
 
-@record
-class Move:
-    """A straight motion between two points in task coordinates (4,), rad and m."""
-
-    start: Array
-    end: Array
-
-
 Rejections = list[Rejection | None]
 """Rejection of each candidate, or None if it passes."""
+
+
+Move = tuple[list[float], list[float]]
+"""Start and end of a straight motion in task coordinates, rad and m."""
 
 
 class Screens:
@@ -204,8 +200,8 @@ class Screens:
 
     def _weak_motors(self, family: Family, branch: int, designs: Sequence[Design]) -> Rejections:
         """Return the rejection of each design whose motors are too weak on one branch, or None."""
-        starts = np.array([move.start for move in self._moves])
-        steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
+        starts, ends = np.array(self._moves).swapaxes(0, 1)
+        steps = starts + FIRST_STEP * (ends - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
             q = family.joints(starts, branch)
             step = family.joints(steps, branch) - q
@@ -346,12 +342,7 @@ def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:
             if not isinstance(motion, Straight):
                 break
             target = {**position, **motion.to.set_coordinates}
-            moves.append(Move(_vector(position), _vector(target)))
+            moves.append(([*position.values()], [*target.values()]))
             tilts.append(target["tilt"])
             position = target
     return np.array(tilts), moves
-
-
-def _vector(task: dict[str, float]) -> Array:
-    """Return task coordinates as an array (4,)."""
-    return np.array([task[name] for name in TASK])

@@ -332,28 +332,17 @@ def refuse_link(path: Path) -> None:
         raise ExportError(f"{path}: cannot be written: is a symbolic link; remove it")
 
 
-def columns(rows: Candidates) -> dict[str, list[Any]]:
-    """Return candidates as the columns of a table, by name of the column.
-
-    The columns are the attributes of the candidates, their designs and their results. Missing
-    values are None.
-    """
-    attributes = ("number", "state", "stage", "reason")
-    table: dict[str, list[Any]] = {
-        name: [getattr(row, name) for row in rows] for name in attributes
-    }
-    for mapping in ("design", "figures"):
-        names = sorted({name for row in rows for name in getattr(row, mapping)})
-        table |= {name: [getattr(row, mapping).get(name) for row in rows] for name in names}
-    return table
-
-
 def write_table(rows: Candidates, path: Path) -> None:
     """Write candidates as a table, as Parquet if the path ends with ".parquet" and else as CSV.
 
-    Raises ExportError if the file cannot be written, or if Parquet is requested without pyarrow.
+    The columns are the attributes of the candidates, their designs and their results. Missing
+    values are empty. Raises ExportError if the file cannot be written, or if Parquet is requested without pyarrow.
     """
-    table = columns(rows)
+    attributes = ("number", "state", "stage", "reason")
+    table = {name: [getattr(row, name) for row in rows] for name in attributes}
+    for mappings in ([row.design for row in rows], [row.figures for row in rows]):
+        for name in sorted(set().union(*mappings)):
+            table[name] = [mapping.get(name) for mapping in mappings]
     with replacing(path) as temporary:
         if path.suffix != ".parquet":
             with temporary.open("w", newline="", encoding="utf-8") as stream:

@@ -309,9 +309,8 @@ def _replace_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
     """
     if "drive" not in joint:
         return
-    inertia = _inertia(joint["drive"], "input_inertia")
-    inertia -= _inertia(original.get("motor"), "rotor_inertia")
-    inertia += _inertia(joint["motor"], "rotor_inertia")
+    new, old = (_inertia(each.get("motor"), "rotor_inertia") for each in (joint, original))
+    inertia = _inertia(joint["drive"], "input_inertia") - old + new
     source = "the drive's, with the rotor of the motor chosen"
     joint["drive"] = {
         **joint["drive"],

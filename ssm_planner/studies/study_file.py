@@ -180,9 +180,9 @@ def _motions(section: Section, names: Sequence[str]) -> JsonObject:
         for entry in problem.value.get("motion", ()):
             if problem.file and isinstance(entry, dict) and isinstance(entry.get("path"), str):
                 entry["path"] = os.path.abspath(problem.file.parent / entry["path"])
-        motions[label] = {
-            key: value for key, value in problem.value.items() if key not in ("robot", "name")
-        }
+        motions[label] = problem.value
+        for key in ("robot", "name"):
+            problem.value.pop(key, None)
     return motions
 
 

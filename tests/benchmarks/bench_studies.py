@@ -107,7 +107,8 @@ def resuming(folder: Path) -> tuple[float, float, float]:
     study = replace(
         load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", ROWS, 1)
     )
-    context = run.context_of(run.description_of(study))
+    description = run.description_of(study)
+    context = run.context_of(description)
     rng = np.random.default_rng(1)
     figures = [
         dict(zip(study.minimise, pair, strict=True)) for pair in rng.random((ROWS, 2)).tolist()
@@ -117,6 +118,7 @@ def resuming(folder: Path) -> tuple[float, float, float]:
         for i, (design, each) in enumerate(zip(study.designs(), figures, strict=True))
     ]
     with Store(folder / run.STORE) as store:
+        store.describe(description, context)
         for chunk in ([Candidate(run.OWN, "done", {})], done):
             keys = [key_of(row.design, context) for row in chunk]
             store.add((row.number, key, row.design) for key, row in zip(keys, chunk, strict=True))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import socket
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -254,12 +257,13 @@ def test_a_worker_of_an_older_package_is_refused_in_words(tmp_path: Path) -> Non
         run_study(study(), tmp_path, executor=Older())
 
 
-@pytest.mark.slow
-def test_stale_rows_are_not_reused_after_a_change_of_the_code(tmp_path: Path, copy: Path) -> None:
-    """The changed program gives the same table in the old folder as in a fresh one."""
-    shutil.copytree(copy, tmp_path / "changed" / "ssm_planner")
-    (tmp_path / "changed" / "problems").symlink_to(PROBLEMS)
-    file = tmp_path / "changed" / "ssm_planner" / "trajectory.py"
+@pytest.fixture
+def changed(tmp_path: Path, copy: Path) -> Path:
+    """A folder with a package in which motions take twice as long."""
+    folder = tmp_path / "changed"
+    shutil.copytree(copy, folder / "ssm_planner")
+    (folder / "problems").symlink_to(PROBLEMS)
+    file = folder / "ssm_planner" / "trajectory.py"
     text = file.read_text(encoding="utf-8")
     old = "        return float(self.breaks[-1] - self.breaks[0])"
     assert text.count(old) == 1
@@ -267,22 +271,70 @@ def test_stale_rows_are_not_reused_after_a_change_of_the_code(tmp_path: Path, co
     (tmp_path / "study.yaml").write_text(
         json.dumps({**FILE, "search": {"points": 2}}), encoding="utf-8"
     )
+    return folder
 
-    def table(package: Path, folder: str) -> tuple[str, str]:
-        command = [sys.executable, "-m", "ssm_planner", "study", tmp_path / "study.yaml"]
-        done = subprocess.run(
-            [*command, "-o", tmp_path / folder, "--workers", "1"],
-            env={"PYTHONPATH": str(package), "PATH": ""},
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+
+def command(package: Path, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """Run the study by the package in a folder."""
+    words = ["study", folder.parent / "study.yaml", "-o", folder, *options]
+    return subprocess.run(
+        [sys.executable, "-m", "ssm_planner", *words],
+        env={"PYTHONPATH": str(package), "PATH": ""},
+        cwd=folder.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+def test_stale_rows_are_not_reused_after_a_change_of_the_code(
+    tmp_path: Path, changed: Path
+) -> None:
+    """The changed program gives the same table in the old folder as in a fresh one."""
+
+    def table(package: Path, name: str) -> tuple[str, str]:
+        done = command(package, tmp_path / name, "--workers", "1")
         assert done.returncode in (0, 1), done.stderr
-        return (tmp_path / folder / "table.csv").read_text(encoding="utf-8"), done.stdout
+        return (tmp_path / name / "table.csv").read_text(encoding="utf-8"), done.stdout
 
     before, _ = table(PACKAGE.parent, "used")
-    after, output = table(tmp_path / "changed", "used")
-    fresh, _ = table(tmp_path / "changed", "fresh")
+    after, output = table(changed, "used")
+    fresh, _ = table(changed, "fresh")
     assert before != after == fresh
     assert "results of another study or program: ssm_planner (" in " ".join(output.split())
+
+
+@pytest.mark.slow
+def test_workers_of_dask_with_other_code_are_refused(tmp_path: Path, changed: Path) -> None:
+    pytest.importorskip("distributed")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    words = (
+        ["scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
+        ["worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"],
+    )
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.dask_{kind}", *options],
+            env={**os.environ, "PYTHONPATH": str(changed)},
+            cwd=tmp_path,
+            stderr=subprocess.DEVNULL,
+        )
+        for kind, *options in words
+    ]
+    try:
+        done = command(PACKAGE.parent, tmp_path / "out", "--scheduler", address)
+    finally:
+        for process in processes:
+            process.terminate()
+            process.wait()
+    assert done.returncode == 2, done.stderr
+    assert "a worker has another program than the driver: ssm_planner (" in " ".join(
+        done.stderr.split()
+    )
+    with closing(sqlite3.connect(tmp_path / "out" / "study.sqlite")) as connection:
+        states = connection.execute("SELECT DISTINCT state FROM candidates").fetchall()
+    assert states == [("waiting",)]
