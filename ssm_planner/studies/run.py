@@ -166,7 +166,7 @@ def study(
             finished = False
         driver.flush()
         original, *rows = driver.rows()
-    result = StudyResult(of, tuple(rows), folder, finished, original, tuple(driver.notes))
+    result = StudyResult(of, tuple(rows), folder, finished, original, notes=tuple(driver.notes))
     write_table(rows, folder / TABLE)
     write_study_page(of, (original, *rows), result.front, folder / PAGE, finished=True)
     write_study_figures(of, original, rows, result.front, folder)

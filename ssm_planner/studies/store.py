@@ -311,7 +311,8 @@ def _candidate(number: int, state: Any, *contents: Any) -> Candidate | None:
     """Return the candidate in a row, or None if no study writes such a row."""
     stage, reason, design, figures = contents
     try:
-        row = Candidate(number, state, {**json.loads(design)}, stage, reason, json.loads(figures))
+        results = json.loads(figures, parse_constant=lambda _: None)  # NaN is unknown
+        row = Candidate(number, state, {**json.loads(design)}, stage, reason, figures=results)
         is_valid = state in get_args(State) and all(starmap(_is_figure, row.figures.items()))
         return row if is_valid else None
     except (ArithmeticError, AttributeError, RecursionError, TypeError, ValueError):
@@ -319,7 +320,7 @@ def _candidate(number: int, state: Any, *contents: Any) -> Candidate | None:
 
 
 def _is_figure(name: str, value: Any) -> bool:
-    """Return True if a value can be the result with a name: a part, a finite number or unknown."""
+    """Return True if a value can be a result: a part, a finite number or unknown (None)."""
     is_part = isinstance(value, str)
     return is_part == name.startswith("joints.") and (
         is_part or value is None or math.isfinite(value)
@@ -327,7 +328,7 @@ def _is_figure(name: str, value: Any) -> bool:
 
 
 def refuse_link(path: Path) -> None:
-    """Raise ExportError if a path of a result is a symbolic link, because its target would change."""
+    """Raise ExportError if a result is a symbolic link, because the target would change."""
     if path.is_symlink():
         raise ExportError(f"{path}: cannot be written: is a symbolic link; remove it")
 
@@ -336,7 +337,8 @@ def write_table(rows: Candidates, path: Path) -> None:
     """Write candidates as a table, as Parquet if the path ends with ".parquet" and else as CSV.
 
     The columns are the attributes of the candidates, their designs and their results. Missing
-    values are empty. Raises ExportError if the file cannot be written, or if Parquet is requested without pyarrow.
+    values are empty. Raises ExportError if the file cannot be written, or if Parquet is requested
+    without pyarrow.
     """
     attributes = ("number", "state", "stage", "reason")
     table = {name: [getattr(row, name) for row in rows] for name in attributes}
