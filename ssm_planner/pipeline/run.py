@@ -299,16 +299,17 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     qd = np.where(np.abs(qd) > JUMP * velocity, qd, 0.0)
     rates = task_rates(Mechanism.from_robot(robot), q[None], qd[None])[0]
     entries, largest_rate = problem.motion, np.abs(rates).max()
+    jerk = any(joint.jerk is not None for joint in robot.joints)
+    qdd = state.qdd[0] * (jerk and qd.any())
     if qd.any() and not isinstance(entries[0], Free):
-        stop = stopping_point(robot, q, qd)
+        stop = stopping_point(robot, q, qd, qdd)
         entries = (Free(Joints.from_array(stop), name="stop"), *entries)
     start_rate = {
         name: float(rate)
         for name, rate in zip(TASK, rates, strict=True)
         if abs(rate) > ROUNDING * largest_rate
     }
-    jerk = any(joint.jerk is not None for joint in robot.joints)
-    a, b, c, d = (state.qdd[0] * (jerk and qd.any())).tolist()
+    a, b, c, d = qdd.tolist()
     start = Joints.from_array(q)
     return replace(
         problem, start=start, start_rate=start_rate, start_acceleration=(a, b, c, d), motion=entries

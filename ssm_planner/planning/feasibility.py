@@ -36,6 +36,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import (
     TASK,
+    Free,
     JointAcceleration,
     JointPosition,
     JointVelocity,
@@ -272,11 +273,7 @@ def with_boundary_rates(
     ProblemError
         If a straight motion would leave its line.
     """
-    # A motion to the present position takes no time, so its neighbours have the rates.
-    moving = [
-        k for k, phase in enumerate(phases) if phase.motion.duration is not None or not phase.stands
-    ]
-    first, last = moving[0], moving[-1]
+    first, last = _bearer(phases), len(phases) - 1 - _bearer(phases[::-1])
     result = list(phases)
     qd = _end_velocity(result[first], 0)
     acceleration = np.array(phases[0].problem.start_acceleration)
@@ -292,6 +289,18 @@ def with_boundary_rates(
     return tuple(result), _first_reason(reasons)
 
 
+def _bearer(phases: Sequence[Phase]) -> int:
+    """Return the index of the phase that begins with the rates at the start.
+
+    A motion to the present position takes no time, so the next motion has the rates. If that is a
+    dwell, or if there is none, the robot leaves its position and returns to it freely.
+    """
+    lasting = (k for k, phase in enumerate(phases) if phase.motion.duration or not phase.stands)
+    index = next(lasting, len(phases) - 1)
+    free = (k for k in range(index + 1) if isinstance(phases[k].motion, Free))
+    return next(free, index) if phases[index].stands else index
+
+
 def _end_velocity(phase: Phase, side: int) -> Array:
     """Return q̇ (4,) at the start (side 0) or the end (side −1) of a phase, from the task rates.
 
@@ -302,7 +311,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
     rate = np.array([getattr(problem, key).get(name, 0.0) for name in TASK])
     if not rate.any():
         return np.zeros(4)
-    if phase.stands:
+    if phase.stands and not isinstance(phase.motion, Free):
         raise ProblemError(
             "a dwell has no speed", file=problem.file, line=phase.motion.line, key=key
         )

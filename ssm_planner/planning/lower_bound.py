@@ -16,6 +16,9 @@ from ssm_planner.problem import TASK, Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, record
 
+BISECTIONS = 60
+"""Number of bisections."""
+
 
 def lower_bound(
     robot: Robot,
@@ -201,9 +204,25 @@ class SCurve:
         return float(self.lengths.sum())
 
     @property
+    def distance(self) -> float:
+        """Displacement at the end."""
+        return float(self._cubics.end[0][-1])
+
+    @property
     def switches(self) -> Array:
         """Times at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
         return _sums(self.lengths)
+
+    def followed_by_rest(self, duration: float) -> SCurve:
+        """Return the same motion with a rest at its end, so that both take `duration` seconds."""
+        pause = duration - self.duration
+        if pause <= ROUNDING:
+            return self
+        lengths, start, end = (
+            np.append(values, added)
+            for values, added in ((self.lengths, pause), (self.start, 0.0), (self.end, 0.0))
+        )
+        return SCurve(lengths, start, end, self.speed)
 
     def stretched(self, duration: float) -> SCurve:
         """Return the same motion with another duration, s."""
@@ -281,6 +300,68 @@ def rest_to_rest(
     pieces = np.vstack([rise, cruise, fall])
     lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
     return SCurve(lengths, start, end)
+
+
+def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) -> SCurve:
+    """Return the quickest motion of a joint to rest.
+
+    The joint reverses if its acceleration cannot end before.
+
+    Parameters
+    ----------
+    speed, acceleration : float
+        Initial velocity and acceleration.
+    limit, jerk : float
+        Limits of acceleration and jerk. With an infinite jerk the acceleration may jump.
+    """
+    if math.isinf(jerk):
+        lengths, pulls = np.array([abs(speed) / limit]), np.array([-math.copysign(limit, speed)])
+        return SCurve(lengths, pulls, pulls, speed)
+    # The velocity at which the acceleration can end first decides on the direction of braking.
+    sign = math.copysign(1.0, speed + acceleration * abs(acceleration) / (2 * jerk))
+    v, a = sign * speed, sign * acceleration
+    peak = min(math.sqrt(max(jerk * v + a**2 / 2, 0.0)), limit)
+    rise = abs(a + peak) / jerk
+    before = (a - math.sqrt(max(a**2 + 2 * jerk * v, 0.0))) / jerk if v < 0 else 0.0
+    at_reversal = a - jerk * before
+    flat = max(v + (a - peak) / 2 * rise - peak**2 / (2 * jerk), 0.0) / (peak or 1.0)
+    pieces = np.array(
+        [
+            [before, a, at_reversal],
+            [rise - before, at_reversal, -peak],
+            [flat, -peak, -peak],
+            [peak / jerk, -peak, 0.0],
+        ]
+    )
+    lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
+    return SCurve(lengths, sign * start, sign * end, speed)
+
+
+def stopping_curves(
+    robot: Robot, qd: Array, qdd: Array, share: float = 1.0, *, in_step: bool = False
+) -> list[SCurve | None]:
+    """Return the quickest stops of joints with q̇ and q̈ (4,). None for a joint at rest.
+
+    The joints use a share of their accelerations. If `in_step` is true, they brake less hard, so
+    that all of them stop at the same time.
+    """
+    joints = list(zip(qd.tolist(), qdd.tolist(), robot.joints, strict=True))
+
+    def curve(k: int, limit: float) -> SCurve | None:
+        speed, acceleration, joint = joints[k]
+        jerk = joint.jerk or np.inf
+        return quickest_stop(speed, acceleration, limit, jerk) if speed or acceleration else None
+
+    limits = share * robot.accelerations
+    curves = [curve(k, limits[k]) for k in range(4)]
+    latest = max((item.duration for item in curves if item is not None), default=0.0)
+    low, high = np.zeros(4), limits
+    for _ in range(BISECTIONS * in_step):
+        middle = (low + high) / 2
+        curves = [curve(k, middle[k]) for k in range(4)]
+        later = np.array([item is not None and item.duration > latest for item in curves])
+        low, high = np.where(later, middle, low), np.where(later, high, middle)
+    return [item and item.followed_by_rest(latest) for item in curves]
 
 
 def rest_times(

@@ -23,7 +23,6 @@ from ssm_planner.dynamics import (
     motorised,
 )
 from ssm_planner.planning.feasibility import blocked_by_eye, feasible_phases
-from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason, exceeded
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples, joint_starts
@@ -163,7 +162,7 @@ def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
     pause, robot = phases[0].problem.duty, phases[0].problem.robot
     if pause is None:
         return None
-    bounds = [phase.motion.duration or lower_bound(robot, phase.points) for phase in phases]
+    bounds = [phase.motion.duration or phase.lower_bound for phase in phases]
     slow = [_SlowMotion.from_phase(robot, phase) for phase in phases]
     untimed = [not phase.motion.duration for phase in phases]
 

@@ -31,8 +31,13 @@ from ssm_planner.planning.work import Work
 from ssm_planner.problem import Follow, Problem, Robot, TipSpeed, unchecked
 from ssm_planner.typing import Array, record
 
-METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
-"""Solution methods by the name of the planner."""
+METHODS: dict[str, Method] = {
+    "optimal": "confirmed",
+    "fast": "structured",
+    "ipopt": "Ipopt",
+    "toppra": "structured",
+}
+"""Solution methods by the name of the planner. "toppra" needs one for the way to a table of points."""
 
 
 @record
@@ -93,6 +98,7 @@ class PhasePlanner:
         cutoff: float = np.inf,
         count: int | None = None,
         fastest_only: bool = False,
+        by_ipopt: bool = False,
     ) -> PlannedPhase | Reason:
         """Return a motion whose path the solver chooses.
 
@@ -106,6 +112,9 @@ class PhasePlanner:
             Number of elements. None: chosen by the kind of motion.
         fastest_only : bool
             Return the fastest motion as the first solver finds it. `best_free` makes it final.
+        by_ipopt : bool
+            Solve by Ipopt alone. Otherwise, Ipopt is only tried after the structured solver, and
+            not if the motion begins at speed.
         """
         phase = self.phase
         # Joints that already move need not break away, and may come from the other side.
@@ -130,9 +139,18 @@ class PhasePlanner:
             work=self.work,
         )
         fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
-        by_ipopt = borders is None or borders.guess is None
-        motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
+        if by_ipopt:
+            motion = solve(method="Ipopt")
+        else:
+            guessed = borders is not None and borders.guess is not None
+            may_repeat = not (guessed or phase.qd_start.any())
+            motion = self._solved(solve, by_ipopt=may_repeat, fewer=fewer)
         return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
+
+    @property
+    def by_ipopt_alone(self) -> bool:
+        """True if no structured solver is used."""
+        return not compiled() or METHODS[self.problem.planner] == "Ipopt"
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
@@ -174,7 +192,7 @@ class PhasePlanner:
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
         attempts: list[dict[str, object]] = [{"method": method if compiled() else "Ipopt"}]
-        if not self.approximate and by_ipopt and method != "Ipopt" and compiled():
+        if by_ipopt and not (self.approximate or self.by_ipopt_alone):
             attempts += [{"method": method, "count": fewer}] * (
                 fewer is not None and method == "confirmed"
             )

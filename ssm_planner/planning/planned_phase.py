@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phases import Phase
+from ssm_planner.trajectory import hold
 from ssm_planner.typing import record
 
 
@@ -30,3 +33,10 @@ class PlannedPhase:
             and phase.begins_and_ends_at_rest
             and len(self.motion.border_instants) > len(phase.points)
         )
+
+
+def standing(phase: Phase) -> PlannedPhase:
+    """Return a phase at rest, which takes no time unless it has a duration."""
+    duration = phase.motion.duration or 0.0
+    motion = (np.array([0.0, duration]), hold(phase.q_start)) if duration else ()
+    return PlannedPhase(phase, PhaseSolution("solved", "", 0, *motion), duration)

@@ -263,6 +263,11 @@ class FreeProblem(OcpProblem):
         by_state = gradient[:, :-1].reshape(-1, 4, 4) / unit
         return np.stack([by_state[:, 0], by_state[:, 1], by_state[:, 2] + by_state[:, 3]], axis=1)
 
+    @property
+    def is_brief(self) -> bool:
+        """True if the planner "fast" may stop first instead, because the joints begin at speed."""
+        return self.problem.planner == "fast" and bool(self.speeds[0].any())
+
     def result(self, solution: NlpSolution) -> PhaseSolution:
         """Return the solution as joint polynomials.
 

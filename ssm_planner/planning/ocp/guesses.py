@@ -145,6 +145,7 @@ def jerk_for_all(
     """
     velocity, acceleration, jerk = (limits[name] for name in KINEMATIC)
     takes = np.abs(displacements) / velocity + 2 * np.sqrt(np.abs(displacements) / acceleration)
-    takes[[0, -1]] += np.abs(ends) / acceleration
+    for k, speed in zip((0, -1), ends, strict=True):
+        takes[k] += np.abs(speed) / acceleration
     ramp = RAMP * takes.max(axis=1).min()
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)

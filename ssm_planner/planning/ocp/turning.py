@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.lower_bound import SCurve, minimum_times
+from ssm_planner.planning.lower_bound import BISECTIONS, SCurve, minimum_times, quickest_stop
 from ssm_planner.planning.ocp.segments import SegmentChain, guess_of_curves
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.typing import Array, record
@@ -23,8 +23,6 @@ LEAST_SEGMENT = 4e-3
 
 The solver may reduce it to a hundredth.
 """
-BISECTIONS = 60
-"""Number of bisections."""
 
 
 @record
@@ -124,22 +122,14 @@ def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
     The joints have q̇ and q̈ (m,). `limits` (3, m) are those of velocity, acceleration and jerk. A
     joint that reverses before its acceleration has ended gets its acceleration limit.
     """
-    _, a_max, jerk = limits
-    sign = np.where(speed < 0, -1.0, 1.0)
-    v, a = sign * speed, sign * acceleration
-    peak = np.minimum(np.sqrt(np.maximum(jerk * v + a**2 / 2, 0.0)), a_max)
-    rise, fall = np.maximum((a + peak) / jerk, 0.0), peak / jerk
-    flat = np.maximum(v + (a**2 - 2 * peak**2) / (2 * jerk), 0.0) / np.where(peak > 0, peak, 1.0)
-    distance = v * rise + a * rise**2 / 2 - jerk * rise**3 / 6
-    v = v + a * rise - jerk * rise**2 / 2
-    distance += v * flat - peak * flat**2 / 2
-    v = v - peak * flat
-    distance += v * fall - peak * fall**2 / 2 + jerk * fall**3 / 6
-    return np.where(
-        (distance > 0) & (speed != 0),
-        np.minimum(speed**2 / (2 * np.where(distance > 0, distance, 1.0)), a_max),
-        a_max,
-    )
+    _, strongest, jerk = limits
+    result = strongest.copy()
+    for k in np.flatnonzero(speed):
+        state = float(speed[k]), float(acceleration[k])
+        distance = np.sign(speed[k]) * quickest_stop(*state, strongest[k], jerk[k]).distance
+        if distance > 0:
+            result[k] = min(speed[k] ** 2 / (2 * distance), strongest[k])
+    return result
 
 
 def guess_with_reversals(
