@@ -96,12 +96,14 @@ def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | 
             k = int(np.argmax(torque))
             yield i, float(torque[k]), f"{phase.motion.name}, {100 * at.s[k]:.0f} % of the way"
 
+    # On a free motion, other joints may move first and relieve the motor.
+    task = "move at all" if phase.path is path else "move with the other joints there"
     return _overloaded(
         robot,
         MotorTorque,
         needs(),
-        "is too weak to move at all: against gravity and friction it needs {value}, but it has "
-        "only {bound}",
+        f"is too weak to {task}: against gravity and friction it needs {{value}}, but it has only "
+        "{bound}",
     )
 
 

@@ -121,6 +121,23 @@ class Phase:
         """True if all joints are at rest at both ends."""
         return not (self.qd_start.any() or self.qd_end.any())
 
+    def part(self, points: Array, *, to_end: bool = True) -> Phase:
+        """Return the free motion from rest through other points (k, 4).
+
+        It ends with the velocities of this phase, or at rest if `to_end` is false.
+        """
+        start = task_at_end(self.mechanism, np.stack([self.q_start, points[0]]), self.start)
+        at_rest = np.zeros(4)
+        return replace(
+            self,
+            start=start,
+            end=task_at_end(self.mechanism, points, start),
+            points=points,
+            qd_start=at_rest,
+            qd_end=self.qd_end if to_end else at_rest,
+            qdd_start=at_rest,
+        )
+
     def speeds_along(self, path: JointPath) -> tuple[float, float]:
         """Return ṡ at both ends of a path."""
         return path.speed_at(0.0, self.qd_start), path.speed_at(1.0, self.qd_end)

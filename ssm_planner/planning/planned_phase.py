@@ -24,16 +24,6 @@ class PlannedPhase:
         """Duration of the motion, s."""
         return self.motion.duration
 
-    @property
-    def turns_back(self) -> bool:
-        """True for a free motion from rest to rest whose joints reverse between its points."""
-        phase = self.phase
-        return (
-            phase.path is None
-            and phase.begins_and_ends_at_rest
-            and len(self.motion.border_instants) > len(phase.points)
-        )
-
 
 def standing(phase: Phase) -> PlannedPhase:
     """Return a phase at rest, which takes no time unless it has a duration."""

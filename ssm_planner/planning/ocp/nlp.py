@@ -119,7 +119,7 @@ class BoundaryConditions:
     points: Array
     """u at every border and at the end, (k + 1, m). NaN where it is free."""
     signs: Array
-    """Direction of u in every segment, (k, m). NaN where it may be either."""
+    """Direction of u in every segment, (k, m)."""
     start_velocity: Array
     end_velocity: Array
     """u̇ at both ends, (m,) each."""
@@ -138,15 +138,12 @@ class BoundaryConditions:
         m, segment = structure.coordinates, structure.segment
         v, a0, a1 = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
-        either = np.isnan(signs)
-        v_min, v_max = (
-            np.where(either | (side * signs > 0), side * velocity, 0.0) for side in (-1, 1)
-        )
+        v_min, v_max = (np.where(side * signs > 0, side * velocity, 0.0) for side in (-1, 1))
         reach = np.where(signs != 0, acceleration, 0.0)
         # A coordinate keeps its direction between borders, so its range at a free border bounds it
         # everywhere.
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
-        lowest, highest = (np.where(np.isnan(ends) | either, bound, ends) for bound in self.ranges)
+        lowest, highest = (np.where(np.isnan(ends), bound, ends) for bound in self.ranges)
         lower = np.hstack([lowest.min(axis=0), v_min, -reach, -reach])
         upper = np.hstack([highest.max(axis=0), v_max, reach, reach])
         for k, element in enumerate(structure.borders):
@@ -203,11 +200,10 @@ class NlpData:
     def bounds_of_u_count(self, structure: NlpStructure) -> Mask:
         """Return where bounds of u are needed, (n, m).
 
-        They are needed at free borders, and for coordinates that may reverse anywhere. A coordinate
-        that keeps its direction stays between its borders by itself.
+        They are needed at free borders. A coordinate keeps its direction between its borders, so it
+        stays between them by itself.
         """
-        v_min, v_max = self.velocity
-        counts = (v_min < 0) & (v_max > 0)
+        counts = np.zeros_like(self.velocity[0], dtype=bool)
         counts[structure.borders[1:]] = True
         return np.asarray(counts & ~self.is_fixed[:, : structure.coordinates])
 

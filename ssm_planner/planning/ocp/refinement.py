@@ -93,7 +93,7 @@ class RefinementState:
             data = data.least_cost(duration, time=float(aim == "cooling"))
         return structure, element, data
 
-    def solve(self, program: NlpProgram, aim: Aim) -> NlpSolution:
+    def solve(self, program: NlpProgram) -> NlpSolution:
         """Solve the program with the solver that the method requires."""
         structure, element, data = program
         if self.problem.method == "Ipopt":
@@ -162,7 +162,7 @@ def solve_to_tolerance(
     feasible = False
     for k in range(1, ROUNDS + 1):
         program = state.program(aim, duration)
-        solution = state.solve(program, aim)
+        solution = state.solve(program)
         iterations += solution.iterations
         work.spent += SOLVE
         work.add_iterations(
