@@ -29,8 +29,11 @@ from ssm_planner.typing import Array, record
 
 ROOM = 1.1
 """Distance that joints without jerk limits get to stop, divided by their braking distance."""
-SHARES = (1.0, 0.5, 0.25)
-"""Shares of their accelerations with which joints stop, tried in turn."""
+SHARES = (1.0, 0.5, 0.25, 0.1)
+"""Shares of their accelerations with which joints stop, tried in turn.
+
+Weak motors with heavy rotors cannot brake as hard as the joints may.
+"""
 
 
 @record

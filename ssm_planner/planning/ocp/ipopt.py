@@ -32,10 +32,8 @@ BRIEF = 4800
 
 Of 20 motions that began at speed, 17 took at most 65 iterations. Failures take up to 300.
 """
-COLD = {"mu_init": 1e-4, "bound_push": 1e-2, "bound_frac": 1e-2}
 OPTIONS: dict[Start, dict[str, Any]] = {
-    "cold": COLD,
-    "brief": COLD,
+    "cold": {"mu_init": 1e-4, "bound_push": 1e-2, "bound_frac": 1e-2},
     "warm": {
         "mu_init": 1e-7,
         "warm_start_init_point": "yes",
@@ -153,12 +151,14 @@ def _ipopt_by_start(
     }
 
     def build(start: Start) -> ca.Function:
-        elements = structure.elements
-        iterations = BRIEF // elements if start == "brief" else max(ITERATIONS, 2 * elements)
-        ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS[start]}
+        elements, options_of = structure.elements, start
+        iterations = max(ITERATIONS, 2 * elements)
+        if start == "brief":
+            iterations, options_of = BRIEF // elements, "cold"
+        ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS[options_of]}
         # First multipliers mu_init / slack save a fifth of the iterations, except if jerk is
         # limited in joints.
-        if start in ("cold", "brief") and not (structure.joints and structure.smooth):
+        if options_of == "cold" and not (structure.joints and structure.smooth):
             ipopt_options["bound_mult_init_method"] = "mu-based"
         return ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt_options})
 

@@ -157,12 +157,9 @@ def test_the_quickest_stop_is_that_of_ruckig(seed: int) -> None:
         assert own == pytest.approx(other, abs=1e-8)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.7])
-def test_a_requested_duration_is_kept_after_a_stop(
-    moving: Plan, share: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Only the part from rest takes longer, because the stop would need another path."""
-    at = share * moving.motion.duration
+@pytest.fixture
+def stops_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Phases that begin at speed have no direct motion."""
     suggested = Direct.suggested
 
     def from_rest(planner: PhasePlanner, latest: Any) -> Any:
@@ -170,6 +167,44 @@ def test_a_requested_duration_is_kept_after_a_stop(
 
     monkeypatch.setattr(Direct, "suggested", from_rest)
     monkeypatch.setattr(DirectByIpopt, "suggested", lambda *_: iter(()))
+
+
+@pytest.mark.usefixtures("stops_alone")
+@pytest.mark.parametrize("torque", [1.2e-3, 2.2e-3, 6.7e-3])
+def test_a_weak_motor_brakes_its_heavy_rotor_less_hard(tilt_insert: Problem, torque: float) -> None:
+    """The insertion alone, with hardly any friction, so that the motor itself must brake the rotor."""
+    *others, joint = tilt_insert.robot.joints
+    assert joint.drive is not None
+    assert joint.drive.friction is not None
+    assert joint.motor is not None
+    friction = replace(joint.drive.friction, b_c=0.0, b_oc=0.0, mu_lowest=None)
+    drive = replace(joint.drive, friction=friction, input_inertia=100 * joint.drive.input_inertia)
+    motor = replace(joint.motor, max_torque=torque, nominal_torque=torque)
+    robot = replace(tilt_insert.robot, joints=(*others, replace(joint, drive=drive, motor=motor)))
+    problem = replace(
+        tilt_insert,
+        robot=robot,
+        motion=tilt_insert.motion[1:],
+        planner="fast",
+        objective="time",
+        duty=None,
+        eye=None,
+    )
+    base = plan(problem, relaxations=False)
+    assert base.passed
+    state = base.motion.sample(0.5 * base.duration)
+    result = replanned(base, 0.5 * base.duration, Free(Joints.from_array(state.q[0])))
+    assert result.passed, result.reason
+    assert [phase.name for phase in result.phases] == ["free, stops first"]
+    quickest = abs(float(state.qd[0, 3])) / joint.acceleration
+    assert result.duration >= (1 + np.sqrt(2)) * quickest * (1 - 1e-6)
+
+
+@pytest.mark.usefixtures("stops_alone")
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_requested_duration_is_kept_after_a_stop(moving: Plan, share: float) -> None:
+    """Only the part from rest takes longer, because the stop would need another path."""
+    at = share * moving.motion.duration
     target = Joints.from_array(moving.motion.sample(0.0).q[0])
     fastest = replanned(moving, at, Free(target))
     assert fastest.passed, fastest.reason
