@@ -130,7 +130,9 @@ class FreeProblem(OcpProblem):
             bound[0, :rows] = np.where(np.isfinite(bound[0, :rows]), 1 + SAME, np.inf)
         if self.speeds[1].any():
             bound[-1, -rows:] = np.where(np.isfinite(bound[-1, -rows:]), 1 + SAME, np.inf)
-        return replace(base, path_bound=bound)
+        # The robot may stop first instead.
+        brief = self.problem.planner == "fast" and bool(self.speeds[0].any())
+        return replace(base, path_bound=bound, brief=brief)
 
     def scaled(self, values: Array, order: int) -> Array:
         """Return a derivative of q − q0 (…, 4) as that of u (…, m) with respect to scaled time."""
@@ -262,11 +264,6 @@ class FreeProblem(OcpProblem):
         gradient = constraint_gradient(element, z, (sigma, parameters), multipliers.rows)
         by_state = gradient[:, :-1].reshape(-1, 4, 4) / unit
         return np.stack([by_state[:, 0], by_state[:, 1], by_state[:, 2] + by_state[:, 3]], axis=1)
-
-    @property
-    def is_brief(self) -> bool:
-        """True if the planner "fast" may stop first instead, because the joints begin at speed."""
-        return self.problem.planner == "fast" and bool(self.speeds[0].any())
 
     def result(self, solution: NlpSolution) -> PhaseSolution:
         """Return the solution as joint polynomials.

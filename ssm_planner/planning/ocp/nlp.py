@@ -189,6 +189,8 @@ class NlpData:
     """
     duration: tuple[float, float] = (0.0, np.inf)
     """Bounds of the total duration."""
+    brief: bool = False
+    """True if a cold start of Ipopt may only take few iterations."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Weights of time and of the cost."""
 

@@ -110,11 +110,6 @@ class OcpProblem(ABC):
         return bool(np.isnan(self.boundary.points).any())
 
     @property
-    def is_brief(self) -> bool:
-        """True if Ipopt may only take few iterations, because there is another motion."""
-        return False
-
-    @property
     def always_active(self) -> frozenset[RowName]:
         """Rows that are active for every value in the guess."""
         return frozenset()

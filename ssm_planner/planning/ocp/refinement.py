@@ -97,9 +97,7 @@ class RefinementState:
         """Solve the program with the solver that the method requires."""
         structure, element, data = program
         if self.problem.method == "Ipopt":
-            return Transcription.build(structure, element).solve(
-                data, self.elements, self.warm, brief=self.problem.is_brief
-            )
+            return Transcription.build(structure, element).solve(data, self.elements, self.warm)
         beside_lens = any(name == LensClearance.name for name, _ in self.active)
         return solve_structured(
             structure, element, data, self.elements, warm=self.warm, switching=beside_lens

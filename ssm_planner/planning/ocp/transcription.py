@@ -155,18 +155,16 @@ class Transcription:
         warm: NlpSolution | None = None,
         *,
         confirming: bool = False,
-        brief: bool = False,
     ) -> NlpSolution:
         """Solve with Ipopt from elements (n, 4 m + 1).
 
         The start is cold from a guess and `warm` from Ipopt's solution of a neighbouring program.
-        `confirming` starts from a solution of the structured solver. `brief` allows few iterations
-        of a cold start.
+        `confirming` starts from a solution of the structured solver.
         """
         n, m = self.structure.elements, self.structure.coordinates
         if confirming:
             data = self._as_structured(data)
-        cold: Start = "brief" if brief else "cold"
+        cold: Start = "brief" if data.brief else "cold"
         start_kind: Start = "confirming" if confirming else cold if warm is None else "warm"
         result, stats = ipopt(self.solver(start_kind), **self._inputs(data, elements, warm))
         if self.native is not None:
