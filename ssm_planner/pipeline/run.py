@@ -20,7 +20,7 @@ import numpy as np
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics import Mechanism, task_rates
+from ssm_planner.kinematics import Mechanism, task_from_joints, task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
@@ -54,6 +54,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.limits import JUMP
 from ssm_planner.verification.promises import WayKept, promises_kept
+from ssm_planner.verification.stops import quickest_stops
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -278,7 +279,8 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
 
     Only a free motion can begin at any velocity. If the first motion of the problem is of another
     kind, a free motion named "stop" precedes it, in which every joint brakes nearly as hard as it
-    can.
+    can. If this leaves a range of task coordinates, the target is where the quickest stop along the
+    path of the motion ends.
 
     Raises
     ------
@@ -297,12 +299,19 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     q, qd = state.q[0], state.qd[0]
     # The check accepts velocity jumps up to this share of the velocity limit.
     qd = np.where(np.abs(qd) > JUMP * velocity, qd, 0.0)
-    rates = task_rates(Mechanism.from_robot(robot), q[None], qd[None])[0]
+    mechanism = Mechanism.from_robot(robot)
+    rates = task_rates(mechanism, q[None], qd[None])[0]
     entries, largest_rate = problem.motion, np.abs(rates).max()
     jerk = any(joint.jerk is not None for joint in robot.joints)
     qdd = state.qdd[0] * (jerk and qd.any())
     if qd.any() and not isinstance(entries[0], Free):
         stop = stopping_point(robot, q, qd, qdd)
+        task = task_from_joints(mechanism, stop[None])[0]
+        ranges = [problem.ranges.get(name, (-np.inf, np.inf)) for name in TASK]
+        if not all(low <= x <= high for x, (low, high) in zip(task, ranges, strict=True)):
+            (along_path,) = quickest_stops(motion, robot, np.array([at])).motions
+            if along_path is not None:
+                stop = along_path.positions(along_path.breaks[-1:])[0]
         entries = (Free(Joints.from_array(stop), name="stop"), *entries)
     start_rate = {
         name: float(rate)

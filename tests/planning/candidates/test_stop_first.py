@@ -18,6 +18,7 @@ from ssm_planner.planning.candidates.stop_first import DirectByIpopt
 from ssm_planner.planning.lower_bound import quickest_stop
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.plans import Plan
+from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
@@ -219,6 +220,26 @@ def test_a_requested_duration_is_kept_after_a_stop(moving: Plan, share: float) -
     late = replanned(moving, at, Free(target, duration=0.9 * fastest.duration))
     assert late.reason is not None
     assert late.reason.constraint == "duration"
+
+
+@pytest.mark.parametrize("share", [0.1, 0.25, 0.4, 0.6, 0.8])
+def test_a_stop_before_a_line_stays_in_a_narrow_range_of_roll(
+    tilt_insert: Problem, share: float
+) -> None:
+    """The range is hardly wider than the base motion. Joints that stop one by one would leave it."""
+    quick = replace(
+        tilt_insert, planner="fast", objective="time", motion=(Free(TARGET),), limits=(), eye=None
+    )
+    base = plan(quick, relaxations=False)
+    assert base.passed
+    mechanism = Mechanism.from_robot(quick.robot)
+    samples = base.motion.sample(np.linspace(0.0, base.duration, 400))
+    roll = task_from_joints(mechanism, samples.q)[:, 0]
+    narrow = TaskRange("roll", float(roll.min()) - 1e-3, float(roll.max()) + 1e-3)
+    base = plan(replace(quick, limits=(narrow,)), relaxations=False)
+    assert base.passed
+    result = replanned(base, share * base.duration, Straight(depth=0.002))
+    assert result.passed, result.reason
 
 
 def test_the_tasks_of_a_retracting_tool(tilt_insert: Problem) -> None:
