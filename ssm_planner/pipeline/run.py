@@ -306,12 +306,9 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     qdd = state.qdd[0] * (jerk and qd.any())
     if qd.any() and not isinstance(entries[0], Free):
         stop = stopping_point(robot, q, qd, qdd)
-        task = task_from_joints(mechanism, stop[None])[0]
-        ranges = [problem.ranges.get(name, (-np.inf, np.inf)) for name in TASK]
-        if not all(low <= x <= high for x, (low, high) in zip(task, ranges, strict=True)):
+        if not _within_ranges(problem, mechanism, stop):
             (along_path,) = quickest_stops(motion, robot, np.array([at])).motions
-            if along_path is not None:
-                stop = along_path.positions(along_path.breaks[-1:])[0]
+            stop = stop if along_path is None else along_path.positions(along_path.breaks[-1:])[0]
         entries = (Free(Joints.from_array(stop), name="stop"), *entries)
     start_rate = {
         name: float(rate)
@@ -323,6 +320,13 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     return replace(
         problem, start=start, start_rate=start_rate, start_acceleration=(a, b, c, d), motion=entries
     )
+
+
+def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
+    """Return True if joints (4,) keep the ranges of task coordinates."""
+    task = task_from_joints(mechanism, q[None])[0]
+    ranges = [problem.ranges.get(name, (-np.inf, np.inf)) for name in TASK]
+    return all(low <= x <= high for x, (low, high) in zip(task, ranges, strict=True))
 
 
 def _merged(base: Point, point: Point) -> Point:
