@@ -41,8 +41,7 @@ def compare_arguments(parser: ArgumentParser) -> None:
         parser,
         "--speed",
         "share",
-        "speed at which the motion was meant to be played, such as 10%% (default: a speed below "
-        "95 %% is estimated)",
+        "speed at which the motion was meant to be played, such as 10%% (default: the plan's speed)",
     )
     output_arguments(parser)
 

@@ -208,8 +208,8 @@ def compare(
         Delay of a joint (s) that is permitted at its largest speed. It determines the permitted
         tracking error.
     speed
-        Speed at which the motion was meant to be executed, as a multiple of the planned speed. By
-        default, a speed below 95 % is estimated from the recordings.
+        Speed at which the motion was meant to be executed, as a multiple of the planned speed. None
+        means the planned speed. A run at any other speed is not held, but is compared at its speed.
 
     Returns
     -------

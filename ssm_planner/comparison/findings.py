@@ -650,15 +650,15 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
 
 
 def check_speed(clock: Clock, played: float, intended: float | None) -> Iterator[Finding]:
-    """Yield a remark if the motion was played at another speed, or a finding if it should not.
+    """Yield a finding if the motion was played at another speed than declared, or a remark.
 
     `played` is the speed at which the axes are compared, and `intended` the declared speed, both as
-    multiples of the planned speed. Without a declared speed, a lower speed counts as intended.
+    multiples of the planned speed. Without a declared speed, the planned speed is intended.
     """
     speed = played * clock.estimated_rate if clock.slower else played
-    wanted = played if intended is None and not clock.slower and played < 1 else intended or 1.0
+    wanted = intended or 1.0
     if speed != 1.0:
         differs = speed != wanted
         text = f"played at {100 * speed:.3g} % of the plan's speed"
-        text += f" instead of {100 * wanted:.3g} %" if differs else ""
+        text += f" instead of {100 * wanted:.3g} %; --speed declares a speed" if differs else ""
         yield Finding("speed", "not held" if differs else "held", text, speed, wanted)

@@ -102,12 +102,13 @@ def test_a_slower_run_is_compared_at_its_speed(speed: float) -> None:
     for seed in range(2):
         recordings = it.healthy(seed)
         for chosen in (recordings, without_position(recordings), recordings[seed : seed + 1]):
-            found = compared(it, chosen)
-            assert found.verdict == "held", kinds(found)
-            assert found.speed == pytest.approx(speed, rel=1e-3)
-            assert f"played at {100 * speed:.3g} %" in found.findings[0].text
-        assert compared(it, recordings, speed=speed).verdict == "held"
-        assert compared(it, decimated(recordings, 100)).verdict == "cannot tell"
+            undeclared = compared(it, chosen)
+            assert (undeclared.verdict, [*kinds(undeclared)]) == ("not held", ["speed"])
+            assert undeclared.speed == pytest.approx(speed, rel=1e-3)
+            text = f"played at {100 * speed:.3g} % of the plan's speed instead of 100 %"
+            assert text in undeclared.findings[0].text
+            assert compared(it, chosen, speed=speed).verdict == "held"
+        assert compared(it, decimated(recordings, 100), speed=speed).verdict == "cannot tell"
         other = compared(it, recordings, speed=0.9 if speed < 0.9 else 1.0)
         assert (other.verdict, "speed" in kinds(other)) == ("not held", True)
 
@@ -117,7 +118,7 @@ def test_a_fault_of_a_slower_run_is_found() -> None:
     it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 2e-3, 0.2)
     for kind in ("stall", "torque high", "torque burst", "lost increments", "truncated", "gap"):
         recordings, verdict, cause = it.faulty(kind, 1)
-        found = compared(it, recordings)
+        found = compared(it, recordings, speed=0.2)
         assert (found.verdict, cause in kinds(found)) == (verdict, True), kinds(found)
         assert found.speed == pytest.approx(0.2, rel=1e-3)
 
@@ -181,7 +182,7 @@ def test_a_wrong_recording_is_not_held_and_its_cause_is_named(cause: str, speed:
         it = Executions(it.plan, 5e-3)
     spoil, text = CAUSES[cause]
     for seed in range(3):
-        found = compared(it, spoil(it.healthy(seed), seed))
+        found = compared(it, spoil(it.healthy(seed), seed), speed=speed)
         assert found.verdict == "not held"
         texts = [each.text for axis in (found, *found) for each in axis.findings]
         assert text in " ".join(texts), texts
@@ -215,6 +216,6 @@ def test_a_simulated_commissioning_run_is_held(shipped: Executions, tmp_path: Pa
         read_measured(path, plan.robot, joint, COUNTS)
         for joint, path in write_recordings(result, tmp_path).items()
     ]
-    found = compared(shipped, recordings)
+    found = compared(shipped, recordings, speed=0.1)
     assert found.verdict == "held", kinds(found)
     assert found.speed == pytest.approx(0.1, rel=5e-3)
