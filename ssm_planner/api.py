@@ -219,6 +219,7 @@ def compare(
     recordings: Mapping[str, str | Path],
     counts_per_turn: int | None = None,
     lag: float = LAG,
+    speed: float | None = None,
 ) -> Comparison:
     """Compare a plan with recordings of its execution, one for each axis.
 
@@ -234,6 +235,9 @@ def compare(
         Increments per motor turn of a position channel, if the motor file omits encoder_counts.
     lag : float
         Allowed delay of a joint at its largest speed, s. It limits the tracking error.
+    speed : float, optional
+        Speed at which the motion was meant to be executed, as a multiple of the planned speed, at
+        most 1. The default is the planned speed.
 
     Returns
     -------
@@ -256,7 +260,7 @@ def compare(
     measured = [
         read_measured(path, plan.robot, joint, counts_per_turn) for joint, path in assignments
     ]
-    return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag)
+    return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag, speed=speed)
 
 
 @checked
