@@ -41,7 +41,7 @@ def compare_arguments(parser: ArgumentParser) -> None:
         parser,
         "--speed",
         "share",
-        "speed at which the motion was meant to be played, such as 10%% (default: the plan's speed)",
+        "speed at which the motion was meant to be played, such as 10%% (default: 100%%)",
     )
     output_arguments(parser)
 
