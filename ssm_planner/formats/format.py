@@ -94,8 +94,8 @@ FORMATS = Registry(
             {
                 "rate": "states in the bag (default 100)",
                 "effort": "add joint efforts: motor torque with friction, times ratio",
-                "rigid_effort": "add rigid-body efforts, without drives and friction",
                 "bag": "no rosbag2",
+                "rigid_effort": "add rigid-body efforts, without drives and friction",
             },
             reader="ssm_planner.formats.ros2:read_ros2",
         ),
