@@ -390,7 +390,7 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding 
     elif own.correlation < -ALIKE:
         kind, text = (
             "reversed",
-            "reversed it is; motor_direction of the joint in the robot file, or the recording's "
+            "the recording is reversed: motor_direction in the robot file, or the recording's "
             "sign, is wrong",
         )
     else:
@@ -657,8 +657,8 @@ def check_speed(clock: Clock, played: float, intended: float | None) -> Iterator
     """
     speed = played * clock.estimated_rate if clock.slower else played
     wanted = intended or 1.0
-    if speed != 1.0:
-        differs = speed != wanted
+    differs = speed != wanted
+    if differs or wanted != 1.0:
         text = f"played at {100 * speed:.3g} % of the plan's speed"
         text += f" instead of {100 * wanted:.3g} %; --speed declares a speed" if differs else ""
         yield Finding("speed", "not held" if differs else "held", text, speed, wanted)

@@ -123,6 +123,14 @@ def test_a_fault_of_a_slower_run_is_found() -> None:
         assert found.speed == pytest.approx(0.2, rel=1e-3)
 
 
+@pytest.mark.parametrize("declared", [0.8, 0.9, 0.96, 0.5])
+def test_a_run_at_the_planned_speed_is_not_the_declared_slower_one(
+    shipped: Executions, declared: float
+) -> None:
+    found = compared(shipped, shipped.healthy(0), speed=declared)
+    assert (found.verdict, "speed" in kinds(found)) == ("not held", True)
+
+
 def test_a_run_that_is_too_fast_or_a_little_slow_is_not_held() -> None:
     for speed in (0.97, 1.1):
         it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 2e-3, speed)
