@@ -174,7 +174,7 @@ class PhaseSummary(ShortRepr):
 
     @property
     def difference(self) -> float:
-        """Relative difference of the duration from toppra's, or 0 if toppra has none."""
+        """Relative difference of the duration from toppra's, or 0 without a duration by toppra."""
         return self.duration / self.toppra_duration - 1 if self.toppra_duration else 0.0
 
     def with_opinion(self, opinion: Opinion) -> PhaseSummary:
@@ -443,12 +443,12 @@ class Plan(ShortRepr):
 
     @property
     def toppra_duration(self) -> float | None:
-        """Shortest duration along the same paths by toppra, s. None if a phase has none."""
+        """Shortest duration along the same paths by toppra, s. None if a phase lacks it."""
         return self._total("toppra_duration")
 
     @property
     def path_bound(self) -> float | None:
-        """Lower bound of the duration along the same paths, s. None if a phase has none."""
+        """Lower bound of the duration along the same paths, s. None if a phase lacks it."""
         return self._total("path_bound")
 
     @property

@@ -134,7 +134,7 @@ def require_range(values: Array, bound: int, joint: str, quantity_name: str, uni
     bound : int
         Largest absolute value of the object.
     joint, quantity_name, unit : str
-        Joint, quantity and unit for the message.
+        Joint, quantity and unit. The error message contains them.
 
     Raises
     ------

@@ -339,7 +339,7 @@ def _latched() -> Any:
 
 
 def read_rosbag(path: Path, robot: Robot) -> Reading:
-    """Read the JointTrajectory of a rosbag2. If it has none, its joint states form the trajectory.
+    """Read the JointTrajectory of a rosbag2. Without one, its joint states form the trajectory.
 
     Raises TrajectoryError if the bag cannot be read, or if it has different trajectories, because
     only one of them was run.

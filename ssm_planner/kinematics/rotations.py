@@ -88,7 +88,7 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
     Parameters
     ----------
     name : str
-        Name of the argument, for the message.
+        Name of the argument. The error message contains it.
     value : array-like
         Value of the argument.
     width : int

@@ -181,7 +181,9 @@ def rows_of(file: Path) -> list[Row]:
         }
         label = str(row.pop("order_number", None) or row.get("name", ""))
         if label in rows or not label or not label.isprintable():
-            reason = f"{label!r} occurs twice" if label in rows else f"{label!r} is no name"
+            reason = (
+                f"{label!r} occurs twice" if label in rows else f"{label!r} is not a printable name"
+            )
             raise ProblemError(reason, file=file, line=line)
         rows[label] = Row(label, row, line)
     return list(_check_count(file, rows).values())

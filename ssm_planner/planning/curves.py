@@ -129,7 +129,7 @@ class CurveFollower:
         tip_stands = np.abs(tips - tips[0]).max() < ROUNDING
         if tip_stands and np.abs(joints - q).max() < ROUNDING and np.ptp(spins) < ROUNDING:
             return q
-        # Only an arc through three points on one line has no curve.
+        # No arc passes through three points on one line. All other motions have a curve.
         curve = self._curve_through(tips)
         if curve is None:
             reason = "the three points of this arc lie on one line"

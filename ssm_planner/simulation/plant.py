@@ -321,7 +321,7 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """Return the drive of joint k, from 0. Raises GeometryError if it has none."""
+        """Return the drive of joint k, from 0. Raises GeometryError for a joint without a drive."""
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")

@@ -322,7 +322,7 @@ class SimulationResult(ShortRepr):
 
     @property
     def passed(self) -> bool:
-        """True if the simulation has no reason to fail.
+        """True if no part of the simulation failed.
 
         It fails if a drive trips, a motor saturates, the tip error is too large, or the arm does
         not come to rest without power.

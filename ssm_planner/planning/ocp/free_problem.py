@@ -307,7 +307,7 @@ class FreeProblem(OcpProblem):
             for i in standing:
                 values[:, i] = velocity[i] * steepest_descent(gradient[:, :, i], lengths)
         instants = np.append(0.0, np.cumsum(lengths))
-        # Borders at the port and at free reversals are no given points.
+        # Borders at the port and at free reversals are not points that the problem states.
         is_point = [
             k not in self.chain.ports and bool(fixed.all())
             for k, fixed in enumerate(self.chain.fixed)
@@ -323,7 +323,7 @@ class FreeProblem(OcpProblem):
     def _gradient_of_all_joints(self, solution: NlpSolution, multipliers: Multipliers) -> Array:
         """Compute the gradient of λᵀ G, the path constraints G weighted by their multipliers λ.
 
-        The joints at rest are included, although they are no coordinates of the program.
+        The joints at rest are included, although the program has no unknowns for them.
 
         Parameters
         ----------
