@@ -18,13 +18,3 @@ class PlannedPhase:
     def duration(self) -> float:
         """Duration of the motion, s."""
         return self.motion.duration
-
-    @property
-    def turns_back(self) -> bool:
-        """True for a free motion from rest to rest in which a joint reverses between the points."""
-        phase = self.phase
-        return (
-            phase.path is None
-            and phase.begins_and_ends_at_rest
-            and len(self.motion.border_instants) > len(phase.points)
-        )

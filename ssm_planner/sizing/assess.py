@@ -165,6 +165,11 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
             f"joint {load.joint}: friction of {motor.name} by its no-load current: up to "
             f"{1e3 * largest:.3g} mN·m in addition to the friction of the drive",
         )
+    elif no_load_torque(motor) is None and not _is_own(original, motor):
+        notes += (
+            f"joint {load.joint}: no_load_current of {motor.name} not stated: its friction is "
+            "assumed to be that of the original motor",
+        )
     if inertia is not None:
         ends = " to ".join(f"{1e7 * end:.3g}" for end in inertia)
         notes += (

@@ -89,7 +89,7 @@ def test_ipopt_confirms_the_motion_alone_that_is_taken(
     planned = plan_motion(
         free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.02))
     ).phases[0]
-    assert planned.turns_back
+    assert len(planned.motion.border_instants) > len(planned.phase.points)
     assert [own.iterations <= 2 for own in confirmed] == [True]
 
 

@@ -75,6 +75,10 @@ def test_the_own_motor_adds_nothing(load: JointLoad) -> None:
 def test_a_motor_without_the_figure_has_the_friction_of_the_drive(load: JointLoad) -> None:
     verdict = assess(load, replace(COMPLETE, name="other"), KNOWN)
     assert verdict.load.motor_friction == (0.0, 0.0)
+    assumption = "no_load_current of other not stated: its friction is assumed"
+    assert any(assumption in note for note in verdict.notes)
+    for known in (OTHER, load.motor):
+        assert not any("no_load_current" in note for note in assess(load, known, KNOWN).notes)
 
 
 def test_between_the_ends_of_the_friction_the_answer_is_open(load: JointLoad) -> None:
