@@ -62,7 +62,7 @@ from .loading.load import (
     load_problem as load_problem,
     load_robot as load_robot,
 )
-from .paper.document import Reproduction as Reproduction, reproduce as reproduce
+from .reproduction import Reproduction as Reproduction, reproduce as reproduce
 from .pipeline.retime import retime as retime
 from .pipeline.run import Replanner as Replanner, plan as plan
 from .planning.reason import Reason as Reason

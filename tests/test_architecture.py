@@ -7,6 +7,7 @@ from functools import cache
 
 import pytest
 
+from ssm_planner.reproduction import EXAMPLES, PROGRAM
 from tests.support.paths import PACKAGE
 
 ROOMS = (
@@ -45,7 +46,17 @@ ROOMS = (
         "simulation",
         "comparison",
     ),
-    *("reporting", "pipeline", "studies", "templates", "api", "view", "paper", "cli", "__main__"),
+    *(
+        "reporting",
+        "pipeline",
+        "studies",
+        "templates",
+        "api",
+        "view",
+        "reproduction",
+        "cli",
+        "__main__",
+    ),
 )
 """Bottom to top: a room imports only from itself and from rooms before it."""
 STRANGERS = {"planning", "verification"}
@@ -100,8 +111,10 @@ def neighbours(name: str) -> set[str]:
 
 def test_every_name_of_a_face_exists_and_is_used_by_another_room() -> None:
     used = {room_name: set() for room_name in FACES}
-    for name in MODULES:
-        for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
+    users = {name: FILES[name] for name in MODULES}
+    users |= {file.stem: file for file in (EXAMPLES / PROGRAM).glob("*.py")}
+    for name, file in users.items():
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:
                 of = ".".join(node.module.split(".")[:2])
                 if of in FACES and not name.startswith(of):

@@ -1,4 +1,4 @@
-"""What every file of the package keeps to: documented public names, arrays with shapes, calls one can read."""
+"""Laws of every file of the package and of the reproduction of the paper: documents, shapes, readable calls."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ from jinja2.filters import FILTERS
 
 import ssm_planner
 from ssm_planner.cli import COMMANDS
+from ssm_planner.reproduction import EXAMPLES, PROGRAM
 from tests.support.paths import PACKAGE
 
 FILES = {
-    ".".join(file.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__"): file
-    for file in sorted(PACKAGE.rglob("*.py"))
+    ".".join(file.relative_to(folder).with_suffix("").parts).removesuffix(".__init__"): file
+    for folder in (PACKAGE, EXAMPLES)
+    for file in sorted(folder.rglob("*.py"))
+    if folder == PACKAGE or file.parent.name == PROGRAM
 }
 MAX_POSITIONAL = 5
 VARIADIC = {"tag", "vertcat", "horzcat", "_group"}
@@ -125,7 +128,10 @@ def test_no_call_has_more_than_five_positional_arguments(name: str) -> None:
 
 
 TEMPLATES = [
-    file for file in sorted(PACKAGE.rglob("templates/*")) if file.suffix not in (".js", ".css")
+    file
+    for folder in (PACKAGE, EXAMPLES)
+    for file in sorted(folder.rglob("templates/*"))
+    if file.suffix not in (".js", ".css")
 ]
 OF_JINJA = {"index", "index0", "first", "last", "length"}
 """Attributes of the variable `loop`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,13 @@ from ssm_planner.identification.prediction import predict_recording
 from ssm_planner.identification.recordings import read_recordings
 from ssm_planner.identification.torque_map import TABLE, read_figures
 from ssm_planner.loading.load import load_drive
-from ssm_planner.paper.friction import published_drive
+from ssm_planner.reproduction import EXAMPLES
 from tests.benchmarks.cases import ROOT
 from tests.benchmarks.measuring import Spread, timed
 from tests.benchmarks.section import Section
+
+sys.path.append(str(EXAMPLES))
+from paper_reproduction.friction import published_drive
 
 RECORDINGS = "BENCH_RECORDINGS"
 """Environment variable with the folder of the rigs' recordings, which may be absent."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.paper.published import Inputs, read_inputs
+from paper_reproduction.published import Inputs, read_inputs
 from tests.support.cli import python
 from tests.support.once import made_once
 from tests.support.paper_cases import Made
@@ -19,7 +19,9 @@ KEEPING = """
 import pickle, sys
 from pathlib import Path
 from ssm_planner.cli import main
-from ssm_planner.paper import document
+from ssm_planner.reproduction import EXAMPLES
+sys.path.append(str(EXAMPLES))
+from paper_reproduction import document
 
 write = document.write
 

@@ -10,14 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from paper_reproduction import document as paper_document
+from paper_reproduction.document import write
+from paper_reproduction.friction import friction_section, rig_result
+from paper_reproduction.published import Inputs, read_inputs
+from paper_reproduction.section import Section, wrapped
+from paper_reproduction.workspace import design_section, workspace_section
+from ssm_planner import reproduction
 from ssm_planner.cli import main
 from ssm_planner.display import number, percent, signed
-from ssm_planner.paper import document as paper_document
-from ssm_planner.paper.document import write
-from ssm_planner.paper.friction import friction_section, rig_result
-from ssm_planner.paper.published import Inputs, read_inputs
-from ssm_planner.paper.section import Section, wrapped
-from ssm_planner.paper.workspace import design_section, workspace_section
 from ssm_planner.reporting.figures.style import save_figure
 from tests.support.paper_cases import Made
 from tests.support.paths import ROOT
@@ -216,3 +217,12 @@ def test_numbers_and_lines_of_the_document() -> None:
     assert len(lines) > 2
     assert all(line.count("`") % 2 == 0 for line in lines)
     assert all(len(line) <= 120 for line in lines)
+
+
+def test_an_installation_without_the_source_tree_has_no_reproduction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(reproduction, "EXAMPLES", tmp_path)
+    assert main(["reproduce", "-o", str(tmp_path / "out")]) == 2
+    assert "needs the source tree" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

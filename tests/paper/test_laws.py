@@ -8,13 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
-from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.task import task_rates
-from ssm_planner.kinematics.workspace import tilt_rate_bound
-from ssm_planner.paper import published
-from ssm_planner.paper.departures import (
+from paper_reproduction import published
+from paper_reproduction.departures import (
     body_moments,
     flipped,
     joint_inertia,
@@ -22,16 +17,21 @@ from ssm_planner.paper.departures import (
     subtracted,
     velocity_sign,
 )
-from ssm_planner.paper.friction import (
+from paper_reproduction.friction import (
     LAWS,
     friction_maps,
     published_drive,
     with_friction,
     with_rows,
 )
-from ssm_planner.paper.motions import payloads, tilts_of
-from ssm_planner.paper.published import BOUNDS, Inputs
-from ssm_planner.paper.workspace import design_choice, tilt_range
+from paper_reproduction.motions import payloads, tilts_of
+from paper_reproduction.published import BOUNDS, Inputs
+from paper_reproduction.workspace import design_choice, tilt_range
+from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
+from ssm_planner.dynamics.rigid_body import RigidBody
+from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_rates
+from ssm_planner.kinematics.workspace import tilt_rate_bound
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import DutyCycle
 from tests.support.paper_cases import Made

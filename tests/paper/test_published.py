@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from ssm_planner.paper import published
-from ssm_planner.paper.published import DRIVEN, TABLE_I, TABLE_I_MEASURED, TABLE_II, TABLE_III
+from paper_reproduction import published
+from paper_reproduction.published import DRIVEN, TABLE_I, TABLE_I_MEASURED, TABLE_II, TABLE_III
 from ssm_planner.problem.robot import Robot
 from tests.support.paths import SHARED
 

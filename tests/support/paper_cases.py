@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ssm_planner.paper.document import Document
-from ssm_planner.paper.published import Inputs
+from paper_reproduction.document import Document
+from paper_reproduction.published import Inputs
 
 
 @dataclass(frozen=True)

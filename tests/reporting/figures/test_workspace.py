@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from paper_reproduction.workspace import tilt_table
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.workspace import design_region, tilt_interval
-from ssm_planner.paper.workspace import tilt_table
 from ssm_planner.reporting.figures.workspace import (
     design_region_figure,
     joint_speed_figure,

@@ -11,6 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from paper_reproduction import published
+from paper_reproduction.published import (
+    DRIVEN,
+    NUMBER,
+    PACKAGE_FRICTION,
+    RIGS,
+    TABLE_II,
+    FrictionRow,
+    Inputs,
+)
+from paper_reproduction.section import Section
 from ssm_planner.display import NOTHING, number, percent
 from ssm_planner.dynamics import RigidBody, breakaway_torque, friction_of
 from ssm_planner.errors import RecordingError
@@ -27,17 +38,6 @@ from ssm_planner.identification import (
     with_parameters,
 )
 from ssm_planner.kinematics import Mechanism, inverse_task
-from ssm_planner.paper import published
-from ssm_planner.paper.published import (
-    DRIVEN,
-    NUMBER,
-    PACKAGE_FRICTION,
-    RIGS,
-    TABLE_II,
-    FrictionRow,
-    Inputs,
-)
-from ssm_planner.paper.section import Section
 from ssm_planner.problem import JOINTS, Drive, Friction, FrictionLawName, Joint, Rig, Robot
 from ssm_planner.reporting import (
     COLOURS,

@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from paper_reproduction import published
+from paper_reproduction.published import TABLE_I, TABLE_I_MEASURED
+from paper_reproduction.section import Section
 from ssm_planner.display import minus
 from ssm_planner.kinematics import (
     DesignRegion,
@@ -13,9 +16,6 @@ from ssm_planner.kinematics import (
     joint_speed_per_tilt_speed,
     tilt_interval,
 )
-from ssm_planner.paper import published
-from ssm_planner.paper.published import TABLE_I, TABLE_I_MEASURED
-from ssm_planner.paper.section import Section
 from ssm_planner.problem import Eye, Robot
 from ssm_planner.reporting import (
     COLOURS,

@@ -7,15 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.kinematics import (
-    Mechanism,
-    joint_speed_per_tilt_speed,
-    task_rates,
-    tilt_rate_bound,
-)
-from ssm_planner.paper import published
-from ssm_planner.paper.friction import with_rows
-from ssm_planner.paper.published import (
+from paper_reproduction import published
+from paper_reproduction.friction import with_rows
+from paper_reproduction.published import (
     DRIVEN,
     NUMBER,
     PACKAGE_FRICTION,
@@ -25,7 +19,13 @@ from ssm_planner.paper.published import (
     Inputs,
     SpeedRow,
 )
-from ssm_planner.paper.section import Section
+from paper_reproduction.section import Section
+from ssm_planner.kinematics import (
+    Mechanism,
+    joint_speed_per_tilt_speed,
+    task_rates,
+    tilt_rate_bound,
+)
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (

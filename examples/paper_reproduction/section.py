@@ -8,8 +8,8 @@ from dataclasses import field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
+from paper_reproduction import published
 from ssm_planner.display import environment, format_fixed, number, render_template, signed
-from ssm_planner.paper import published
 from ssm_planner.typing import record
 from ssm_planner.units import RPM
 
@@ -77,7 +77,7 @@ def wrapped(paragraph: str) -> str:
 def _templates() -> "Environment":
     """Return the Jinja2 environment of the document, with filters for angles and milli-units."""
     templates = environment(
-        "ssm_planner.paper",
+        "paper_reproduction",
         escape=False,
         milli=lambda value: number(1e3 * value),
         in_degrees=math.degrees,

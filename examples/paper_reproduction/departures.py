@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from paper_reproduction.friction import RigResult, published_drive
+from paper_reproduction.motions import RUNS, SpeedRun
+from paper_reproduction.published import BOUNDS, DRIVEN, Inputs
+from paper_reproduction.section import Section
 from ssm_planner.dynamics import RigidBody, friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.identification import fit_map
-from ssm_planner.paper.friction import RigResult, published_drive
-from ssm_planner.paper.motions import RUNS, SpeedRun
-from ssm_planner.paper.published import BOUNDS, DRIVEN, Inputs
-from ssm_planner.paper.section import Section
 from ssm_planner.problem import (
     Body,
     Drive,

@@ -1,29 +1,25 @@
 """Compute all sections of the document, and write it with its pictures into one folder."""
 
-from __future__ import annotations
-
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from ssm_planner.arguments import checked
-from ssm_planner.paper.departures import departures_section
-from ssm_planner.paper.friction import RigResult, friction_section, rig_result, rigs_section
-from ssm_planner.paper.motions import (
+from paper_reproduction.departures import departures_section
+from paper_reproduction.friction import RigResult, friction_section, rig_result, rigs_section
+from paper_reproduction.motions import (
     SpeedRun,
     motions_section,
     payload_section,
     payloads,
     speed_runs,
 )
-from ssm_planner.paper.published import RIGS, TABLE_III, Inputs, read_inputs
-from ssm_planner.paper.section import Section, render
-from ssm_planner.paper.workspace import design_section, workspace_section
+from paper_reproduction.published import RIGS, TABLE_III, Inputs, read_inputs
+from paper_reproduction.section import Section, render
+from paper_reproduction.workspace import design_section, workspace_section
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.publishing import publishing
 from ssm_planner.reporting import save_figures
-from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Files, frozen, record
+from ssm_planner.typing import Files, record
 
 FILE = "README.md"
 
@@ -51,69 +47,24 @@ class Document:
         return render("document", sections=self.sections)
 
 
-@frozen
-class Reproduction(ShortRepr):
-    """Outcome of a reproduction of the paper.
-
-    Attributes
-    ----------
-    files : Mapping[str, Path]
-        Written files by name: README.md and every picture.
-    passed : bool
-        True if every motion was planned and passed the independent check.
-    left_out : tuple of str
-        Descriptions of the parts that are missing because their recordings are missing.
-
-    Examples
-    --------
-    >>> import ssm_planner as ssm
-    >>> ssm.reproduce("results/paper").left_out  # doctest: +SKIP
-    """
-
-    files: Mapping[str, Path]
-    passed: bool
-    left_out: tuple[str, ...]
-
-
-@checked
 def reproduce(
-    folder: str | Path,
-    problems: str | Path = "problems",
-    recordings: str | Path = "../shared/recordings",
-    progress: Progress = silent,
-) -> Reproduction:
-    """Compute the tables and figures of the paper, and write them as one document.
+    folder: Path, problems: Path, recordings: Path, progress: Progress
+) -> tuple[Files, bool, tuple[str, ...]]:
+    """Compute the document, and write it into a folder.
 
     Parameters
     ----------
-    folder : str or Path
-        Folder of README.md and of the pictures.
-    problems : str or Path
-        The project's folder of problem files.
-    recordings : str or Path
-        Folder of the recordings of the three rigs. Rows without their recordings are left out.
-    progress : callable
-        Called with each step.
+    folder, problems, recordings, progress
+        Arguments of `ssm_planner.reproduce`.
 
     Returns
     -------
-    Reproduction
-        Written files, and whether the motions passed their check.
-
-    Raises
-    ------
-    ProblemError, RecordingError or ExportError
-        If a file of the project is invalid, or if a result cannot be written.
-
-    Examples
-    --------
-    >>> import ssm_planner as ssm
-    >>> ssm.reproduce("results/paper").passed  # doctest: +SKIP
+    files, passed, left_out
+        Attributes of `ssm_planner.Reproduction`.
     """
-    progress(Step("reading the problem files"))
-    document = compute(read_inputs(Path(problems), Path(recordings)), progress)
-    files = write(document, Path(folder), progress)
-    return Reproduction(files, document.is_certified, document.left_out)
+    document = compute(read_inputs(problems, recordings), progress)
+    files = write(document, folder, progress)
+    return files, document.is_certified, document.left_out
 
 
 def compute(inputs: Inputs, progress: Progress = silent) -> Document:
