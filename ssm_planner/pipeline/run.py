@@ -20,7 +20,7 @@ import numpy as np
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics import Mechanism, task_rates
+from ssm_planner.kinematics import Mechanism, task_from_joints, task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
@@ -54,6 +54,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.limits import JUMP
 from ssm_planner.verification.promises import WayKept, promises_kept
+from ssm_planner.verification.stops import quickest_stops
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -278,7 +279,8 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
 
     Only a free motion can begin at any velocity. If the first motion of the problem is of another
     kind, a free motion named "stop" precedes it, in which every joint brakes nearly as hard as it
-    can.
+    can. If this motion would leave a range of task coordinates, it ends at the end of the quickest
+    stop along the path of the present motion instead.
 
     Raises
     ------
@@ -297,22 +299,34 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     q, qd = state.q[0], state.qd[0]
     # The check accepts velocity jumps up to this share of the velocity limit.
     qd = np.where(np.abs(qd) > JUMP * velocity, qd, 0.0)
-    rates = task_rates(Mechanism.from_robot(robot), q[None], qd[None])[0]
+    mechanism = Mechanism.from_robot(robot)
+    rates = task_rates(mechanism, q[None], qd[None])[0]
     entries, largest_rate = problem.motion, np.abs(rates).max()
+    jerk = any(joint.jerk is not None for joint in robot.joints)
+    qdd = state.qdd[0] * (jerk and qd.any())
     if qd.any() and not isinstance(entries[0], Free):
-        stop = stopping_point(robot, q, qd)
+        stop = stopping_point(robot, q, qd, qdd)
+        if not _within_ranges(problem, mechanism, stop):
+            (along_path,) = quickest_stops(motion, robot, np.array([at])).motions
+            stop = stop if along_path is None else along_path.positions(along_path.breaks[-1:])[0]
         entries = (Free(Joints.from_array(stop), name="stop"), *entries)
     start_rate = {
         name: float(rate)
         for name, rate in zip(TASK, rates, strict=True)
         if abs(rate) > ROUNDING * largest_rate
     }
-    jerk = any(joint.jerk is not None for joint in robot.joints)
-    a, b, c, d = (state.qdd[0] * (jerk and qd.any())).tolist()
+    a, b, c, d = qdd.tolist()
     start = Joints.from_array(q)
     return replace(
         problem, start=start, start_rate=start_rate, start_acceleration=(a, b, c, d), motion=entries
     )
+
+
+def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
+    """Return True if the task coordinates of joint positions (4,) are within their ranges."""
+    task = task_from_joints(mechanism, q[None])[0]
+    ranges = [problem.ranges.get(name, (-np.inf, np.inf)) for name in TASK]
+    return all(low <= x <= high for x, (low, high) in zip(task, ranges, strict=True))
 
 
 def _merged(base: Point, point: Point) -> Point:

@@ -34,6 +34,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import (
     TASK,
+    Free,
     JointAcceleration,
     JointPosition,
     JointVelocity,
@@ -313,11 +314,7 @@ def with_boundary_rates(
     ProblemError
         If the velocity would make a motion leave its given path.
     """
-    # A motion to the present position takes no time, so its neighbours have the rates.
-    moving = [
-        k for k, phase in enumerate(phases) if phase.motion.duration is not None or not phase.stands
-    ]
-    first, last = moving[0], moving[-1]
+    first, last = _phase_with_rates(phases), len(phases) - 1 - _phase_with_rates(phases[::-1])
     result = list(phases)
     qd = _end_velocity(result[first], 0)
     acceleration = np.array(phases[0].problem.start_acceleration)
@@ -331,6 +328,18 @@ def with_boundary_rates(
         _too_near(result[last]),
     )
     return tuple(result), _first_reason(reasons)
+
+
+def _phase_with_rates(phases: Sequence[Phase]) -> int:
+    """Return the index of the phase whose start has the rates that the problem gives.
+
+    It is the first phase that takes time. If this phase is a dwell, or if all phases take no time,
+    it is the first free motion, which leaves its position and returns to it.
+    """
+    lasting = (k for k, phase in enumerate(phases) if phase.motion.duration or not phase.stands)
+    index = next(lasting, len(phases) - 1)
+    free = (k for k in range(index + 1) if isinstance(phases[k].motion, Free))
+    return next(free, index) if phases[index].stands else index
 
 
 def _end_velocity(phase: Phase, side: int) -> Array:
@@ -353,7 +362,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
     rate = np.array([getattr(problem, key).get(name, 0.0) for name in TASK])
     if not rate.any():
         return np.zeros(4)
-    if phase.stands:
+    if phase.stands and not isinstance(phase.motion, Free):
         raise ProblemError(
             "a dwell has no speed", file=problem.file, line=phase.motion.line, key=key
         )

@@ -14,6 +14,9 @@ from ssm_planner.problem import TASK, Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, record
 
+BISECTIONS = 60
+"""Number of bisections in a search for a velocity or an acceleration."""
+
 
 def lower_bound(
     robot: Robot,
@@ -268,9 +271,25 @@ class SCurve:
         return float(self.lengths.sum())
 
     @property
+    def distance(self) -> float:
+        """Displacement between start and end, rad or m."""
+        return float(self._cubics.end[0][-1])
+
+    @property
     def switches(self) -> Array:
         """Instants at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
         return _sums(self.lengths)
+
+    def followed_by_rest(self, duration: float) -> "SCurve":
+        """Return the motion with a rest at its end, so that the total duration is `duration` (s)."""
+        pause = duration - self.duration
+        if pause <= ROUNDING:
+            return self
+        lengths, start, end = (
+            np.append(values, added)
+            for values, added in ((self.lengths, pause), (self.start, 0.0), (self.end, 0.0))
+        )
+        return SCurve(lengths, start, end, self.speed)
 
     def stretched(self, duration: float) -> "SCurve":
         """Return the motion stretched in time to a duration in s. It covers the same distance."""
@@ -360,6 +379,87 @@ def rest_to_rest(
     # Pieces shorter than rounding are left out.
     lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
     return SCurve(lengths, start, end)
+
+
+def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) -> SCurve:
+    """Compute the quickest stop of a joint.
+
+    If the acceleration cannot return to 0 before the velocity does, the joint reverses.
+
+    Parameters
+    ----------
+    speed, acceleration : float
+        Velocity and acceleration at the beginning.
+    limit, jerk : float
+        Limits of acceleration and jerk. The acceleration may jump if the jerk limit is infinite.
+
+    Returns
+    -------
+    SCurve
+        Motion to rest, with the acceleration 0 at its end.
+    """
+    if math.isinf(jerk):
+        braking = np.array([-math.copysign(limit, speed)])
+        return SCurve(np.array([abs(speed) / limit]), braking, braking, speed)
+    # The joint brakes against the velocity at which its acceleration would be 0.
+    sign = math.copysign(1.0, speed + acceleration * abs(acceleration) / (2 * jerk))
+    v, a = sign * speed, sign * acceleration
+    peak = min(math.sqrt(max(jerk * v + a**2 / 2, 0.0)), limit)
+    ramp_time = abs(a + peak) / jerk
+    time_to_reversal = (a - math.sqrt(max(a**2 + 2 * jerk * v, 0.0))) / jerk if v < 0 else 0.0
+    at_reversal = a - jerk * time_to_reversal
+    constant_time = max(v + (a - peak) / 2 * ramp_time - peak**2 / (2 * jerk), 0.0) / (peak or 1.0)
+    pieces = np.array(
+        [
+            [time_to_reversal, a, at_reversal],
+            [ramp_time - time_to_reversal, at_reversal, -peak],
+            [constant_time, -peak, -peak],
+            [peak / jerk, -peak, 0.0],
+        ]
+    )
+    lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
+    return SCurve(lengths, sign * start, sign * end, speed)
+
+
+def stopping_curves(
+    robot: Robot, qd: Array, qdd: Array, share: float = 1.0, *, together: bool = False
+) -> list[SCurve | None]:
+    """Return the stops of all joints.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the limits of its joints.
+    qd, qdd : (4,) arrays
+        Joint velocities q̇ and accelerations q̈ at the beginning.
+    share : float
+        Share of the acceleration limits that the joints use.
+    together : bool
+        True if all joints stop at the same time. Otherwise, every joint stops as soon as it can,
+        and rests until the last one has stopped.
+
+    Returns
+    -------
+    list of SCurve or None
+        Motion of every joint. None for a joint at rest.
+    """
+    joints = list(zip(qd.tolist(), qdd.tolist(), robot.joints, strict=True))
+
+    def curve(k: int, limit: float) -> SCurve | None:
+        speed, acceleration, joint = joints[k]
+        jerk = joint.jerk or np.inf
+        return quickest_stop(speed, acceleration, limit, jerk) if speed or acceleration else None
+
+    limits = share * robot.accelerations
+    curves = [curve(k, limits[k]) for k in range(4)]
+    longest = max((stop.duration for stop in curves if stop is not None), default=0.0)
+    low, high = np.zeros(4), limits
+    for _ in range(BISECTIONS * together):
+        middle = (low + high) / 2
+        curves = [curve(k, middle[k]) for k in range(4)]
+        is_late = np.array([stop is not None and stop.duration > longest for stop in curves])
+        low, high = np.where(is_late, middle, low), np.where(is_late, high, middle)
+    return [stop and stop.followed_by_rest(longest) for stop in curves]
 
 
 def rest_times(

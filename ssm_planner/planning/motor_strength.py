@@ -22,7 +22,6 @@ from ssm_planner.dynamics import (
     motorised,
 )
 from ssm_planner.planning.feasibility import blocked_by_eye, feasible_phases
-from ssm_planner.planning.lower_bound import lower_bound
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.reason import Reason, exceeded
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples, joint_starts
@@ -127,12 +126,14 @@ def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | 
             k = int(np.argmax(torque))
             yield i, float(torque[k]), f"{phase.motion.name}, {100 * places.s[k]:.0f} % of the way"
 
+    # On a free motion, other joints may move first and relieve the motor.
+    task = "move at all" if phase.path is path else "move with the other joints there"
     return _overloaded(
         robot,
         MotorTorque,
         needs(),
-        "is too weak to move at all: against gravity and friction it needs {value}, but it has "
-        "only {bound}",
+        f"is too weak to {task}: against gravity and friction it needs {{value}}, but it has only "
+        "{bound}",
     )
 
 
@@ -205,9 +206,7 @@ def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
     pause, robot = phases[0].problem.duty, phases[0].problem.robot
     if pause is None:
         return None
-    least_durations = [
-        phase.motion.duration or lower_bound(robot, phase.points) for phase in phases
-    ]
+    least_durations = [phase.motion.duration or phase.lower_bound for phase in phases]
     slow_motions = [_SlowMotion.from_phase(robot, phase) for phase in phases]
     has_free_duration = [not phase.motion.duration for phase in phases]
 

@@ -29,8 +29,13 @@ from ssm_planner.planning.work import Work
 from ssm_planner.problem import Follow, Problem, Robot, TipSpeed, unchecked
 from ssm_planner.typing import Array, record
 
-METHODS: dict[str, Method] = {"optimal": "confirmed", "fast": "structured", "ipopt": "Ipopt"}
-"""Solution methods by the name of the planner."""
+METHODS: dict[str, Method] = {
+    "optimal": "confirmed",
+    "fast": "structured",
+    "ipopt": "Ipopt",
+    "toppra": "structured",
+}
+"""Solution methods by the name of the planner. "toppra" needs one for the motion to a table."""
 
 
 @record
@@ -91,6 +96,7 @@ class PhasePlanner:
         cutoff: float = np.inf,
         count: int | None = None,
         fastest_only: bool = False,
+        by_ipopt: bool = False,
     ) -> PlannedPhase | Reason:
         """Return a motion whose path the solver chooses.
 
@@ -104,6 +110,9 @@ class PhasePlanner:
             Number of elements. None: chosen by the kind of motion.
         fastest_only : bool
             Return the fastest motion as the first solver finds it. `best_free` makes it final.
+        by_ipopt : bool
+            True if Ipopt alone solves the problem. Otherwise Ipopt is tried if the structured
+            solver fails, unless the motion begins at speed.
         """
         phase = self.phase
         # Joints that already move need not break away, and may come from the other side.
@@ -128,9 +137,18 @@ class PhasePlanner:
             work=self.work,
         )
         fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
-        by_ipopt = borders is None or borders.guess is None
-        motion = self._solved(solve, by_ipopt=by_ipopt, fewer=fewer)
+        if by_ipopt:
+            motion = solve(method="Ipopt")
+        else:
+            guessed = borders is not None and borders.guess is not None
+            may_repeat = not (guessed or phase.qd_start.any())
+            motion = self._solved(solve, by_ipopt=may_repeat, fewer=fewer)
         return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
+
+    @property
+    def by_ipopt_alone(self) -> bool:
+        """True if no structured solver is used."""
+        return not compiled() or METHODS[self.problem.planner] == "Ipopt"
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
@@ -172,7 +190,7 @@ class PhasePlanner:
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
         attempts: list[dict[str, object]] = [{"method": method if compiled() else "Ipopt"}]
-        if not self.approximate and by_ipopt and method != "Ipopt" and compiled():
+        if by_ipopt and not (self.approximate or self.by_ipopt_alone):
             attempts += [{"method": method, "count": fewer}] * (
                 fewer is not None and method == "confirmed"
             )

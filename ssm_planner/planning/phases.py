@@ -21,7 +21,7 @@ from ssm_planner.kinematics import (
     theta2_from_tilt,
 )
 from ssm_planner.planning.curves import CurveFollower, driven_joints
-from ssm_planner.planning.lower_bound import lower_bound, rate_bound
+from ssm_planner.planning.lower_bound import lower_bound, rate_bound, stopping_curves
 from ssm_planner.planning.retiming.blends import BlendedPath, rounded
 from ssm_planner.planning.retiming.paths import (
     ClosedPath,
@@ -86,7 +86,11 @@ class Phase:
         speeds = np.stack([self.qd_start, self.qd_end])
         rates = task_rates(self.mechanism, self.points[[0, -1]], speeds)
         by_rates = rate_bound(robot, np.stack([self.start, self.end]), rates, limits)
-        return max(lower_bound(robot, self.points, speeds, limits), by_rates)
+        bounds = [lower_bound(robot, self.points, speeds, limits), by_rates]
+        if not self.qd_end.any():
+            curves = stopping_curves(robot, self.qd_start, self.qdd_start)
+            bounds += [curve.duration for curve in curves if curve is not None]
+        return max(bounds)
 
     @property
     def least_duration(self) -> float:
@@ -110,15 +114,39 @@ class Phase:
     def stands(self) -> bool:
         """True if the robot rests during the phase.
 
-        The phase is a dwell, or a motion whose target is the present position. The latter takes no
-        time unless a duration is given.
+        The phase is a dwell, or a motion from rest whose target is the present position. The latter
+        takes no time unless a duration is given.
         """
-        return self.path is None and not np.diff(self.points, axis=0).any()
+        moves = self.path is not None or np.diff(self.points, axis=0).any()
+        return not moves and self.begins_and_ends_at_rest
 
     @property
     def begins_and_ends_at_rest(self) -> bool:
         """True if all joints are at rest at both ends."""
         return not (self.qd_start.any() or self.qd_end.any())
+
+    def part(self, points: Array, *, to_end: bool = True) -> "Phase":
+        """Return a part of this phase, which starts from rest and passes other points.
+
+        Parameters
+        ----------
+        points : (k, 4) array
+            Joint positions, rad and m.
+        to_end : bool
+            True if the part ends with the joint velocities of this phase. Otherwise it ends at
+            rest.
+        """
+        start = task_at_end(self.mechanism, np.stack([self.q_start, points[0]]), self.start)
+        at_rest = np.zeros(4)
+        return replace(
+            self,
+            start=start,
+            end=task_at_end(self.mechanism, points, start),
+            points=points,
+            qd_start=at_rest,
+            qd_end=self.qd_end if to_end else at_rest,
+            qdd_start=at_rest,
+        )
 
     def speeds_along(self, path: JointPath) -> tuple[float, float]:
         """Return ṡ at both ends of a path in 1/s, for the velocities of the phase at its ends."""
@@ -230,7 +258,9 @@ def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
         # All phases of an entry have the key of the entry.
         keys += [key] * (len(phases) - len(keys))
     phases = _without_stops(problem, phases, keys)
-    if all(phase.stands and not phase.motion.duration for phase in phases):
+    at_speed = problem.start_rate or problem.end_rate
+    may_return = at_speed and any(isinstance(phase.motion, Free) for phase in phases)
+    if not may_return and all(phase.stands and not phase.motion.duration for phase in phases):
         nowhere = phases[0].motion
         reason = "this motion goes nowhere: its start and target are the same"
         raise ProblemError(reason, file=problem.file, line=nowhere.line, key=keys[0])

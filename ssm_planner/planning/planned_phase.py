@@ -1,7 +1,10 @@
 """A phase with its motion."""
 
+import numpy as np
+
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phases import Phase
+from ssm_planner.trajectory import hold
 from ssm_planner.typing import record
 
 
@@ -18,3 +21,10 @@ class PlannedPhase:
     def duration(self) -> float:
         """Duration of the motion, s."""
         return self.motion.duration
+
+
+def planned_rest(phase: Phase) -> PlannedPhase:
+    """Plan a phase at rest, which takes no time unless it has a duration."""
+    duration = phase.motion.duration or 0.0
+    motion = (np.array([0.0, duration]), hold(phase.q_start)) if duration else ()
+    return PlannedPhase(phase, PhaseSolution("solved", "", 0, *motion), duration)

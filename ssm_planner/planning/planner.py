@@ -10,17 +10,16 @@ from ssm_planner.planning.candidates.listed import KINDS
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.motor_strength import motor_too_hot, motor_too_weak_to_brake
-from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.planned_phase import PlannedPhase
+from ssm_planner.planning.planned_phase import PlannedPhase, planned_rest
 from ssm_planner.planning.reason import Reason, duration_too_short, durations_disagree
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Motion, Problem, Robot, Scan, unchecked
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.trajectory import Trajectory, hold, join
+from ssm_planner.trajectory import Trajectory, join
 from ssm_planner.typing import Array, record
 
 
@@ -120,9 +119,7 @@ def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[Phase
     """Return the fastest motion of a phase, or the reason of the failure, and its candidates."""
     phase = planner.phase
     if phase.stands:
-        duration = phase.motion.duration or 0.0
-        motion = (np.array([0.0, duration]), hold(phase.q_start)) if duration else ()
-        return PlannedPhase(phase, PhaseSolution("solved", "", 0, *motion), duration), []
+        return planned_rest(phase), []
     reason = motor_too_weak_to_brake(phase) if phase.path is None else None
     return (reason, []) if reason is not None else find_fastest(KINDS, planner, planner.work)
 

@@ -45,7 +45,7 @@ def find_fastest(
     Returns
     -------
     result : R or Reason
-        The fastest motion, or the reason of the first candidate that failed.
+        The fastest motion, or the first reason of a failure, preferably one that names a limit.
     evaluations : list of Evaluation
         All candidates with their bounds, estimates and results.
     """
@@ -76,6 +76,6 @@ def find_fastest(
         elif not isinstance(evaluation.result, Reason) and evaluation.result.duration < limit:
             solution = evaluation.result
         suggest(evaluation)
-    reasons = filter(None, (evaluation.failed for evaluation in evaluations))
-    longer = Reason(message="no motion is short enough")
-    return solution or next(reasons, longer), evaluations
+    reasons = [evaluation.failed for evaluation in evaluations if evaluation.failed is not None]
+    reasons.append(Reason(message="no motion is short enough"))
+    return solution or max(reasons, key=lambda reason: reason.limit is not None), evaluations

@@ -123,6 +123,11 @@ def along_a_table(problem: Problem) -> Plan:
     return plan(replace(problem, start=start, motion=(table,), objective="time", limits=()))
 
 
+def along_a_table_by_toppra(problem: Problem) -> Plan:
+    """The way to the first point is a free motion, which TOPP-RA cannot plan."""
+    return along_a_table(replace(problem, planner="toppra"))
+
+
 def retimed(problem: Problem) -> Plan:
     return retime(joint_path(), problem.robot)
 
@@ -134,7 +139,9 @@ def joint_path() -> np.ndarray:
     return path
 
 
-@pytest.mark.parametrize("timed", [at_constant_speed, along_a_table, retimed])
+@pytest.mark.parametrize(
+    "timed", [at_constant_speed, along_a_table, along_a_table_by_toppra, retimed]
+)
 def test_a_hot_motion_that_toppra_alone_times_has_a_reason(
     tilt_insert: Problem, timed: Callable[[Problem], Plan]
 ) -> None:

@@ -60,7 +60,9 @@ def test_a_motor_too_weak_for_it_is_named(tilt_insert: Problem) -> None:
         robot, joints=(dataclasses.replace(joint, drive=drive, motor=motor), *robot.joints[1:])
     )
     phase = SimpleNamespace(
-        motion=SimpleNamespace(name="motion 1"), problem=SimpleNamespace(robot=weak)
+        motion=SimpleNamespace(name="motion 1"),
+        problem=SimpleNamespace(robot=weak),
+        path=path,
     )
     reason = motor_too_weak(phase, path)
     assert reason is not None

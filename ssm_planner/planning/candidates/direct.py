@@ -20,8 +20,12 @@ class Direct(PhaseCandidate):
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the direct motion at the beginning of the search."""
-        if latest is None:
+        """Yield the direct motion at the beginning of the search.
+
+        The structured solver cannot begin with an acceleration if jerk is limited.
+        """
+        by_structured = planner.approximate or not planner.phase.qdd_start.any()
+        if latest is None and (by_structured or planner.by_ipopt_alone):
             yield cls(planner)
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:

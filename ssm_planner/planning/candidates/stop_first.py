@@ -1,4 +1,4 @@
-"""Motions that begin at speed: a stop, then a motion from rest."""
+"""Motions that begin at speed, split into a stop in closed form and a motion from rest."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,73 +7,154 @@ from typing import ClassVar
 import numpy as np
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
-from ssm_planner.planning.candidates.detour import Detour
 from ssm_planner.planning.candidates.direct import Direct
+from ssm_planner.planning.candidates.in_parts import InParts, InTurn
+from ssm_planner.planning.candidates.task_line import TaskLine
 from ssm_planner.planning.feasibility import infeasible_place
+from ssm_planner.planning.lower_bound import stopping_curves
+from ssm_planner.planning.ocp.motion import PhaseSolution
+from ssm_planner.planning.ocp.segments import guess_of_curves
 from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.search import find_fastest
+from ssm_planner.planning.retiming.paths import MotionPath
+from ssm_planner.planning.retiming.retime import keeps_limits
+from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem import Robot
-from ssm_planner.trajectory import join
+from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 
-ROOM = 1.1
-"""Distance that joints get to stop, divided by their shortest braking distance."""
+STOP_MARGIN = 1.1
+"""Ratio of the planned to the shortest stopping distance of joints without jerk limits."""
+SHARES = (1.0, 0.5, 0.25, 0.1)
+"""Shares of the acceleration limits with which the joints stop, tried in this order.
+
+Weak motors with heavy rotors cannot brake as hard as the joints may.
+"""
 
 
 @record
-class StopFirst(PhaseCandidate):
+class StopFirst(InParts):
     """A free motion that begins at speed, split into a stop and a motion from rest."""
 
     kind: ClassVar[str] = "stop first"
+    label: ClassVar[str] = "stops first"
 
     @classmethod
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if no direct motion was found."""
-        if latest is None or latest.failed is None or latest.candidate.kind != "direct":
-            return
+        """Yield the candidate if no direct motion was found, or if no direct motion is tried."""
         phase = planner.phase
-        if phase.path is None and phase.qd_start.any() and phase.motion.duration is None:
+        if phase.path is not None or not phase.qd_start.any():
+            return
+        is_first = latest is None and not any(Direct.suggested(planner, None))
+        if is_first or (latest and latest.failed and latest.candidate.kind == Direct.kind):
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return both motions, joined to one. Its name ends in "stops first"."""
-        planner, phase = self.planner, self.planner.phase
-        stop = stopping_point(planner.problem.robot, phase.q_start, phase.qd_start)
-        at_rest = np.zeros(4)
-        stopping = replace(phase, points=np.stack([phase.q_start, stop]), qd_end=at_rest)
-        points = np.vstack([stop, phase.points[1:]])
-        onward = replace(phase, points=points, qd_start=at_rest, qdd_start=at_rest)
-        reason = infeasible_place((stopping, onward))
-        if reason is not None:
-            return reason
-        motions = []
-        kinds: list[type[PhaseCandidate]] = [Direct, Detour]
-        for stage in (stopping, onward):
-            result, _ = find_fastest(kinds, replace(planner, phase=stage), planner.work)
-            if isinstance(result, Reason):
-                return result
-            motions.append(result.motion)
-        stopped, resumed = motions
-        trajectory = join([("", motion.breaks, motion.coefficients) for motion in motions])
-        motion = replace(
-            resumed,
-            breaks=trajectory.breaks,
-            coefficients=trajectory.coefficients,
-            border_instants=np.append(
-                stopped.border_instants, stopped.duration + resumed.border_instants[1:]
-            ),
-            directions=np.vstack([stopped.directions, resumed.directions]),
-        )
-        name = f"{phase.motion.name}, stops first"
-        labelled = replace(phase, motion=replace(phase.motion, name=name))
-        return PlannedPhase(labelled, motion, phase.lower_bound)
+        """Return both motions joined into one, or the reason why one of them was not found."""
+        stop = self._stop()
+        if stop is None:
+            return Reason(message="no stop within the limits")
+        return self._followed(stop, _onward(self.planner.phase, stop), TaskLine, InTurn)
+
+    def _stop(self) -> PhaseSolution | None:
+        """Return the stop after which the lower bound on the complete duration is smallest.
+
+        None if no stop satisfies the limits.
+        """
+        robot, phase = self.planner.strict, self.planner.phase
+        for share in SHARES:
+            stops = [
+                _stop_in_closed_form(robot, phase, share, together=together)
+                for together in (False, True)
+            ]
+            usable = [stop for stop in stops if stop is not None]
+            if usable:
+                return min(
+                    usable, key=lambda stop: stop.duration + _onward(phase, stop).lower_bound
+                )
+        return None
 
 
-def stopping_point(robot: Robot, q: Array, qd: Array) -> Array:
-    """Return the joints (4,) at which a robot stops that has joints q and velocities qd, (4,)."""
-    strongest = robot.accelerations
-    return np.asarray(q + ROOM * qd * np.abs(qd) / (2 * strongest))
+@record
+class DirectByIpopt(Direct):
+    """The direct motion, solved by Ipopt. It is tried last, because Ipopt takes longer."""
+
+    kind: ClassVar[str] = "direct by Ipopt"
+
+    @classmethod
+    def suggested(
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
+    ) -> Iterator[PhaseCandidate]:
+        """Yield the candidate after `StopFirst`, unless Ipopt has already failed."""
+        tried = latest is not None and latest.candidate.kind == StopFirst.kind
+        if tried and not (planner.approximate or planner.by_ipopt_alone):
+            yield cls(planner)
+
+    def estimate(self, cutoff: float) -> None:
+        """Return None, because an estimate would take as long as the solution."""
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return the motion, or the reason why Ipopt did not find one."""
+        return self.planner.free(cutoff=cutoff, by_ipopt=True)
+
+
+def _onward(phase: Phase, stop: PhaseSolution) -> Phase:
+    """Return the part of a phase that follows a stop."""
+    end = Trajectory(stop.breaks, stop.coefficients, ()).positions(stop.breaks[-1:])
+    points = np.vstack([end, phase.points[1:]])
+    if len(points) == 2 and np.abs(np.diff(points, axis=0)).max() <= ROUNDING:
+        points[1] = points[0]
+    return phase.part(points)
+
+
+def _stop_in_closed_form(
+    robot: Robot, phase: Phase, share: float, *, together: bool
+) -> PhaseSolution | None:
+    """Build the stop by `stopping_curves`, with these values of `share` and `together`.
+
+    None if a limit forbids the stop or a place between its end and the target.
+    """
+    curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share, together=together)
+    switches = np.unique(np.concatenate([curve.switches for curve in curves if curve is not None]))
+    instants = switches[np.append(True, np.diff(switches) > ROUNDING)]
+    pieces = guess_of_curves(
+        phase.q_start, curves, instants.tolist(), density=0.0, least_count=1
+    ).elements
+    zeros = np.zeros_like(pieces.u)
+    coefficients = [pieces.u, pieces.v, pieces.a0 / 2, pieces.jerk / 6, zeros, zeros]
+    motion = Trajectory(instants, np.stack(coefficients, axis=1), ())
+    # Rounding gives joints at rest a small velocity.
+    signs = np.sign(np.round(pieces.evaluate(0.5)[1] / robot.velocities, 9))
+    path = MotionPath(phase.mechanism, motion, instants / motion.duration, signs)
+    stop = PhaseSolution(
+        "solved",
+        "",
+        breaks=instants,
+        coefficients=motion.coefficients,
+        border_instants=instants,
+        directions=signs,
+    )
+    parts = replace(phase, path=path), _onward(phase, stop)
+    is_permitted = keeps_limits(path, robot, phase.problem.task_limits)
+    return stop if is_permitted and infeasible_place(parts) is None else None
+
+
+def stopping_point(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
+    """Return the joint positions (4,) at which a robot can stop, within the joint ranges.
+
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+    q, qd, qdd : (4,) arrays
+        Joint positions, velocities and accelerations at the beginning, rad, m and s.
+    """
+    curves = stopping_curves(robot, qd, qdd)
+    distances = [0.0 if curve is None else curve.distance for curve in curves]
+    margins = [STOP_MARGIN if joint.jerk is None else 1.0 for joint in robot.joints]
+    low, high = np.array([joint.position for joint in robot.joints]).T
+    return np.asarray(np.clip(q + np.multiply(margins, distances), low, high))

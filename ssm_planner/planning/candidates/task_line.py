@@ -37,4 +37,6 @@ class TaskLine(PhaseCandidate):
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion along the line."""
         assert self.line.path is not None
-        return replace(self.planner, phase=self.line).along_path(self.line.path)
+        result = replace(self.planner, phase=self.line).along_path(self.line.path)
+        # What forbids the line need not forbid other motions.
+        return replace(result, limit=None) if isinstance(result, Reason) else result

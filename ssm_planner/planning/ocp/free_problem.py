@@ -153,7 +153,9 @@ class FreeProblem(OcpProblem):
             bound[-1, -constraint_count:] = np.where(
                 np.isfinite(bound[-1, -constraint_count:]), 1 + SAME, np.inf
             )
-        return replace(base, path_bound=bound)
+        # The robot can stop first instead.
+        brief = self.problem.planner == "fast" and bool(self.speeds[0].any())
+        return replace(base, path_bound=bound, brief=brief)
 
     def scaled(self, values: Array, order: int) -> Array:
         """Convert joint values to the coordinates u and to scaled time.

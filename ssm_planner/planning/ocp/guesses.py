@@ -203,6 +203,7 @@ def jerk_for_all(
     least_durations = np.abs(displacements) / velocity + 2 * np.sqrt(
         np.abs(displacements) / acceleration
     )
-    least_durations[[0, -1]] += np.abs(ends) / acceleration
+    for k, speed in zip((0, -1), ends, strict=True):
+        least_durations[k] += np.abs(speed) / acceleration
     ramp = RAMP * least_durations.max(axis=1).min()
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)

@@ -131,7 +131,7 @@ class BoundaryConditions:
     points: Array
     """u at every border and at the end, (k + 1, m). NaN where it is free."""
     signs: Array
-    """Direction +1, −1 or 0 of u in every segment, (k, m). NaN where u may reverse."""
+    """Direction +1, −1 or 0 of u in every segment, (k, m)."""
     start_velocity: Array
     end_velocity: Array
     """u̇ at the start and at the end, (m,) each."""
@@ -158,17 +158,12 @@ class BoundaryConditions:
         m, segment = structure.coordinates, structure.segment
         v, a0, a1 = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
-        may_reverse = np.isnan(signs)
-        v_min, v_max = (
-            np.where(may_reverse | (sign * signs > 0), sign * velocity, 0.0) for sign in (-1, 1)
-        )
+        v_min, v_max = (np.where(sign * signs > 0, sign * velocity, 0.0) for sign in (-1, 1))
         limit = np.where(signs != 0, acceleration, 0.0)
         # A coordinate keeps its direction within a segment, so it stays between its positions at
         # the borders. At a free border, these are bounded by the range of reversals.
         ends = np.stack([self.points[:-1], self.points[1:]])[:, segment]
-        lowest, highest = (
-            np.where(np.isnan(ends) | may_reverse, bound, ends) for bound in self.ranges
-        )
+        lowest, highest = (np.where(np.isnan(ends), bound, ends) for bound in self.ranges)
         lower = np.hstack([lowest.min(axis=0), v_min, -limit, -limit])
         upper = np.hstack([highest.max(axis=0), v_max, limit, limit])
         for k, element in enumerate(structure.borders):
@@ -217,6 +212,8 @@ class NlpData:
     """
     duration: tuple[float, float] = (0.0, np.inf)
     """Smallest and largest total duration."""
+    brief: bool = False
+    """True if a cold start of Ipopt has only few iterations."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Weights of the duration and of the cost (heat or effort of the motors) in the objective."""
 
@@ -228,11 +225,10 @@ class NlpData:
     def bounds_of_u_count(self, structure: NlpStructure) -> Mask:
         """Return a mask (n, m) of the bounds of u that do not follow from other constraints.
 
-        Bounds of u are needed at free borders, and for coordinates that may reverse anywhere. A
-        coordinate that keeps its direction stays between its borders without them.
+        Bounds of u are needed at free borders. A coordinate keeps its direction between borders, so
+        it stays between its positions there without them.
         """
-        v_min, v_max = self.velocity
-        counts = (v_min < 0) & (v_max > 0)
+        counts = np.zeros_like(self.velocity[0], dtype=bool)
         counts[structure.borders[1:]] = True
         return np.asarray(counts & ~self.is_fixed[:, : structure.coordinates])
 

@@ -118,16 +118,8 @@ class RefinementState:
             data = data.least_cost(duration, time=float(aim == "cooling"))
         return structure, element, data
 
-    def solve(self, program: NlpProgram, aim: Aim) -> NlpSolution:
-        """Solve a program by Ipopt or by the structured solver, depending on the method.
-
-        Parameters
-        ----------
-        program : NlpProgram
-            The program.
-        aim : str
-            Cost in addition to time, see `elements.element.Aim`.
-        """
+    def solve(self, program: NlpProgram) -> NlpSolution:
+        """Solve a program by Ipopt or by the structured solver, depending on the method."""
         structure, element, data = program
         if self.problem.method == "Ipopt":
             return Transcription.build(structure, element).solve(data, self.elements, self.warm)
@@ -217,7 +209,7 @@ def solve_to_tolerance(
     feasible = False
     for round_number in range(1, ROUNDS + 1):
         program = state.program(aim, duration)
-        solution = state.solve(program, aim)
+        solution = state.solve(program)
         iterations += solution.iterations
         work.spent += SOLVE
         work.add_iterations(

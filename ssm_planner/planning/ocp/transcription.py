@@ -194,7 +194,8 @@ class Transcription:
         n, m = self.structure.elements, self.structure.coordinates
         if confirming:
             data = self._as_structured(data)
-        start_kind: Start = "confirming" if confirming else "cold" if warm is None else "warm"
+        cold: Start = "brief" if data.brief else "cold"
+        start_kind: Start = "confirming" if confirming else cold if warm is None else "warm"
         result, stats = ipopt(self.solver(start_kind), **self._inputs(data, elements, warm))
         if self.native is not None:
             self.native.check()

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.lower_bound import SCurve, minimum_times
+from ssm_planner.planning.lower_bound import BISECTIONS, SCurve, minimum_times, quickest_stop
 from ssm_planner.planning.ocp.segments import SegmentChain, guess_of_curves
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.typing import Array, record
@@ -21,8 +21,6 @@ LEAST_SEGMENT = 4e-3
 
 The solver may reduce it to a hundredth of that.
 """
-BISECTIONS = 60
-"""Number of bisections of the peak velocity."""
 
 
 @record
@@ -181,25 +179,16 @@ def braking(speed: Array, acceleration: Array, limits: Array) -> Array:
     (m,) array
         q̇² / (2 · stopping distance), at most the acceleration limit.
     """
-    _, a_max, jerk = limits
-    sign = np.where(speed < 0, -1.0, 1.0)
-    v, a = sign * speed, sign * acceleration
-    peak = np.minimum(np.sqrt(np.maximum(jerk * v + a**2 / 2, 0.0)), a_max)
-    # The acceleration falls to −peak, stays there, and returns to 0.
-    ramp_in_time, ramp_out_time = np.maximum((a + peak) / jerk, 0.0), peak / jerk
-    constant_time = np.maximum(v + (a**2 - 2 * peak**2) / (2 * jerk), 0.0) / np.where(
-        peak > 0, peak, 1.0
-    )
-    distance = v * ramp_in_time + a * ramp_in_time**2 / 2 - jerk * ramp_in_time**3 / 6
-    v = v + a * ramp_in_time - jerk * ramp_in_time**2 / 2
-    distance += v * constant_time - peak * constant_time**2 / 2
-    v = v - peak * constant_time
-    distance += v * ramp_out_time - peak * ramp_out_time**2 / 2 + jerk * ramp_out_time**3 / 6
-    return np.where(
-        (distance > 0) & (speed != 0),
-        np.minimum(speed**2 / (2 * np.where(distance > 0, distance, 1.0)), a_max),
-        a_max,
-    )
+    _, largest_acceleration, jerk = limits
+    result = largest_acceleration.copy()
+    for k in np.flatnonzero(speed):
+        state = float(speed[k]), float(acceleration[k])
+        distance = (
+            np.sign(speed[k]) * quickest_stop(*state, largest_acceleration[k], jerk[k]).distance
+        )
+        if distance > 0:
+            result[k] = min(speed[k] ** 2 / (2 * distance), largest_acceleration[k])
+    return result
 
 
 def guess_with_reversals(

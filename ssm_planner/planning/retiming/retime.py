@@ -17,7 +17,7 @@ from ssm_planner.kinematics import tool_speed
 from ssm_planner.planning.retiming.constraints import PathLimits
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest_profile
-from ssm_planner.planning.tolerances import GAP, ROUNDING, SAMPLES
+from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME, SAMPLES
 from ssm_planner.problem import Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Samples, Trajectory, hermite
 from ssm_planner.typing import Array, Indices, record
@@ -153,6 +153,21 @@ def retime_motion(
         path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2)
     )
     return _retimed(grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True)
+
+
+def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
+    """Return True if the motion of a path satisfies the limits at the samples of the path.
+
+    The limits are those of joint velocity and acceleration, motor speed and torque, and the speeds
+    of the tool. Jerk and the distance to stop are not examined.
+    """
+    grid = path.grid(FEW)
+    squares = np.full_like(grid, 1 / path.trajectory.duration**2)
+    path_limits = replace(PathLimits.on_grid(path, grid, robot, limits), stops=None)
+    rows = path_limits.constraints(squares, static_start=True).tangent(squares)
+    x = squares[:, None]
+    peak = max((rows.b * x + rows.c).max(), (squares / rows.ceiling).max())
+    return bool(peak <= 1 + SAME)
 
 
 def motion_along(path: MotionPath, retiming: Retiming) -> Trajectory:

@@ -1,0 +1,147 @@
+"""Free motions in two parts with a rest between them, so that some joints move before others."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+from typing import ClassVar
+
+import numpy as np
+
+from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
+from ssm_planner.planning.candidates.detour import Detour
+from ssm_planner.planning.candidates.direct import Direct
+from ssm_planner.planning.feasibility import infeasible_place
+from ssm_planner.planning.motor_strength import motor_too_weak
+from ssm_planner.planning.ocp.motion import PhaseSolution
+from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.phases import Phase
+from ssm_planner.planning.planned_phase import PlannedPhase, planned_rest
+from ssm_planner.planning.reason import Reason, duration_too_short
+from ssm_planner.planning.retiming.paths import PolylinePath
+from ssm_planner.planning.search import find_fastest
+from ssm_planner.planning.tolerances import SAME
+from ssm_planner.problem import MotorTorque, unchecked
+from ssm_planner.trajectory import join
+from ssm_planner.typing import Array, record
+
+SHARES = (1.0, 0.5)
+"""Shares of their displacement that the joints of the first part move before the rest."""
+MOST = 4
+"""Largest number of orders of the joints that are tried."""
+
+
+class InParts(PhaseCandidate):
+    """A free motion in two parts."""
+
+    label: ClassVar[str]
+    """End of the name of the phase."""
+
+    def _fastest(self, phase: Phase, *others: type[PhaseCandidate]) -> PlannedPhase | Reason:
+        """Return the fastest motion of a part. A requested duration of the phase is ignored.
+
+        The candidates are direct motions, detours and `others`.
+        """
+        kinds: list[type[PhaseCandidate]] = [Direct, Detour, *others]
+        untimed = replace(phase, motion=unchecked(phase.motion, duration=None))
+        return find_fastest(kinds, replace(self.planner, phase=untimed), self.planner.work)[0]
+
+    def _followed(
+        self, first: PhaseSolution, onward: Phase, *others: type[PhaseCandidate]
+    ) -> PlannedPhase | Reason:
+        """Append the fastest motion of the second part to the first part.
+
+        Parameters
+        ----------
+        first : PhaseSolution
+            Motion of the first part.
+        onward : Phase
+            Second part.
+        others : types of PhaseCandidate
+            Further candidates of the second part.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with both parts. If the phase has a requested duration, the second part is
+            slowed down to reach it. The reason states why there is no second part.
+        """
+        phase = self.planner.phase
+        result = planned_rest(onward) if onward.stands else self._fastest(onward, *others)
+        if isinstance(result, Reason):
+            return result
+        second, duration = result.motion, phase.motion.duration
+        if duration is not None:
+            needed = first.duration + second.duration
+            if needed > duration * (1 + SAME) or not second.duration or phase.qd_end.any():
+                return duration_too_short(phase.motion.name, duration, needed)
+            second = second.slower((duration - first.duration) / second.duration)
+        trajectory = join([("", motion.breaks, motion.coefficients) for motion in (first, second)])
+        motion = replace(
+            second,
+            breaks=trajectory.breaks,
+            coefficients=trajectory.coefficients,
+            border_instants=np.append(
+                first.border_instants, first.duration + second.border_instants[1:]
+            ),
+            directions=np.vstack([first.directions, second.directions]),
+        )
+        labelled = unchecked(phase.motion, name=f"{phase.motion.name}, {self.label}")
+        return PlannedPhase(replace(phase, motion=labelled), motion, phase.lower_bound)
+
+
+@record
+class InTurn(InParts):
+    """A free motion from rest to rest in which some joints move first, to relieve a weak motor."""
+
+    between: Array
+    """Joint positions at the rest between the parts, (4,), rad and m."""
+
+    kind: ClassVar[str] = "in turn"
+    label: ClassVar[str] = "in turn"
+
+    @classmethod
+    def suggested(
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
+    ) -> Iterator[PhaseCandidate]:
+        """Yield the orders with the smallest bounds, after a motor was too weak for the direct motion.
+
+        In each of them, every motor is strong enough at the ends of both parts.
+        """
+        if latest is None or latest.failed is None or latest.candidate.kind != Direct.kind:
+            return
+        phase = planner.phase
+        is_too_weak = isinstance(latest.failed.limit, MotorTorque)
+        between_points = phase.path is None and len(phase.points) == 2
+        if not (is_too_weak and between_points and phase.begins_and_ends_at_rest):
+            return
+        start, end = phase.points
+        displacements = np.array(list(product((0.0, 1.0), repeat=4))) * (end - start)
+        points = np.unique(np.vstack([start + share * displacements for share in SHARES]), axis=0)
+        orders = [cls(planner, point) for point in points if _relieves(_parts(phase, point))]
+        yield from sorted(orders, key=lambda order: order.bound)[:MOST]
+
+    @property
+    def bound(self) -> float:
+        """Duration that no motion with this rest can beat, s."""
+        return sum(part.lower_bound for part in _parts(self.planner.phase, self.between))
+
+    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
+        """Return both motions joined into one, or the reason why one of them was not found."""
+        first, last = _parts(self.planner.phase, self.between)
+        result = self._fastest(first)
+        return result if isinstance(result, Reason) else self._followed(result.motion, last)
+
+
+def _parts(phase: Phase, between: Array) -> tuple[Phase, Phase]:
+    """Split a phase at joint positions (4,) in rad and m, at which the robot rests."""
+    start, end = phase.points
+    first = phase.part(np.stack([start, between]), to_end=False)
+    return first, phase.part(np.stack([between, end]))
+
+
+def _relieves(parts: tuple[Phase, Phase]) -> bool:
+    """Return True if both parts move, their places are permitted, and every motor is strong enough."""
+    if any(part.stands for part in parts) or infeasible_place(parts) is not None:
+        return False
+    paths = (PolylinePath(part.mechanism, part.points) for part in parts)
+    return not any(map(motor_too_weak, parts, paths))
