@@ -66,7 +66,11 @@ from .reproduction import Reproduction as Reproduction, reproduce as reproduce
 from .pipeline.retime import retime as retime
 from .pipeline.run import Replanner as Replanner, plan as plan
 from .planning.reason import Reason as Reason
-from .plans import PhaseSummary as PhaseSummary, Plan as Plan, load_plan as load_plan
+from .plans import (
+    PhaseSummary as PhaseSummary,
+    Plan as Plan,
+    load_plan as load_plan,
+)
 from .problem.controller import (
     AxisController as AxisController,
     Controller as Controller,
@@ -174,6 +178,7 @@ from .verification.certificate import (
     LimitCheck as LimitCheck,
     Unjudged as Unjudged,
 )
+from .verification.path_bound import Sensitivity as Sensitivity
 from .verification.second_opinion import Opinion as Opinion
 from .verification.slower import SpeedRange as SpeedRange, WorstSpeed as WorstSpeed
 from .view.server import ViewServer as ViewServer, serve_view as serve_view

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import platform
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, field, replace
 from functools import cache, cached_property
@@ -47,6 +48,7 @@ from ssm_planner.typing import JsonObject, frozen, record
 from ssm_planner.units import display_unit
 from ssm_planner.verification import Certificate, broken_seal
 from ssm_planner.verification.check import check
+from ssm_planner.verification.path_bound import Sensitivity
 from ssm_planner.verification.second_opinion import Opinion, second_opinions
 
 if TYPE_CHECKING:  # the check reads plans and must not load the planner
@@ -164,6 +166,8 @@ class PhaseSummary(ShortRepr):
     """Reason why toppra cannot judge the duration of the phase."""
     path_bound: float | None = None
     """Lower bound of the duration along the path of the phase, s. None if toppra was not called."""
+    sensitivities: tuple[Sensitivity, ...] | None = None
+    """Changes of the duration with the limits. None if toppra cannot judge the phase."""
 
     def to_dict(self) -> JsonObject:
         """Convert the summary to JSON types. Fields that do not apply to this phase are omitted."""
@@ -192,7 +196,15 @@ class PhaseSummary(ShortRepr):
             None if value is None else max(value, self.lower_bound)
             for value in (duration, opinion.bound)
         )
-        return replace(self, toppra_duration=duration, path_bound=bound, not_judged=reason)
+        # Of a motion that is slower than its path allows, other limits determine the duration.
+        is_slowed = duration is None or self.duration > (1 + SLOWER) * duration
+        return replace(
+            self,
+            toppra_duration=duration,
+            path_bound=bound,
+            sensitivities=None if is_slowed else opinion.sensitivities,
+            not_judged=reason,
+        )
 
 
 SUMMARY = (
@@ -217,6 +229,7 @@ OF_SOME = (
     "constant_error",
     "not_judged",
     "path_bound",
+    "sensitivities",
 )
 """Fields that only some phases have: free motions, or phases with rounded corners or constant
 speed.
@@ -227,6 +240,11 @@ FASTER = 1e-4
 """Relative difference to toppra's duration above which a motion is faster than its path allows."""
 SLOWER = 1e-3
 """Relative difference to toppra's duration above which a motion is slower than necessary."""
+CHANGE = 1e-4
+"""Smallest sensitivity that is significant, as a share of the duration.
+
+The duration of a plan has about this accuracy.
+"""
 TRADED = 1e-3
 """Share of the duration that the objective "time then heat" may add."""
 NOT_IN_PATH = ("continuous torque", "nut contact", "self-locking")
@@ -452,6 +470,25 @@ class Plan(ShortRepr):
         return self._total("path_bound")
 
     @property
+    def sensitivities(self) -> tuple[Sensitivity, ...] | None:
+        """Changes of the duration with the limits, the largest first. None if a phase lacks them.
+
+        Changes below a share CHANGE of the duration are left out, because they are not significant.
+        """
+        changes: dict[tuple[str, str | None], float] = defaultdict(float)
+        for phase in self.phases:
+            if phase.sensitivities is None:
+                return None
+            for item in phase.sensitivities:
+                changes[item.limit, item.joint] += item.seconds_per_percent
+        smallest = CHANGE * (self.duration or 0.0)
+        significant = (
+            Sensitivity(*name, change) for name, change in changes.items() if change < -smallest
+        )
+        ordered = sorted(significant, key=lambda item: item.seconds_per_percent)
+        return tuple(ordered) if self.phases else None
+
+    @property
     def confirmation(self) -> tuple[int, float] | None:
         """Number of iterations and largest difference of Ipopt's confirmations."""
         statements = [
@@ -582,6 +619,7 @@ class Plan(ShortRepr):
         return {
             **attributes(self, SUMMARY),
             "cross_check": self.cross_check,
+            "sensitivities": plain(self.sensitivities),
             "motors": [requirement.to_dict() for requirement in self.requirements],
             "sizing": None if self.sizing is None else self.sizing.to_dict(),
             "limits": self.certificate.to_dict()["limits"] if self.certificate else [],

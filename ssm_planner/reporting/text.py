@@ -52,6 +52,8 @@ CHECK_OF_RATING = {
     "nominal_torque": "continuous_torque",
 }
 """Name of the check whose limit is a value of the motor file, by the key of this value."""
+SHOWN_SENSITIVITIES = 3
+"""Number of sensitivities in the summary of a plan, the largest first."""
 AGREES_IPOPT = 1e-6
 """Largest relative difference of durations at which Ipopt confirms a motion."""
 
@@ -231,6 +233,17 @@ def phases_table(plan: "Plan") -> Table:
     return Table(header, rows, (1, 2, 3, 4))
 
 
+def sensitivities_table(plan: "Plan") -> Table:
+    """Build the table of the time that a motion saves if a limit grows by one percent."""
+    rows = []
+    for item in plan.sensitivities or ():
+        saved = -item.seconds_per_percent
+        share = 100 * saved / plan.motion.duration
+        cells = format_fixed(1e3 * saved, 2), format_fixed(share, 3)
+        rows.append((item.limit, item.joint or NOTHING, *cells))
+    return Table(("limit", "joint", "saved ms for +1 %", "share %"), rows, (2, 3))
+
+
 def candidates_table(plan: "Plan") -> Table:
     """Build the table of the candidate motions of every phase.
 
@@ -337,7 +350,8 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
     tables = [phases_table(plan)]
     if verbose:
         limits = () if plan.certificate is None else plan.certificate.limits
-        tables += joints_table(plan), motors_table(plan.requirements), limits_table(limits)
+        tables += sensitivities_table(plan), joints_table(plan)
+        tables += motors_table(plan.requirements), limits_table(limits)
     for table in tables:
         lines += ["", *table.lines()] if table.rows else []
     if verbose and plan.notes:
@@ -530,6 +544,10 @@ def cross_check_lines(plan: "Plan") -> list[str]:
     if plan.path_bound and plan.duration:
         share = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
         lines.append(f"proven       no motion along this path is more than {share:.3f} % shorter")
+    if plan.sensitivities:
+        rows = sensitivities_table(plan).rows[:SHOWN_SENSITIVITIES]
+        savings = ", ".join(f"{limit} of {joint} {saved} ms" for limit, joint, saved, _ in rows)
+        lines.append(f"faster       +1 % of a limit saves: {savings}".replace(f" of {NOTHING}", ""))
     for reason in dict.fromkeys(phase.not_judged for phase in plan.phases if phase.not_judged):
         names = ", ".join(phase.name for phase in plan.phases if phase.not_judged == reason)
         lines.append(f"cross-check  none of {names}: {reason}")

@@ -28,18 +28,29 @@ The bound stays valid if rows are left out. This module leaves out the torque li
 brakes, because friction does most of the braking, and the torque limit of a joint in an interval
 where it reverses. At every speed, the friction coefficient is the smallest that the joint can have.
 
-Source: S. Boyd, L. Vandenberghe, Convex Optimization, 2004, §5.1 (weak duality).
+The multipliers are also the sensitivities of the duration. If the limit of row r grows by a share
+ε, the row may reach 1 + ε, so the bound decreases by ε ∫ λ_r ds. If the speed limit F grows by ε,
+it decreases by ε ∫ ν/F ds, where ν = 1 − 2p F³ − κ F² wherever the minimum is at y = F, and by
+2 ε F² Δμ at a jump. At an optimal motion, the duration along the fixed path and the duration of the
+best path have the same derivative (envelope theorem).
+
+Sources: S. Boyd, L. Vandenberghe, Convex Optimization, 2004, §5.1 (weak duality) and §5.6
+(sensitivity). P. Milgrom, I. Segal, Envelope theorems for arbitrary choice sets, Econometrica
+70(2), 2002.
 """
 
+from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ssm_planner.dynamics import friction_coefficient, friction_of, motorised
-from ssm_planner.problem import Robot, TaskLimits
+from ssm_planner.problem import JointAcceleration, MotorTorque, Robot, TaskLimits
+from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import Array, Mask, record
-from ssm_planner.verification.path_rows import PathRows, coefficients
+from ssm_planner.typing import Array, Mask, frozen, record
+from ssm_planner.verification.path_rows import LimitName, PathRows, coefficients
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Positions of the points in an interval, from 0 at its start to 1 at its end."""
@@ -73,6 +84,28 @@ NO_JUMP = 1e-12
 """A jump of μ is rounding up to this value."""
 BISECTIONS = 80
 """Number of bisections that locate y in the interval (0, F)."""
+PERCENT = 0.01
+"""Share by which a limit grows in the definition of a sensitivity."""
+
+
+@frozen
+class Sensitivity(ShortRepr):
+    """Change of the duration of a motion with one of its limits, to first order.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> plan = ssm.load_plan("results/tilt_insert")
+    >>> [(item.limit, item.joint) for item in plan.sensitivities[:2]]
+    [('velocity', 'tilt'), ('velocity', 'insertion')]
+    """
+
+    limit: str
+    """Name of the limit, as in the certificate."""
+    joint: str | None
+    """Name of the joint. None for a limit of the tool or of the task."""
+    seconds_per_percent: float
+    """Change of the duration if the limit grows by one percent, s. It is negative."""
 
 
 def path_bound(
@@ -81,8 +114,8 @@ def path_bound(
     limits: TaskLimits,
     span: tuple[float, float],
     squares: Array | None = None,
-) -> float | None:
-    """Return a lower bound on the duration of every motion along the path of a motion.
+) -> tuple[float | None, tuple[Sensitivity, ...] | None]:
+    """Compute a lower bound on the duration of every motion along the path of a motion.
 
     Parameters
     ----------
@@ -100,15 +133,29 @@ def path_bound(
 
     Returns
     -------
-    float or None
+    bound : float or None
         Bound in s, or None if the linear program is infeasible.
+    sensitivities : tuple of Sensitivity or None
+        Changes of the bound with the limits that bind. None without a bound.
     """
     path = PathRows.from_trajectory(trajectory, robot, span, SHARES)
     max_speed = np.where(path.moves, 1 / path.speed_use(limits), 1.0)
     squares = np.ones(len(path.width) + 1) if squares is None else squares
-    program = _Program.from_rows(path, max_speed, squares)
+    names, rows = zip(*_rows(path), strict=True)
+    program = _Program.from_rows(path, rows, max_speed, squares)
     multipliers = program.multipliers()
-    return None if multipliers is None else program.bound(multipliers)
+    if multipliers is None:
+        return None, None
+    by_row, by_point = program.sensitivities(multipliers)
+    changes: dict[LimitName, float] = defaultdict(float)
+    for name, change in zip(names, by_row.tolist(), strict=True):
+        changes[name] += change
+    uses = path.speed_uses(limits)
+    binding = np.argmax(np.stack(list(uses.values())), axis=0)
+    for k, name in enumerate(uses):
+        changes[name] += float(by_point[path.moves & (binding == k)].sum())
+    binding_limits = (Sensitivity(*name, change) for name, change in changes.items() if change)
+    return program.bound(multipliers), tuple(binding_limits)
 
 
 @record
@@ -138,15 +185,23 @@ class _Program:
     """True at inner grid points where the speed limit may bind and λ may jump, (n − 1,)."""
     max_speed_squared: Array
     """F² at the inner grid points, (n − 1,)."""
+    width: Array
+    """Lengths of the intervals, (n,)."""
+    unknowns: Array
+    """Numbers of the unknowns, see `_unknowns`, (2, n, rows)."""
 
     @classmethod
-    def from_rows(cls, path: PathRows, max_speed: Array, squares: Array) -> "_Program":
+    def from_rows(
+        cls, path: PathRows, rows: Sequence[Array], max_speed: Array, squares: Array
+    ) -> "_Program":
         """Build the program of a path.
 
         Parameters
         ----------
         path : PathRows
-            The rows at five points of n intervals.
+            The path, sampled at five points of n intervals.
+        rows : sequence of (4, 5n) arrays
+            Values of the rows at the PROBES.
         max_speed : (5n,) array
             Speed limits F.
         squares : (n + 1,) array
@@ -156,7 +211,7 @@ class _Program:
         gained = np.diff(squares)
         speed_squared = np.concatenate([squares[:-1] + share * gained for share in SHARES])
         acceleration = np.tile(gained / (2 * path.width), len(SHARES))[:, None]
-        a, b, c, k = coefficients(np.stack(_rows(path), axis=2))
+        a, b, c, k = coefficients(np.stack(rows, axis=2))
         y = np.sqrt(speed_squared)
         slack = 1 - (a * acceleration + b * speed_squared[:, None] + c + k * y[:, None])
         slope = np.tensordot(DERIVATIVES, a.reshape(len(SHARES), count, -1), 1)
@@ -186,6 +241,8 @@ class _Program:
             jump=mu[1:count] - mu[-count:-1],
             at_limit=at_limit,
             max_speed_squared=max_speed_squared,
+            width=path.width,
+            unknowns=unknowns,
         )
 
     def multipliers(self) -> Array | None:
@@ -240,6 +297,32 @@ class _Program:
         )
         return None if result.x is None else np.maximum(result.x[: p.shape[1]], 0.0)
 
+    def sensitivities(self, multipliers: Array) -> tuple[Array, Array]:
+        """Return the changes of the bound if a limit grows by one percent.
+
+        Parameters
+        ----------
+        multipliers : (unknowns,) array
+            Any values that are at least 0.
+
+        Returns
+        -------
+        by_row : (rows,) array
+            Changes that the limit of each row causes, s.
+        by_point : (5n,) array
+            Contributions of the points to the change that the speed limit causes, s.
+        """
+        # The number −1 stands for a multiplier that is 0.
+        ends = np.append(multipliers, 0.0)[self.unknowns]
+        integrals = np.einsum("enr,n->r", ends, self.width) / 2
+        p, kappa, end = self.p @ multipliers, self.kappa @ multipliers, self.max_speed
+        at_end = _smallest_values(p, kappa, end) >= 1 / end + p * end**2 + kappa * end
+        of_speed = np.where(at_end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
+        by_point = self.weights[0] * np.maximum(of_speed, 0.0) / end
+        jumps = np.maximum(self.jump @ multipliers, 0.0)
+        by_point[1 : len(self.width)] += 2 * self.max_speed_squared * jumps
+        return -PERCENT * integrals, -PERCENT * by_point
+
     def bound(self, multipliers: Array) -> float:
         """Return the lower bound on the duration for given multipliers, s.
 
@@ -258,13 +341,14 @@ class _Program:
         return float(fine - abs(fine - rough) + mu[-1] - mu[0] - jump_loss)
 
 
-def _rows(path: PathRows) -> list[Array]:
-    """Return all acceleration and torque rows that are part of the bound.
+def _rows(path: PathRows) -> list[tuple[LimitName, Array]]:
+    """Return all acceleration and torque rows that are part of the bound, with their limits.
 
     Each row contains its values at the PROBES, (4, points). Torque rows use the smallest friction
     coefficient. They are 0 in an interval in which the joint reverses.
     """
-    rows = path.accelerations()
+    names = [(JointAcceleration.name, joint.name) for joint in path.robot.joints for _ in "+-"]
+    rows: list[tuple[LimitName, Array]] = list(zip(names, path.accelerations(), strict=True))
     for i, drive, motor in motorised(path.robot.joints):
         speeds = 0.0, drive.ratio * path.robot.joints[i].velocity
         smallest = min(float(friction_coefficient(friction_of(drive), w)) for w in speeds)
@@ -272,7 +356,8 @@ def _rows(path: PathRows) -> list[Array]:
         reverses = (direction * path.speed[2, :, i]).reshape(len(SHARES), -1) < 0
         is_kept = np.tile(~reverses.any(axis=0), len(SHARES))
         torques = path.torques(i, drive, motor, np.full(len(direction), smallest))
-        rows += [is_kept * side for side in torques]
+        name = MotorTorque.name, path.robot.joints[i].name
+        rows += [(name, is_kept * side) for side in torques]
     return rows
 
 

@@ -9,7 +9,16 @@ import numpy as np
 
 from ssm_planner.dynamics import STILL, RigidBody, motor_torque_rows, output_effort
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
-from ssm_planner.problem import TASK, Drive, Motor, Robot, TaskLimits
+from ssm_planner.problem import (
+    TASK,
+    Drive,
+    JointVelocity,
+    Motor,
+    MotorSpeed,
+    Robot,
+    TaskLimits,
+    TaskRate,
+)
 from ssm_planner.trajectory import DEGREE, Trajectory, parts_of
 from ssm_planner.typing import Array, Mask, record
 
@@ -19,6 +28,8 @@ STANDING = 1e-9
 """Smallest result of `speed_use`, which prevents a division by 0 where nothing moves."""
 PROBES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 """Pairs (s̈, ṡ) at which the laws are evaluated. The results determine the coefficients of a row."""
+LimitName = tuple[str, str | None]
+"""Name of a limit, and of its joint. The latter is None for limits of the tool and of the task."""
 
 
 def coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
@@ -163,20 +174,28 @@ class PathRows:
         ]
 
     def speed_use(self, limits: TaskLimits) -> Array:
-        """Return how much of its speed limit the motion uses at ṡ = 1.
+        """Return the largest share of a speed limit that the motion uses at ṡ = 1, (m n,).
 
-        The result (m n,) is the largest ratio of a speed of joints, motors, tool or task to its
-        limit. A timing keeps all speed limits if ṡ is at most the inverse of this ratio.
+        A timing keeps all speed limits if ṡ is at most the inverse of this share.
+        """
+        return np.maximum(STANDING, np.max(list(self.speed_uses(limits).values()), axis=0))
+
+    def speed_uses(self, limits: TaskLimits) -> dict[LimitName, Array]:
+        """Return the share of every speed limit that the motion uses at ṡ = 1, (m n,) each.
+
+        The limits are those of joints, motors, tool and task.
         """
         mechanism, qd = Mechanism.from_robot(self.robot), self.speed[2]
-        uses = [np.full(len(qd), STANDING)]
+        uses: dict[LimitName, Array] = {}
         for joint, speed in zip(self.robot.joints, np.abs(qd.T), strict=True):
-            uses.append(speed / joint.velocity)
+            uses[JointVelocity.name, joint.name] = speed / joint.velocity
             if joint.drive is not None and joint.motor is not None:
-                uses.append(speed * joint.drive.ratio / joint.motor.max_speed)
+                motor_speed = speed * joint.drive.ratio
+                uses[MotorSpeed.name, joint.name] = motor_speed / joint.motor.max_speed
         for bound in limits.speeds:
-            uses.append(tool_speed(type(bound), mechanism, self.q, qd) / bound.largest)
-        if limits.rates:
-            rates = np.abs(task_rates(mechanism, self.q, qd))
-            uses += [rates[:, TASK.index(name)] / rate for name, rate in limits.rates.items()]
-        return np.asarray(np.max(uses, axis=0))
+            speed = tool_speed(type(bound), mechanism, self.q, qd)
+            uses[bound.name, None] = speed / bound.largest
+        rates = np.abs(task_rates(mechanism, self.q, qd)) if limits.rates else qd
+        for name, rate in limits.rates.items():
+            uses[TaskRate.name_of(name), None] = rates[:, TASK.index(name)] / rate
+        return uses

@@ -22,10 +22,11 @@ import numpy as np
 
 from ssm_planner.dynamics import STILL, friction_coefficient, friction_of, motorised
 from ssm_planner.problem import Dwell, Problem, Robot, TaskLimits
+from ssm_planner.representation import ShortRepr
 from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
-from ssm_planner.verification.path_bound import path_bound
+from ssm_planner.verification.path_bound import Sensitivity, path_bound
 from ssm_planner.verification.path_rows import PathRows, coefficients
 
 ENDS = (0.0, 1.0)
@@ -53,7 +54,7 @@ TINY = 1e-9
 
 
 @record
-class Opinion:
+class Opinion(ShortRepr):
     """Result of the cross-check of one phase: two durations in s, or a reason for their absence.
 
     Examples
@@ -67,6 +68,8 @@ class Opinion:
     """Shortest duration along the path according to toppra, s."""
     bound: float | None = None
     """Lower bound on the duration of every motion along the path, s."""
+    sensitivities: tuple[Sensitivity, ...] | None = None
+    """Changes of the duration with the limits. None if toppra cannot judge the phase."""
     not_judged: str | None = None
     """Reason why toppra does not give a duration."""
 
@@ -95,7 +98,7 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
     opinions = []
     for span, request in zip(spans, requests, strict=True):
         if span.start == span.end:
-            opinions.append(Opinion(duration=0.0, bound=0.0))
+            opinions.append(Opinion(duration=0.0, bound=0.0, sensitivities=()))
         elif reason or request:
             opinions.append(Opinion(not_judged=reason or request))
         else:
@@ -136,9 +139,11 @@ def judge_path(
         duration = _duration(path, squares)
         saved = path.width.sum() - duration
         if abs(coarse - duration) <= max(GRID_ERROR * duration, SAVED_ERROR * saved):
-            return Opinion(2 * duration - coarse, path_bound(*path_arguments, timing))
+            bound, changes = path_bound(*path_arguments, timing)
+            return Opinion(2 * duration - coarse, bound, changes)
         coarse = duration
-    return Opinion(bound=path_bound(*path_arguments, timing), not_judged="toppra does not converge")
+    bound, _ = path_bound(*path_arguments, timing)
+    return Opinion(bound=bound, not_judged="toppra does not converge")
 
 
 def _not_judged(problem: Problem) -> str:

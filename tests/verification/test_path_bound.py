@@ -15,7 +15,7 @@ from ssm_planner.problem.value import unchecked
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.verification import path_rows
 from ssm_planner.verification.path_bound import _smallest_values, path_bound
-from ssm_planner.verification.second_opinion import judge_path
+from ssm_planner.verification.second_opinion import Opinion, judge_path
 from tests.campaign.opinions import weakened, with_friction
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
@@ -56,7 +56,7 @@ def test_the_bound_is_valid_for_any_guess_of_the_timing() -> None:
     bounds = []
     for size in (0.02, 0.2, 0.9):
         squares = 1 - size * rng.uniform(0, 1, len(path.width) + 1)
-        bounds.append(path_bound(made.motion, made.robot, made.limits, span, squares))
+        bounds.append(path_bound(made.motion, made.robot, made.limits, span, squares)[0])
     known = [bound for bound in bounds if bound is not None]
     assert known
     assert max(known) <= (1 + ROUNDING) * (span[1] - span[0])
@@ -110,7 +110,7 @@ def test_the_integral_does_not_depend_on_the_grid(monkeypatch: pytest.MonkeyPatc
     bounds = []
     for intervals in (200, 700):
         monkeypatch.setattr(path_rows, "INTERVALS", intervals)
-        bounds.append(path_bound(made.motion, made.robot, made.limits, span))
+        bounds.append(path_bound(made.motion, made.robot, made.limits, span)[0])
     assert bounds[0] == pytest.approx(bounds[1], rel=1e-5)
 
 
@@ -150,7 +150,7 @@ def test_a_rest_keeps_its_duration() -> None:
     motion = Trajectory.from_samples(
         [0.0, 1.0], np.tile([0.3, 1.15, 0.1, 0.0], (2, 1)), np.zeros((2, 4))
     )
-    bound = path_bound(motion, problem.robot, problem.task_limits, (0.0, 1.0))
+    bound, _ = path_bound(motion, problem.robot, problem.task_limits, (0.0, 1.0))
     assert bound == pytest.approx(1.0)
 
 
@@ -164,7 +164,7 @@ def test_a_joint_that_returns_within_an_interval_does_not_rest() -> None:
     coefficients[:, 2, 1] = -coefficients[:, 1, 1]
     motion = Trajectory(np.arange(count + 1.0), coefficients, ())
     use = speed / problem.robot.joints[1].velocity
-    bound = path_bound(motion, problem.robot, problem.task_limits, (0.0, float(count)))
+    bound, _ = path_bound(motion, problem.robot, problem.task_limits, (0.0, float(count)))
     assert bound is None or bound < 2 * count * use
 
 
@@ -176,3 +176,54 @@ def test_rests_of_the_polynomials_count() -> None:
     bound = judge_path(both, problem.robot, problem.task_limits, (0.0, 2.2)).bound
     assert bound is not None
     assert 0.95 * (expected + 0.7) <= bound <= (1 + ROUNDING) * (expected + 0.7)
+
+
+def changes_of(opinion: Opinion) -> dict[tuple[str, str | None], float]:
+    assert opinion.sensitivities is not None
+    return {(item.limit, item.joint): item.seconds_per_percent for item in opinion.sensitivities}
+
+
+def test_the_sensitivity_of_a_bang_bang_motion_follows_from_its_closed_form() -> None:
+    """T = 2 √(d/a), so one percent more acceleration saves half a percent of T."""
+    problem = load_problem("tilt_insert")
+    motion, expected = bang_bang(problem.robot, 2, 0.1)
+    changes = changes_of(judge_path(motion, problem.robot, problem.task_limits, (0.0, 1.5)))
+    assert changes["acceleration", "spin"] == pytest.approx(-0.005 * expected, rel=5e-3)
+    assert sum(changes.values()) == pytest.approx(changes["acceleration", "spin"], rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
+def test_sensitivities_satisfy_the_scaling_of_time(name: str) -> None:
+    """If only limits of speed and acceleration bind, T(v/λ, a/λ²) = λ T(v, a): Euler's theorem."""
+    made = load_plan(ROOT / "results" / name)
+    for span in made.motion.phases:
+        opinion = judge_path(made.motion, made.robot, made.limits, (span.start, span.end))
+        changes = changes_of(opinion)
+        assert not any(change for (limit, _), change in changes.items() if "torque" in limit)
+        orders = {limit: 2 if limit == "acceleration" else 1 for limit, _ in changes}
+        total = sum(orders[limit] * change for (limit, _), change in changes.items())
+        assert total == pytest.approx(-0.01 * (span.end - span.start), rel=2e-3)
+
+
+def test_a_torque_that_binds_has_a_sensitivity_that_planning_again_confirms() -> None:
+    problem = unchecked(weakened(0.9), planner="fast")
+    base = plan(problem, relaxations=False)
+    span = base.motion.phases[0]
+    ends = span.start, span.end
+    changes = changes_of(judge_path(base.motion, problem.robot, problem.task_limits, ends))
+    (_, joint), change = min(
+        ((name, value) for name, value in changes.items() if name[0] == "motor torque"),
+        key=lambda item: item[1],
+    )
+    stronger = tuple(
+        unchecked(j, motor=unchecked(j.motor, max_torque=1.001 * j.motor.max_torque))
+        if j.name == joint
+        else j
+        for j in problem.robot.joints
+    )
+    again = plan(
+        unchecked(problem, robot=unchecked(problem.robot, joints=stronger)), relaxations=False
+    )
+    gained = again.motion.phases[0].end - base.motion.phases[0].end
+    assert gained < -1e-3
+    assert change == pytest.approx(10 * gained, rel=0.05)

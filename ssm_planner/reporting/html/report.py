@@ -50,6 +50,7 @@ from ssm_planner.reporting.text import (
     phases_table,
     range_lines,
     rate_words,
+    sensitivities_table,
 )
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import display_unit
@@ -112,6 +113,7 @@ def report_page(plan: Plan) -> str:
         closest=plan.certificate and closest_limit(plan.certificate.limits),
         tiers=_tiers(plan.certificate),
         phases=phases_table(plan),
+        sensitivities=sensitivities_table(plan),
         candidates=candidates_table(plan),
         ends=joints_table(plan),
         motors=motors_table(plan.requirements),
