@@ -319,8 +319,7 @@ class _Program:
         at_end = _smallest_values(p, kappa, end) >= 1 / end + p * end**2 + kappa * end
         of_speed = np.where(at_end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
         by_point = self.weights[0] * np.maximum(of_speed, 0.0) / end
-        jumps = np.maximum(self.jump @ multipliers, 0.0)
-        by_point[1 : len(self.width)] += 2 * self.max_speed_squared * jumps
+        by_point[1 : len(self.width)] += 2 * self._jump_losses(multipliers)
         return -PERCENT * integrals, -PERCENT * by_point
 
     def bound(self, multipliers: Array) -> float:
@@ -336,9 +335,13 @@ class _Program:
         """
         minima = _smallest_values(self.p @ multipliers, self.kappa @ multipliers, self.max_speed)
         rough, fine = self.weights @ (minima + self.excess @ multipliers)
-        mu, jump = self.mu @ multipliers, self.jump @ multipliers
-        jump_loss = self.max_speed_squared @ np.where(jump > NO_JUMP, jump, 0.0)
-        return float(fine - abs(fine - rough) + mu[-1] - mu[0] - jump_loss)
+        mu, losses = self.mu @ multipliers, self._jump_losses(multipliers)
+        return float(fine - abs(fine - rough) + mu[-1] - mu[0] - losses.sum())
+
+    def _jump_losses(self, multipliers: Array) -> Array:
+        """Return F² max(Δμ, 0) at the inner grid points, (n − 1,), for multipliers (unknowns,)."""
+        jump = self.jump @ multipliers
+        return self.max_speed_squared * np.where(jump > NO_JUMP, jump, 0.0)
 
 
 def _rows(path: PathRows) -> list[tuple[LimitName, Array]]:
