@@ -15,6 +15,7 @@ from ssm_planner.identification.fit import Estimate, MapFit, fit_map
 from ssm_planner.identification.harmonics import fit_harmonics
 from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.recordings import Recording, distinct, read_recordings
+from ssm_planner.identification.session import session_notes
 from ssm_planner.identification.torque_map import (
     TABLE,
     TorqueMap,
@@ -201,7 +202,11 @@ def identify(
         direction: fit_harmonics(steady, sign, wheel)
         for direction, sign in (("forwards", 1), ("backwards", -1))
     }
-    fit = replace(fit, drive=_with_harmonics(fit.drive, harmonics))
+    fit = replace(
+        fit,
+        drive=_with_harmonics(fit.drive, harmonics),
+        notes=(*fit.notes, *session_notes(steady, moving)),
+    )
     if moving:
         progress(Step(f"fitting {len(moving)} start–stop recordings"))
     return Identification(

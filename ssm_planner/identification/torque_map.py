@@ -188,6 +188,8 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
     """Compute the torque–velocity map of steady-state recordings.
 
     Noisy and drifting speeds are kept, with a remark in `repairs`.
+
+    Raises RecordingError if the motor would produce energy in both directions.
     """
     order = sorted(recordings, key=lambda recording: float(recording.w.mean()))
     repairs = [f"{recording.name}: {repair}" for recording in order for repair in recording.repairs]
@@ -219,9 +221,34 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
         ]
         for recording in order
     ]
-    return replace(
-        _from_rows([recording.name for recording in order], rows), repairs=tuple(repairs)
+    data = _from_rows([recording.name for recording in order], rows)
+    if _produces_energy(data.w, data.tau):
+        raise RecordingError(
+            "the torque opposes the speed in both directions, so the motor would produce energy: "
+            "the sign of the torque or of the speed is wrong in all recordings"
+        )
+    return replace(data, repairs=tuple(repairs))
+
+
+def _produces_energy(w: Array, tau: Array) -> bool:
+    """Return True if a motor that moves out and back receives energy from its drive.
+
+    A constant load gives back the energy that it takes, and friction takes energy. The mean torque
+    of the motor at a speed is therefore larger than that at the opposite speed.
+
+    Parameters
+    ----------
+    w, tau : (points,) arrays
+        Mean speeds in increasing order, and mean torques.
+    """
+    forwards, backwards = w > 0, w < 0
+    if not (forwards.any() and backwards.any()):
+        return False
+    speeds = np.union1d(w[forwards], -w[backwards])
+    difference = np.interp(speeds, w[forwards], tau[forwards]) - np.interp(
+        -speeds, w[backwards], tau[backwards]
     )
+    return bool(difference.max() < 0)
 
 
 def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:

@@ -1,0 +1,82 @@
+"""Order and times of recordings, and a torque of the wrong sign."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ssm_planner.errors import RecordingError
+from ssm_planner.identification.identify import identify
+from ssm_planner.identification.recordings import Recording
+from ssm_planner.identification.session import session_notes
+from ssm_planner.identification.torque_map import torque_map
+from tests.support.recordings import REAL, RECORDINGS
+
+START = datetime(2020, 7, 6, 15, 30)
+SPEEDS = np.array([200.0, 150.0, 100.0, 70.0, 40.0, 20.0, 10.0, 5.0])
+
+
+def recording(speed: float, minute: float | None, tau: float = 0.0) -> Recording:
+    """Return a steady recording that was made some minutes after START."""
+    time = np.arange(20) * 1e-3
+    header = {}
+    if minute is not None:
+        header["date"] = (START + timedelta(minutes=minute)).isoformat(sep=" ")
+    w, torque = np.full(20, speed), tau + 1e-6 * np.cos(time)
+    return Recording(f"{speed:g}", time, w=w, tau=torque, header=header)
+
+
+@pytest.mark.parametrize(("sign", "word"), [(1, "fall"), (-1, "rise")])
+def test_speeds_in_order_of_time_are_stated(sign: int, word: str) -> None:
+    minutes = np.arange(len(SPEEDS))[::sign]
+    steady = [recording(w, t) for w, t in zip(SPEEDS, minutes.tolist(), strict=True)]
+    (note,) = session_notes(steady, [])
+    assert f"{word} with time (rank correlation {-sign:.2f})" in note
+
+
+@given(st.randoms(use_true_random=False))
+def test_the_order_does_not_depend_on_the_order_of_the_files(random: object) -> None:
+    steady = [recording(w, float(t)) for t, w in enumerate(SPEEDS)]
+    random.shuffle(steady)  # type: ignore[attr-defined]
+    assert len(session_notes(steady, [])) == 1
+
+
+def test_a_session_in_random_order_and_one_without_dates_need_no_remark() -> None:
+    minutes = [3.0, 6.0, 0.0, 5.0, 1.0, 7.0, 2.0, 4.0]
+    assert not session_notes([recording(w, t) for w, t in zip(SPEEDS, minutes, strict=True)], [])
+    assert not session_notes([recording(w, None) for w in SPEEDS], [])
+    same_time = [recording(w, 0.0) for w in SPEEDS]
+    assert not session_notes(same_time, [])
+
+
+@pytest.mark.parametrize(
+    ("minutes", "words"), [(45.0, "45 minutes"), (180.0, "3 hours"), (4 * 1440.0, "4 days")]
+)
+def test_pauses_are_stated(minutes: float, words: str) -> None:
+    (note,) = session_notes([recording(100.0, 0.0)], [recording(50.0, minutes)])
+    assert f"50 was recorded {words} after" in note
+
+
+@pytest.mark.parametrize("load", [0.0, 3e-3, -3e-3])
+def test_a_motor_that_produces_energy_has_a_wrong_sign(load: float) -> None:
+    """The energy of a load cancels over both directions. Friction takes energy."""
+    steady = [
+        recording(sign * w, None, load + sign * 1e-3) for w in SPEEDS.tolist() for sign in (1, -1)
+    ]
+    assert len(torque_map(steady).w) == 2 * len(SPEEDS)
+    flipped = [Recording(r.name, r.time, w=r.w, tau=-r.tau) for r in steady]
+    with pytest.raises(RecordingError, match="produce energy"):
+        torque_map(flipped)
+
+
+@pytest.mark.skipif(not REAL, reason="the recordings are not beside the project")
+@pytest.mark.parametrize("rig", [1, 2, 3])
+def test_the_sessions_of_the_paper_went_from_fast_to_slow(rig: int) -> None:
+    name = ("lead_screw", "antibacklash_screw", "worm")[rig - 1]
+    folder = RECORDINGS / f"drive{rig}_{name}" / "steady_state"
+    result = identify(f"rig{rig}_{name}", [folder], law="coulomb")
+    assert any("speeds of the recordings fall with time" in note for note in result.fit.notes)
