@@ -150,6 +150,7 @@ from .sizing.requirements import (
 )
 from .sizing.size import JointSizing as JointSizing, Sizing as Sizing
 from .sizing.thermal_network import Cycle as Cycle, ThermalModel as ThermalModel
+from .sizing.tip_error import ErrorSource as ErrorSource, TipError as TipError
 from .stopping import Stops as Stops
 from .studies.run import StudyProgress as StudyProgress, StudyResult as StudyResult, study as study
 from .studies.store import Candidate as Candidate, State as State

@@ -41,7 +41,14 @@ from ssm_planner.problem import (
 )
 from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.representation import ShortRepr, html_table
-from ssm_planner.sizing import MotorRequirement, Sizing, pause_of, size_motion
+from ssm_planner.sizing import (
+    MotorRequirement,
+    Sizing,
+    TipError,
+    pause_of,
+    size_motion,
+    tip_error,
+)
 from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import JsonObject, frozen, record
@@ -555,11 +562,18 @@ class Plan(ShortRepr):
             notes += _whole_turns(self.problem, self.trajectory)
             notes += _ways_round(self.problem, self.trajectory, self.phases)
         notes += self._slow_phases()
+        if self.tip_error is not None and self.tip_error.missing:
+            notes.append(self.tip_error.reason)
         if self.stopped:
             notes.append("the search was stopped: other joints may be faster")
         if self.certificate is not None:
             notes += [f"not checked: {subject}" for subject in self.certificate.unchecked]
         return tuple(notes)
+
+    @cached_property
+    def tip_error(self) -> TipError | None:
+        """Bound on the distance of the tip from the plan. None without a trajectory."""
+        return None if self.trajectory is None else tip_error(self.trajectory, self.robot)
 
     def limit_differences(self, robot: Robot) -> tuple[str, ...]:
         """Return one sentence for each limit that differs between another robot and the plan's."""
@@ -623,6 +637,7 @@ class Plan(ShortRepr):
             "motors": [requirement.to_dict() for requirement in self.requirements],
             "sizing": None if self.sizing is None else self.sizing.to_dict(),
             "limits": self.certificate.to_dict()["limits"] if self.certificate else [],
+            "tip_error": None if self.tip_error is None else self.tip_error.to_dict(),
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
             "phases": [phase.to_dict() for phase in self.phases],

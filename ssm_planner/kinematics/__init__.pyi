@@ -18,7 +18,7 @@ from .forward import (
 )
 from .inverse import inverse_task as inverse_task, inverse_tip as inverse_tip
 from .mechanism import Mechanism as Mechanism
-from .of_robot import fk as fk
+from .of_robot import fk as fk, jacobian as jacobian
 from .rotations import (
     batch as batch,
     constant as constant,

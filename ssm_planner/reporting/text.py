@@ -244,6 +244,17 @@ def sensitivities_table(plan: "Plan") -> Table:
     return Table(("limit", "joint", "saved ms for +1 %", "share %"), rows, (2, 3))
 
 
+def tip_error_table(plan: "Plan") -> Table:
+    """Build the table of the stated errors of the joints, and of the tip errors that they cause."""
+    rows = []
+    for source in plan.tip_error.sources if plan.tip_error else ():
+        joint = next(joint for joint in plan.robot.joints if joint.name == source.joint)
+        unit, scale = display_unit(joint.unit)
+        error = f"{number(scale * source.error, 3)} {unit}"
+        rows.append((source.joint, source.name, error, number(1e3 * source.tip, 3)))
+    return Table(("joint", "error", "at the joint", "at the tip mm"), rows, (2, 3))
+
+
 def candidates_table(plan: "Plan") -> Table:
     """Build the table of the candidate motions of every phase.
 
@@ -350,7 +361,7 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
     tables = [phases_table(plan)]
     if verbose:
         limits = () if plan.certificate is None else plan.certificate.limits
-        tables += sensitivities_table(plan), joints_table(plan)
+        tables += sensitivities_table(plan), tip_error_table(plan), joints_table(plan)
         tables += motors_table(plan.requirements), limits_table(limits)
     for table in tables:
         lines += ["", *table.lines()] if table.rows else []
@@ -544,6 +555,12 @@ def cross_check_lines(plan: "Plan") -> list[str]:
     if plan.path_bound and plan.duration:
         share = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
         lines.append(f"proven       no motion along this path is more than {share:.3f} % shorter")
+    if plan.tip_error is not None and plan.tip_error.bound is not None:
+        source = plan.tip_error.sources[0]
+        lines.append(
+            f"tip error    {number(1e3 * plan.tip_error.bound, 3)} mm at most (99 %); the largest "
+            f"source is the {source.name} of {source.joint}"
+        )
     if plan.sensitivities:
         rows = sensitivities_table(plan).rows[:SHOWN_SENSITIVITIES]
         savings = ", ".join(f"{limit} of {joint} {saved} ms" for limit, joint, saved, _ in rows)

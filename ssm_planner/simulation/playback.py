@@ -148,21 +148,22 @@ def commands(
 def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
     """Return the springs, dampers and backlash between the drives and the joints.
 
-    Values that the controller file does not state are assumed, see FREQUENCIES, BACKLASH and
-    DAMPING_RATIO. `scale` multiplies stiffness and damping.
+    Values that neither the controller file nor the robot file states are assumed, see FREQUENCIES,
+    BACKLASH and DAMPING_RATIO. `scale` multiplies stiffness and damping.
     """
     frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [DAMPING_RATIO] * 4
-    for k, name in enumerate(JOINTS):
+    body = RigidBody.from_robot(robot)
+    assumed = Compliance.of_frequency(body, np.zeros(4), frequency)
+    for k, (name, joint) in enumerate(zip(JOINTS, robot.joints, strict=True)):
+        backlash[k] = backlash[k] if joint.backlash is None else joint.backlash
+        if joint.stiffness is not None:
+            frequency[k] *= float(np.sqrt(joint.stiffness / assumed.stiffness[k]))
         settings = controller.compliance.get(name)
         if settings is not None:
             frequency[k] = settings.frequency or frequency[k]
             backlash[k] = backlash[k] if settings.backlash is None else settings.backlash
             ratios[k] = settings.damping_ratio
-    default = Compliance.of_frequency(
-        RigidBody.from_robot(robot),
-        np.zeros(4),
-        frequency,
-    )
+    default = Compliance.of_frequency(body, np.zeros(4), frequency)
     damping = default.damping * np.asarray(ratios) / DAMPING_RATIO
     return Compliance(default.stiffness * scale, damping * scale, np.asarray(backlash))
 

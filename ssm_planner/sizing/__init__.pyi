@@ -31,6 +31,7 @@ from .size import (
     shortest_duration as shortest_duration,
     size_motion as size_motion,
 )
+from .tip_error import TipError as TipError, tip_error as tip_error
 from .thermal_network import (
     FIGURES as FIGURES,
     Cycle as Cycle,

@@ -51,6 +51,7 @@ from ssm_planner.reporting.text import (
     range_lines,
     rate_words,
     sensitivities_table,
+    tip_error_table,
 )
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import display_unit
@@ -114,6 +115,7 @@ def report_page(plan: Plan) -> str:
         tiers=_tiers(plan.certificate),
         phases=phases_table(plan),
         sensitivities=sensitivities_table(plan),
+        tip_errors=tip_error_table(plan),
         candidates=candidates_table(plan),
         ends=joints_table(plan),
         motors=motors_table(plan.requirements),

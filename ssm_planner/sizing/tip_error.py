@@ -1,0 +1,201 @@
+"""Bound the distance between the tip and its planned position, and the error of its direction.
+
+The encoder measures the motor. Between motor and tip, the joints deviate from their planned
+positions by errors δ that the robot file states. To first order, they displace the tip by Δp and
+turn the tool by Δφ,
+
+    (Δp, Δφ) = J(q) δ,
+
+where J is the geometric Jacobian of the tip. Each joint has five errors:
+
+* half an increment of the encoder, divided by the gear ratio,
+* half of the backlash,
+* the largest error of the zero position after homing,
+* the largest tracking error,
+* the deflection under load, effort / stiffness, which the dynamics determine.
+
+The first four are unknown within their limits. They are independent and uniformly distributed, and
+constant during the motion. The bound is a quantile of the largest error over many draws.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ssm_planner.dynamics import RigidBody
+from ssm_planner.kinematics import jacobian
+from ssm_planner.problem import Joint, Robot
+from ssm_planner.representation import ShortRepr
+from ssm_planner.trajectory import Trajectory
+from ssm_planner.typing import Array, JsonObject, frozen
+
+INSTANTS = 201
+"""Number of instants of the motion at which the tip error is computed."""
+DRAWS = 4000
+"""Number of draws of the errors."""
+QUANTILE = 0.995
+"""Share of the draws below the bound. The bound holds with 99 %, since the draws are finite."""
+INCREMENTS = 4
+"""Increments of the position for each line of an encoder."""
+STATED = ("backlash", "homing_error", "tracking_error", "stiffness")
+"""Figures of a joint in the robot file that the tip error needs."""
+
+
+@frozen
+class ErrorSource(ShortRepr):
+    """One error of a joint, and the tip error that it causes alone.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.ErrorSource("roll", "backlash", error=1e-4, tip=2e-6).tip
+    2e-06
+    """
+
+    joint: str
+    name: str
+    """encoder, backlash, homing error, tracking error or deflection."""
+    error: float
+    """Largest error of the joint, rad or m."""
+    tip: float
+    """Largest tip error that it causes, m."""
+
+
+@frozen
+class TipError(ShortRepr):
+    """Bound on the tip error of a motion.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> error = ssm.load_plan("results/tilt_insert").tip_error
+    >>> error.bound is None, error.missing[0]
+    (True, 'roll: backlash')
+    """
+
+    stated: float
+    stated_angle: float
+    """Error of the tip in m, and of the direction in rad, that the stated figures cause.
+
+    The errors are smaller with a probability of 99 %.
+    """
+    sources: tuple[ErrorSource, ...]
+    """All stated errors, the largest first."""
+    missing: tuple[str, ...]
+    """Figures that the files do not state, such as "roll: backlash"."""
+
+    @property
+    def bound(self) -> float | None:
+        """Bound on the tip error with a confidence of 99 %, m. None if figures are missing."""
+        return None if self.missing else self.stated
+
+    @property
+    def angle(self) -> float | None:
+        """Bound on the error of the direction, rad. None if figures are missing."""
+        return None if self.missing else self.stated_angle
+
+    @property
+    def reason(self) -> str:
+        """Sentence that names the missing figures and their joints. Empty without any."""
+        joints: dict[str, list[str]] = {}
+        for figure in self.missing:
+            joint, name = figure.split(": ")
+            joints.setdefault(name, []).append(joint)
+        listing = "; ".join(f"{name} of {', '.join(names)}" for name, names in joints.items())
+        return f"tip error not known, because the files do not state: {listing}" if listing else ""
+
+    def to_dict(self) -> JsonObject:
+        """Return the entry `tip_error` of plan.json, in SI units."""
+        return {
+            **{name: getattr(self, name) for name in ("bound", "angle", "stated", "stated_angle")},
+            "sources": [vars(source) for source in self.sources],
+            "missing": list(self.missing),
+        }
+
+
+def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
+    """Compute the bound on the tip error of a motion.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    robot : Robot
+        Robot with the errors of its joints.
+    """
+    times = np.linspace(trajectory.breaks[0], trajectory.breaks[-1], INSTANTS)
+    samples = trajectory.sample(times)
+    jacobians = jacobian(robot, samples.q)
+    lengths = np.linalg.norm(jacobians[:, :3], axis=1)
+    efforts = RigidBody.from_robot(robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)
+    errors = [
+        (i, name, largest)
+        for i, joint in enumerate(robot.joints)
+        for name, largest in _random_errors(joint)
+    ]
+    sources = [
+        ErrorSource(robot.joints[i].name, name, largest, float(largest * lengths[:, i].max()))
+        for i, name, largest in errors
+    ]
+    deflections = np.zeros_like(samples.q)
+    for i, joint in enumerate(robot.joints):
+        if joint.stiffness is not None:
+            deflections[:, i] = efforts[:, i] / joint.stiffness
+            sizes = np.abs(deflections[:, i])
+            tip = float((sizes * lengths[:, i]).max())
+            sources.append(ErrorSource(joint.name, "deflection", float(sizes.max()), tip))
+    draws = np.zeros((4, DRAWS))
+    rng = np.random.default_rng(0)
+    for i, _, largest in errors:
+        draws[i] += rng.uniform(-largest, largest, DRAWS)
+    return TipError(
+        _quantile(jacobians[:, :3], deflections, draws),
+        _quantile(jacobians[:, 3:], deflections, draws),
+        tuple(sorted(sources, key=lambda source: -source.tip)),
+        tuple(_missing(robot)),
+    )
+
+
+def _quantile(rows: Array, deflections: Array, draws: Array) -> float:
+    """Return the quantile of the largest error over the motion, m or rad.
+
+    Parameters
+    ----------
+    rows : (instants, 3, 4) array
+        Rows of the Jacobians for the position or for the direction.
+    deflections : (instants, 4) array
+        Deflections of the joints.
+    draws : (4, draws) array
+        Other errors of the joints.
+    """
+    largest = np.zeros(draws.shape[1])
+    for row, deflection in zip(rows, deflections, strict=True):
+        errors = row @ (draws + deflection[:, None])
+        largest = np.maximum(largest, np.linalg.norm(errors, axis=0))
+    return float(np.quantile(largest, QUANTILE))
+
+
+def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:
+    """Yield the name and the largest value of each stated error of a joint, rad or m."""
+    motor = joint.motor
+    if motor is not None and joint.drive is not None and motor.encoder_known:
+        assert motor.encoder_counts is not None
+        increment = 2 * np.pi / (INCREMENTS * motor.encoder_counts) / joint.drive.ratio
+        yield "encoder", increment / 2
+    if joint.backlash is not None:
+        yield "backlash", joint.backlash / 2
+    if joint.homing_error is not None:
+        yield "homing error", joint.homing_error
+    if joint.tracking_error is not None:
+        yield "tracking error", joint.tracking_error
+
+
+def _missing(robot: Robot) -> Iterator[str]:
+    """Yield the figures that are missing or are placeholders, such as "roll: backlash"."""
+    for joint in robot.joints:
+        for name in STATED:
+            if getattr(joint, name) is None:
+                yield f"{joint.name}: {name.replace('_', ' ')}"
+        # The position of a joint without a drive is set by hand, without an encoder.
+        if joint.drive is not None and not (joint.motor and joint.motor.encoder_known):
+            yield f"{joint.name}: encoder"
