@@ -15,7 +15,7 @@ from ssm_planner.problem.limit import (
     replaced,
 )
 from ssm_planner.problem.limit import Limit as Limit
-from ssm_planner.problem.value import Positive, unchecked
+from ssm_planner.problem.value import NotNegative, Positive, unchecked
 from ssm_planner.typing import Range, frozen
 from ssm_planner.units import display_unit
 
@@ -175,8 +175,26 @@ class NutContact(Limit):
     name = "nut contact"
     order = 2
     of: str
+    preload: NotNegative
+    """Spring force between the half nuts. A relaxation raises it by the missing contact force."""
     unit = "N"
     low = 0.0
+    words = "preload of joint {limit.of} of"
+
+    def bound(self, value: float) -> float:
+        return self.preload
+
+    def sufficient_bound(self, needed: float) -> float:
+        return self.preload - needed
+
+    def relaxed(self, value: float) -> "NutContact":
+        return replace(self, preload=max(self.preload, value))
+
+    def on(self, problem: P) -> P:
+        drive = _joint(problem, self.of).drive
+        if drive is None:
+            raise ProblemError(f"joint {self.of} has no drive with a preload")
+        return _with_joint(problem, self.of, drive=replace(drive, preload=self.preload))
 
 
 @frozen

@@ -272,7 +272,7 @@ class Joint(Value):
             limits.append(_cached_limit(MotorTorque, name, motor.max_torque))
             limits.append(_cached_limit(ContinuousTorque, name, motor.nominal_torque))
         if drive.two_nuts:
-            limits.append(_cached_limit(NutContact, name))
+            limits.append(_cached_limit(NutContact, name, drive.preload))
         if drive.self_locking and drive.friction is not None:
             lowest = drive.friction.mu_lowest
             limits.append(

@@ -308,3 +308,24 @@ def test_a_share_of_a_change_moves_the_limit_by_this_share(limit: Limit) -> None
 
 def test_an_unchanged_problem_has_no_changes() -> None:
     assert changes_of_limits(PROBLEM, PROBLEM) == {}
+
+
+@pytest.mark.parametrize("preload", [0.0, 0.2, 0.6])
+def test_lost_contact_of_the_nuts_names_the_preload_that_plans(preload: float) -> None:
+    """The contact force grows by as much as the preload, so the missing force is added to it."""
+    problem = load_problem("tilt_insert")
+    *others, insertion = problem.robot.joints
+    drive = unchecked(insertion.drive, kind="antibacklash_screw", preload=preload)
+    joints = (*others, unchecked(insertion, drive=drive))
+    loose = unchecked(problem, robot=unchecked(problem.robot, joints=joints), planner="fast")
+    reason = plan(loose).reason
+    assert reason is not None
+    assert reason.constraint == "nut contact"
+    found = re.match(r"preload of joint insertion of ([\d.]+) N instead of", str(reason.relaxation))
+    assert found, reason.relaxation
+    needed = float(found[1])
+    assert needed == pytest.approx(preload - reason.available, rel=1e-3)
+    for value, passes in ((needed, True), (0.99 * needed, False)):
+        stiffer = unchecked(insertion, drive=unchecked(drive, preload=value))
+        robot = unchecked(problem.robot, joints=(*others, stiffer))
+        assert plan(unchecked(loose, robot=robot), relaxations=False).passed == passes
