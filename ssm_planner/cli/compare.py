@@ -57,7 +57,7 @@ def run_compare(options: Namespace) -> int:
         for joint, path in assign(options.recordings, plan.robot)
     ]
     progress(Step("comparing"))
-    lag = options.lag or LAG
+    lag = LAG if options.lag is None else options.lag
     comparison = compare(
         plan.motion, plan.robot, plan.certificate, recordings, lag, speed=options.speed
     )
@@ -139,7 +139,12 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     lines += [f"note: {axis.joint}: {note}" for axis in comparison for note in axis.notes]
     findings = [("", finding) for finding in comparison.findings]
     findings += [(f"{axis.joint}: ", finding) for axis in comparison for finding in axis.findings]
-    lines += [f"{item.verdict}: {joint}{item.kind}: {item.text}" for joint, item in findings]
+    lines += [
+        f"{'note' if item.verdict == 'held' else item.verdict}: {joint}{item.kind}: {item.text}"
+        for joint, item in findings
+    ]
+    if comparison.unjudged:
+        lines.append(f"note: not judged: {', '.join(comparison.unjudged)}")
     if comparison.speed != 1.0:
         answer += f", at {100 * comparison.speed:.3g} % of the plan's speed"
     return [*lines, f"margins: {answer}"]

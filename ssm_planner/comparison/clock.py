@@ -53,6 +53,12 @@ class Alignment(ShortRepr):
     """Ratio of the measured to the planned speed."""
     agreement: float = 0.0
     """Correlation until the end of the measured motion, which may stop early."""
+    middle: float = 0.0
+    """Planned time, s, at which the delay does not depend on the rate."""
+
+    def delay_at(self, rate: float) -> float:
+        """Return the start of the motion (s) for another rate of the clock."""
+        return self.delay + self.middle / self.rate - self.middle / rate
 
     @property
     def determines_clock(self) -> bool:
@@ -117,7 +123,7 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     moves = np.flatnonzero(np.abs(w) > ENDS * np.abs(planned_speed).max())
     stop = int(moves[-1]) + 2 if len(moves) else len(w)
     coarse = match(planned_time, planned_speed, t[:stop], w[:stop])
-    delay, rate, size, errors = _refine(
+    delay, rate, size, errors, middle = _refine(
         coarse.delay, planned_time, planned_speed, t[:stop], w[:stop]
     )
     planned_t = rate * (t - delay)
@@ -131,6 +137,7 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
         delay_error=errors[0],
         size=size,
         agreement=correlation(expected[:stop], w[:stop]),
+        middle=middle,
     )
 
 
@@ -232,8 +239,9 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
     is_significant = abs(rate - 1) > drift + CERTAIN * error
     size = float(np.median([axis.size for axis in reliable]))
     slower = is_significant and abs(size - rate) < abs(size - 1)
-    delay = float(np.median([axis.delay for axis in reliable]))
-    return Clock(delay, rate if is_significant and not slower else 1.0, rate, error, slower)
+    used_rate = rate if is_significant and not slower else 1.0
+    delay = float(np.median([axis.delay_at(used_rate) for axis in reliable]))
+    return Clock(delay, used_rate, rate, error, slower)
 
 
 def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
@@ -262,14 +270,15 @@ def correlation(x: Array, y: Array) -> float:
 
 def _refine(
     start: float, planned_time: Array, planned_speed: Array, t: Array, w: Array
-) -> tuple[float, float, float, tuple[float, float]]:
+) -> tuple[float, float, float, tuple[float, float], float]:
     """Estimate delay, rate and size by Gauss–Newton steps from the delay `start` (s).
 
     Samples that deviate far from the plan are ignored. Returns the delay (s), the rate, the size,
-    and the standard deviations of delay and rate. If the samples do not determine these values, the
-    function returns `start` with infinite standard deviations.
+    the standard deviations of delay and rate, and the planned time at which the delay does not
+    depend on the rate (s). If the samples do not determine these values, the function returns
+    `start` with infinite standard deviations.
     """
-    no_result = start, 1.0, 1.0, (np.inf, np.inf)
+    no_result = start, 1.0, 1.0, (np.inf, np.inf), 0.0
     slope = np.gradient(planned_speed, planned_time)
     cutoff = FAR * float(np.abs(planned_speed).max())
     duration = float(planned_time[-1])
@@ -300,4 +309,4 @@ def _refine(
     is_improved = np.sum((w - speed_after) ** 2) <= np.sum((w - speed_before) ** 2)
     if not is_improved or abs(delay - start) > 0.1 * duration:
         return no_result
-    return delay, rate, size, (float(errors[0]), float(errors[1]))
+    return delay, rate, size, (float(errors[0]), float(errors[1])), middle

@@ -146,6 +146,8 @@ class Comparison(ShortRepr):
     """Findings that concern all recordings."""
     speed: float = 1.0
     """Speed of execution, as a multiple of the planned speed, at which the axes are compared."""
+    unjudged: tuple[str, ...] = ()
+    """Limits of the certificate that the comparison does not judge, with their joints."""
 
     @property
     def verdict(self) -> Verdict:
@@ -178,6 +180,7 @@ class Comparison(ShortRepr):
                 for name, value in vars(self.clock).items()
             },
             "findings": [vars(finding) for finding in self.findings],
+            "unjudged": list(self.unjudged),
             "axes": [axis.to_dict() for axis in self.axes],
         }
 
@@ -219,16 +222,20 @@ def compare(
     Raises
     ------
     RecordingError
-        If the list of recordings is empty, or if the speed is not above 0 and at most 1.
+        If the list of recordings is empty, or if the lag or the speed is out of range.
     """
     if not recordings:
         raise RecordingError("no recording to compare with")
+    if not 0 < lag <= 1:
+        raise RecordingError(f"the lag {lag:g} s is out of range (allowed: above 0, up to 1 s)")
     if speed is not None and not 0 < speed <= 1:
         raise RecordingError(f"the speed {speed:g} is out of range (allowed: above 0, up to 1)")
     joints = [recording.joint for recording in recordings]
     driven = [joint.name for joint in robot.joints if joint.drive is not None]
     joints += [name for name in driven if name not in joints]
     plans = predict_axes(trajectory, robot, joints)
+    missing = [plan.joint.name for plan in plans[len(recordings) :] if plan.peak > 0]
+    planned_limits = certificate.limits if certificate is not None else ()
     alignments, clock, played = _align(plans, recordings, speed or 1.0)
     if played != 1.0:
         plans = predict_axes(trajectory, robot, joints, played)
@@ -237,11 +244,24 @@ def compare(
         map_to_clock(*parts, clock) for parts in zip(plans, recordings, alignments, strict=False)
     ]
     findings = [*check_clock(clock, axes), *check_speed(clock, played, speed)]
+    if missing:
+        text = f"no recording of {', '.join(missing)}, which the plan moves"
+        findings.append(Finding("missing recording", "cannot tell", text, len(missing), 0))
+    compared = tuple(_compare_axis(axis, plans, certificate, lag) for axis in axes)
+    judged = {(limit.name, axis.joint) for axis in compared for limit in axis.limits}
+    unjudged: dict[str, list[str]] = {}
+    for check in planned_limits:
+        if (check.name, check.joint) not in judged:
+            unjudged.setdefault(check.name, []).append(check.joint or "")
     return Comparison(
-        tuple(_compare_axis(axis, plans, certificate, lag) for axis in axes),
+        compared,
         clock,
         tuple(findings),
         played,
+        unjudged=tuple(
+            f"{name} ({', '.join(joints)})" if all(joints) else name
+            for name, joints in unjudged.items()
+        ),
     )
 
 
@@ -284,7 +304,7 @@ def _compare_axis(
     is_planned = (t >= 0) & (t <= plan.duration)
     covered = float(min(t[-1], plan.duration) - max(t[0], 0.0)) / plan.duration
     notes = list(measured.repairs)
-    if axis.integrated:
+    if measured.q is None:
         notes.append(
             "no position channel: position is the integral of the measured speed, from the planned "
             "start"

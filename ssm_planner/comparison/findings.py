@@ -19,6 +19,7 @@ from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.noise import (
     CERTAIN,
     CERTAIN_ALONE,
+    UNRESOLVED,
     longest_run,
     noise_of,
     smoothed,
@@ -28,6 +29,7 @@ from ssm_planner.comparison.noise import (
 from ssm_planner.comparison.predicted import Predicted
 from ssm_planner.identification import rms
 from ssm_planner.problem import (
+    JointAcceleration,
     JointLimit,
     JointPosition,
     JointVelocity,
@@ -44,17 +46,16 @@ STEP = 5e-3
 DRIFT = 1e-3
 """Largest relative error of the recordings' clock. The error of a crystal is ten times smaller."""
 GAP = 10e-3
-"""Longest permitted time without a sample, s. A fault that is shorter can lie between samples."""
+"""Longest permitted time without a sample, s. A fault that is shorter can lie between samples.
+
+Times are rounded to 1 ms because sampling periods vary.
+"""
 MISSING = 0.005
 """Share of missing samples above which they are reported."""
 TOO_MANY = 0.2
 """Share of missing samples above which no verdict is possible."""
-COVERED = 0.99
-"""Share of the motion that a recording must contain for a verdict."""
 OUTSIDE = 0.05
 """Largest permitted share of the moving time with torque outside its band."""
-UNRESOLVED = 0.1
-"""Ratio of noise to limit above which no verdict is possible."""
 STANDS = 0.02
 """Speed below which a motor counts as at rest, as a share of the largest planned speed.
 
@@ -62,6 +63,8 @@ It is also the smallest speed that a saturated motor loses.
 """
 SHORT = 20e-3
 """Shortest saturation, s."""
+RAMP = 30e-3
+"""Time between the two mean speeds from which an acceleration is computed, s."""
 STALL = 0.1
 """Shortest stall, s."""
 UNLIKE = 3.5
@@ -103,7 +106,8 @@ class Finding(ShortRepr):
     """Name of the fault.
 
     tracking, out of step, stall, saturation, torque, gap, sampling, missing samples, coverage,
-    clock, speed, swapped, reversed, units, several motions or other motion.
+    unread data, missing recording, contradiction, clock, speed, swapped, reversed, units, several
+    motions or other motion.
     """
     verdict: Verdict
     text: str
@@ -135,7 +139,10 @@ class Kept:
     """True if the verdict is "held"."""
     unit: str
     noise: float
-    """Possible contribution of noise to the measured value."""
+    """Possible contribution of noise to the measured value.
+
+    For the acceleration, it includes the permitted ripple, which is a tenth of the limit.
+    """
     window: float
     """Duration of the mean, s. 0 means a single sample."""
     verdict: Verdict
@@ -153,10 +160,8 @@ class AlignedAxis:
     """Planned time, s."""
     speed: Array
     """Planned speed, rad/s."""
-    q: Array
-    """Measured joint position, or the integral of the measured speed, rad or m."""
-    integrated: bool
-    """True if `q` is the integral of the speed."""
+    travelled: Array
+    """Joint position from the integral of the measured speed, rad or m."""
     step: float
     """Median interval between two samples, s."""
 
@@ -181,6 +186,34 @@ class AlignedAxis:
     def sigma(self) -> float:
         """Standard deviation of the noise in a single sample of the speed, rad/s."""
         return noise_of(self.speed_error[self.moving], 1, self.measured.speed_resolution)
+
+    @property
+    def sigma_of_means(self) -> float:
+        """Standard deviation σ, such that a mean speed of n samples has the noise σ/√n, rad/s.
+
+        It is the smallest value over all windows. Ripple that cancels in means increases the value
+        of short windows, and a slow oscillation increases that of long windows.
+        """
+        error = self.speed_error[self.moving]
+        resolution = self.measured.speed_resolution
+        return min(noise_of(error, n, resolution) * n**0.5 for n, _ in windows(self.step))
+
+    @property
+    def q(self) -> Array:
+        """Measured joint position (n,), or the integral of the measured speed, rad or m."""
+        return self.travelled if self.measured.q is None else self.measured.q
+
+    @property
+    def integral_noise(self) -> float:
+        """Possible noise of the integrated speed, rad or m."""
+        duration = float(self.t[-1] - self.t[0])
+        sigma = self.sigma_of_means
+        return CERTAIN * sigma * float(np.sqrt(self.step * duration)) / self.plan.ratio
+
+    @property
+    def integral_offset(self) -> float:
+        """Error of the integrated speed if the speed is off by half of its resolution, rad or m."""
+        return self.measured.speed_resolution / 2 * self.plan.duration / self.plan.ratio
 
     @property
     def intervals(self) -> tuple[Array, Array]:
@@ -229,23 +262,27 @@ def map_to_clock(
 ) -> AlignedAxis:
     """Convert the times of a recording to the planned time, and add the planned values.
 
-    Without a position channel, the position is the planned one plus the integral of the speed
-    error. The integration begins without an error, and begins again after every gap.
+    The travelled position is the planned one plus the integral of the speed error. The integration
+    begins without an error, and begins again after every gap. An offset of the speed at rest, up to
+    half of its resolution, is an error of the channel and is subtracted.
     """
     t = clock.planned_time(measured.time)
     step = float(np.median(np.diff(measured.time)))
     speed = planned_speed_at(plan.time, plan.speed, t)
-    q = measured.q
-    if q is None:
-        q = np.interp(t, plan.time, plan.position)
-        starts = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
-        for start, end in pairwise(starts):
-            error = (measured.w - speed)[start:end] / plan.ratio
-            times = t[start:end]
-            distance = np.append(0.0, np.cumsum(np.diff(times) * (error[1:] + error[:-1]) / 2))
-            # The integration begins at the start of the motion if this run of samples contains it.
-            start_index = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
-            q[start:end] += distance - distance[start_index]
+    speed_error = measured.w - speed
+    for rest in (t < 0, t > plan.duration):
+        if rest.any():
+            half = measured.speed_resolution / 2
+            speed_error[rest] -= np.clip(np.mean(speed_error[rest]), -half, half)
+    travelled = np.interp(t, plan.time, plan.position)
+    starts = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
+    for start, end in pairwise(starts):
+        error = speed_error[start:end] / plan.ratio
+        times = t[start:end]
+        distance = np.append(0.0, np.cumsum(np.diff(times) * (error[1:] + error[:-1]) / 2))
+        # The integration begins at the start of the motion if this run of samples contains it.
+        start_index = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
+        travelled[start:end] += distance - distance[start_index]
     return AlignedAxis(
         plan,
         measured,
@@ -253,8 +290,7 @@ def map_to_clock(
         alignment,
         t,
         speed=speed,
-        q=q,
-        integrated=measured.q is None,
+        travelled=travelled,
         step=step,
     )
 
@@ -267,7 +303,9 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
     stall = find_stall(axis)
     findings = [
         *check_sampling(axis),
+        *check_file(axis.measured.doubts),
         *check_tracking(axis, lag),
+        *check_agreement(axis, lag),
         *([stall] if stall is not None else find_saturation(axis)),
         *check_torque(axis),
         *find_second_motion(axis),
@@ -275,20 +313,31 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
+def check_file(doubts: Sequence[str]) -> Iterator[Finding]:
+    """Yield a finding if a file contains values that the comparison does not judge."""
+    if doubts:
+        more = f" (and {len(doubts) - 1} more)" if len(doubts) > 1 else ""
+        yield Finding("unread data", "cannot tell", doubts[0] + more, len(doubts), 0)
+
+
 def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
     """Yield findings on gaps, missing samples and missing parts of the motion."""
     t = axis.t
     step = axis.step
     duration = axis.plan.duration
-    covered = (min(float(t[-1]), duration) - max(float(t[0]), 0.0)) / duration
-    if covered < COVERED:
-        text = f"the recording holds {100 * max(covered, 0.0):.0f} % of the motion"
-        yield Finding("coverage", "cannot tell", text, covered, COVERED)
+    outside = max(float(t[0]), duration - float(t[-1]))
+    if round(outside, 3) > GAP:
+        covered = (min(float(t[-1]), duration) - max(float(t[0]), 0.0)) / duration
+        text = (
+            f"the recording holds {100 * max(covered, 0.0):.3g} % of the motion, and misses "
+            f"{outside:.3g} s at one end"
+        )
+        yield Finding("coverage", "cannot tell", text, outside, GAP)
     times, steps = axis.intervals
     if not len(steps):
         return
     gap = float(steps.max())
-    if round(gap, 4) > GAP:
+    if round(gap, 3) > GAP:
         kind, text = "sampling", f"samples are up to {gap:.3g} s apart"
         if gap > 3 * step:
             kind = "gap"
@@ -312,19 +361,15 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
 def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     """Yield a finding if the tracking error is too large, or if noise could hide such an error.
 
-    The error is averaged over the shortest window. `lag` is the permitted delay at the largest
-    speed, s.
+    `lag` is the permitted delay at the largest speed, s.
     """
     joint = axis.plan.joint
-    error = axis.position_error
-    n = windows(axis.step)[1][0]
-    if len(error) < n:
-        return
+    error = np.abs(axis.position_error)
     noise = position_noise(axis)
+    random_noise = axis.integral_noise if axis.measured.q is None else noise
     limit = lag * joint.velocity
-    mean = np.abs(smoothed(error, n))
-    k = int(np.argmax(mean))
-    largest = float(mean[k])
+    k = int(np.argmax(error))
+    largest = float(error[k])
     unit = f"m{joint.unit}"
     scale = 1e3
     allowed = limit + noise
@@ -337,7 +382,7 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
         if np.ptp(axis.q) > UNLIKE * travel > 0:
             text += f"; its travel is {times_planned(float(np.ptp(axis.q)) / travel)}"
         yield Finding("tracking", "not held", text, largest, allowed)
-    elif noise > limit:
+    elif random_noise > limit or largest > limit + random_noise:
         text = (
             f"noise of {scale * noise:.3g} {unit} hides a tracking error of {scale * limit:.3g} "
             f"{unit}"
@@ -347,11 +392,32 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 
 def position_noise(axis: AlignedAxis) -> float:
     """Return the possible noise of a measured or integrated position, rad or m."""
-    if not axis.integrated:
-        resolution = axis.measured.position_resolution
-        noise = noise_of(axis.position_error[axis.moving], 1, resolution)
-        return max(CERTAIN * noise, 2 * resolution)
-    return CERTAIN * axis.sigma * float(np.sqrt(axis.step * axis.plan.duration)) / axis.plan.ratio
+    if axis.measured.q is None:
+        return axis.integral_noise + axis.integral_offset
+    resolution = axis.measured.position_resolution
+    noise = noise_of(axis.position_error[axis.moving], 1, resolution)
+    return max(CERTAIN * noise, 2 * resolution)
+
+
+def check_agreement(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
+    """Yield a finding if the measured position contradicts the integral of the measured speed.
+
+    `lag` is the permitted delay at the largest speed, s.
+    """
+    unit = axis.plan.joint.unit
+    difference = float(np.abs(axis.q - axis.travelled).max())
+    allowed = (
+        lag * axis.plan.joint.velocity
+        + position_noise(axis)
+        + axis.integral_noise
+        + axis.integral_offset
+    )
+    if difference > allowed:
+        text = (
+            f"position and integral of the speed differ by {1e3 * difference:.3g} m{unit} "
+            f"(allowed: {1e3 * allowed:.3g} m{unit}): one of the channels is wrong"
+        )
+        yield Finding("contradiction", "cannot tell", text, difference, allowed)
 
 
 def follows_plan(axis: AlignedAxis) -> bool:
@@ -422,7 +488,7 @@ def find_second_motion(axis: AlignedAxis) -> Iterator[Finding]:
     time = smoothed(alignment.rate * (axis.measured.time - alignment.delay), n)
     margin = STALL + n * axis.step
     outside = (time < -margin) | (time > axis.plan.duration + margin)
-    level = max(STANDS * axis.plan.peak, CERTAIN * axis.sigma / np.sqrt(n))
+    level = max(STANDS * axis.plan.peak, CERTAIN * axis.sigma_of_means / np.sqrt(n))
     moves = np.abs(smoothed(w, n)) > level
     start, _, length = longest_run(outside & moves, time)
     if length >= STALL:
@@ -445,7 +511,7 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     n = windows(axis.step)[1][0]
     if peak == 0.0 or len(w) < n:
         return None
-    level = max(STANDS * peak, CERTAIN * axis.sigma / np.sqrt(n))
+    level = max(STANDS * peak, CERTAIN * axis.sigma_of_means / np.sqrt(n))
     mean = smoothed(np.abs(w), n)
     planned_mean = smoothed(np.abs(planned_speed), n)
     mean_time = smoothed(axis.t, n)
@@ -477,16 +543,19 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     size = np.abs(tau)
     resolution = axis.measured.torque_resolution
     band = 2 * max(resolution, noise_of(tau, 1, resolution))
-    top = float(np.quantile(size, 0.995))
-    if motor is not None and top >= 0.98 * motor.max_torque:
-        start, stop, length = longest_run(size >= 0.98 * motor.max_torque, axis.t)
-        if length >= SHORT:
+    n = 1 + round(SHORT / axis.step)
+    if motor is not None and len(tau) >= n:
+        clipped = np.clip(tau, -motor.max_torque, motor.max_torque)
+        largest_torque = np.abs(smoothed(clipped, n)) >= 0.98 * motor.max_torque
+        start, stop, length = longest_run(largest_torque, axis.t)
+        if largest_torque.any():
             text = (
-                f"the motor gives its largest torque for {length:.3g} s, from "
+                f"the motor gives its largest torque for {length + SHORT:.3g} s, from "
                 f"{float(axis.t[start]):.3g} s on"
             )
-            yield Finding("saturation", "not held", text, length, SHORT)
+            yield Finding("saturation", "not held", text, length + SHORT, SHORT)
             return
+    top = float(np.quantile(size[axis.moving], 0.995))
     n = windows(axis.step)[1][0]
     saturated_samples = size >= top - 2 * band
     start, stop, length = longest_run(saturated_samples, axis.t)
@@ -584,6 +653,7 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
         limits.append(
             _limit_result(limit, limit.largest, excess, margin, noise=noise, window=window)
         )
+    limits.append(acceleration_of(axis))
     if certificate is None:
         return tuple(limits)
     planned = {
@@ -592,14 +662,51 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     return tuple(replace(limit, planned_margin=planned.get(limit.name)) for limit in limits)
 
 
+def acceleration_of(axis: AlignedAxis) -> Kept:
+    """Compare the measured acceleration with its limit.
+
+    The acceleration is the difference of two mean speeds. A controller adds ripple to the planned
+    acceleration. The limit may therefore be exceeded by a tenth.
+    """
+    limit = axis.plan.joint.limit(JointAcceleration)
+    measured = axis.measured
+    n = max(1, round(RAMP / axis.step))
+    interval = n * axis.step * axis.plan.ratio
+    speed = smoothed(measured.w, n)
+    time = smoothed(axis.t, n) * axis.plan.ratio
+    largest = float(np.abs((speed[n:] - speed[:-n]) / (time[n:] - time[:-n])).max(initial=0.0))
+    sigma = axis.sigma_of_means * np.sqrt(2 / n)
+    noise = (CERTAIN * sigma + measured.speed_resolution) / interval
+    margin = 1 - largest / limit.largest
+    return _limit_result(
+        limit,
+        limit.largest,
+        largest,
+        margin,
+        noise=float(noise),
+        window=n * axis.step,
+        ripple=UNRESOLVED * limit.largest,
+    )
+
+
 def _limit_result(
-    limit: Limit, bound: float, value: float, margin: float, *, noise: float, window: float = 0.0
+    limit: Limit,
+    bound: float,
+    value: float,
+    margin: float,
+    *,
+    noise: float,
+    window: float = 0.0,
+    ripple: float = 0.0,
 ) -> Kept:
-    """Build the result of one limit from the worst measured value and its possible noise."""
+    """Build the result of one limit from the worst measured value and its possible noise.
+
+    The permitted `ripple` is added to the noise.
+    """
     verdict: Verdict = "cannot tell"
-    if margin * limit.half_width < -noise:
+    if margin * limit.half_width < -noise - ripple:
         verdict = "not held"
-    elif noise <= UNRESOLVED * limit.half_width:
+    elif noise <= max(UNRESOLVED, margin) * limit.half_width:
         verdict = "held"
     return Kept(
         limit.name,
@@ -609,7 +716,7 @@ def _limit_result(
         margin=margin,
         held=verdict == "held",
         unit=limit.unit,
-        noise=noise,
+        noise=noise + ripple,
         window=window,
         verdict=verdict,
     )
@@ -633,7 +740,7 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         if min(axis.alignment.correlation, axis.alignment.agreement) >= ALIKE
         and np.isfinite(axis.alignment.delay_error)
     ]
-    delays = {axis.name: axis.alignment.delay - clock.delay for axis in aligned}
+    delays = {axis.name: axis.alignment.delay_at(clock.rate) - clock.delay for axis in aligned}
     errors = [axis.alignment.delay_error for axis in aligned]
     spread = float(np.ptp(list(delays.values()))) if delays else 0.0
     allowed = STEP + CERTAIN * max(errors, default=0.0)

@@ -4,19 +4,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from ssm_planner.errors import RecordingError
 from ssm_planner.formats import QUADRATURE
-from ssm_planner.identification import parse_table, quantum, read_recording, read_text
+from ssm_planner.identification import quantum, read_recording
 from ssm_planner.problem import Joint, Robot
 from ssm_planner.typing import Array, Files, record
-from ssm_planner.units import TIMES
-
-POSITION = ("position actual value", "position demand value", "position")
-"""Names of columns that contain a position, the preferred one first."""
-INCREMENTS = ("inc", "qc", "counts", "increments", "")
-"""Names of the unit of a position column."""
 
 
 @record
@@ -42,6 +34,8 @@ class Measured:
     position_resolution: float = 0.0
     repairs: tuple[str, ...] = ()
     """Remarks on faults of the file that were corrected."""
+    doubts: tuple[str, ...] = ()
+    """Sentences on values of the file that are not in the channels, or differ from them."""
 
 
 def read_measured(
@@ -68,62 +62,38 @@ def read_measured(
     Raises
     ------
     RecordingError
-        If the file is invalid, or if the joint lacks a drive.
+        If the file is invalid, if the joint lacks a drive, or if the increments per turn are not
+        positive.
     """
+    if counts_per_turn is not None and counts_per_turn < 1:
+        raise RecordingError(f"{counts_per_turn} counts per turn (allowed: 1 or more)")
     axis = next(axis for axis in robot.joints if axis.name == joint)
     if axis.drive is None:
         raise RecordingError(
             f"{path}: the robot file states no drive for joint {joint}, so its motor is unknown"
         )
     nominal = None if axis.motor is None else axis.motor.nominal_torque
-    recording = read_recording(path, nominal_torque=nominal, direction=axis.motor_direction)
-    time = recording.begin + recording.time
-    q, resolution = _recorded_position(path, axis, time, counts_per_turn)
+    recording = read_recording(
+        path,
+        nominal_torque=nominal,
+        direction=axis.motor_direction,
+        counts_per_turn=counts_per_turn or _encoder_counts(axis),
+        every_sample=True,
+    )
+    q = None if recording.angle is None else recording.angle / axis.drive.ratio
     return Measured(
         joint,
         recording.name,
-        time,
+        recording.begin + recording.time,
         recording.w,
         recording.tau,
         q=q,
         speed_resolution=recording.quantum,
         torque_resolution=quantum(recording.tau, 12),
-        position_resolution=resolution,
-        repairs=recording.repairs,
+        position_resolution=0.0 if q is None else quantum(q, 12),
+        repairs=tuple(text for text in recording.repairs if text not in recording.doubts),
+        doubts=recording.doubts,
     )
-
-
-def _recorded_position(
-    path: Path, joint: Joint, time: Array, counts_per_turn: int | None
-) -> tuple[Array | None, float]:
-    """Read the joint position (samples,) at the instants `time`, and the size of an increment.
-
-    Both are in rad or m. The result is (None, 0.0) if no channel contains the position. Raises
-    RecordingError if the unit or the number of increments per turn is unknown.
-    """
-    table = parse_table(read_text(path), path)
-    names = [name.strip().lower() for name in table.names]
-    units = [unit.strip().lower() for unit in table.units]
-    column = next((names.index(name) for name in POSITION if name in names), None)
-    clock = next((k for k, name in enumerate(names) if name in ("", "time", "t")), 0)
-    if column is None or joint.drive is None:
-        return None, 0.0
-    if units[column] not in INCREMENTS:
-        raise RecordingError(
-            f"{path}: position column has unit {table.units[column]!r}; allowed: increments (inc, "
-            "qc)"
-        )
-    counts = counts_per_turn or _encoder_counts(joint)
-    if counts is None:
-        raise RecordingError(
-            f"{path}: its position channel is in increments, and the motor of joint {joint.name} "
-            "has no encoder_counts or a placeholder: give --counts-per-turn"
-        )
-    recorded_time = table.values[:, clock] * TIMES.get(units[clock], 1.0)
-    increment = 2 * np.pi / counts / joint.drive.ratio
-    position = table.values[:, column] * joint.motor_direction * increment
-    finite = np.isfinite(recorded_time) & np.isfinite(position)
-    return np.interp(time, recorded_time[finite], position[finite]), increment
 
 
 def _encoder_counts(joint: Joint) -> int | None:

@@ -19,6 +19,8 @@ It is larger, because the distribution of the noise is unknown.
 """
 LEAST = 4
 """Smallest number of samples in a window."""
+UNRESOLVED = 0.1
+"""Ratio of noise to limit above which no verdict is possible."""
 _SHARE = 0.9
 """Quantile of the second differences from which the noise is estimated."""
 _TO_SIGMA = 1 / 1.6449
@@ -70,6 +72,9 @@ def worst_excess(
 ) -> tuple[float, float, float]:
     """Find the window in which a channel exceeds its limit most.
 
+    A fast oscillation looks like noise. If no window exceeds the limit, but the noise of a single
+    sample can hide that it does, the result is that of the single sample.
+
     Parameters
     ----------
     values : (n,)
@@ -99,7 +104,11 @@ def worst_excess(
             noise = deviations * noise_of(departure, n, resolution) + resolution / 2
             maximum = float(np.abs(smoothed(values, n)).max())
             candidates.append((maximum - limit - noise, maximum, noise, n * step if n > 1 else 0.0))
-    return max(candidates)[1:]
+    worst = max(candidates)
+    _, maximum, noise, _ = alone = candidates[0]
+    if worst[0] <= 0 and noise > UNRESOLVED * limit and maximum + noise > limit:
+        worst = alone
+    return worst[1:]
 
 
 def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:

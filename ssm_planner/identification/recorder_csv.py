@@ -41,12 +41,12 @@ class Notes:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.single: list[str] = []
+        self.doubts: list[str] = []
         self.counted: dict[str, list[int]] = {}
 
     def add(self, text: str) -> None:
-        """Add a note that stands for itself."""
-        self.single.append(text)
+        """Add a note on a value that is not used as it stands in the file."""
+        self.doubts.append(text)
 
     def count(self, text: str, line: int) -> None:
         """Add a note on one line, which is counted with equal notes on other lines.
@@ -116,7 +116,7 @@ class Notes:
     def texts(self) -> list[str]:
         """Return all notes as sentences, with the number of equal notes."""
         counted = [f"{len(k)} {text} (first: line {k[0]})" for text, k in self.counted.items()]
-        return self.single + counted
+        return self.doubts + counted
 
 
 UNITS: dict[str, dict[str, float]] = {
@@ -126,7 +126,7 @@ UNITS: dict[str, dict[str, float]] = {
         "rad": 1.0,
         "deg": math.pi / 180,
         "turns": 2 * math.pi,
-        **dict.fromkeys(("inc", "qc"), 2 * math.pi / 4096),
+        **dict.fromkeys(("inc", "qc", "counts", "increments"), 2 * math.pi),
     },
     "torque": {
         "%": 0.01,
@@ -141,10 +141,10 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """Factors to SI by quantity and unit in lower case.
 
-The torque in % or ‰ is relative to the nominal torque of the motor. Increments are those of an
-encoder with 1024 lines.
+The torque in % or ‰ is relative to the nominal torque of the motor. Increments are relative to the
+number of increments per turn.
 """
-_RELATIVE_UNITS = ("%", "percent", "‰", "permille")
+_RELATIVE_UNITS = ("%", "percent", "‰", "permille", "inc", "qc", "counts", "increments")
 
 NAMES = {
     "time": ("time", "t", "timestamp"),
@@ -186,6 +186,8 @@ class Table:
     """Notes on repairs, as sentences."""
     header: dict[str, str] = field(default_factory=dict)
     """Texts of the lines above the table, by their label in lower case."""
+    doubts: list[str] = field(default_factory=list)
+    """Sentences on values of the file that are not in the table, or differ from it."""
 
 
 @frozen
@@ -200,8 +202,8 @@ class Column:
     """Unit in the file."""
     factor: float
     """Factor from the unit of the file to SI units."""
-    of_nominal: bool
-    """True if the torque is relative to the nominal torque of the motor."""
+    relative: bool
+    """True if the unit is relative to the nominal torque or to the increments per turn."""
 
 
 def parse_table(text: str, path: Path) -> Table:
@@ -237,7 +239,8 @@ def parse_table(text: str, path: Path) -> Table:
 def find_columns(table: Table, path: Path) -> dict[str, Column]:
     """Find the columns of time, speed, torque and position, and return them by quantity.
 
-    `path` is the file, for messages. The position is optional.
+    `path` is the file, for messages. The position is optional. Further columns of a quantity are
+    added to the doubts of the table.
 
     Raises
     ------
@@ -254,6 +257,11 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
             columns[quantity] = _column(
                 table, path, quantity, index, unit=names_and_units[index][1]
             )
+            table.doubts += [
+                f"the {quantity} is read from column {table.names[index]!r}, not from {other!r}"
+                for k, other in enumerate(table.names)
+                if names[k] in accepted and k != index
+            ]
         elif quantity not in _OPTIONAL:
             raise RecordingError(
                 f"{path}: no {quantity} column among "
@@ -274,8 +282,7 @@ def _column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -
         raise RecordingError(
             f"{path}: {quantity} column {name!r} has {unit_text}; allowed: {', '.join(allowed)}"
         )
-    of_nominal = quantity == "torque" and key in _RELATIVE_UNITS
-    return Column(index, name, unit, allowed[key], of_nominal)
+    return Column(index, name, unit, allowed[key], relative=key in _RELATIVE_UNITS)
 
 
 def _separator(lines: list[str], path: Path) -> str:
@@ -471,7 +478,11 @@ def _samples(
     stated_count = header.get("recorded samples", "")
     if stated_count.isdigit() and int(stated_count) != len(rows):
         notes.add(f"the header promises {stated_count} samples, {len(rows)} were found")
-    return Table(names, units, values=values, lines=numbers, repairs=notes.texts(), header=header)
+    repairs = notes.texts()
+    doubts = notes.doubts + [text for text in repairs if excess_note in text]
+    return Table(
+        names, units, values=values, lines=numbers, repairs=repairs, header=header, doubts=doubts
+    )
 
 
 def _rows(

@@ -46,6 +46,10 @@ PASSAGE_LENGTH, REPEATED_SHARE = 8, 0.5
 """Number of samples in a compared passage, and the share of common passages in a repetition."""
 SPIKE_GAP = 3.0
 """Distance of a spike from the other samples, in units of their range."""
+COUNTS_PER_TURN = 4096
+"""Default increments per motor turn: those of an encoder with 1024 lines."""
+LARGEST = 1e12
+"""Largest value of a channel in SI units. It exceeds every measurement and every time stamp."""
 
 
 @record
@@ -81,6 +85,8 @@ class Recording(ShortRepr):
     """Motor angle in rad, or None without a position channel."""
     begin: float = 0.0
     """Time of the first sample in the file, s. The array `time` begins with 0."""
+    doubts: tuple[str, ...] = ()
+    """Sentences on values of the file that are not in the channels, or differ from them."""
 
 
 def read_recording(
@@ -89,6 +95,8 @@ def read_recording(
     nominal_torque: float | None = None,
     direction: int = 1,
     name: str | None = None,
+    counts_per_turn: int | None = COUNTS_PER_TURN,
+    every_sample: bool = False,
 ) -> Recording:
     """Read a recording of the speed and torque of a motor from a file.
 
@@ -102,6 +110,10 @@ def read_recording(
         Sign of the recorded channels, ±1.
     name : str, optional
         Name in results. The default is the name of the file.
+    counts_per_turn : int, optional
+        Increments per motor turn, to which a position in increments refers. None if unknown.
+    every_sample : bool
+        True keeps samples of speed and torque that are far from the others.
 
     Returns
     -------
@@ -116,16 +128,22 @@ def read_recording(
     path = Path(path)
     table = parse_table(read_text(path), path)
     columns = find_columns(table, path)
+    references = {
+        "torque": nominal_torque,
+        "position": None if counts_per_turn is None else 1 / counts_per_turn,
+    }
     channels = np.array(
         [
-            _in_si(table, columns[key], path, nominal_torque)
+            _in_si(table, columns[key], path, key, references)
             if key in columns
             else np.zeros(len(table.lines))
             for key in ("time", "speed", "torque", "position")
         ]
     )
     channels, lines, repairs = _finite_samples(channels, table, path)
-    repairs += _remove_spikes(channels, lines)
+    doubts = (*table.doubts, *repairs)
+    if not every_sample:
+        repairs += _remove_spikes(channels, lines)
     time, speed, torque, angle = channels[:, np.isfinite(channels).all(axis=0)]
     if np.ptp(torque) == 0.0 and np.any(speed != 0.0):
         raise RecordingError(
@@ -146,6 +164,7 @@ def read_recording(
         header=table.header,
         angle=direction * angle if "position" in columns else None,
         begin=float(time[0]),
+        doubts=doubts,
     )
 
 
@@ -173,7 +192,8 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
     Raises
     ------
     RecordingError
-        If too many samples are removed, if too few remain, or if the time does not increase.
+        If too many samples are removed, if too few remain, if a value is too large for a
+        measurement, or if the time does not increase.
     """
     finite = np.isfinite(channels).all(axis=0)
     bad_lines = [table.lines[k] for k in np.flatnonzero(~finite)]
@@ -184,6 +204,9 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
             f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
         )
     lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
+    huge = np.abs(channels).max(axis=0, initial=0.0) > LARGEST
+    if huge.any():
+        raise RecordingError(f"{path}:{lines[huge][0]}: a value is too large for a measurement")
     _check_time(channels[0], lines, path)
     if len(lines) < MIN_SAMPLES:
         raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
@@ -263,9 +286,9 @@ def read_recordings(
 def find_spikes(values: Array) -> Indices:
     """Return the indices of isolated samples among values (samples,).
 
-    A gap separates them from the other values. The gap is at least SPIKE_GAP times the range of all
-    but the outermost samples. On each side, at most 1 % of the samples are isolated, or one sample
-    of a short recording.
+    The samples before and after an isolated sample are not isolated. A gap separates them from the
+    other values. The gap is at least SPIKE_GAP times the range of all but the outermost samples. On
+    each side, at most 1 % of the samples are isolated, or one sample of a short recording.
     """
     order = np.argsort(values, kind="stable")
     ranked = values[order]
@@ -276,7 +299,9 @@ def find_spikes(values: Array) -> Indices:
     gaps_above = np.flatnonzero(gap[len(gap) - outermost :])
     low = int(gaps_below[-1]) + 1 if len(gaps_below) else 0
     high = len(values) - outermost + int(gaps_above[0]) if len(gaps_above) else len(values)
-    return np.sort(np.concatenate([order[:low], order[high:]]))
+    outside = np.zeros(len(values) + 2, dtype=bool)
+    outside[1 + order[:low]] = outside[1 + order[high:]] = True
+    return np.flatnonzero(outside[1:-1] & ~outside[:-2] & ~outside[2:])
 
 
 def read_text(path: Path) -> str:
@@ -301,20 +326,24 @@ def read_text(path: Path) -> str:
         return raw.decode("cp1252", errors="replace")
 
 
-def _in_si(table: Table, column: Column, path: Path, nominal_torque: float | None) -> Array:
+def _in_si(
+    table: Table, column: Column, path: Path, quantity: str, references: dict[str, float | None]
+) -> Array:
     """Convert a column of a table to SI units, (samples,).
 
-    Raises RecordingError if the torque is relative and the nominal torque is unknown.
+    `references` are the nominal torque (N·m) and the turns per increment, by quantity. Raises
+    RecordingError if a unit is relative to an unknown one.
     """
-    values = table.values[:, column.index]
-    if column.of_nominal:
-        if nominal_torque is None:
-            raise RecordingError(
-                f"{path}: torque is in {column.unit}, so the motor's nominal torque is needed "
-                "(nominal_torque in the drive file's rig)"
-            )
-        return values * (column.factor * nominal_torque)
-    return values * column.factor
+    reference = references[quantity] if column.relative else 1.0
+    if reference is None:
+        needed = {
+            "torque": "the motor's nominal torque is needed (nominal_torque in the drive file's "
+            "rig)",
+            "position": "the increments per motor turn are needed, but the motor file states no "
+            "encoder_counts or a placeholder: give --counts-per-turn",
+        }[quantity]
+        raise RecordingError(f"{path}: {quantity} is in {column.unit}, so {needed}")
+    return table.values[:, column.index] * (column.factor * reference)
 
 
 def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
@@ -359,7 +388,7 @@ def _torque_remarks(
         remarks.append(
             f"torque does not change for {longest_run} samples in a row: did the channel stop?"
         )
-    if column.of_nominal and column.factor == 0.01 and nominal_torque is not None:
+    if column.relative and column.factor == 0.01 and nominal_torque is not None:
         remarks += _percent_remarks(torque / nominal_torque, column.unit)
     return remarks
 
