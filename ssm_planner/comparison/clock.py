@@ -114,15 +114,26 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     Alignment
         Start of the motion in the recording, and rate of the recording's clock.
     """
-    step = max(1, len(time) // SAMPLES)
-    t = time[::step]
-    w = measured[::step]
-    if not planned_speed.any() or not w.any():
-        both_at_rest = float(not planned_speed.any() and np.abs(measured).max(initial=0.0) == 0.0)
+    if not planned_speed.any() or not measured.any():
+        both_at_rest = float(not planned_speed.any() and not measured.any())
         return Alignment(float(time[0]), both_at_rest, 0.0)
-    moves = np.flatnonzero(np.abs(w) > ENDS * np.abs(planned_speed).max())
+    threshold = ENDS * np.abs(planned_speed).max()
+    moves = np.flatnonzero(np.abs(measured) > threshold)
+    stop = int(moves[-1]) + 2 if len(moves) else len(time)
+    coarse = match(planned_time, planned_speed, time[:stop], measured[:stop])
+    # Samples of a long rest do not contribute. Means of the others contain less noise.
+    end = coarse.delay + planned_time[-1]
+    margin = FAR * planned_time[-1]
+    first, last = np.searchsorted(time, [coarse.delay - margin, end + margin])
+    first = min(first, moves[0] if len(moves) else first)
+    last = max(last, stop)
+    step = max(1, (last - first) // SAMPLES)
+    t, w = (
+        values[first : last - (last - first) % step].reshape(-1, step).mean(axis=1)
+        for values in (time, measured)
+    )
+    moves = np.flatnonzero(np.abs(w) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(w)
-    coarse = match(planned_time, planned_speed, t[:stop], w[:stop])
     delay, rate, size, errors, middle = _refine(
         coarse.delay, planned_time, planned_speed, t[:stop], w[:stop]
     )

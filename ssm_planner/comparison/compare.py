@@ -98,8 +98,7 @@ class AxisComparison(ShortRepr):
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all findings and limits of this axis."""
-        of_findings = worst_of(finding.verdict for finding in self.findings)
-        return worst_of((of_findings, *(limit.verdict for limit in self.limits)))
+        return worst_of(part.verdict for part in (*self.findings, *self.limits))
 
     @property
     def followed(self) -> bool:
@@ -152,8 +151,7 @@ class Comparison(ShortRepr):
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all findings and axes: "held", "cannot tell" or "not held"."""
-        of_findings = worst_of(finding.verdict for finding in self.findings)
-        return worst_of((of_findings, *(axis.verdict for axis in self.axes)))
+        return worst_of(part.verdict for part in (*self.findings, *self.axes))
 
     @property
     def followed(self) -> bool:
@@ -309,13 +307,18 @@ def _compare_axis(
             "no position channel: position is the integral of the measured speed, from the planned "
             "start"
         )
-    predictions = {"position": plan.position, "speed": plan.speed, "torque": plan.torque}
-    channels = {"position": axis.q, "speed": measured.w, "torque": measured.tau}
-    differences = {}
-    if is_planned.any():
-        for name, values in channels.items():
-            planned = np.interp(t[is_planned], plan.time, predictions[name])
-            differences[name] = Difference.from_samples(planned, values[is_planned])
+    channels = {
+        "position": (plan.position, axis.q),
+        "speed": (plan.speed, measured.w),
+        "torque": (plan.torque, measured.tau),
+    }
+    differences = {
+        name: Difference.from_samples(
+            axis.interpolate_plan(planned)[is_planned], values[is_planned]
+        )
+        for name, (planned, values) in channels.items()
+        if is_planned.any()
+    }
     other = find_other_motion(axis, plans)
     return AxisComparison(
         measured.joint,

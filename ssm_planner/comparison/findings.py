@@ -171,6 +171,11 @@ class AlignedAxis:
         return self.plan.joint.name
 
     @property
+    def window(self) -> int:
+        """Number of samples in the shortest mean."""
+        return windows(self.step)[1][0]
+
+    @property
     def moving(self) -> Mask:
         """Mask (n,) of the samples in which the plan moves the joint.
 
@@ -240,6 +245,12 @@ class AlignedAxis:
     def interpolate_plan(self, values: Array) -> Array:
         """Interpolate values of the plan (m,) at the samples (n,)."""
         return np.interp(self.t, self.plan.time, values)
+
+    @property
+    def still_level(self) -> float:
+        """Mean speed over the shortest window below which the motor is at rest, rad/s."""
+        noise = CERTAIN * self.sigma_of_means / self.window**0.5
+        return max(STANDS * self.plan.peak, noise)
 
     @property
     def position_error(self) -> Array:
@@ -370,24 +381,20 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     limit = lag * joint.velocity
     k = int(np.argmax(error))
     largest = float(error[k])
+    if largest - limit <= random_noise <= limit:
+        return
     unit = f"m{joint.unit}"
     scale = 1e3
     allowed = limit + noise
-    if largest > allowed:
-        text = (
-            f"{scale * largest:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
-            f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
-        )
-        travel = float(np.ptp(axis.plan.position))
-        if np.ptp(axis.q) > UNLIKE * travel > 0:
-            text += f"; its travel is {times_planned(float(np.ptp(axis.q)) / travel)}"
-        yield Finding("tracking", "not held", text, largest, allowed)
-    elif random_noise > limit or largest > limit + random_noise:
-        text = (
-            f"noise of {scale * noise:.3g} {unit} hides a tracking error of {scale * limit:.3g} "
-            f"{unit}"
-        )
-        yield Finding("tracking", "cannot tell", text, noise, limit)
+    text = (
+        f"{scale * largest:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
+        f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
+    )
+    travel = float(np.ptp(axis.plan.position))
+    if np.ptp(axis.q) > UNLIKE * travel > 0:
+        text += f"; its travel is {times_planned(float(np.ptp(axis.q)) / travel)}"
+    verdict: Verdict = "not held" if largest > allowed else "cannot tell"
+    yield Finding("tracking", verdict, text, largest, allowed)
 
 
 def position_noise(axis: AlignedAxis) -> float:
@@ -480,16 +487,12 @@ def times_planned(factor: float) -> str:
 
 def find_second_motion(axis: AlignedAxis) -> Iterator[Finding]:
     """Yield a finding if the motor also moves before or after the planned motion."""
-    w = axis.measured.w
-    n = windows(axis.step)[1][0]
-    if len(w) < n:
-        return
+    n = axis.window
     alignment = axis.alignment
     time = smoothed(alignment.rate * (axis.measured.time - alignment.delay), n)
     margin = STALL + n * axis.step
     outside = (time < -margin) | (time > axis.plan.duration + margin)
-    level = max(STANDS * axis.plan.peak, CERTAIN * axis.sigma_of_means / np.sqrt(n))
-    moves = np.abs(smoothed(w, n)) > level
+    moves = np.abs(smoothed(axis.measured.w, n)) > axis.still_level
     start, _, length = longest_run(outside & moves, time)
     if length >= STALL:
         text = (
@@ -507,11 +510,8 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     """
     w = axis.measured.w
     planned_speed = axis.speed
-    peak = axis.plan.peak
-    n = windows(axis.step)[1][0]
-    if peak == 0.0 or len(w) < n:
-        return None
-    level = max(STANDS * peak, CERTAIN * axis.sigma_of_means / np.sqrt(n))
+    n = axis.window
+    level = axis.still_level
     mean = smoothed(np.abs(w), n)
     planned_mean = smoothed(np.abs(planned_speed), n)
     mean_time = smoothed(axis.t, n)
@@ -556,7 +556,7 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
             yield Finding("saturation", "not held", text, length + SHORT, SHORT)
             return
     top = float(np.quantile(size[axis.moving], 0.995))
-    n = windows(axis.step)[1][0]
+    n = axis.window
     saturated_samples = size >= top - 2 * band
     start, stop, length = longest_run(saturated_samples, axis.t)
     if length < SHORT or stop - start < n:
@@ -580,6 +580,8 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
 
     The torque is averaged over the longest window.
     """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
     plan = axis.plan
     n = windows(axis.step)[-1][0]
     tau = axis.measured.tau
@@ -587,11 +589,12 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     moving = np.abs(axis.speed) > STANDS * plan.peak
     if len(tau) < 3 * n or moving.sum() < n:
         return
-    reach = round((NEAR + n * axis.step / 2) / plan.time[1])
+    reach = 2 * round((NEAR + n * axis.step / 2) / plan.time[1]) + 1
+    lowest = minimum_filter1d(plan.low, reach, mode="nearest")
+    highest = maximum_filter1d(plan.high, reach, mode="nearest")
     mean = smoothed(tau, n)
     expected, low, high = (
-        smoothed(axis.interpolate_plan(values), n)
-        for values in (plan.torque, _extreme(plan.low, reach, -1), _extreme(plan.high, reach, 1))
+        smoothed(axis.interpolate_plan(values), n) for values in (plan.torque, lowest, highest)
     )
     resolution = axis.measured.torque_resolution
     noise = CERTAIN * noise_of(axis.torque_error[axis.moving], n, resolution)
@@ -607,15 +610,6 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
             f"{100 * share:.0f} % of the motion"
         )
         yield Finding("torque", "not held", text, share, OUTSIDE)
-
-
-def _extreme(values: Array, reach: int, sign: int) -> Array:
-    """Return the extreme of values (n,) among the `reach` samples on both sides of each sample.
-
-    The extreme is the maximum if `sign` is +1, and the minimum if it is −1.
-    """
-    padded = np.pad(sign * values, reach, mode="edge")
-    return sign * np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
 
 
 def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
@@ -740,7 +734,9 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         if min(axis.alignment.correlation, axis.alignment.agreement) >= ALIKE
         and np.isfinite(axis.alignment.delay_error)
     ]
-    delays = {axis.name: axis.alignment.delay_at(clock.rate) - clock.delay for axis in aligned}
+    delays = {
+        axis.name: axis.alignment.delay_at(clock.estimated_rate) - clock.delay for axis in aligned
+    }
     errors = [axis.alignment.delay_error for axis in aligned]
     spread = float(np.ptp(list(delays.values()))) if delays else 0.0
     allowed = STEP + CERTAIN * max(errors, default=0.0)

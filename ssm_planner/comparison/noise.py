@@ -48,7 +48,7 @@ def noise_of(departure: Array, n: int, resolution: float) -> float:
     resolution : float
         Resolution of the channel, in the unit of the values.
     """
-    mean = smoothed(departure, n) if len(departure) >= n else departure
+    mean = smoothed(departure, n)
     rounding = resolution / np.sqrt(12.0 * n)
     if len(mean) <= 2 * n:
         return float(rounding) if n == 1 else noise_of(departure, 1, resolution) / np.sqrt(n)

@@ -121,7 +121,7 @@ class Notes:
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {**TIMES, "sec": 1.0},
-    "speed": SPEEDS,
+    "speed": {**SPEEDS, "rads": 1.0, "radps": 1.0},
     "position": {
         "rad": 1.0,
         "deg": math.pi / 180,
@@ -131,6 +131,7 @@ UNITS: dict[str, dict[str, float]] = {
     "torque": {
         "%": 0.01,
         "percent": 0.01,
+        "pct": 0.01,
         "‰": 0.001,
         "permille": 0.001,
         "n*m": 1.0,
@@ -144,7 +145,7 @@ UNITS: dict[str, dict[str, float]] = {
 The torque in % or ‰ is relative to the nominal torque of the motor. Increments are relative to the
 number of increments per turn.
 """
-_RELATIVE_UNITS = ("%", "percent", "‰", "permille", "inc", "qc", "counts", "increments")
+_RELATIVE_UNITS = ("%", "percent", "pct", "‰", "permille", "inc", "qc", "counts", "increments")
 
 NAMES = {
     "time": ("time", "t", "timestamp"),
@@ -344,15 +345,6 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
     plain = name.strip().lower()
     if not unit and "_" in plain:
         stem, suffix = plain.rsplit("_", 1)
-        units_by_spelling = {
-            "rad/s": ("rads", "radps"),
-            "N*m": ("nm",),
-            "mN*m": ("mnm",),
-            "%": ("percent", "pct"),
-        }
-        for unit_name, spellings in units_by_spelling.items():
-            if suffix in spellings:
-                return stem.replace("_", " "), unit_name
         if any(suffix in units for units in UNITS.values()):
             return stem.replace("_", " "), suffix
     return plain.replace("_", " "), unit.strip()

@@ -46,10 +46,6 @@ PASSAGE_LENGTH, REPEATED_SHARE = 8, 0.5
 """Number of samples in a compared passage, and the share of common passages in a repetition."""
 SPIKE_GAP = 3.0
 """Distance of a spike from the other samples, in units of their range."""
-COUNTS_PER_TURN = 4096
-"""Default increments per motor turn: those of an encoder with 1024 lines."""
-LARGEST = 1e12
-"""Largest value of a channel in SI units. It exceeds every measurement and every time stamp."""
 
 
 @record
@@ -95,7 +91,7 @@ def read_recording(
     nominal_torque: float | None = None,
     direction: int = 1,
     name: str | None = None,
-    counts_per_turn: int | None = COUNTS_PER_TURN,
+    counts_per_turn: int | None = 4096,
     every_sample: bool = False,
 ) -> Recording:
     """Read a recording of the speed and torque of a motor from a file.
@@ -111,7 +107,8 @@ def read_recording(
     name : str, optional
         Name in results. The default is the name of the file.
     counts_per_turn : int, optional
-        Increments per motor turn, to which a position in increments refers. None if unknown.
+        Increments per motor turn, to which a position in increments refers. None if unknown. The
+        default is that of an encoder with 1024 lines.
     every_sample : bool
         True keeps samples of speed and torque that are far from the others.
 
@@ -204,7 +201,8 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
             f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
         )
     lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
-    huge = np.abs(channels).max(axis=0, initial=0.0) > LARGEST
+    # Times since 1970 are below 1e10 s, and all other values are smaller.
+    huge = np.abs(channels).max(axis=0) > 1e12
     if huge.any():
         raise RecordingError(f"{path}:{lines[huge][0]}: a value is too large for a measurement")
     _check_time(channels[0], lines, path)
@@ -286,22 +284,16 @@ def read_recordings(
 def find_spikes(values: Array) -> Indices:
     """Return the indices of isolated samples among values (samples,).
 
-    The samples before and after an isolated sample are not isolated. A gap separates them from the
-    other values. The gap is at least SPIKE_GAP times the range of all but the outermost samples. On
-    each side, at most 1 % of the samples are isolated, or one sample of a short recording.
+    An isolated sample is above or below both of its neighbours, by more than SPIKE_GAP times the
+    range of the values without the outermost ones. These are 1 % of the samples on each side, or
+    one sample of a short recording.
     """
-    order = np.argsort(values, kind="stable")
-    ranked = values[order]
     outermost = max(1, len(values) // 100)
-    inner = ranked[outermost : len(values) - outermost]
-    gap = np.diff(ranked) > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12)
-    gaps_below = np.flatnonzero(gap[:outermost])
-    gaps_above = np.flatnonzero(gap[len(gap) - outermost :])
-    low = int(gaps_below[-1]) + 1 if len(gaps_below) else 0
-    high = len(values) - outermost + int(gaps_above[0]) if len(gaps_above) else len(values)
-    outside = np.zeros(len(values) + 2, dtype=bool)
-    outside[1 + order[:low]] = outside[1 + order[high:]] = True
-    return np.flatnonzero(outside[1:-1] & ~outside[:-2] & ~outside[2:])
+    inner = np.sort(values)[outermost:-outermost]
+    steps = np.diff(np.pad(values, 1, mode="reflect"))
+    same_sign = np.sign(steps[:-1]) == -np.sign(steps[1:])
+    height = np.minimum(np.abs(steps[:-1]), np.abs(steps[1:]))
+    return np.flatnonzero(same_sign & (height > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12)))
 
 
 def read_text(path: Path) -> str:
