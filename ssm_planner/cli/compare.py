@@ -74,7 +74,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     the margins of the limits,
     the findings and the verdict.
     """
-    from ssm_planner.comparison.clock import CERTAIN
+    from ssm_planner.comparison.noise import CERTAIN
     from ssm_planner.display import format_fixed, number, percent
     from ssm_planner.reporting import Table, unit_of_limit
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ssm_planner.comparison.noise import CERTAIN
 from ssm_planner.deprecation import Renamed
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, frozen
@@ -20,8 +21,6 @@ ALIKE = 0.98
 """Smallest correlation of the speeds of an axis that determines the clock."""
 ENDS = 0.05
 """Speed below which a motion has ended, as a share of the planned peak speed."""
-CERTAIN = 5.0
-"""Number of standard deviations beyond which a difference is significant."""
 SPEEDS = np.union1d(np.arange(5, 126) / 100, np.geomspace(0.05, 1.25, 80))
 """Speeds of execution that are tried, as multiples of the planned speed."""
 
@@ -33,7 +32,7 @@ class Alignment(ShortRepr):
     Examples
     --------
     >>> import ssm_planner as ssm
-    >>> ssm.Alignment(delay=0.02, correlation=0.98, reversed_correlation=-0.3).rate
+    >>> ssm.Alignment(delay=0.02, correlation=0.98).rate
     1.0
     """
 
@@ -41,8 +40,6 @@ class Alignment(ShortRepr):
     """Time of the recording at which the motion starts, s."""
     correlation: float
     """Correlation of the measured with the planned speed during the planned motion."""
-    reversed_correlation: float
-    """Best correlation that results if the sign of the recording is reversed."""
     rate: float = 1.0
     """Planned time that passes in one second of the recording."""
     rate_error: float = np.inf
@@ -116,7 +113,7 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     """
     if not planned_speed.any() or not measured.any():
         both_at_rest = float(not planned_speed.any() and not measured.any())
-        return Alignment(float(time[0]), both_at_rest, 0.0)
+        return Alignment(float(time[0]), both_at_rest)
     threshold = ENDS * np.abs(planned_speed).max()
     moves = np.flatnonzero(np.abs(measured) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(time)
@@ -142,7 +139,6 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     return Alignment(
         delay,
         correlation=correlation(expected, w * (np.abs(2 * planned_t / planned_time[-1] - 1) <= 1)),
-        reversed_correlation=coarse.reversed_correlation,
         rate=rate,
         rate_error=errors[1],
         delay_error=errors[0],
@@ -187,8 +183,6 @@ class Match:
     """Smallest share of the squared speed that the plan does not explain, in either direction."""
     correlation: float
     """Correlation of largest magnitude. It is negative if the recording is reversed."""
-    reversed_correlation: float
-    """Best correlation with the reversed plan."""
     factor: float
     """Measured speed as a multiple of the planned speed, for the correlation."""
 
@@ -209,7 +203,7 @@ def match(
     w = np.interp(np.arange(begin, end, step), time, measured)
     v = speed * np.interp(speed * np.arange(0.0, duration, step), planned_time, planned_speed)
     if len(w) < 8 or not (w.any() and v.any()):
-        return Match(float(begin), float(len(moves) > 0), 0.0, 0.0, 1.0)
+        return Match(float(begin), float(len(moves) > 0), 0.0, 1.0)
     product = correlate(w, v, method="fft")
     first = np.arange(1 - len(v), len(w))
     sums = np.append(0.0, np.cumsum(v**2))
@@ -225,7 +219,6 @@ def match(
         float(begin + step * first[int(np.argmin(errors))]),
         1 + float(errors.min()) / total,
         float(shape[k]),
-        -float(shape.min()),
         float((product / enough)[k]),
     )
 

@@ -98,7 +98,7 @@ class AxisComparison(ShortRepr):
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all findings and limits of this axis."""
-        return worst_of(part.verdict for part in (*self.findings, *self.limits))
+        return worst_of(self.findings, self.limits)
 
     @property
     def followed(self) -> bool:
@@ -151,7 +151,7 @@ class Comparison(ShortRepr):
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all findings and axes: "held", "cannot tell" or "not held"."""
-        return worst_of(part.verdict for part in (*self.findings, *self.axes))
+        return worst_of(self.findings, self.axes)
 
     @property
     def followed(self) -> bool:
@@ -233,11 +233,10 @@ def compare(
     joints += [name for name in driven if name not in joints]
     plans = predict_axes(trajectory, robot, joints)
     missing = [plan.joint.name for plan in plans[len(recordings) :] if plan.peak > 0]
-    planned_limits = certificate.limits if certificate is not None else ()
     alignments, clock, played = _align(plans, recordings, speed or 1.0)
     if played != 1.0:
         plans = predict_axes(trajectory, robot, joints, played)
-        certificate = None
+    margins = certificate if played == 1.0 else None
     axes = [
         map_to_clock(*parts, clock) for parts in zip(plans, recordings, alignments, strict=False)
     ]
@@ -245,20 +244,17 @@ def compare(
     if missing:
         text = f"no recording of {', '.join(missing)}, which the plan moves"
         findings.append(Finding("missing recording", "cannot tell", text, len(missing), 0))
-    compared = tuple(_compare_axis(axis, plans, certificate, lag) for axis in axes)
+    compared = tuple(_compare_axis(axis, plans, margins, lag) for axis in axes)
     judged = {(limit.name, axis.joint) for axis in compared for limit in axis.limits}
-    unjudged: dict[str, list[str]] = {}
-    for check in planned_limits:
-        if (check.name, check.joint) not in judged:
-            unjudged.setdefault(check.name, []).append(check.joint or "")
     return Comparison(
         compared,
         clock,
         tuple(findings),
         played,
         unjudged=tuple(
-            f"{name} ({', '.join(joints)})" if all(joints) else name
-            for name, joints in unjudged.items()
+            f"{check.name} {check.joint or ''}".strip()
+            for check in (certificate.limits if certificate else ())
+            if (check.name, check.joint) not in judged
         ),
     )
 

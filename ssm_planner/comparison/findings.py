@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
-from typing import Literal
+from itertools import chain
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from ssm_planner.comparison.noise import (
     noise_of,
     smoothed,
     windows,
-    worst_excess,
 )
 from ssm_planner.comparison.predicted import Predicted
 from ssm_planner.identification import rms
@@ -85,9 +84,17 @@ NEAR = 15e-3
 Verdict = Literal["held", "not held", "cannot tell"]
 
 
-def worst_of(verdicts: Iterable[Verdict]) -> Verdict:
+class Judged(Protocol):
+    """A part of a comparison with a verdict."""
+
+    @property
+    def verdict(self) -> Verdict: ...
+
+
+def worst_of(*groups: Iterable[Judged]) -> Verdict:
     """Return the worst verdict: "not held" before "cannot tell" before "held"."""
     order: tuple[Verdict, ...] = ("held", "cannot tell", "not held")
+    verdicts = (part.verdict for part in chain.from_iterable(groups))
     return max(verdicts, key=order.index, default="held")
 
 
@@ -273,8 +280,8 @@ def map_to_clock(
 ) -> AlignedAxis:
     """Convert the times of a recording to the planned time, and add the planned values.
 
-    The travelled position is the planned one plus the integral of the speed error. The integration
-    begins without an error, and begins again after every gap. An offset of the speed at rest, up to
+    The travelled position is the planned one plus the integral of the speed error since the start
+    of the motion. The integration omits gaps. An offset of the speed at rest, up to
     half of its resolution, is an error of the channel and is subtracted.
     """
     t = clock.planned_time(measured.time)
@@ -285,15 +292,11 @@ def map_to_clock(
         if rest.any():
             half = measured.speed_resolution / 2
             speed_error[rest] -= np.clip(np.mean(speed_error[rest]), -half, half)
-    travelled = np.interp(t, plan.time, plan.position)
-    starts = [0, *(np.flatnonzero(np.diff(t) > max(GAP, 3 * step)) + 1), len(t)]
-    for start, end in pairwise(starts):
-        error = speed_error[start:end] / plan.ratio
-        times = t[start:end]
-        distance = np.append(0.0, np.cumsum(np.diff(times) * (error[1:] + error[:-1]) / 2))
-        # The integration begins at the start of the motion if this run of samples contains it.
-        start_index = int(np.clip(np.searchsorted(times, 0.0), 0, len(times) - 1))
-        travelled[start:end] += distance - distance[start_index]
+    intervals = np.diff(t)
+    intervals[intervals > max(GAP, 3 * step)] = 0.0
+    error = speed_error / plan.ratio
+    distance = np.append(0.0, np.cumsum(intervals * (error[1:] + error[:-1]) / 2))
+    distance -= np.interp(0.0, t, distance)
     return AlignedAxis(
         plan,
         measured,
@@ -301,7 +304,7 @@ def map_to_clock(
         alignment,
         t,
         speed=speed,
-        travelled=travelled,
+        travelled=np.interp(t, plan.time, plan.position) + distance,
         step=step,
     )
 
@@ -411,7 +414,6 @@ def check_agreement(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 
     `lag` is the permitted delay at the largest speed, s.
     """
-    unit = axis.plan.joint.unit
     difference = float(np.abs(axis.q - axis.travelled).max())
     allowed = (
         lag * axis.plan.joint.velocity
@@ -421,8 +423,8 @@ def check_agreement(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     )
     if difference > allowed:
         text = (
-            f"position and integral of the speed differ by {1e3 * difference:.3g} m{unit} "
-            f"(allowed: {1e3 * allowed:.3g} m{unit}): one of the channels is wrong"
+            f"position and integral of the speed differ by {1e3 * difference:.3g} "
+            f"m{axis.plan.joint.unit}: one of the channels is wrong"
         )
         yield Finding("contradiction", "cannot tell", text, difference, allowed)
 
@@ -512,11 +514,10 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     planned_speed = axis.speed
     n = axis.window
     level = axis.still_level
-    mean = smoothed(np.abs(w), n)
     planned_mean = smoothed(np.abs(planned_speed), n)
     mean_time = smoothed(axis.t, n)
     is_still = np.abs(smoothed(w, n)) < level
-    is_stalled = is_still & (planned_mean > 5 * level) & (mean < planned_mean / 5)
+    is_stalled = is_still & (planned_mean > 5 * level)
     start, stop, length = longest_run(is_stalled, mean_time)
     if length < STALL:
         return None
@@ -540,36 +541,26 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     """
     tau = axis.measured.tau
     motor = axis.plan.joint.motor
-    size = np.abs(tau)
-    resolution = axis.measured.torque_resolution
-    band = 2 * max(resolution, noise_of(tau, 1, resolution))
+    largest = np.inf if motor is None else motor.max_torque
     n = 1 + round(SHORT / axis.step)
-    if motor is not None and len(tau) >= n:
-        clipped = np.clip(tau, -motor.max_torque, motor.max_torque)
-        largest_torque = np.abs(smoothed(clipped, n)) >= 0.98 * motor.max_torque
-        start, stop, length = longest_run(largest_torque, axis.t)
-        if largest_torque.any():
-            text = (
-                f"the motor gives its largest torque for {length + SHORT:.3g} s, from "
-                f"{float(axis.t[start]):.3g} s on"
-            )
-            yield Finding("saturation", "not held", text, length + SHORT, SHORT)
-            return
-    top = float(np.quantile(size[axis.moving], 0.995))
-    n = axis.window
-    saturated_samples = size >= top - 2 * band
-    start, stop, length = longest_run(saturated_samples, axis.t)
-    if length < SHORT or stop - start < n:
+    mean = np.abs(smoothed(np.clip(tau, -largest, largest), n))
+    top = float(mean.max(initial=0.0))
+    noise = noise_of(tau, 1, axis.measured.torque_resolution)
+    level = min(0.98 * largest, top - 2 * noise)
+    start, stop, length = longest_run(mean >= level, axis.t)
+    during = f"for {length + SHORT:.3g} s, from {float(axis.t[start]):.3g} s on"
+    if top >= 0.98 * largest:
+        text = f"the motor gives its largest torque {during}"
+        yield Finding("saturation", "not held", text, length + SHORT, SHORT)
         return
-    error = axis.speed_error
-    deficit = -float(np.mean((error * np.sign(axis.speed))[start:stop]))
-    noise = noise_of(error, n, axis.measured.speed_resolution)
-    allowed = STANDS * axis.plan.peak + CERTAIN * noise
-    needed = float(np.mean(np.abs(axis.interpolate_plan(axis.plan.torque)[start:stop])))
+    allowed = axis.still_level
+    deficit, needed = (
+        float(np.mean((values * np.sign(axis.speed))[start : stop + n]))
+        for values in (-axis.speed_error, axis.interpolate_plan(axis.plan.torque))
+    )
     if deficit > allowed and needed > top:
         text = (
-            f"torque stays at {1e3 * top:.3g} mN·m for {length:.3g} s, from "
-            f"{float(axis.t[start]):.3g} s on, while the speed sags by "
+            f"torque stays at {1e3 * top:.3g} mN·m {during}, while the speed sags by "
             f"{100 * deficit / axis.plan.peak:.2g} % of the largest: the torque is cut off"
         )
         yield Finding("saturation", "not held", text, deficit, allowed)
@@ -613,47 +604,68 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
 
 
 def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
-    """Compare the measured position, velocity, motor speed and motor torque with their limits.
+    """Compare the measured values with the limits of the joint and of its motor.
 
     `certificate` provides the margins of the plan.
     """
-    plan, joint, measured = axis.plan, axis.plan.joint, axis.measured
-    position = joint.limit(JointPosition)
-    highest = float(axis.q.max())
-    lowest = float(axis.q.min())
-    above = position.high - highest
-    below = lowest - position.low
-    end, extreme = (position.high, highest) if above <= below else (position.low, lowest)
-    margin = min(above, below) / position.half_width
-    limits = [_limit_result(position, end, extreme, margin, noise=position_noise(axis))]
+    joint, measured = axis.plan.joint, axis.measured
     speed = measured.w, axis.speed_error, measured.speed_resolution
-    channels: list[tuple[type[JointLimit], tuple[Array, Array, float], float]] = [
-        (JointVelocity, speed, plan.ratio)
-    ]
+    torque = measured.tau, axis.torque_error, measured.torque_resolution
+    limits = [position_of(axis), channel_limit(axis, JointVelocity, *speed, ratio=axis.plan.ratio)]
     if joint.motor is not None:
-        torque = measured.tau, axis.torque_error, measured.torque_resolution
-        channels += [(MotorSpeed, speed, 1.0), (MotorTorque, torque, 1.0)]
-    for limit_type, channel, ratio in channels:
-        limit = joint.limit(limit_type)
-        values, departure, resolution = channel
-        excess, noise, window = worst_excess(
-            values / ratio,
-            departure[axis.moving] / ratio,
-            limit.largest,
-            axis.step,
-            resolution / ratio,
-        )
-        margin = 1 - excess / limit.largest
-        limits.append(
-            _limit_result(limit, limit.largest, excess, margin, noise=noise, window=window)
-        )
+        limits.append(channel_limit(axis, MotorSpeed, *speed))
+        limits.append(channel_limit(axis, MotorTorque, *torque))
     limits.append(acceleration_of(axis))
-    if certificate is None:
-        return tuple(limits)
-    planned = {
-        check.name: check.margin for check in certificate.limits if check.joint == joint.name
-    }
+    checks = () if certificate is None else certificate.limits
+    planned = {check.name: check.margin for check in checks if check.joint == joint.name}
     return tuple(replace(limit, planned_margin=planned.get(limit.name)) for limit in limits)
+
+
+def position_of(axis: AlignedAxis) -> Kept:
+    """Compare the measured position with its limits."""
+    position = axis.plan.joint.limit(JointPosition)
+    ends = position.low, position.high
+    room = np.minimum(axis.q - position.low, position.high - axis.q)
+    k = int(np.argmin(room))
+    value = float(axis.q[k])
+    bound = min(ends, key=lambda end: abs(value - end))
+    return _limit_result(position, bound, value, float(room[k]), noise=position_noise(axis))
+
+
+def channel_limit(
+    axis: AlignedAxis,
+    limit_type: type[JointLimit],
+    values: Array,
+    departure: Array,
+    resolution: float,
+    *,
+    ratio: float = 1.0,
+) -> Kept:
+    """Compare a channel, divided by a ratio, with its limit.
+
+    The result is that of the window in which the channel exceeds the limit most. A fast oscillation
+    looks like noise. If no window exceeds the limit, but the noise of a single sample can hide that
+    it does, the result is that of the single sample.
+
+    `values` and `departure` (n,) are measured values and their differences from the plan, in the
+    unit of the `resolution`.
+    """
+    limit = axis.plan.joint.limit(limit_type)
+    largest = limit.largest
+    candidates = []
+    for n, deviations in windows(axis.step):
+        if len(values) >= n:
+            # Rounding shifts a mean by up to half of the resolution if the noise is small.
+            spread = deviations * noise_of(departure[axis.moving], n, resolution) + resolution / 2
+            noise = spread / ratio
+            value = float(np.abs(smoothed(values, n)).max()) / ratio
+            candidates.append((value - noise, value, noise, n * axis.step if n > 1 else 0.0))
+    worst = max(candidates)
+    _, value, noise, _ = alone = candidates[0]
+    if worst[0] <= largest < value + noise and noise > UNRESOLVED * largest:
+        worst = alone
+    _, value, noise, window = worst
+    return _limit_result(limit, largest, value, largest - value, noise=noise, window=window)
 
 
 def acceleration_of(axis: AlignedAxis) -> Kept:
@@ -663,22 +675,19 @@ def acceleration_of(axis: AlignedAxis) -> Kept:
     acceleration. The limit may therefore be exceeded by a tenth.
     """
     limit = axis.plan.joint.limit(JointAcceleration)
-    measured = axis.measured
     n = max(1, round(RAMP / axis.step))
-    interval = n * axis.step * axis.plan.ratio
-    speed = smoothed(measured.w, n)
-    time = smoothed(axis.t, n) * axis.plan.ratio
+    speed = smoothed(axis.measured.w, n) / axis.plan.ratio
+    time = smoothed(axis.t, n)
     largest = float(np.abs((speed[n:] - speed[:-n]) / (time[n:] - time[:-n])).max(initial=0.0))
-    sigma = axis.sigma_of_means * np.sqrt(2 / n)
-    noise = (CERTAIN * sigma + measured.speed_resolution) / interval
-    margin = 1 - largest / limit.largest
+    change = CERTAIN * axis.sigma_of_means * (2 / n) ** 0.5 + axis.measured.speed_resolution
+    window = n * axis.step
     return _limit_result(
         limit,
         limit.largest,
         largest,
-        margin,
-        noise=float(noise),
-        window=n * axis.step,
+        limit.largest - largest,
+        noise=change / axis.plan.ratio / window,
+        window=window,
         ripple=UNRESOLVED * limit.largest,
     )
 
@@ -687,7 +696,7 @@ def _limit_result(
     limit: Limit,
     bound: float,
     value: float,
-    margin: float,
+    room: float,
     *,
     noise: float,
     window: float = 0.0,
@@ -695,19 +704,20 @@ def _limit_result(
 ) -> Kept:
     """Build the result of one limit from the worst measured value and its possible noise.
 
-    The permitted `ripple` is added to the noise.
+    `room` is the distance from the value to the bound. It is negative if the value exceeds the
+    bound. The permitted `ripple` is added to the noise.
     """
     verdict: Verdict = "cannot tell"
-    if margin * limit.half_width < -noise - ripple:
+    if room < -noise - ripple:
         verdict = "not held"
-    elif noise <= max(UNRESOLVED, margin) * limit.half_width:
+    elif noise <= max(UNRESOLVED * limit.half_width, room):
         verdict = "held"
     return Kept(
         limit.name,
         bound,
         planned_margin=None,
         measured=value,
-        margin=margin,
+        margin=room / limit.half_width,
         held=verdict == "held",
         unit=limit.unit,
         noise=noise + ripple,

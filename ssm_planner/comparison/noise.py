@@ -67,50 +67,6 @@ def windows(step: float) -> list[tuple[int, float]]:
     return [(1, CERTAIN_ALONE), *means]
 
 
-def worst_excess(
-    values: Array, departure: Array, limit: float, step: float, resolution: float
-) -> tuple[float, float, float]:
-    """Find the window in which a channel exceeds its limit most.
-
-    A fast oscillation looks like noise. If no window exceeds the limit, but the noise of a single
-    sample can hide that it does, the result is that of the single sample.
-
-    Parameters
-    ----------
-    values : (n,)
-        Measured values.
-    departure : (m,)
-        Measured minus expected values, from which the noise is estimated.
-    limit : float
-        Largest permitted magnitude, in the unit of the values.
-    step : float
-        Sampling period, s.
-    resolution : float
-        Resolution of the channel, in the unit of the values.
-
-    Returns
-    -------
-    maximum : float
-        Largest magnitude of a mean over the window.
-    noise : float
-        Possible contribution of noise to this mean.
-    window : float
-        Duration of the window, s. 0 means a single sample.
-    """
-    candidates = []
-    for n, deviations in windows(step):
-        if len(values) >= n:
-            # Rounding shifts a mean by up to half of the resolution if the noise is small.
-            noise = deviations * noise_of(departure, n, resolution) + resolution / 2
-            maximum = float(np.abs(smoothed(values, n)).max())
-            candidates.append((maximum - limit - noise, maximum, noise, n * step if n > 1 else 0.0))
-    worst = max(candidates)
-    _, maximum, noise, _ = alone = candidates[0]
-    if worst[0] <= 0 and noise > UNRESOLVED * limit and maximum + noise > limit:
-        worst = alone
-    return worst[1:]
-
-
 def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:
     """Return the first index, the last index and the duration (s) of the longest run.
 

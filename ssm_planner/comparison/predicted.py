@@ -78,14 +78,8 @@ def predict_axes(
         if joint.drive is None:
             raise RecordingError(f"joint {name} has no drive in the robot file")
         torque = motor.torque[:, i]
-        band = _band(
-            joint.drive,
-            rigid[:, i],
-            samples.qd[:, i],
-            samples.qdd[:, i],
-            direction[:, i],
-            breakaway=breakaway[:, i],
-        )
+        motion = rigid, samples.qd, samples.qdd, direction, breakaway
+        band = _band(joint.drive, *(column[:, i] for column in motion))
         margin = SPREAD * np.abs(torque)
         low, high = (torque - margin, torque + margin) if band is None else band
         predictions.append(
@@ -105,7 +99,7 @@ def predict_axes(
 
 
 def _band(
-    drive: Drive, rigid: Array, qd: Array, qdd: Array, direction: Array, *, breakaway: Array
+    drive: Drive, rigid: Array, qd: Array, qdd: Array, direction: Array, breakaway: Array
 ) -> tuple[Array, Array] | None:
     """Return the band (low, high) that contains the motor torque in 95 % of recordings, N·m.
 

@@ -12,17 +12,15 @@ from .prediction import (
     nrmsd as nrmsd,
     predict_recording as predict_recording,
 )
-from .recorder_csv import parse_table as parse_table
 from .recordings import (
     quantum as quantum,
     read_recording as read_recording,
     read_recordings as read_recordings,
-    read_text as read_text,
     rms as rms,
+    runs as runs,
 )
 from .torque_map import (
     TABLE as TABLE,
     TorqueMap as TorqueMap,
     read_figures as read_figures,
-    runs as runs,
 )

@@ -22,8 +22,8 @@ from ssm_planner.dynamics.transmission import (
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
-from ssm_planner.identification.recordings import Recording, rms
-from ssm_planner.identification.torque_map import kind_of, rest_mask, runs
+from ssm_planner.identification.recordings import Recording, rms, runs
+from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
 from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record

@@ -148,7 +148,8 @@ number of increments per turn.
 _RELATIVE_UNITS = ("%", "percent", "pct", "‰", "permille", "inc", "qc", "counts", "increments")
 
 NAMES = {
-    "time": ("time", "t", "timestamp"),
+    # The EPOS recorder leaves the name of the time column empty.
+    "time": ("time", "t", "timestamp", ""),
     "speed": (
         "velocity actual value averaged",
         "velocity actual value",
@@ -231,9 +232,21 @@ def parse_table(text: str, path: Path) -> Table:
         unit_fields = [field.strip().strip('"') for field in _fields(lines[start], separator)]
         if unit_fields and not any(_WITH_MARKS.fullmatch(f) for f in unit_fields):
             units, start = unit_fields, start + 1
-    names, units = _align(names, units)
-    return _samples(
-        lines, start, separator=separator, names=names, units=units, header=header, path=path
+    columns = itertools.zip_longest(names, units, fillvalue="")
+    names, units = map(list, zip(*columns, strict=True))
+    notes = Notes(path)
+    values, numbers = _samples(lines, start, len(names), separator, notes)
+    stated_count = header.get("recorded samples", "")
+    if stated_count.isdigit() and int(stated_count) != len(numbers):
+        notes.add(f"the header promises {stated_count} samples, {len(numbers)} were found")
+    return Table(
+        names,
+        units,
+        values=values,
+        lines=numbers,
+        repairs=notes.texts(),
+        header=header,
+        doubts=notes.doubts,
     )
 
 
@@ -261,13 +274,13 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
             table.doubts += [
                 f"the {quantity} is read from column {table.names[index]!r}, not from {other!r}"
                 for k, other in enumerate(table.names)
-                if names[k] in accepted and k != index
+                if other and names[k] in accepted and k != index
             ]
         elif quantity not in _OPTIONAL:
             raise RecordingError(
                 f"{path}: no {quantity} column among "
                 f"{list(filter(None, table.names)) or table.names}; "
-                f"accepted names: {', '.join(accepted)}"
+                f"accepted names: {', '.join(filter(None, accepted))}"
             )
     return columns
 
@@ -316,21 +329,6 @@ def _find_names(lines: list[str], separator: str, path: Path) -> int:
         f"{path}: no line of channel names found (a velocity and a torque column are needed); "
         "the file is not an EPOS recorder export or a CSV with named columns"
     )
-
-
-def _align(names: list[str], units: list[str]) -> tuple[list[str], list[str]]:
-    """Make the lists of names and units equally long, and name the time column.
-
-    The EPOS recorder leaves the name of this column empty. It is recognised by its unit.
-    """
-    width = max(len(names), len(units))
-    names, units = names + [""] * (width - len(names)), units + [""] * (width - len(units))
-    if not any(_name_and_unit(n, u)[0] in NAMES["time"] for n, u in zip(names, units, strict=True)):
-        for k, (name, unit) in enumerate(zip(names, units, strict=True)):
-            if not name and unit.lower() in UNITS["time"]:
-                names[k] = "time"
-                break
-    return names, units
 
 
 def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
@@ -425,68 +423,55 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
 
 
 def _samples(
-    lines: list[str],
-    start: int,
-    separator: str,
-    names: list[str],
-    units: list[str],
-    header: dict[str, str],
-    path: Path,
-) -> Table:
+    lines: list[str], start: int, width: int, separator: str, notes: Notes
+) -> tuple[Array, list[int]]:
     """Read the samples from the index `start` of the lines to the end.
+
+    Returns the numbers (samples, width) and the line number of each sample, and adds `notes`.
 
     Raises
     ------
     RecordingError
-        If the table is empty, or if many lines of a comma-separated file have more fields than
-        columns. Their numbers then seem to have decimal commas.
+        If the table is empty, or if many lines of a comma-separated file have more than `width`
+        fields. Their numbers then seem to have decimal commas.
     """
-    notes = Notes(path)
-    width = len(names)
-    comma = separator == ","
-    excess_note = f"lines with more than {width} columns: " + (
-        "left out" if comma else "the rest ignored"
-    )
-    rows, numbers = _rows(lines, start, width, separator, excess_note=excess_note, notes=notes)
+    rows, numbers, too_long = _rows(lines, start, width, separator, notes)
     if not rows:
-        raise RecordingError(f"{path}: the header is there, but no sample follows it")
-    too_long = notes.counted.get(excess_note, [])
+        raise RecordingError(f"{notes.path}: the header is there, but no sample follows it")
+    comma = separator == ","
     if comma and len(too_long) > max(1, MOST_LEFT_OUT * len(rows)):
         raise RecordingError(
-            f"{path}:{too_long[0]}: more fields than the {width} columns that the "
+            f"{notes.path}:{too_long[0]}: more fields than the {width} columns that the "
             "header names: where the comma separates columns, numbers with a decimal comma must be "
             "quoted"
         )
+    if too_long:
+        notes.add(
+            f"{len(too_long)} lines with more than {width} columns (first: line {too_long[0]}): "
+            + ("left out" if comma else "the rest ignored")
+        )
     try:
-        values = np.array(rows, dtype=float)
+        return np.array(rows, dtype=float), numbers
     except ValueError:
         marks = _marks(rows, width)
-        values = np.array(
-            [
-                [notes.number(f, k - 1, m) for f, m in zip(row, marks, strict=True)]
-                for k, row in zip(numbers, rows, strict=True)
-            ]
-        )
-    stated_count = header.get("recorded samples", "")
-    if stated_count.isdigit() and int(stated_count) != len(rows):
-        notes.add(f"the header promises {stated_count} samples, {len(rows)} were found")
-    repairs = notes.texts()
-    doubts = notes.doubts + [text for text in repairs if excess_note in text]
-    return Table(
-        names, units, values=values, lines=numbers, repairs=repairs, header=header, doubts=doubts
-    )
+    values = [
+        [notes.number(f, k - 1, m) for f, m in zip(row, marks, strict=True)]
+        for k, row in zip(numbers, rows, strict=True)
+    ]
+    return np.array(values), numbers
 
 
 def _rows(
-    lines: list[str], start: int, width: int, separator: str, *, excess_note: str, notes: Notes
-) -> tuple[list[list[str]], list[int]]:
+    lines: list[str], start: int, width: int, separator: str, notes: Notes
+) -> tuple[list[list[str]], list[int], list[int]]:
     """Return the fields of all samples, `width` for each, and the numbers of their lines.
 
-    Notes on blank lines, an incomplete last line and too many fields (`excess_note`) are added to
-    `notes`.
+    The third result contains the numbers of the lines with too many fields. Notes on blank lines
+    and an incomplete last line are added to `notes`.
     """
     rows: list[list[str]] = []
     numbers = []
+    too_long = []
     filled_lines = [k for k in range(start, len(lines)) if lines[k].strip(" \t\r,;")]
     stop = max(filled_lines, default=start - 1)
     for k, line in enumerate(lines[start : stop + 1], start):
@@ -497,7 +482,7 @@ def _rows(
         if separator != "," and line.rstrip().endswith(","):
             notes.count("lines with commas added at their end read without them", k)
         if len(fields) > width:
-            notes.count(excess_note, k)
+            too_long.append(k + 1)
             # A number with a decimal comma is split into two fields.
             fields = [] if separator == "," else fields
         elif len(fields) < width and k == stop:
@@ -505,4 +490,4 @@ def _rows(
             continue
         rows.append((fields + [""] * width)[:width])
         numbers.append(k + 1)
-    return rows, numbers
+    return rows, numbers, too_long

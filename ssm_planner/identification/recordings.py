@@ -3,7 +3,6 @@
 The names of the channels select the columns. Every repair of a file is stated.
 """
 
-import itertools
 from dataclasses import field
 from pathlib import Path
 
@@ -208,12 +207,12 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
     _check_time(channels[0], lines, path)
     if len(lines) < MIN_SAMPLES:
         raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
-    remark = (
-        f"{len(bad_lines)} samples that are not finite left out (first: line {bad_lines[0]})"
-        if bad_lines
-        else ""
-    )
-    return channels, lines, [remark] if bad_lines else []
+    remarks = []
+    if bad_lines:
+        remarks.append(
+            f"{len(bad_lines)} samples that are not finite left out (first: line {bad_lines[0]})"
+        )
+    return channels, lines, remarks
 
 
 def _remove_spikes(channels: Array, lines: Indices) -> list[str]:
@@ -284,16 +283,16 @@ def read_recordings(
 def find_spikes(values: Array) -> Indices:
     """Return the indices of isolated samples among values (samples,).
 
-    An isolated sample is above or below both of its neighbours, by more than SPIKE_GAP times the
-    range of the values without the outermost ones. These are 1 % of the samples on each side, or
-    one sample of a short recording.
+    An isolated sample differs from the median of itself and its two neighbours by more than
+    SPIKE_GAP times the range of the values without the outermost ones. These are 1 % of the samples
+    on each side, or one sample of a short recording.
     """
+    from scipy.ndimage import median_filter
+
     outermost = max(1, len(values) // 100)
     inner = np.sort(values)[outermost:-outermost]
-    steps = np.diff(np.pad(values, 1, mode="reflect"))
-    same_sign = np.sign(steps[:-1]) == -np.sign(steps[1:])
-    height = np.minimum(np.abs(steps[:-1]), np.abs(steps[1:]))
-    return np.flatnonzero(same_sign & (height > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12)))
+    height = np.abs(values - median_filter(values, 3, mode="mirror"))
+    return np.flatnonzero(height > SPIKE_GAP * max(float(np.ptp(inner)), 1e-12))
 
 
 def read_text(path: Path) -> str:
@@ -391,13 +390,9 @@ def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
     Without a second run, its length is 1. `torque` is in N·m, and `moving` is a mask, (samples,)
     both.
     """
-    edges = np.flatnonzero(np.diff(torque, prepend=np.nan, append=np.nan) != 0.0)
-    rows = sorted(
-        stop - start
-        for start, stop in itertools.pairwise(edges.tolist())
-        if moving[start:stop].all()
-    )
-    return rows[-1] if rows else 0, rows[-2] if len(rows) > 1 else 1
+    repeats = (np.diff(torque) == 0.0) & moving[1:] & moving[:-1]
+    rows = sorted([1, 1, *(stop - start + 1 for start, stop in runs(repeats))])
+    return rows[-1], rows[-2]
 
 
 def _percent_remarks(share: Array, unit: str) -> list[str]:
@@ -463,6 +458,15 @@ def _check_time(time: Array, lines: Array, path: Path) -> None:
         raise RecordingError(
             f"{path}:{lines[k]}: time does not increase ({time[k]:g} s after {time[k - 1]:g} s)"
         )
+
+
+def runs(mask: Mask) -> list[list[int]]:
+    """Return [start, stop] for each run of consecutive True values in a mask (samples,).
+
+    `start` is the index of the first value, and `stop` is one past the last.
+    """
+    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
+    return np.flatnonzero(edges).reshape(-1, 2).tolist()
 
 
 def rms(values: Array) -> float:

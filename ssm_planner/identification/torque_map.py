@@ -13,7 +13,7 @@ import numpy as np
 from ssm_planner.dynamics import STANDSTILL
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.harmonics import ripple_rms, travelled
-from ssm_planner.identification.recordings import Recording
+from ssm_planner.identification.recordings import Recording, runs
 from ssm_planner.loading import table_rows
 from ssm_planner.problem import Ripple
 from ssm_planner.representation import ShortRepr
@@ -155,15 +155,6 @@ def rest_mask(time: Array, w: Array) -> Mask:
         is_reversal = not at_end and w[start - 1] * w[stop] < 0
         rest[start:stop] = is_long or is_reversal
     return rest
-
-
-def runs(mask: Mask) -> list[list[int]]:
-    """Return [start, stop] for each run of consecutive True values in a mask (samples,).
-
-    `start` is the index of the first value, and `stop` is one past the last.
-    """
-    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
-    return np.flatnonzero(edges).reshape(-1, 2).tolist()
 
 
 def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
