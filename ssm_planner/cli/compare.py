@@ -48,18 +48,17 @@ def compare_arguments(parser: ArgumentParser) -> None:
 
 def run_compare(options: Namespace) -> int:
     progress = progress_reporter(f"reading {options.plan}")
-    from ssm_planner.comparison.compare import LAG, compare
-    from ssm_planner.comparison.measured import assign, read_measured
+    from ssm_planner.comparison.compare import LAG
+    from ssm_planner.comparison.measured import assign
 
     plan = ssm.load_plan(options.plan)
-    recordings = [
-        read_measured(path, plan.robot, joint, options.counts_per_turn)
-        for joint, path in assign(options.recordings, plan.robot)
-    ]
     progress(Step("comparing"))
-    lag = LAG if options.lag is None else options.lag
-    comparison = compare(
-        plan.motion, plan.robot, plan.certificate, recordings, lag, speed=options.speed
+    comparison = ssm.compare(
+        plan,
+        dict(assign(options.recordings, plan.robot)),
+        options.counts_per_turn,
+        lag=LAG if options.lag is None else options.lag,
+        speed=options.speed,
     )
     progress(Step("done"))
     document = {"plan": options.plan, **comparison.to_dict()}
@@ -71,8 +70,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     """Return lines of text that report a comparison.
 
     They state the clock of the recordings, the smallest visible faults, the errors of every axis,
-    the margins of the limits,
-    the findings and the verdict.
+    the margins of the limits, the findings, the limits that are not judged, and the verdict.
     """
     from ssm_planner.comparison.noise import CERTAIN
     from ssm_planner.display import format_fixed, number, percent
@@ -90,12 +88,11 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     errors = []
     for axis in comparison:
         shares = (
-            format_fixed(axis.differences[name].nrmsd if axis.differences else None, 4)
+            axis.differences[name].nrmsd if axis.differences else None
             for name in ("position", "speed", "torque")
         )
-        start = axis.alignment
-        cells = format_fixed(start.delay, 4), format_fixed(start.correlation, 4), *shares
-        errors.append((axis.joint, axis.recording, *cells))
+        cells = (axis.alignment.delay, axis.alignment.correlation, *shares)
+        errors.append((axis.joint, axis.recording, *(format_fixed(cell, 4) for cell in cells)))
     header = (
         "axis",
         "recording",

@@ -111,9 +111,9 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     Alignment
         Start of the motion in the recording, and rate of the recording's clock.
     """
-    if not planned_speed.any() or not measured.any():
-        both_at_rest = float(not planned_speed.any() and not measured.any())
-        return Alignment(float(time[0]), both_at_rest)
+    at_rest = not planned_speed.any(), not measured.any()
+    if any(at_rest):
+        return Alignment(float(time[0]), float(all(at_rest)))
     threshold = ENDS * np.abs(planned_speed).max()
     moves = np.flatnonzero(np.abs(measured) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(time)

@@ -229,7 +229,7 @@ def compare(
     if speed is not None and not 0 < speed <= 1:
         raise RecordingError(f"the speed {speed:g} is out of range (allowed: above 0, up to 1)")
     joints = [recording.joint for recording in recordings]
-    driven = [joint.name for joint in robot.joints if joint.drive is not None]
+    driven = (joint.name for joint in robot.joints if joint.drive is not None)
     joints += [name for name in driven if name not in joints]
     plans = predict_axes(trajectory, robot, joints)
     missing = [plan.joint.name for plan in plans[len(recordings) :] if plan.peak > 0]
@@ -296,7 +296,6 @@ def _compare_axis(
     measured = axis.measured
     t = axis.t
     is_planned = (t >= 0) & (t <= plan.duration)
-    covered = float(min(t[-1], plan.duration) - max(t[0], 0.0)) / plan.duration
     notes = list(measured.repairs)
     if measured.q is None:
         notes.append(
@@ -320,7 +319,7 @@ def _compare_axis(
         measured.joint,
         measured.name,
         axis.alignment,
-        max(covered, 0.0),
+        axis.covered,
         differences=differences,
         limits=limits_of(axis, certificate),
         notes=tuple(notes),

@@ -26,7 +26,7 @@ from ssm_planner.comparison.noise import (
     windows,
 )
 from ssm_planner.comparison.predicted import Predicted
-from ssm_planner.identification import rms
+from ssm_planner.identification import integrated, rms
 from ssm_planner.problem import (
     JointAcceleration,
     JointLimit,
@@ -161,7 +161,6 @@ class AlignedAxis:
 
     plan: Predicted
     measured: Measured
-    clock: Clock
     alignment: Alignment
     t: Array
     """Planned time, s."""
@@ -173,9 +172,11 @@ class AlignedAxis:
     """Median interval between two samples, s."""
 
     @property
-    def name(self) -> str:
-        """Name of the joint."""
-        return self.plan.joint.name
+    def covered(self) -> float:
+        """Share of the motion that the recording contains."""
+        duration = self.plan.duration
+        covered = min(float(self.t[-1]), duration) - max(float(self.t[0]), 0.0)
+        return max(covered, 0.0) / duration
 
     @property
     def window(self) -> int:
@@ -200,15 +201,20 @@ class AlignedAxis:
         return noise_of(self.speed_error[self.moving], 1, self.measured.speed_resolution)
 
     @property
-    def sigma_of_means(self) -> float:
-        """Standard deviation σ, such that a mean speed of n samples has the noise σ/√n, rad/s.
+    def speed_noise(self) -> float:
+        """Standard deviation of the speed that `mean_noise` returns, rad/s."""
+        return self.mean_noise(self.speed_error, self.measured.speed_resolution)
+
+    def mean_noise(self, error: Array, resolution: float) -> float:
+        """Return the standard deviation σ, such that a mean of n samples has the noise σ/√n.
 
         It is the smallest value over all windows. Ripple that cancels in means increases the value
         of short windows, and a slow oscillation increases that of long windows.
+
+        `error` (n,) is the difference from the plan, in the unit of the resolution.
         """
-        error = self.speed_error[self.moving]
-        resolution = self.measured.speed_resolution
-        return min(noise_of(error, n, resolution) * n**0.5 for n, _ in windows(self.step))
+        moving = error[self.moving]
+        return min(noise_of(moving, n, resolution) * n**0.5 for n, _ in windows(self.step))
 
     @property
     def q(self) -> Array:
@@ -216,16 +222,16 @@ class AlignedAxis:
         return self.travelled if self.measured.q is None else self.measured.q
 
     @property
-    def integral_noise(self) -> float:
-        """Possible noise of the integrated speed, rad or m."""
-        duration = float(self.t[-1] - self.t[0])
-        sigma = self.sigma_of_means
-        return CERTAIN * sigma * float(np.sqrt(self.step * duration)) / self.plan.ratio
+    def integral_noise(self) -> tuple[float, float]:
+        """Possible error of the integrated speed, rad or m.
 
-    @property
-    def integral_offset(self) -> float:
-        """Error of the integrated speed if the speed is off by half of its resolution, rad or m."""
-        return self.measured.speed_resolution / 2 * self.plan.duration / self.plan.ratio
+        The first value results from noise alone. The second one results if the speed is also off by
+        half of its resolution.
+        """
+        duration = float(self.t[-1] - self.t[0])
+        noise = CERTAIN * self.speed_noise * (self.step * duration) ** 0.5 / self.plan.ratio
+        offset = self.measured.speed_resolution / 2 * self.plan.duration / self.plan.ratio
+        return noise, noise + offset
 
     @property
     def intervals(self) -> tuple[Array, Array]:
@@ -245,10 +251,6 @@ class AlignedAxis:
             "torque": CERTAIN_ALONE * torque + resolution / 2,
         }
 
-    def fit(self, plan: Predicted, scale: float = 1.0) -> Match:
-        """Find a plan, executed at a fraction `scale` of its speed, in the recording."""
-        return match(plan.time, plan.speed, self.measured.time, self.measured.w, scale)
-
     def interpolate_plan(self, values: Array) -> Array:
         """Interpolate values of the plan (m,) at the samples (n,)."""
         return np.interp(self.t, self.plan.time, values)
@@ -256,7 +258,7 @@ class AlignedAxis:
     @property
     def still_level(self) -> float:
         """Mean speed over the shortest window below which the motor is at rest, rad/s."""
-        noise = CERTAIN * self.sigma_of_means / self.window**0.5
+        noise = CERTAIN * self.speed_noise / self.window**0.5
         return max(STANDS * self.plan.peak, noise)
 
     @property
@@ -281,8 +283,8 @@ def map_to_clock(
     """Convert the times of a recording to the planned time, and add the planned values.
 
     The travelled position is the planned one plus the integral of the speed error since the start
-    of the motion. The integration omits gaps. An offset of the speed at rest, up to
-    half of its resolution, is an error of the channel and is subtracted.
+    of the motion. An offset of the speed at rest, up to half of its resolution, is an error of the
+    channel and is subtracted.
     """
     t = clock.planned_time(measured.time)
     step = float(np.median(np.diff(measured.time)))
@@ -292,15 +294,11 @@ def map_to_clock(
         if rest.any():
             half = measured.speed_resolution / 2
             speed_error[rest] -= np.clip(np.mean(speed_error[rest]), -half, half)
-    intervals = np.diff(t)
-    intervals[intervals > max(GAP, 3 * step)] = 0.0
-    error = speed_error / plan.ratio
-    distance = np.append(0.0, np.cumsum(intervals * (error[1:] + error[:-1]) / 2))
+    distance = integrated(t, speed_error / plan.ratio)
     distance -= np.interp(0.0, t, distance)
     return AlignedAxis(
         plan,
         measured,
-        clock,
         alignment,
         t,
         speed=speed,
@@ -317,9 +315,8 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
     stall = find_stall(axis)
     findings = [
         *check_sampling(axis),
-        *check_file(axis.measured.doubts),
+        *(Finding("unread data", "cannot tell", text, 1, 0) for text in axis.measured.doubts),
         *check_tracking(axis, lag),
-        *check_agreement(axis, lag),
         *([stall] if stall is not None else find_saturation(axis)),
         *check_torque(axis),
         *find_second_motion(axis),
@@ -327,23 +324,13 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-def check_file(doubts: Sequence[str]) -> Iterator[Finding]:
-    """Yield a finding if a file contains values that the comparison does not judge."""
-    if doubts:
-        more = f" (and {len(doubts) - 1} more)" if len(doubts) > 1 else ""
-        yield Finding("unread data", "cannot tell", doubts[0] + more, len(doubts), 0)
-
-
 def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
     """Yield findings on gaps, missing samples and missing parts of the motion."""
-    t = axis.t
     step = axis.step
-    duration = axis.plan.duration
-    outside = max(float(t[0]), duration - float(t[-1]))
+    outside = max(float(axis.t[0]), axis.plan.duration - float(axis.t[-1]))
     if round(outside, 3) > GAP:
-        covered = (min(float(t[-1]), duration) - max(float(t[0]), 0.0)) / duration
         text = (
-            f"the recording holds {100 * max(covered, 0.0):.3g} % of the motion, and misses "
+            f"the recording holds {100 * axis.covered:.3g} % of the motion, and misses "
             f"{outside:.3g} s at one end"
         )
         yield Finding("coverage", "cannot tell", text, outside, GAP)
@@ -375,20 +362,28 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
 def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     """Yield a finding if the tracking error is too large, or if noise could hide such an error.
 
-    `lag` is the permitted delay at the largest speed, s.
+    Another finding states that the measured position contradicts the integral of the speed. `lag`
+    is the permitted delay at the largest speed, s.
     """
     joint = axis.plan.joint
-    error = np.abs(axis.position_error)
     noise = position_noise(axis)
-    random_noise = axis.integral_noise if axis.measured.q is None else noise
+    random_noise, integral_noise = axis.integral_noise
     limit = lag * joint.velocity
-    k = int(np.argmax(error))
-    largest = float(error[k])
-    if largest - limit <= random_noise <= limit:
-        return
     unit = f"m{joint.unit}"
     scale = 1e3
     allowed = limit + noise
+    difference = float(np.abs(axis.q - axis.travelled).max())
+    if difference > allowed + integral_noise:
+        text = (
+            f"position and integral of the speed differ by {scale * difference:.3g} {unit}: one of "
+            "the channels is wrong"
+        )
+        yield Finding("contradiction", "cannot tell", text, difference, allowed + integral_noise)
+    error = np.abs(axis.position_error)
+    k = int(np.argmax(error))
+    largest = float(error[k])
+    if largest - limit <= (random_noise if axis.measured.q is None else noise) <= limit:
+        return
     text = (
         f"{scale * largest:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
         f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
@@ -403,39 +398,10 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
 def position_noise(axis: AlignedAxis) -> float:
     """Return the possible noise of a measured or integrated position, rad or m."""
     if axis.measured.q is None:
-        return axis.integral_noise + axis.integral_offset
+        return axis.integral_noise[1]
     resolution = axis.measured.position_resolution
     noise = noise_of(axis.position_error[axis.moving], 1, resolution)
     return max(CERTAIN * noise, 2 * resolution)
-
-
-def check_agreement(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Yield a finding if the measured position contradicts the integral of the measured speed.
-
-    `lag` is the permitted delay at the largest speed, s.
-    """
-    difference = float(np.abs(axis.q - axis.travelled).max())
-    allowed = (
-        lag * axis.plan.joint.velocity
-        + position_noise(axis)
-        + axis.integral_noise
-        + axis.integral_offset
-    )
-    if difference > allowed:
-        text = (
-            f"position and integral of the speed differ by {1e3 * difference:.3g} "
-            f"m{axis.plan.joint.unit}: one of the channels is wrong"
-        )
-        yield Finding("contradiction", "cannot tell", text, difference, allowed)
-
-
-def follows_plan(axis: AlignedAxis) -> bool:
-    """Return True if the measured speed equals the planned speed within the noise.
-
-    This test also works for a motor that rests most of the time.
-    """
-    difference = rms(axis.speed_error)
-    return difference <= STANDS * axis.plan.peak + CERTAIN * axis.sigma
 
 
 def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding | None:
@@ -446,7 +412,11 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding 
     """
     measured = axis.measured
     likeness = axis.alignment.correlation
-    fit = axis.fit
+    noise = CERTAIN * axis.sigma
+
+    def fit(plan: Predicted, speed: float = 1.0) -> Match:
+        return match(plan.time, plan.speed, measured.time, measured.w, speed)
+
     own = fit(axis.plan)
     nearest = min(plans, key=lambda plan: fit(plan).cost)
     scale = max((1e-3, 1e3), key=lambda scale: fit(axis.plan, scale).correlation)
@@ -460,13 +430,14 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding 
         return None
     elif fit(axis.plan, scale).correlation >= ALIKE:
         kind, text = "units", f"its time is {times_planned(1 / scale)}"
-    elif likeness >= ALIKE or follows_plan(axis):
+    elif likeness >= ALIKE or rms(axis.speed_error) <= STANDS * axis.plan.peak + noise:
+        # The second test also works for a motor that rests most of the time.
         return None
     elif own.correlation < -ALIKE:
-        kind, text = (
-            "reversed",
+        kind = "reversed"
+        text = (
             "the recording is reversed: motor_direction in the robot file, or the recording's "
-            "sign, is wrong",
+            "sign, is wrong"
         )
     else:
         kind = "other motion"
@@ -578,8 +549,6 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     tau = axis.measured.tau
     # If the plan does not move the axis, both sides are 0 and no sample is selected.
     moving = np.abs(axis.speed) > STANDS * plan.peak
-    if len(tau) < 3 * n or moving.sum() < n:
-        return
     reach = 2 * round((NEAR + n * axis.step / 2) / plan.time[1]) + 1
     lowest = minimum_filter1d(plan.low, reach, mode="nearest")
     highest = maximum_filter1d(plan.high, reach, mode="nearest")
@@ -588,10 +557,13 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
         smoothed(axis.interpolate_plan(values), n) for values in (plan.torque, lowest, highest)
     )
     resolution = axis.measured.torque_resolution
-    noise = CERTAIN * noise_of(axis.torque_error[axis.moving], n, resolution)
+    noise = CERTAIN * axis.mean_noise(axis.torque_error, resolution) / n**0.5
     moving_windows = smoothed(moving.astype(float), n) > 1 - 0.5 / n
+    if not moving_windows.any():
+        return
+    width = float(np.median((high - low)[moving_windows]))
     outside = moving_windows & ((mean > high + noise) | (mean < low - noise))
-    share = float(outside.sum() / max(moving_windows.sum(), 1))
+    share = float(outside.sum() / moving_windows.sum())
     if share > OUTSIDE:
         size = np.maximum(np.abs(expected), 1e-12)
         ratio = float(np.median((np.sign(expected) * mean / size)[outside]))
@@ -601,6 +573,9 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
             f"{100 * share:.0f} % of the motion"
         )
         yield Finding("torque", "not held", text, share, OUTSIDE)
+    elif noise > width:
+        text = f"noise of {1e3 * noise:.3g} mN·m hides its band of {1e3 * width:.3g} mN·m"
+        yield Finding("torque", "cannot tell", text, noise, width)
 
 
 def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
@@ -679,7 +654,7 @@ def acceleration_of(axis: AlignedAxis) -> Kept:
     speed = smoothed(axis.measured.w, n) / axis.plan.ratio
     time = smoothed(axis.t, n)
     largest = float(np.abs((speed[n:] - speed[:-n]) / (time[n:] - time[:-n])).max(initial=0.0))
-    change = CERTAIN * axis.sigma_of_means * (2 / n) ** 0.5 + axis.measured.speed_resolution
+    change = CERTAIN * axis.speed_noise * (2 / n) ** 0.5 + axis.measured.speed_resolution
     window = n * axis.step
     return _limit_result(
         limit,
@@ -736,8 +711,6 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         yield Finding(
             "clock", "cannot tell", text, abs(clock.rate - 1), DRIFT + CERTAIN * clock.rate_error
         )
-    if len(axes) < 2:
-        return
     aligned = [
         axis
         for axis in axes
@@ -745,7 +718,8 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         and np.isfinite(axis.alignment.delay_error)
     ]
     delays = {
-        axis.name: axis.alignment.delay_at(clock.estimated_rate) - clock.delay for axis in aligned
+        axis.plan.joint.name: axis.alignment.delay_at(clock.estimated_rate) - clock.delay
+        for axis in aligned
     }
     errors = [axis.alignment.delay_error for axis in aligned]
     spread = float(np.ptp(list(delays.values()))) if delays else 0.0

@@ -7,7 +7,7 @@ from pathlib import Path
 from ssm_planner.errors import RecordingError
 from ssm_planner.formats import QUADRATURE
 from ssm_planner.identification import quantum, read_recording
-from ssm_planner.problem import Joint, Robot
+from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, Files, record
 
 
@@ -72,12 +72,14 @@ def read_measured(
         raise RecordingError(
             f"{path}: the robot file states no drive for joint {joint}, so its motor is unknown"
         )
-    nominal = None if axis.motor is None else axis.motor.nominal_torque
+    motor = axis.motor
+    if counts_per_turn is None and motor and motor.encoder_known and motor.encoder_counts:
+        counts_per_turn = QUADRATURE * motor.encoder_counts
     recording = read_recording(
         path,
-        nominal_torque=nominal,
+        nominal_torque=None if motor is None else motor.nominal_torque,
         direction=axis.motor_direction,
-        counts_per_turn=counts_per_turn or _encoder_counts(axis),
+        counts_per_turn=counts_per_turn,
         every_sample=True,
     )
     q = None if recording.angle is None else recording.angle / axis.drive.ratio
@@ -94,14 +96,6 @@ def read_measured(
         repairs=tuple(text for text in recording.repairs if text not in recording.doubts),
         doubts=recording.doubts,
     )
-
-
-def _encoder_counts(joint: Joint) -> int | None:
-    """Return the increments per motor turn that the motor file states, or None."""
-    motor = joint.motor
-    if motor is None or not motor.encoder_known or motor.encoder_counts is None:
-        return None
-    return QUADRATURE * motor.encoder_counts
 
 
 def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:

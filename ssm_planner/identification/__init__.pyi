@@ -13,6 +13,7 @@ from .prediction import (
     predict_recording as predict_recording,
 )
 from .recordings import (
+    integrated as integrated,
     quantum as quantum,
     read_recording as read_recording,
     read_recordings as read_recordings,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.identification.recordings import Recording
+from ssm_planner.identification.recordings import Recording, integrated
 from ssm_planner.problem import Harmonics
 from ssm_planner.typing import Array
 
@@ -31,8 +31,7 @@ def travelled(recording: Recording) -> Array:
     """
     if recording.angle is not None:
         return recording.angle
-    steps = np.diff(recording.time) * (recording.w[1:] + recording.w[:-1]) / 2
-    return np.append(0.0, np.cumsum(steps))
+    return integrated(recording.time, recording.w)
 
 
 def ripple_rms(angle: Array, tau: Array) -> float:

@@ -162,7 +162,6 @@ NAMES = {
     "torque": ("torque actual value averaged", "torque actual value", "torque", "tau"),
 }
 """Accepted column names in the order of preference."""
-_OPTIONAL = ("position",)
 
 MOST_LEFT_OUT = 0.05
 """Largest share of samples that may be left out because they are not numbers."""
@@ -261,25 +260,24 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
     RecordingError
         If a required column is missing or its unit is unknown.
     """
-    pairs = zip(table.names, table.units, strict=True)
-    names_and_units = [_name_and_unit(name, unit) for name, unit in pairs]
-    names = [name for name, _ in names_and_units]
+    headings = [_name_and_unit(*pair) for pair in zip(table.names, table.units, strict=True)]
     columns: dict[str, Column] = {}
     for quantity, accepted in NAMES.items():
-        index = next((names.index(name) for name in accepted if name in names), None)
-        if index is not None:
-            columns[quantity] = _column(
-                table, path, quantity, index, unit=names_and_units[index][1]
-            )
+        matches = [
+            k for name in accepted for k, heading in enumerate(headings) if heading[0] == name
+        ]
+        if matches:
+            index, *others = matches
+            columns[quantity] = _column(table, path, quantity, index, unit=headings[index][1])
             table.doubts += [
                 f"the {quantity} is read from column {table.names[index]!r}, not from {other!r}"
-                for k, other in enumerate(table.names)
-                if other and names[k] in accepted and k != index
+                for other in (table.names[k] for k in others)
+                if other
             ]
-        elif quantity not in _OPTIONAL:
+        elif quantity != "position":
             raise RecordingError(
                 f"{path}: no {quantity} column among "
-                f"{list(filter(None, table.names)) or table.names}; "
+                f"{list(filter(None, table.names))}; "
                 f"accepted names: {', '.join(filter(None, accepted))}"
             )
     return columns
@@ -339,13 +337,12 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
     """
     match = _UNIT_IN_NAME.match(name)
     if match and not unit:
-        name, unit = match.group(1), match.group(2)
-    plain = name.strip().lower()
-    if not unit and "_" in plain:
-        stem, suffix = plain.rsplit("_", 1)
-        if any(suffix in units for units in UNITS.values()):
-            return stem.replace("_", " "), suffix
-    return plain.replace("_", " "), unit.strip()
+        name, unit = match.groups()
+    name = name.strip().lower()
+    stem, _, suffix = name.rpartition("_")
+    if stem and not unit and any(suffix in units for units in UNITS.values()):
+        name, unit = stem, suffix
+    return name.replace("_", " "), unit.strip()
 
 
 def _strip(line: str) -> str:

@@ -204,7 +204,13 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
     huge = np.abs(channels).max(axis=0) > 1e12
     if huge.any():
         raise RecordingError(f"{path}:{lines[huge][0]}: a value is too large for a measurement")
-    _check_time(channels[0], lines, path)
+    time = channels[0]
+    increases = np.diff(time) > 0
+    if not increases.all():
+        k = int(np.argmin(increases))
+        raise RecordingError(
+            f"{path}:{lines[k + 1]}: time does not increase ({time[k + 1]:g} s after {time[k]:g} s)"
+        )
     if len(lines) < MIN_SAMPLES:
         raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
     remarks = []
@@ -450,16 +456,6 @@ def _passages(recording: Recording) -> set[int]:
     return {hash(rounded[k : k + PASSAGE_LENGTH].tobytes()) for k in starts}
 
 
-def _check_time(time: Array, lines: Array, path: Path) -> None:
-    """Raise RecordingError unless the times (samples,) increase."""
-    backwards = np.flatnonzero(np.diff(time) <= 0)
-    if len(backwards):
-        k = backwards[0] + 1
-        raise RecordingError(
-            f"{path}:{lines[k]}: time does not increase ({time[k]:g} s after {time[k - 1]:g} s)"
-        )
-
-
 def runs(mask: Mask) -> list[list[int]]:
     """Return [start, stop] for each run of consecutive True values in a mask (samples,).
 
@@ -467,6 +463,11 @@ def runs(mask: Mask) -> list[list[int]]:
     """
     edges = np.diff(np.concatenate([[False], mask, [False]]).astype(int))
     return np.flatnonzero(edges).reshape(-1, 2).tolist()
+
+
+def integrated(time: Array, rate: Array) -> Array:
+    """Return the integral (samples,) of a rate (samples,) since the first sample."""
+    return np.append(0.0, np.cumsum(np.diff(time) * (rate[1:] + rate[:-1]) / 2))
 
 
 def rms(values: Array) -> float:
