@@ -123,7 +123,7 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     margin = FAR * planned_time[-1]
     first, last = np.searchsorted(time, [coarse.delay - margin, end + margin])
     first = min(first, moves[0] if len(moves) else first)
-    last = max(last, stop)
+    last = min(max(last, stop), len(time))
     step = max(1, (last - first) // SAMPLES)
     t, w = (
         values[first : last - (last - first) % step].reshape(-1, step).mean(axis=1)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -119,7 +121,9 @@ def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
     planned = {limit.name: limit.margin for limit in plan.certificate.limits if limit.joint == name}
     for limit in found.limits:
         assert limit.planned_margin == planned[limit.name]
-        assert limit.margin == pytest.approx(planned[limit.name], abs=0.03)
+        # An acceleration is the difference of two means, and its error is larger.
+        error = 0.05 if limit.name == "acceleration" else 0.03
+        assert limit.margin == pytest.approx(planned[limit.name], abs=error)
 
 
 def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> None:
@@ -192,18 +196,20 @@ def test_a_limit_that_was_exceeded_in_reality(
     plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Torque up to 130 % of the largest for some samples: found, named, and exit status 1."""
-    good = executed(plan, "insertion").write(tmp_path / "insertion.csv")
+    good = [
+        str(executed(plan, name).write(tmp_path / f"{name}.csv")) for name in ("insertion", "tilt")
+    ]
+    healthy = executed(plan, "roll").write(tmp_path / "healthy_roll.csv")
     recorded = executed(plan, "roll")
     motor = plan.robot.joints[0].motor
     recorded.percent[300:310] = 130 * motor.max_torque / motor.nominal_torque
     bad = recorded.write(tmp_path / "roll.csv")
     parser = argparse.ArgumentParser()
     command.compare_arguments(parser)
-    assert command.run_compare(parser.parse_args([str(plan.path), str(good), "--json"])) == 0
+    words = ["--json", str(plan.path), *good]
+    assert command.run_compare(parser.parse_args([*words, f"roll={healthy}"])) == 0
     assert json.loads(capsys.readouterr().out)["held"] is True
-    assert (
-        command.run_compare(parser.parse_args([str(plan.path), str(good), str(bad), "--json"])) == 1
-    )
+    assert command.run_compare(parser.parse_args([*words, f"roll={bad}"])) == 1
     document = json.loads(capsys.readouterr().out)
     assert document["held"] is False
     exceeded = [
@@ -429,3 +435,108 @@ def test_noise_hides_no_limit_it_does_not_reach(shipped: Executions) -> None:
         velocity = next(limit for limit in found.limits if limit.name == "velocity")
         assert (velocity.verdict != "not held") == held
         assert velocity.noise * joint.drive.ratio > rpm * RAD_PER_RPM / 10
+
+
+def verdict_of(paths: dict[str, Path], *options: str) -> int:
+    """Exit status of the command for the shipped plan."""
+    words = [f"{joint}={path}" for joint, path in paths.items()]
+    parser = argparse.ArgumentParser()
+    command.compare_arguments(parser)
+    options = ("--counts-per-turn", "4096", *options)
+    return command.run_compare(parser.parse_args([str(SHIPPED), *words, *options]))
+
+
+def edit(path: Path, change: Callable[[int, list[str]], list[str]]) -> None:
+    """Change the fields of every sample of a file. The samples are counted from 0."""
+    lines = path.read_text().splitlines()
+    rows = (";".join(change(k, row.split(";"))) for k, row in enumerate(lines[2:]))
+    path.write_text("\n".join([*lines[:2], *rows]) + "\n")
+
+
+def in_torque(text: str) -> Callable[[int, list[str]], list[str]]:
+    """Write a text instead of the torque for 9 samples."""
+    return lambda k, row: [*row[:2], text, row[3]] if 600 <= k < 609 else row
+
+
+@pytest.mark.parametrize("text", ["inf", "nan", "600, was 80", "80, checked"])
+def test_a_value_that_is_not_used_as_it_stands_is_not_held(
+    shipped: Executions, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    paths = write(shipped, shipped.healthy(1), tmp_path)
+    edit(paths["roll"], in_torque(text))
+    assert verdict_of(paths) == 4
+    assert "cannot tell: roll: unread data: " in capsys.readouterr().out
+
+
+def test_further_columns_and_fields_are_not_held(
+    shipped: Executions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = write(shipped, shipped.healthy(1), tmp_path)
+    edit(paths["roll"], lambda k, row: [*row, "900"] if k == 700 else row)
+    assert verdict_of(paths) == 4
+    assert "1 lines with more than 4 columns" in capsys.readouterr().out
+    text = paths["tilt"].read_text().splitlines()
+    raw = [";".join([row, row.split(";")[2]]) for row in text[2:]]
+    text = [text[0] + ";Torque actual value", text[1] + ";%", *raw]
+    paths["roll"] = write(shipped, shipped.healthy(1), tmp_path)["roll"]
+    paths["tilt"].write_text("\n".join(text) + "\n")
+    assert verdict_of(paths) == 4
+    assert "not from 'Torque actual value'" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("column", [1, 2, 3])
+def test_a_value_that_no_channel_can_have_is_refused(
+    shipped: Executions, tmp_path: Path, column: int
+) -> None:
+    paths = write(shipped, shipped.healthy(1), tmp_path)
+    edit(
+        paths["roll"],
+        lambda k, row: [*row[:column], "1e200", *row[column + 1 :]] if k == 600 else row,
+    )
+    with pytest.raises(RecordingError, match=r"roll\.csv:603: a value is too large"):
+        verdict_of(paths)
+
+
+def lost(it: Executions, folder: Path) -> dict[str, Path]:
+    """A run that loses increments in the middle of the motion."""
+    run = it.run()
+    run.q["roll"][1500:] += 0.3 * it.joints["roll"].velocity
+    return write(it, it.measured(run, np.random.default_rng(1)), folder)
+
+
+def test_the_position_is_read_with_a_unit_in_its_heading(
+    shipped: Executions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = lost(shipped, tmp_path)
+    names = "Time [ms];Velocity actual value averaged [rpm];Torque actual value averaged [%]"
+    rows = paths["roll"].read_text().splitlines()[2:]
+    text = [f"{names};Position actual value [inc]", *rows]
+    paths["roll"].write_text("\n".join(text) + "\n")
+    assert verdict_of(paths) == 1
+    assert "not held: roll: tracking" in capsys.readouterr().out
+
+
+def test_a_demand_is_not_a_measurement(shipped: Executions, tmp_path: Path) -> None:
+    paths = write(shipped, shipped.healthy(1), tmp_path)
+    text = paths["roll"].read_text().replace("Position actual value", "Position demand value")
+    paths["roll"].write_text(text)
+    assert read_measured(paths["roll"], shipped.plan.robot, "roll", COUNTS).q is None
+
+
+def test_an_option_out_of_range_is_refused(shipped: Executions, tmp_path: Path) -> None:
+    paths = write(shipped, shipped.healthy(1), tmp_path)
+    for lag in ("0 ms", "-1 s"):
+        with pytest.raises(RecordingError, match=r"the lag .* is out of range"):
+            verdict_of(paths, f"--lag={lag}")
+    for counts in ("0", "-4096"):
+        with pytest.raises(RecordingError, match="counts per turn"):
+            verdict_of(paths, f"--counts-per-turn={counts}")
+
+
+def test_a_remark_does_not_read_as_a_verdict(
+    shipped: Executions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run at full speed that was declared as slower: the speed is the only right thing."""
+    paths = write(shipped, shipped.healthy(1), tmp_path)
+    assert verdict_of(paths, "--speed", "50%") == 1
+    assert not re.search(r"^held", capsys.readouterr().out, re.MULTILINE)

@@ -320,6 +320,10 @@ def test_spikes_are_isolated_samples_only():
     assert len(find_spikes(np.concatenate([noise, 30 + noise]))) == 0
     noise[[7, 300]] = (-400.0, 250.0)
     assert find_spikes(noise).tolist() == [7, 300]
+    noise[[0, 499]] = 250.0
+    assert find_spikes(noise).tolist() == [0, 7, 300, 499]
+    noise[[8, 301]] = noise[[7, 300]]
+    assert find_spikes(noise).tolist() == [0, 499]  # Two equal samples in a row are no spike.
 
 
 def test_slow_motion_below_the_resolution_is_not_rest():
