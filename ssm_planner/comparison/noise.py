@@ -21,9 +21,9 @@ LEAST = 4
 """Smallest number of samples in a window."""
 UNRESOLVED = 0.1
 """Ratio of noise to limit above which no verdict is possible."""
-_SHARE = 0.9
+_SHARE = 0.5
 """Quantile of the second differences from which the noise is estimated."""
-_TO_SIGMA = 1 / 1.6449
+_TO_SIGMA = 1 / 0.6745
 """Ratio of the standard deviation to this quantile for a normal distribution."""
 
 
