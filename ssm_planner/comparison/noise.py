@@ -21,10 +21,8 @@ LEAST = 4
 """Smallest number of samples in a window."""
 UNRESOLVED = 0.1
 """Ratio of noise to limit above which no verdict is possible."""
-_SHARE = 0.5
-"""Quantile of the second differences from which the noise is estimated."""
 _TO_SIGMA = 1 / 0.6745
-"""Ratio of the standard deviation to this quantile for a normal distribution."""
+"""Ratio of standard deviation to median magnitude for a normal distribution."""
 
 
 def smoothed(values: Array, n: int) -> Array:
@@ -36,8 +34,8 @@ def smoothed(values: Array, n: int) -> Array:
 def noise_of(departure: Array, n: int, resolution: float) -> float:
     """Estimate the standard deviation of the noise in means of n samples.
 
-    The estimate is a quantile of second differences at a distance of n samples. Slow errors and
-    rare faults therefore do not affect it. It is at least the rounding error.
+    The estimate is the median of second differences at a distance of n samples. Slow errors and
+    faults in less than half of the samples do not affect it. It is at least the rounding error.
 
     Parameters
     ----------
@@ -53,7 +51,7 @@ def noise_of(departure: Array, n: int, resolution: float) -> float:
     if len(mean) <= 2 * n:
         return float(rounding) if n == 1 else noise_of(departure, 1, resolution) / np.sqrt(n)
     differences = mean[2 * n :] - 2 * mean[n:-n] + mean[: -2 * n]
-    return float(max(_TO_SIGMA * np.quantile(np.abs(differences), _SHARE) / np.sqrt(6.0), rounding))
+    return float(max(_TO_SIGMA * np.median(np.abs(differences)) / np.sqrt(6.0), rounding))
 
 
 def windows(step: float) -> list[tuple[int, float]]:
