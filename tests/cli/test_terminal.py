@@ -222,6 +222,7 @@ def test_colours_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 CATALOGUE = str(ROOT / "problems/catalogues/motors_24v.csv")
 RIG = str(ROOT / "problems/drives/rig1_lead_screw.yaml")
 STUDY = str(ROOT / "problems/studies/vitreoretinal.yaml")
+RECORDED = ("roll.csv", "tilt.csv", "insertion.csv")
 LAST = {
     "check": (["check", PLAN], r"check: PASSED: \d+ limits kept"),
     "check faster": (["check", PLAN, "--speed", "1%..100%"], r"check: PASSED: \d+ limits kept"),
@@ -233,7 +234,7 @@ LAST = {
     "select": (["size", PLAN, "--catalogue", CATALOGUE], "every joint has a suitable motor: not"),
     "simulate": (["simulate", PLAN], "(NOT )?PASSED"),
     "compare": (
-        ["compare", PLAN, "roll.csv", "tilt.csv", "--counts-per-turn", str(COUNTS)],
+        ["compare", PLAN, *RECORDED, "--counts-per-turn", str(COUNTS)],
         "margins: held in reality",
     ),
     "identify": (
