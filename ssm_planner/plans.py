@@ -7,7 +7,7 @@ import json
 import math
 import platform
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, field, replace
 from functools import cache, cached_property
 from importlib import metadata
@@ -625,8 +625,8 @@ class Plan(ShortRepr):
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 in hexadecimal of the loaded plan.json, or of the text that would be written."""
-        return self.file_sha256 or hashlib.sha256(self.to_json().encode()).hexdigest()
+        """SHA-256 in hexadecimal of the loaded plan.json, or of the text that `write` writes."""
+        return self.file_sha256 or self._serialise(len)
 
     def summary(self) -> JsonObject:
         """Return the content of the output of `plan --json`, in SI units and radians."""
@@ -650,6 +650,10 @@ class Plan(ShortRepr):
 
         The same plan always gives the same content.
         """
+        return self._content(None if self.trajectory is None else self.trajectory.to_dict())
+
+    def _content(self, trajectory: JsonObject | None) -> JsonObject:
+        """Return the content of plan.json with the given content of the key `trajectory`."""
         summary = self.summary()
         phases = summary.pop("phases")
         return {
@@ -663,28 +667,34 @@ class Plan(ShortRepr):
             "phases": phases,
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "stops": None if self.stops is None else self.stops.to_dict(),
-            "trajectory": None if self.trajectory is None else self.trajectory.to_dict(),
+            "trajectory": trajectory,
         }
 
-    @cached_property
-    def document(self) -> JsonObject:
-        """Content of plan.json (`to_dict`), which is computed once."""
-        return self.to_dict()
-
-    @cached_property
-    def _text(self) -> str:
-        """Text of plan.json, which is computed once.
+    def _parts(self) -> Iterator[str]:
+        """Yield the text of plan.json in parts, so that a long motion needs little memory.
 
         Each polynomial piece of the motion is on one line.
         """
-        text = json.dumps({**self.document, "trajectory": None}, indent=1, allow_nan=False)
-        trajectory = json.dumps(self.document["trajectory"], allow_nan=False)
-        lines = trajectory.replace("]], [[", "]],\n  [[")
-        return text.replace('\n "trajectory": null', f'\n "trajectory": {lines}') + "\n"
+        text = json.dumps(self._content(None), indent=1, allow_nan=False)
+        if self.trajectory is None:
+            yield text + "\n"
+            return
+        yield text.removesuffix("null\n}")  # the trajectory is the last entry
+        yield from self.trajectory.json_parts()
+        yield "\n}\n"
+
+    def _serialise(self, write: Callable[[bytes], object]) -> str:
+        """Pass the text of plan.json to `write` in parts, and return its SHA-256."""
+        digest = hashlib.sha256()
+        for part in self._parts():
+            data = part.encode()
+            digest.update(data)
+            write(data)
+        return digest.hexdigest()
 
     def to_json(self) -> str:
         """Return the text of plan.json."""
-        return self._text
+        return "".join(self._parts())
 
     @classmethod
     def from_json(cls, data: bytes, file: Path) -> Plan:
@@ -737,8 +747,10 @@ class Plan(ShortRepr):
 
     def write(self, path: Path) -> Path:
         """Write plan.json alone, and return its path. Raises ExportError if this fails."""
-        with replacing(path) as temporary:
-            temporary.write_text(self.to_json(), encoding="utf-8")
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            sha256 = self._serialise(file.write)
+        if self.file_sha256 is None:
+            vars(self)["sha256"] = sha256  # so that the property does not serialise again
         return path
 
     def save(self, folder: str | Path) -> dict[str, Path]:

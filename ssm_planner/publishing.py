@@ -75,16 +75,18 @@ def publishing(folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def publishing_results(folder: Path, plan: str) -> Iterator[Path]:
+def publishing_results(folder: Path, plan: str | None = None) -> Iterator[Path]:
     """Yield a temporary folder like `publishing`, for files made from one plan.
 
-    The SHA-256 of the plan is `plan`. If a plan.json is among the files, they form a new
-    generation. Otherwise they are added to the files of the same plan. Raises ExportError if the
-    folder contains another plan.
+    If a plan.json is among the files, they form a new generation. Otherwise they are added to the
+    files of the plan whose SHA-256 is `plan`. Raises ExportError if the folder contains another
+    plan.
     """
     with publishing(folder) as temporary:
         yield temporary
-        manifest = {"format": RESULTS, "version": VERSION, "plan": plan, "files": hashes(temporary)}
+        files = hashes(temporary)
+        sha = files.get(PLAN, plan)
+        manifest = {"format": RESULTS, "version": VERSION, "plan": sha, "files": files}
         _write_manifest(temporary / MANIFEST, manifest)
 
 

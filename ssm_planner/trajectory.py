@@ -3,6 +3,7 @@
 The planner writes this form, the check judges it, and the exports sample it.
 """
 
+import json
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
@@ -320,11 +321,25 @@ class Trajectory(ShortRepr):
         return {
             "breaks_s": self.breaks.tolist(),
             "coefficients": self.pieces(slice(None)).tolist(),
-            "phases": [
-                {"name": phase.name, "start_s": phase.start, "end_s": phase.end}
-                for phase in self.phases
-            ],
+            "phases": self._spans(),
         }
+
+    def _spans(self) -> list[JsonObject]:
+        """Return the phases as JSON types."""
+        return [
+            {"name": phase.name, "start_s": phase.start, "end_s": phase.end}
+            for phase in self.phases
+        ]
+
+    def json_parts(self) -> Iterator[str]:
+        """Yield the result of `to_dict` as JSON in parts, with one line for each piece."""
+        yield f'{{"breaks_s": {json.dumps(self.breaks.tolist())}, "coefficients": '
+        start = "["
+        for block in blocks(len(self.breaks) - 1, BLOCK // 64):
+            pieces = json.dumps(self.pieces(block).tolist())
+            yield start + pieces[1:-1].replace("]], [[", "]],\n  [[")
+            start = ",\n  "
+        yield f'], "phases": {json.dumps(self._spans())}}}'
 
     @classmethod
     def from_dict(cls, data: JsonObject) -> "Trajectory":

@@ -50,7 +50,7 @@ def write_folder(
 
     if plan.trajectory is None:
         return {}
-    with publishing_results(folder, plan.sha256) as temporary:
+    with publishing_results(folder) as temporary:
         paths = {
             "plan": plan.write(temporary / FILE),
             "report": write_report(plan, temporary / "report.html"),

@@ -1,5 +1,6 @@
 """Compute the load of each joint's drive over a motion: speed, acceleration and effort."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,18 +18,24 @@ from ssm_planner.dynamics import (
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
-from ssm_planner.trajectory import DEGREE, Trajectory, parts_of
-from ssm_planner.typing import Array, Indices, Mask, Range, record
+from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, blocks, parts_of
+from ssm_planner.typing import Array, Arrays, Indices, Mask, Range, record
 
 RATE = 2000.0
 """Default sampling rate, Hz."""
 INSTANTS = 40_000
-"""Approximate largest number of instants of a motion."""
-STRETCH = (40, 1000)
-"""Smallest and largest number of instants to which the number per piece is limited.
+"""Approximate largest number of instants of a motion with few pieces."""
+STRETCH = (4, 40, 1000)
+"""Limits of the number of instants per piece.
 
-The cost therefore depends on the number of pieces and not on the duration.
+A piece has at most 1000 instants, so the cost depends on the number of pieces and not on the
+duration. It may have 40 or more if the motion has fewer than 10 × INSTANTS instants in total, and 4
+in any motion.
 """
+SECTION = 2048
+"""Number of pieces that are evaluated together, which bounds the memory in use."""
+COLUMNS = ("q", "qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
+"""Fields of a load that differ between the joints."""
 
 
 @record
@@ -102,6 +109,19 @@ class JointLoad(ShortRepr):
 
         It contains the largest friction torque of the motor.
         """
+        return self.by_parts(JointLoad._torque)
+
+    def by_parts(self, function: Callable[["JointLoad"], Array]) -> Array:
+        """Evaluate a function of every instant (…, n) in parts, which bounds the memory in use."""
+        names = ("t", *COLUMNS, "weight")
+        parts = [
+            function(replace(self, **{name: getattr(self, name)[rows] for name in names}))
+            for rows in blocks(len(self.t), BLOCK)
+        ]
+        return np.concatenate(parts, axis=-1)
+
+    def _torque(self) -> Array:
+        """Return the exact motor torque of all instants at once."""
         torque = motor_torque(
             self.drive,
             self.effort(),
@@ -156,8 +176,7 @@ class JointLoad(ShortRepr):
 
     def subset(self, keep: Indices) -> "JointLoad":
         """Select the instants with increasing indices `keep` (m,) and recompute their weights."""
-        names = ("t", "q", "qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
-        columns = {name: getattr(self, name)[keep] for name in names}
+        columns = {name: getattr(self, name)[keep] for name in ("t", *COLUMNS)}
         return replace(self, **columns, weight=_weights(columns["t"]))
 
     at = Renamed("subset")
@@ -169,49 +188,61 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     The instants have at least the rate `rate` (Hz), within the limits of INSTANTS and STRETCH. They
     include every start, turn and arrival of a joint.
     """
-    index, local, is_first, is_last = _instants(trajectory, robot, rate)
-    samples = trajectory.sample_pieces(index, local)
-    inertia, velocity, gravity = RigidBody.from_robot(robot).effort_parts(
-        samples.q, samples.qd, samples.qdd
-    )
-    direction_after, starting = directions(robot, samples, 1)
-    direction_before, _ = directions(robot, samples, -1)
-    direction = np.where(is_last[:, None], direction_before, direction_after)
-    breakaway = np.where(is_first[:, None], starting, 0.0)
-    weight = _weights(samples.t)
+    driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
+    most = _max_instants(len(trajectory.breaks))
+    sections: list[Arrays] = []
+    for section in blocks(len(trajectory.breaks) - 1, SECTION):
+        breaks = trajectory.breaks[section.start : section.stop + 1]
+        motion = Trajectory(breaks, trajectory.pieces(section), ())
+        sections.append(_columns(motion, robot, driven, rate, most))
+    t = np.concatenate([section.pop("t") for section in sections])
+    columns = {
+        name: np.concatenate([section.pop(name) for section in sections], axis=1)
+        for name in COLUMNS
+    }
+    weight = _weights(t)
     return tuple(
         JointLoad(
             joint=joint.name,
             drive=joint.drive,
             motor=joint.motor,
             alternatives=joint.alternatives,
-            t=samples.t,
-            q=samples.q[:, i],
-            qd=samples.qd[:, i],
-            qdd=samples.qdd[:, i],
-            inertia=inertia[:, i],
-            velocity=velocity[:, i],
-            gravity=gravity[:, i],
-            direction=direction[:, i],
-            breakaway=breakaway[:, i],
+            t=t,
+            **{name: values[k] for name, values in columns.items()},
             weight=weight,
             duration=trajectory.duration,
         )
-        for i, joint in enumerate(robot.joints)
+        for k, joint in enumerate(robot.joints[i] for i in driven)
         if joint.drive is not None
     )
 
 
+def _columns(
+    trajectory: Trajectory, robot: Robot, driven: list[int], rate: float, most: int
+) -> Arrays:
+    """Return the times t (n,) and COLUMNS (joints, n) of the driven joints over some pieces."""
+    index, local, is_first, is_last = _instants(trajectory, robot, rate, most)
+    samples = trajectory.sample_pieces(index, local)
+    parts = RigidBody.from_robot(robot).effort_parts(samples.q, samples.qd, samples.qdd)
+    direction_after, starting = directions(robot, samples, 1)
+    direction_before, _ = directions(robot, samples, -1)
+    direction = np.where(is_last[:, None], direction_before, direction_after)
+    breakaway = np.where(is_first[:, None], starting, 0.0)
+    values = (samples.q, samples.qd, samples.qdd, *parts, direction, breakaway)
+    columns = {name: x.T[driven] for name, x in zip(COLUMNS, values, strict=True)}
+    return {"t": samples.t, **columns}
+
+
 def _instants(
-    trajectory: Trajectory, robot: Robot, rate: float
+    trajectory: Trajectory, robot: Robot, rate: float, most: int
 ) -> tuple[Indices, Array, Mask, Mask]:
     """Return the pieces and the local times of all instants, and masks of first and last instants.
 
     The pieces are divided wherever a joint reverses. The masks select the first and the last
-    instant of each part.
+    instant of each part, which has at most `most` + 2 instants.
     """
-    index, start, end = _stretches(trajectory, robot, rate)
-    counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, _max_instants(trajectory)) + 2
+    index, start, end = _stretches(trajectory, robot, rate, most)
+    counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, most) + 2
     stretch, k = parts_of(counts)
     # The first two instants coincide: breakaway, and the motion just after it.
     share = np.maximum(k - 1, 0) / (counts[stretch] - 2)
@@ -219,19 +250,23 @@ def _instants(
     return index[stretch], local, k == 0, k == counts[stretch] - 1
 
 
-def _max_instants(trajectory: Trajectory) -> int:
-    """Return the largest number of instants per piece."""
-    return int(np.clip(INSTANTS // len(trajectory.breaks), *STRETCH))
+def _max_instants(breaks: int) -> int:
+    """Return the largest number of instants per piece of a motion with this number of breaks."""
+    fewest, usual, largest = STRETCH
+    usual = max(INSTANTS // breaks, min(usual, 10 * INSTANTS // breaks))
+    return min(max(usual, fewest), largest)
 
 
-def _stretches(trajectory: Trajectory, robot: Robot, rate: float) -> tuple[Indices, Array, Array]:
+def _stretches(
+    trajectory: Trajectory, robot: Robot, rate: float, most: int
+) -> tuple[Indices, Array, Array]:
     """Divide the pieces of a trajectory wherever a joint reverses.
 
-    Reversals are detected between samples at `rate` (Hz). Returns the index of the piece, and the
-    local start and end (s), of every part.
+    Reversals are detected between samples at `rate` (Hz), of which a piece has at most `most` + 1.
+    Returns the index of the piece, and the local start and end (s), of every part.
     """
     lengths = np.diff(trajectory.breaks)
-    counts = np.clip(np.ceil(lengths * rate).astype(int), 4, _max_instants(trajectory)) + 1
+    counts = np.clip(np.ceil(lengths * rate).astype(int), 4, most) + 1
     index, k = parts_of(counts)
     local = k / (counts[index] - 1) * lengths[index]
     qd = trajectory.sample_pieces(index, local).qd

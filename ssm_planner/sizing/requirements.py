@@ -23,7 +23,10 @@ from ssm_planner.typing import Array, JsonObject, record
 
 @record
 class MotorRequirement(ShortRepr):
-    """Requirements of one motion on the motor of one joint. Arrays are (n,), in SI units.
+    """Requirements of one motion on the motor of one joint, in SI units.
+
+    The arrays t, speed, torque and acceleration (n,), and `split`, are computed from `load` on each
+    use, so that a long motion needs little memory.
 
     Examples
     --------
@@ -40,10 +43,6 @@ class MotorRequirement(ShortRepr):
     mean_torque: float
     peak_speed: float
     peak_acceleration: float
-    t: Array
-    speed: Array
-    torque: Array
-    acceleration: Array
     peak_power: float
     """Largest mechanical output power, W."""
     mean_power: float
@@ -56,7 +55,35 @@ class MotorRequirement(ShortRepr):
     """Mean heat in the winding at 25 °C, W. None without torque constant or resistance."""
     joule_energy: float | None
     """Heat in the winding over one motion, J."""
-    split: "TorqueBreakdown"
+    load: JointLoad
+    """Motion and load of the joint."""
+    components: JsonObject
+    """Value at the largest torque, and RMS, of each component of the torque, N·m."""
+
+    @property
+    def t(self) -> Array:
+        """Instants, s."""
+        return self.load.t
+
+    @property
+    def speed(self) -> Array:
+        """Motor speed, rad/s."""
+        return self.load.speed()
+
+    @property
+    def torque(self) -> Array:
+        """Motor torque, N·m."""
+        return self.load.torque()
+
+    @property
+    def acceleration(self) -> Array:
+        """Motor acceleration, rad/s²."""
+        return self.load.acceleration()
+
+    @property
+    def split(self) -> "TorqueBreakdown":
+        """Components of the motor torque."""
+        return torque_split(self.load)
 
     @property
     def placeholder(self) -> bool:
@@ -69,7 +96,7 @@ class MotorRequirement(ShortRepr):
             "joint": self.joint,
             "motor": None if self.motor is None else self.motor.name,
             **attributes(self, FIGURES),
-            "split": self.split.to_dict(),
+            "split": self.components,
             "placeholder": self.placeholder,
         }
 
@@ -89,7 +116,6 @@ def motor_requirement(load: JointLoad) -> MotorRequirement:
     """Compute the requirements on the motor of one joint from its load."""
     torque = load.torque()
     speed = load.speed()
-    acceleration = load.acceleration()
     power = torque * speed
     rms = float(load.rms(torque))
     joule = joule_power(load.motor, rms)
@@ -100,18 +126,15 @@ def motor_requirement(load: JointLoad) -> MotorRequirement:
         rms_torque=rms,
         mean_torque=float(load.weight @ torque),
         peak_speed=load.peak_speed,
-        peak_acceleration=float(np.abs(acceleration).max()),
-        t=load.t,
-        speed=speed,
-        torque=torque,
-        acceleration=acceleration,
+        peak_acceleration=float(np.abs(load.acceleration()).max()),
         peak_power=float(max(power.max(), 0.0)),
         mean_power=float(load.weight @ power),
         energy=float(load.weight @ np.maximum(power, 0.0)) * load.duration,
         returned_energy=float(load.weight @ np.maximum(-power, 0.0)) * load.duration,
         joule_power=joule,
         joule_energy=None if joule is None else joule * load.duration,
-        split=torque_split(load),
+        load=load,
+        components=torque_split(load).to_dict(),
     )
 
 
@@ -184,6 +207,18 @@ PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_fr
 
 def torque_split(load: JointLoad) -> TorqueBreakdown:
     """Divide the motor torque of a joint into its components."""
+    *values, total = load.by_parts(_components)
+    peak = int(np.argmax(np.abs(total)))
+    components = dict(zip(PARTS, values, strict=True))
+    return TorqueBreakdown(
+        **components,
+        at_peak={name: float(values[peak]) for name, values in components.items()},
+        rms={name: float(load.rms(values)) for name, values in components.items()},
+    )
+
+
+def _components(load: JointLoad) -> Array:
+    """Return the components of the motor torque in the order of PARTS, and their sum, (6, n)."""
     drive = load.drive
     moving = load.direction != 0
     zero = np.zeros_like(load.t)
@@ -210,18 +245,8 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
         motor_torque(drive_with_bearings, effort, w, wd, direction=sign),
         _mesh(lossless, effort, sign),
     )
-    components = {
-        "input_inertia": input_inertia,
-        "output_inertia": output_inertia,
-        "load": load_torque,
-        "mesh_friction": total - without,
-        "bearing_friction": bearing,
-    }
-    peak = int(np.argmax(np.abs(total)))
-    return TorqueBreakdown(
-        **components,
-        at_peak={name: float(values[peak]) for name, values in components.items()},
-        rms={name: float(load.rms(values)) for name, values in components.items()},
+    return np.stack(
+        [input_inertia, output_inertia, load_torque, total - without, bearing, total]
     )
 
 
