@@ -18,7 +18,7 @@ from ssm_planner.dynamics import (
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
-from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, blocks, parts_of
+from ssm_planner.trajectory import DEGREE, Trajectory, blocks, parts_of
 from ssm_planner.typing import Array, Arrays, Indices, Mask, Range, record
 
 RATE = 2000.0
@@ -32,9 +32,9 @@ A piece has at most 1000 instants, so the cost depends on the number of pieces a
 duration. It may have 40 or more if the motion has fewer than 10 × INSTANTS instants in total, and 4
 in any motion.
 """
-SECTION = 2048
-"""Number of pieces that are evaluated together, which bounds the memory in use."""
-COLUMNS = ("q", "qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
+SECTION = 4096
+"""Number of pieces or instants that are evaluated together, which bounds the memory in use."""
+COLUMNS = ("qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
 """Fields of a load that differ between the joints."""
 
 
@@ -58,7 +58,6 @@ class JointLoad(ShortRepr):
     motor: Motor | None
     alternatives: tuple[Motor, ...]
     t: Array
-    q: Array
     qd: Array
     qdd: Array
     inertia: Array
@@ -114,11 +113,14 @@ class JointLoad(ShortRepr):
     def by_parts(self, function: Callable[["JointLoad"], Array]) -> Array:
         """Evaluate a function of every instant (…, n) in parts, which bounds the memory in use."""
         names = ("t", *COLUMNS, "weight")
-        parts = [
-            function(replace(self, **{name: getattr(self, name)[rows] for name in names}))
-            for rows in blocks(len(self.t), BLOCK)
-        ]
-        return np.concatenate(parts, axis=-1)
+        result = np.empty(0)
+        for rows in blocks(len(self.t), SECTION):
+            part = replace(self, **{name: getattr(self, name)[rows] for name in names})
+            values = function(part)
+            if rows.start == 0:
+                result = np.empty((*values.shape[:-1], len(self.t)))
+            result[..., rows] = values
+        return result
 
     def _torque(self) -> Array:
         """Return the exact motor torque of all instants at once."""
@@ -189,17 +191,23 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     include every start, turn and arrival of a joint.
     """
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
-    most = _max_instants(len(trajectory.breaks))
-    sections: list[Arrays] = []
-    for section in blocks(len(trajectory.breaks) - 1, SECTION):
-        breaks = trajectory.breaks[section.start : section.stop + 1]
-        motion = Trajectory(breaks, trajectory.pieces(section), ())
-        sections.append(_columns(motion, robot, driven, rate, most))
-    t = np.concatenate([section.pop("t") for section in sections])
-    columns = {
-        name: np.concatenate([section.pop(name) for section in sections], axis=1)
-        for name in COLUMNS
-    }
+    sections = blocks(len(trajectory.breaks) - 1, SECTION)
+    instants = [_instants(trajectory, robot, rate, section) for section in sections]
+    index, local, is_first, is_last = map(np.concatenate, zip(*instants, strict=True))
+    t = trajectory.breaks[index] + local
+    # Arrays of their final size, because parts that are joined later would need twice the memory.
+    columns = {name: np.empty((len(driven), len(t))) for name in COLUMNS}
+    body = RigidBody.from_robot(robot)
+    for block in blocks(len(t), SECTION):
+        samples = trajectory.sample_pieces(index[block], local[block])
+        efforts = body.effort_parts(samples.q, samples.qd, samples.qdd)
+        direction_after, starting = directions(robot, samples, 1)
+        direction_before, _ = directions(robot, samples, -1)
+        direction = np.where(is_last[block, None], direction_before, direction_after)
+        breakaway = np.where(is_first[block, None], starting, 0.0)
+        values = (samples.qd, samples.qdd, *efforts, direction, breakaway)
+        for column, value in zip(columns.values(), values, strict=True):
+            column[:, block] = value.T[driven]
     weight = _weights(t)
     return tuple(
         JointLoad(
@@ -208,7 +216,7 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
             motor=joint.motor,
             alternatives=joint.alternatives,
             t=t,
-            **{name: values[k] for name, values in columns.items()},
+            **{name: column[k] for name, column in columns.items()},
             weight=weight,
             duration=trajectory.duration,
         )
@@ -217,31 +225,16 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     )
 
 
-def _columns(
-    trajectory: Trajectory, robot: Robot, driven: list[int], rate: float, most: int
-) -> Arrays:
-    """Return the times t (n,) and COLUMNS (joints, n) of the driven joints over some pieces."""
-    index, local, is_first, is_last = _instants(trajectory, robot, rate, most)
-    samples = trajectory.sample_pieces(index, local)
-    parts = RigidBody.from_robot(robot).effort_parts(samples.q, samples.qd, samples.qdd)
-    direction_after, starting = directions(robot, samples, 1)
-    direction_before, _ = directions(robot, samples, -1)
-    direction = np.where(is_last[:, None], direction_before, direction_after)
-    breakaway = np.where(is_first[:, None], starting, 0.0)
-    values = (samples.q, samples.qd, samples.qdd, *parts, direction, breakaway)
-    columns = {name: x.T[driven] for name, x in zip(COLUMNS, values, strict=True)}
-    return {"t": samples.t, **columns}
-
-
 def _instants(
-    trajectory: Trajectory, robot: Robot, rate: float, most: int
+    trajectory: Trajectory, robot: Robot, rate: float, section: slice
 ) -> tuple[Indices, Array, Mask, Mask]:
     """Return the pieces and the local times of all instants, and masks of first and last instants.
 
-    The pieces are divided wherever a joint reverses. The masks select the first and the last
-    instant of each part, which has at most `most` + 2 instants.
+    The pieces of `section` are divided wherever a joint reverses. The masks select the first and
+    the last instant of each part.
     """
-    index, start, end = _stretches(trajectory, robot, rate, most)
+    index, start, end = _stretches(trajectory, robot, rate, section)
+    most = _max_instants(len(trajectory.breaks))
     counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, most) + 2
     stretch, k = parts_of(counts)
     # The first two instants coincide: breakaway, and the motion just after it.
@@ -258,17 +251,20 @@ def _max_instants(breaks: int) -> int:
 
 
 def _stretches(
-    trajectory: Trajectory, robot: Robot, rate: float, most: int
+    trajectory: Trajectory, robot: Robot, rate: float, section: slice
 ) -> tuple[Indices, Array, Array]:
-    """Divide the pieces of a trajectory wherever a joint reverses.
+    """Divide the pieces of a trajectory in `section` wherever a joint reverses.
 
-    Reversals are detected between samples at `rate` (Hz), of which a piece has at most `most` + 1.
-    Returns the index of the piece, and the local start and end (s), of every part.
+    Reversals are detected between samples at `rate` (Hz). Returns the index of the piece, and the
+    local start and end (s), of every part.
     """
-    lengths = np.diff(trajectory.breaks)
+    all_lengths = np.diff(trajectory.breaks)
+    lengths = all_lengths[section]
+    most = _max_instants(len(trajectory.breaks))
     counts = np.clip(np.ceil(lengths * rate).astype(int), 4, most) + 1
-    index, k = parts_of(counts)
-    local = k / (counts[index] - 1) * lengths[index]
+    piece, k = parts_of(counts)
+    local = k / (counts[piece] - 1) * lengths[piece]
+    index = section.start + piece
     qd = trajectory.sample_pieces(index, local).qd
     sign = np.where(np.abs(qd) > STILL * robot.velocities, np.sign(qd), 0.0)
     # Index of the last instant, before each one, at which the joint moved.
@@ -281,13 +277,13 @@ def _stretches(
     )
     before_turn = last_moving[turns, joint]
     cuts = _turns(trajectory, index[before_turn], local[before_turn], local[turns + 1], joint)
-    pieces = np.append(np.arange(len(lengths)), index[before_turn])
+    pieces = np.append(np.arange(section.start, section.stop), index[before_turn])
     starts = np.append(np.zeros(len(lengths)), cuts)
     order = np.lexsort((starts, pieces))
     pieces = pieces[order]
     starts = starts[order]
     is_final = np.append(np.diff(pieces), 1) > 0
-    return pieces, starts, np.where(is_final, lengths[pieces], np.append(starts[1:], 0.0))
+    return pieces, starts, np.where(is_final, all_lengths[pieces], np.append(starts[1:], 0.0))
 
 
 def _turns(

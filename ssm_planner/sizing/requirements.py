@@ -8,6 +8,7 @@ Therefore, the torque is a sum of components, of which friction is the remainder
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -89,6 +90,19 @@ class MotorRequirement(ShortRepr):
     def placeholder(self) -> bool:
         """True if the joint lacks a motor or if values of the motor are placeholders."""
         return self.motor is None or self.motor.placeholder
+
+    def thinned(self) -> "MotorRequirement":
+        """Return the requirement of a long motion with the instants that a figure shows.
+
+        The smallest and the largest torque of consecutive instants remain. A motion of at most
+        DRAWN instants keeps them all.
+        """
+        torque = self.torque
+        group = -(-len(torque) // DRAWN)
+        groups = np.pad(torque, (0, -len(torque) % group), mode="edge").reshape(-1, group)
+        extremes = np.concatenate([groups.argmin(axis=1), groups.argmax(axis=1)])
+        keep = np.unique(extremes + np.tile(np.arange(0, len(torque), group), 2))
+        return replace(self, load=self.load.subset(np.minimum(keep, len(torque) - 1)))
 
     def to_dict(self) -> JsonObject:
         """Return an entry of `motors` in the output of `plan --json`, in SI units."""
@@ -202,6 +216,8 @@ FIGURES = (
     "joule_energy",
 )
 """Attributes of a requirement that results contain."""
+DRAWN = 20_000
+"""Number of groups of instants in a figure."""
 PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
 
 

@@ -207,7 +207,7 @@ def test_a_certificate_that_somebody_wrote_in_does_not_open_the_door(
 
 def test_a_plan_that_was_never_checked_is_not_exported(plan: Plan, tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
-    path.write_text(json.dumps({**plan.document, "certificate": None}), encoding="utf-8")
+    path.write_text(json.dumps({**plan.to_dict(), "certificate": None}), encoding="utf-8")
     with pytest.raises(ExportError, match="has no certificate"):
         export(path, "csv", tmp_path / "csv")
     _, manifest = export(path, "csv", tmp_path / "csv", force=True)

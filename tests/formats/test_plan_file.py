@@ -141,7 +141,7 @@ def test_a_file_of_bytes_and_one_that_is_missing(tmp_path: Path) -> None:
 
 
 def test_an_infeasible_plan_holds_no_trajectory(plan: Plan, tmp_path: Path) -> None:
-    document = {**plan.document, "trajectory": None, "status": "infeasible"}
+    document = {**plan.to_dict(), "trajectory": None, "status": "infeasible"}
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(TrajectoryError, match=r"no trajectory \(status: infeasible\)"):
@@ -226,7 +226,7 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
 ) -> None:
     """The reader of very long plans and the usual reader agree on validity and on all numbers."""
     data = json.dumps(
-        {key: plan.document[key] for key in ("format", "version", "trajectory")}, indent=1
+        {key: plan.to_dict()[key] for key in ("format", "version", "trajectory")}, indent=1
     ).encode()
     path, rng = tmp_path / "plan.json", np.random.default_rng(batch)
     monkeypatch.setattr("ssm_planner.loading.json_files.BATCH", batch)

@@ -44,6 +44,8 @@ OPINION = "opinion"
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
 """Program of the child process."""
 
+SHOWN = ("joint", "motor", "peak_torque", "rms_torque", "mean_torque", "t", "speed", "torque")
+"""Attributes of a `MotorRequirement` that its figure shows."""
 Contents = dict[str, dict[str, bytes]]
 """Content by figure and file extension."""
 
@@ -56,9 +58,9 @@ class _Plain(pickle.Pickler):
     """
 
     def reducer_override(self, value: object) -> Any:
-        """Reduce a sizing result to its attributes."""
+        """Reduce a requirement to the attributes that its figure shows."""
         if type(value).__module__.startswith("ssm_planner.sizing."):
-            return SimpleNamespace, (), vars(value)
+            return SimpleNamespace, (), {name: getattr(value, name) for name in SHOWN}
         return NotImplemented
 
 
@@ -110,9 +112,9 @@ class FigureProcess:
             Arguments of the function that draws the figure.
         """
         if self._process is not None:
-            with BytesIO() as message:
-                _Plain(message).dump((name, arguments))
-                self._pipe.submit(self._write, message.getvalue())
+            message = BytesIO()
+            _Plain(message).dump((name, arguments))
+            self._pipe.submit(self._write, message.getbuffer())
 
     def result(self) -> Contents:
         """Wait for the requested figures, and return the content of their files.
@@ -139,7 +141,7 @@ class FigureProcess:
             return None
         return pickle.load(self._process.stdout)
 
-    def _write(self, message: bytes) -> None:
+    def _write(self, message: memoryview) -> None:
         """Write a request to the standard input of the child."""
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.write(message)
@@ -236,7 +238,7 @@ def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = Non
         raise ExportError("the plan does not contain a trajectory to draw")
     arguments: dict[str, tuple[object, ...]] = {"motion": (trajectory, robot)}
     if plan.requirements:
-        arguments["motors"] = trajectory, robot, plan.requirements
+        arguments["motors"] = trajectory, robot, [item.thinned() for item in plan.requirements]
     files = {} if drawer is None else drawer.result()
     paths: Files = {}
     for name, values in arguments.items():

@@ -30,7 +30,6 @@ from ssm_planner.sizing import (
     Cycle,
     JointLoad,
     ThermalModel,
-    joint_loads,
     missing,
     pause_of,
     steady_state,
@@ -41,8 +40,8 @@ from ssm_planner.typing import Array, Arrays
 
 RATE, FEWEST, MOST = 400.0, 1200, 4000
 """Samples per second of motion in a page, and the smallest and largest number of samples."""
-LOAD_RATE = 500.0
-"""Rate at which motor loads are sampled, Hz. The instants of torque jumps are added."""
+INSTANTS = 40_000
+"""Largest number of instants from which temperatures follow. A long motion has more."""
 CELSIUS = 273.15
 """0 °C in K."""
 EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
@@ -77,15 +76,17 @@ def channels_of(plan: Plan, t: Array) -> Arrays:
     }
     for name in ("q", "qd", "qdd", "qddd"):
         channels |= {f"{name}{i}": getattr(samples, name)[:, i] for i in range(4)}
-    loads = joint_loads(trajectory, plan.robot, LOAD_RATE)
+    assert plan.sizing is not None
+    loads = [joint.load for joint in plan.sizing.joints]
     for load in loads:
         i = JOINTS.index(load.joint)
-        curves = {f"w{i}": load.speed(), f"tau{i}": load.torque()}
-        curves |= {
-            f"split{i}_{name}": component for name, component in torque_split(load).components()
-        }
+        after = np.searchsorted(load.t - load.t[0], t, "right")
+        # Only the instants beside those of the page matter. A long motion has many more.
+        few = load.subset(np.unique(np.clip([after - 1, after], 0, len(load.t) - 1)))
+        curves = {f"w{i}": few.speed(), f"tau{i}": few.torque()}
+        curves |= {f"split{i}_{name}": part for name, part in torque_split(few).components()}
         for name, values in curves.items():
-            channels[name] = np.interp(t, load.t - load.t[0], values)
+            channels[name] = np.interp(t, few.t - load.t[0], values)
     return channels | _temperature_channels(loads, t, pause_of(plan.problem))
 
 
@@ -167,7 +168,9 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
     for load in loads:
         if load.motor is None or missing(load.motor, *FIGURES):
             continue
-        cycle = Cycle.from_torque(load.t, load.torque(), pause)
+        count = len(load.t)
+        few = load.subset(np.append(np.arange(0, count - 1, -(-count // INSTANTS)), count - 1))
+        cycle = Cycle.from_torque(few.t, few.torque(), pause)
         state = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)
         if state.steady:
             for name, values in (("winding", state.winding), ("housing", state.housing)):
