@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssm_planner.atomic import replacing
 from ssm_planner.dynamics import RigidBody, directions, motor_motion
@@ -398,6 +399,11 @@ def _counts(motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: s
     return Content({"axes": entries}, files)
 
 
+Bytes = NDArray[np.uint8]
+DECIMALS = {"%d": 0, "%.3f": 3}
+"""Number of decimals of the formats that `_characters` supports."""
+
+
 def table_text(
     columns: Mapping[str, Array], forms: tuple[str, str] = ("%.3f", "%d")
 ) -> Iterator[str]:
@@ -408,10 +414,48 @@ def table_text(
     """
     yield ",".join(columns) + "\n"
     values = list(columns.values())
-    row = ",".join([forms[0], *forms[1:] * (len(values) - 1)]) + "\n"
+    formats = [forms[0], *forms[1:] * (len(values) - 1)]
+    row = ",".join(formats) + "\n"
     for block in blocks(len(values[0]), BLOCK):
-        rows = np.column_stack([column[block] for column in values])
-        yield row * len(rows) % tuple(rows.ravel().tolist())
+        part = [column[block] for column in values]
+        characters = [_characters(*column) for column in zip(part, formats, strict=True)]
+        if None in characters:
+            rows = np.column_stack(part)
+            yield row * len(rows) % tuple(rows.ravel().tolist())
+        else:
+            yield _joined(characters)
+
+
+def _characters(values: Array, form: str) -> list[Bytes] | None:
+    """Format numbers (n,), and return their characters as arrays (n,) from left to right.
+
+    The code 0 stands for no character. The result is None for other formats than those of DECIMALS,
+    and for numbers that the format rounds.
+    """
+    decimals = DECIMALS.get(form)
+    if decimals is None:
+        return None
+    scaled = values * 10.0**decimals
+    size = np.abs(np.rint(scaled))
+    if not (np.abs(np.abs(scaled) - size) < 1e-6).all() or size.max() >= 2**53:
+        return None
+    rest = size.astype(np.uint32 if size.max() < 2**32 else np.uint64)
+    result: list[Bytes] = []
+    while rest.any() or len(result) <= decimals:
+        before, rest = rest, rest // 10
+        digit = (before - 10 * rest + ord("0")).astype(np.uint8)
+        result.append(digit if len(result) <= decimals else np.where(before > 0, digit, 0))
+    if decimals:
+        result.insert(decimals, np.full(len(values), ord("."), np.uint8))
+    return [(scaled < 0) * np.uint8(ord("-")), *reversed(result)]
+
+
+def _joined(columns: list[list[Bytes]]) -> str:
+    """Return the text of rows from the characters of their columns, see `_characters`."""
+    comma, end = (np.full(len(columns[0][0]), ord(sign), np.uint8) for sign in ",\n")
+    characters = [array for column in columns for array in (*column, comma)][:-1]
+    table = np.stack([*characters, end], axis=1)
+    return table[table > 0].tobytes().decode("ascii")
 
 
 def _as_read(reading: Reading, plan: Plan) -> list[str]:

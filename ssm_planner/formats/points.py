@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from tempfile import TemporaryFile
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.agreement import Content
 from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, blocks, cubics, quintics
-from ssm_planner.typing import Array, Mask, record
+from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
@@ -150,9 +151,7 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
         acceleration = np.full(n, points.qdd is not None)
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
-    coefficients = large_array((n - 1, DEGREE + 1, 4))
-    for block in blocks(n - 1, BLOCK):
-        coefficients[block] = _pieces(points, block, cubic[block], quintic[block])
+    coefficients: Any = _Pieces(points, cubic, quintic)
     trajectory = Trajectory(points.t, coefficients, ())
     straight = not cubic.all()
     resolution = None
@@ -232,29 +231,39 @@ def check_points(points: Points, robot: Robot) -> None:
             check_derivatives(t, points.qd, points.qdd, robot, ("velocities", "accelerations"))
 
 
-def _pieces(points: Points, block: slice, cubic: Mask, quintic: Mask) -> Array:
-    """Return the coefficients (m, 6, 4) of m pieces.
+@record
+class _Pieces:
+    """Coefficients (n − 1, 6, 4) of the pieces between n points, computed when they are used.
 
-    Parameters
-    ----------
-    points : Points
-    block : slice
-        Indices of the points at the starts of the pieces.
-    cubic, quintic : (m,) arrays of bool
-        True for pieces of at least this degree.
+    An array of them would be larger than the points.
     """
-    sides = block, slice(block.start + 1, block.stop + 1)
-    tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
-    ends = [[table[side] for table in tables] for side in sides]
-    length = points.t[sides[1]] - points.t[block]
-    coefficients = np.zeros((len(length), DEGREE + 1, 4))
-    coefficients[:, 0] = ends[0][0]
-    coefficients[:, 1] = (ends[1][0] - ends[0][0]) / length[:, None]
-    for flags, count, curves in ((cubic & ~quintic, 2, cubics), (quintic, 3, quintics)):
-        if flags.any():
-            states = (tuple(end[:count]) for end in ends)
-            coefficients[flags] = curves(length, *states)[flags]
-    return coefficients
+
+    points: Points
+    cubic: Mask
+    quintic: Mask
+    """True for pieces of at least this degree, (n − 1,)."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Shape of the coefficients."""
+        return len(self.cubic), DEGREE + 1, 4
+
+    def __getitem__(self, index: slice | Indices) -> Array:
+        """Return the coefficients (m, 6, 4) of the pieces with these indices."""
+        points = self.points
+        start = np.arange(len(self.cubic))[index]
+        tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
+        ends = [[table[side] for table in tables] for side in (start, start + 1)]
+        length = points.t[start + 1] - points.t[start]
+        cubic, quintic = self.cubic[start], self.quintic[start]
+        coefficients = np.zeros((len(length), DEGREE + 1, 4))
+        coefficients[:, 0] = ends[0][0]
+        coefficients[:, 1] = (ends[1][0] - ends[0][0]) / length[:, None]
+        for flags, count, curves in ((cubic & ~quintic, 2, cubics), (quintic, 3, quintics)):
+            if flags.any():
+                states = (tuple(end[:count]) for end in ends)
+                coefficients[flags] = curves(length, *states)[flags]
+        return coefficients
 
 
 LARGEST_ANGLE = 8 * math.pi
