@@ -33,7 +33,7 @@ VARIADIC = {"tag", "vertcat", "horzcat", "_group"}
 SHAPE = re.compile(r"\((\.\.\.|\w+,|[\w. ×+−/…-]+(, ?[\w. ×+−/…-]*)+)\)|shape|broadcast|\w × \w")
 """A shape as a tuple, such as (n, 4), (samples,) or (..., 3), or in words, such as "shape of mu" and "any shape"."""
 ARRAY = re.compile(r"\b(Array|ArrayLike|Indices|NDArray)\b")
-COMMAND = {f"run_{name}" for name in COMMANDS} | {f"{name}_arguments" for name in COMMANDS}
+COMMAND = {f"run_{name}" for name in COMMANDS}
 """The two functions of every command, described in `cli` once."""
 Definition = ast.FunctionDef | ast.ClassDef
 

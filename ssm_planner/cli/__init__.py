@@ -1,6 +1,7 @@
 """Command line: parse arguments, call the library, print results and return the exit status."""
 
 import argparse
+import csv
 import errno
 import gc
 import importlib
@@ -12,6 +13,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from importlib import metadata
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -32,100 +34,15 @@ RETRY_DELAY = 0.01
 STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 """Numbers of errors that mean that stdout cannot be written."""
 
-COMMANDS = {
-    "plan": (
-        "plan",
-        "plan, cross-check, verify, size, report",
-        "plan tilt_insert -o results/tilt_insert",
-    ),
-    "retime": (
-        "retime",
-        "time-parametrise any joint path with TOPP-RA and check it",
-        "retime path.csv --robot vitreoretinal",
-    ),
-    "check": (
-        "check",
-        "certify any trajectory: plan.json, CSV or JointTrajectory",
-        "check results/tilt_insert",
-    ),
-    "export": (
-        "export",
-        "write files for controllers and simulators",
-        "export results/tilt_insert --to epos4 -o stream",
-    ),
-    "simulate": (
-        "simulate",
-        "simulate the exported set points, with optional faults",
-        "simulate results/tilt_insert --power-loss everywhere -o simulated",
-    ),
-    "compare": (
-        "compare",
-        "compare recordings of the executed motion with the plan",
-        "compare results/tilt_insert roll.csv tilt.csv",
-    ),
-    "size": (
-        "size",
-        "compute what the motion requires of motors and gears, and find suitable ones",
-        "size results/tilt_insert --what-if",
-    ),
-    "study": (
-        "study",
-        "compare many candidate robots over a set of motions",
-        "study problems/studies/vitreoretinal.yaml -o results/study",
-    ),
-    "report": (
-        "pages",
-        "write a page with mechanism, plots and certificate, or compare two plans",
-        "report results/tilt_insert -o report.html",
-    ),
-    "film": (
-        "pages",
-        "draw the motion as a film of arm and eye: GIF, MP4 and single pictures",
-        "film results/eye_approach -o film",
-    ),
-    "view": (
-        "pages",
-        "open a local page with sliders: workspace, inverse kinematics and planning",
-        "view tilt_insert",
-    ),
-    "workspace": (
-        "kinematics",
-        "compute the tilt range, or the (alpha, beta) that reach a given range",
-        "workspace --reach -140deg -80deg",
-    ),
-    "identify": (
-        "friction",
-        "fit friction with confidence intervals, and write a drive file and a figure",
-        "identify problems/drives/rig1_lead_screw.yaml -o identified.yaml",
-    ),
-    "predict": (
-        "friction",
-        "compare predicted and measured torque",
-        "predict identified.yaml recording.csv",
-    ),
-    "ik": (
-        "kinematics",
-        "compute the inverse kinematics in closed form, on all branches",
-        "ik vitreoretinal --tilt -100deg --depth 15mm",
-    ),
-    "new": (
-        "files",
-        "write a commented template: robot, drive, motor, problem, study, …",
-        "new problem my_problem.yaml",
-    ),
-    "schema": (
-        "files",
-        "print the JSON schema of a kind of file, for editors that complete and check",
-        "schema robot",
-    ),
-    "reproduce": ("pages", "recompute the tables and figures of the paper", "reproduce -o results"),
-}
-"""Module in ssm_planner.cli, help text and example of every command.
+with Path(__file__).with_name("commands.csv").open(encoding="utf-8", newline="") as _table:
+    COMMANDS = {name: values for name, *values in csv.reader(_table)}
+del COMMANDS["command"]
+"""Module in ssm_planner.cli, help text, example and usage line (if it is special) of every command.
 
-A module is imported only if one of its commands is used. For each command, the module defines two
-functions. `<command>_arguments(parser)` adds the arguments. `run_<command>(options)` runs the
-command and returns the exit status: 0 if all checks passed, 1 if the problem is infeasible or a
-check failed, 2 if the input is invalid, and 4 if a limit could not be judged.
+A module is imported only if one of its commands is used. arguments.csv lists the arguments of a
+command. The function `run_<command>(options)` of its module runs the command and returns the exit
+status: 0 if all checks passed, 1 if the problem is infeasible or a check failed, 2 if the input is
+invalid, and 4 if a limit could not be judged.
 """
 
 
@@ -358,16 +275,21 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     )
     requested = [*words, *os.environ.get("COMP_LINE", "").split()]
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, (module, text, example) in COMMANDS.items():
+    for name, (module, text, example, usage) in COMMANDS.items():
         command = commands.add_parser(
             name,
             help=text,
             description=text[0].upper() + text[1:] + ".",
             epilog=f"Example: ssm-planner {example}",
+            usage=usage or None,
         )
         if name in requested:
             implementation = importlib.import_module(f"ssm_planner.cli.{module}")
-            getattr(implementation, f"{name}_arguments")(command)
+            from ssm_planner.cli.shared import add_arguments
+
+            add_arguments(command, name)
+            if name == "export":
+                implementation.format_arguments(command)
             command.set_defaults(run=getattr(implementation, f"run_{name}"))
     if "_ARGCOMPLETE" in os.environ:  # A shell requests completions.
         import argcomplete

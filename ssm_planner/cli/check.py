@@ -3,7 +3,7 @@
 This module never imports the planner.
 """
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,10 +13,8 @@ from ssm_planner.cli.shared import (
     FAILED,
     OK,
     UNJUDGED,
-    output_arguments,
     part_quantity,
     progress_reporter,
-    quantity_option,
     share,
     show,
 )
@@ -30,51 +28,6 @@ if TYPE_CHECKING:
 
 PLAN_FILE = "plan.json"
 STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
-
-
-def check_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `check`."""
-    parser.add_argument(
-        "trajectory",
-        type=Path,
-        help="plan.json, CSV (columns named with units), JointTrajectory (YAML or rosbag2), or "
-        "folder of a plan or export",
-    )
-    parser.add_argument(
-        "--robot", type=Path, help="robot file; needed unless the trajectory is a plan.json"
-    )
-    parser.add_argument(
-        "--problem",
-        type=Path,
-        help="problem file with task limits, and with the robot unless --robot is given",
-    )
-    quantity_option(parser, "--tip-speed", "velocity", "limit of the tool tip's speed")
-    for end in ("start", "end"):
-        parser.add_argument(
-            f"--{end}-rate",
-            metavar="RATES",
-            help=f"speeds at the {end} of the motion, such as tilt=-10deg/s,depth=5mm/s, or any; "
-            "default: the speeds that the plan, problem or export declares, otherwise rest",
-        )
-    parser.add_argument(
-        "--allow-unjudged",
-        metavar="NAME[,NAME]",
-        default="",
-        help="limits that may remain unjudged, such as acceleration,torque; the exit status is 4 "
-        "if other limits could not be judged",
-    )
-    parser.add_argument(
-        "--key",
-        type=Path,
-        metavar="PUBLIC.pem",
-        help="public Ed25519 key; an export folder that it does not confirm fails",
-    )
-    parser.add_argument(
-        "--speed",
-        metavar="PERCENT",
-        help="playback speed such as 10%%, or a range of speeds such as 1%%..100%%",
-    )
-    output_arguments(parser)
 
 
 def run_check(options: Namespace) -> int:
@@ -104,7 +57,7 @@ def run_check(options: Namespace) -> int:
     certificate = reading.check(robot, limits)
     if problem is not None:
         certificate = with_task(certificate, reading.trajectory, replace(problem, robot=robot))
-    certificate = _allowing(certificate, options.allow_unjudged)
+    certificate = _allowing(certificate, options.allow_unjudged or "")
     progress(Step("done"))
     document |= certificate.to_dict()
     show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))

@@ -1,49 +1,16 @@
 """Run `ssm-planner compare PLAN RECORDING...`, which compares an executed motion with its plan."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
     UNJUDGED,
-    output_arguments,
-    plan_argument,
     progress_reporter,
-    quantity_option,
     show,
 )
 from ssm_planner.progress import Step
-
-
-def compare_arguments(parser: ArgumentParser) -> None:
-    plan_argument(parser)
-    parser.add_argument(
-        "recordings",
-        nargs="+",
-        metavar="[JOINT=]RECORDING",
-        help="EPOS recorder exports or CSV on one clock, one for each axis; without JOINT, the "
-        "name of the file states the joint",
-    )
-    parser.add_argument(
-        "--counts-per-turn",
-        type=int,
-        metavar="N",
-        help="increments per motor turn of a position channel",
-    )
-    quantity_option(
-        parser,
-        "--lag",
-        "time",
-        "allowed delay of a joint at its largest speed; it limits tracking errors (default 10 ms)",
-    )
-    quantity_option(
-        parser,
-        "--speed",
-        "share",
-        "speed at which the motion was meant to be played, such as 10%% (default: 100%%)",
-    )
-    output_arguments(parser)
 
 
 def run_compare(options: Namespace) -> int:

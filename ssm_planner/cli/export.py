@@ -1,15 +1,11 @@
 """Run `ssm-planner export PLAN --to FORMAT`, which writes files for controllers and simulators."""
 
 from argparse import ArgumentParser, Namespace
-from pathlib import Path
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     OK,
-    output_arguments,
-    plan_argument,
     progress_reporter,
-    quantity_option,
     rate_argument,
     show,
 )
@@ -19,20 +15,8 @@ from ssm_planner.progress import Step
 from ssm_planner.typing import Keywords
 
 
-def export_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `export`."""
-    plan_argument(parser)
-    parser.add_argument("--to", required=True, choices=[*FORMATS], help="format to write")
-    output_arguments(parser, "folder (default: beside the plan)")
-    parser.add_argument(
-        "--force",
-        action="store_true",
-        help="export an unverified plan as well; its files are marked",
-    )
-    quantity_option(parser, "--speed", "share", "speed of the exported motion, such as 10%%")
-    parser.add_argument(
-        "--sign", type=Path, metavar="KEY.pem", help="private Ed25519 key that signs the export"
-    )
+def format_arguments(parser: ArgumentParser) -> None:
+    """Add the options of all formats to the command `export`."""
     for option, texts in _options().items():
         parsed = PARSED.get(option, {})
         flag = f"--{'no-' if parsed.get('action') == 'store_false' else ''}{option}"

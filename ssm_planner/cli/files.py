@@ -1,33 +1,17 @@
 """Run `ssm-planner schema KIND` and `ssm-planner new KIND`, which print keys and templates."""
 
 import json
-from argparse import ArgumentParser, Namespace
-from pathlib import Path
+from argparse import Namespace
 
 from ssm_planner.cli.shared import OK
 from ssm_planner.errors import ExportError
-from ssm_planner.templates import FILE_KINDS, TEMPLATES, schema, template
-
-
-def schema_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `schema`."""
-    parser.add_argument("kind", choices=FILE_KINDS, help="kind of file")
+from ssm_planner.templates import schema, template
 
 
 def run_schema(options: Namespace) -> int:
     """Print the JSON schema of a kind of file, and return the exit status."""
     print(json.dumps(schema(options.kind), indent=1, ensure_ascii=False))
     return OK
-
-
-def new_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `new`."""
-    parser.add_argument(
-        "kind", choices=TEMPLATES, help="kind of file (drive: worm gear, screw: lead screw)"
-    )
-    parser.add_argument(
-        "file", type=Path, nargs="?", help="file to write (default: on stdout); it must not exist"
-    )
 
 
 def run_new(options: Namespace) -> int:

@@ -1,13 +1,12 @@
 """Run `ssm-planner identify DRIVE RECORDING…` and `ssm-planner predict DRIVE RECORDING…`."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     OK,
-    output_arguments,
     output_file,
     progress_reporter,
     show_with_page,
@@ -15,45 +14,6 @@ from ssm_planner.cli.shared import (
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
-
-LAWS = ("auto", "coulomb", "stribeck_exponential", "stribeck_gaussian")
-
-
-def identify_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `identify`."""
-    parser.add_argument(
-        "drive", type=Path, help="drive file (YAML) with the rig's payload and recorder settings"
-    )
-    parser.add_argument(
-        "recordings",
-        type=Path,
-        nargs="*",
-        metavar="RECORDING",
-        help="EPOS recorder files, CSV with named columns, or folders (default: the shipped table "
-        "of the rig)",
-    )
-    output_arguments(
-        parser,
-        "folder of the drive file and its map (default: results/<drive>); FILE.yaml names the "
-        "drive file",
-    )
-    parser.add_argument(
-        "--law", choices=LAWS, default="auto", help="friction law (default: by blind error)"
-    )
-    parser.add_argument(
-        "--fix",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="fix a parameter, SI, such as preload=0.8",
-    )
-    parser.add_argument(
-        "--free",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="also fit this parameter: b_ov, preload",
-    )
 
 
 def run_identify(options: Namespace) -> int:
@@ -191,19 +151,6 @@ def _identified_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
     lines += ["", *(f"{name}: {path}" for name, path in result["files"].items())]
     error = format_fixed(result["nrmsd"], 4)
     return [*lines, f"friction law {result['law']}{likely}, map NRMSD {error}"]
-
-
-def predict_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `predict`."""
-    parser.add_argument("drive", type=Path, help="drive file (YAML)")
-    parser.add_argument(
-        "recordings",
-        type=Path,
-        nargs="+",
-        metavar="RECORDING",
-        help="recordings or folders of them",
-    )
-    output_arguments(parser, "write a figure per recording there")
 
 
 def run_predict(options: Namespace) -> int:

@@ -1,7 +1,7 @@
 """Run `ssm-planner ik ROBOT --tilt …` and `ssm-planner workspace ROBOT` or `--reach A B`."""
 
 import math
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,30 +9,12 @@ import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
-    output_arguments,
-    quantity_argument,
-    quantity_option,
     show,
     show_with_page,
 )
 from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
 from ssm_planner.typing import JsonObject
-
-
-def ik_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `ik`."""
-    parser.add_argument("robot", type=Path, help="robot file (YAML)")
-    quantity_option(parser, "--roll", "angle", "such as 10deg (default 0)", 0.0)
-    parser.add_argument(
-        "--tilt", type=quantity_argument("angle"), required=True, help="such as -100deg"
-    )
-    quantity_option(parser, "--spin", "angle", "such as 90deg (default 0)", 0.0)
-    quantity_option(parser, "--depth", "length", "such as 15mm (default 0)", 0.0)
-    parser.add_argument(
-        "--within-limits", action="store_true", help="only solutions within the joint ranges"
-    )
-    output_arguments(parser)
 
 
 def run_ik(options: Namespace) -> int:
@@ -54,22 +36,6 @@ def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
     if not solutions.reachable:
         angle, distance = math.degrees(solutions.orientation_error), 1e3 * solutions.tip_error
         yield f"not reachable: the nearest is off by {angle:.6g} deg and {distance:.6g} mm"
-
-
-def workspace_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `workspace`."""
-    parser.add_argument("robot", type=Path, nargs="?", help="robot file (YAML)")
-    parser.add_argument(
-        "--reach",
-        type=quantity_argument("angle"),
-        nargs=2,
-        metavar=("A", "B"),
-        help="tilt range to reach, such as -140deg -80deg",
-    )
-    quantity_option(
-        parser, "--margin", "angle", "margin at both ends, such as 1deg (default 0)", 0.0
-    )
-    output_arguments(parser, "write the figures there")
 
 
 def run_workspace(options: Namespace) -> int:

@@ -1,55 +1,17 @@
 """Run `ssm-planner plan PROBLEM`, which plans, checks and sizes a motion and writes its results."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
-    output_arguments,
     progress_reporter,
-    quantity_option,
-    rate_argument,
     show,
 )
 from ssm_planner.cli.terminal import shorten
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-
-
-def plan_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `plan`."""
-    parser.add_argument(
-        "problem", type=Path, help="problem file (YAML), or a shipped name such as tilt_insert"
-    )
-    parser.add_argument(
-        "--rate",
-        type=rate_argument,
-        metavar="HZ",
-        help="rows per second of trajectory.csv (default: 1000, reduced by powers of ten to at "
-        "most 100 000 rows)",
-    )
-    parser.add_argument(
-        "--from",
-        type=Path,
-        dest="moving",
-        metavar="PLAN",
-        help="begin during the motion of this plan (plan.json or its folder) instead of at the "
-        "problem's start",
-    )
-    quantity_option(parser, "--at", "time", "with --from: the time in that plan, such as 1.2s")
-    parser.add_argument(
-        "--explain",
-        action="store_true",
-        help="list the ways to move every phase that were tried, and why each was not taken",
-    )
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="print all phases, motors, limits and unknowns"
-    )
-    output_arguments(
-        parser,
-        "result folder (default: results/<problem name>, or <problem name>_replanned with --from)",
-    )
 
 
 def run_plan(options: Namespace) -> int:
@@ -65,17 +27,18 @@ def run_plan(options: Namespace) -> int:
         from ssm_planner.publishing import file_name
         from ssm_planner.reporting import explanation, summary_lines
 
-        if (options.moving is None) != (options.at is None):
+        moving: Path | None = getattr(options, "from")
+        if (moving is None) != (options.at is None):
             raise ProblemError(
                 "--from needs a time in its plan",
                 key="--at",
                 allowed="--from PLAN and --at TIME together",
             )
         problem = load_problem(options.problem)
-        if options.moving is not None:
-            problem = starting_from(problem, load_plan(options.moving), options.at)
+        if moving is not None:
+            problem = starting_from(problem, load_plan(moving), options.at)
         # A plan must not replace the one that the robot is executing.
-        name = file_name(problem.name) + ("" if options.moving is None else "_replanned")
+        name = file_name(problem.name) + ("" if moving is None else "_replanned")
         folder = options.output or Path("results") / name
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress(Step("done"))

@@ -3,34 +3,16 @@
 The command computes the fastest timing of the path in a trajectory file within the robot's limits.
 """
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
-    output_arguments,
     progress_reporter,
-    rate_argument,
     show,
 )
 from ssm_planner.progress import Step
-
-
-def retime_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `retime`."""
-    parser.add_argument(
-        "path",
-        type=Path,
-        help="CSV (columns named with units), JointTrajectory (YAML or rosbag2), or folder of an "
-        "export",
-    )
-    parser.add_argument("--robot", type=Path, help="robot file; required without --problem")
-    parser.add_argument("--problem", type=Path, help="problem file with robot and task limits")
-    parser.add_argument(
-        "--rate", type=rate_argument, metavar="HZ", help="rows per second of trajectory.csv"
-    )
-    output_arguments(parser, "result folder (default: results/<name of the file>_retimed)")
 
 
 def run_retime(options: Namespace) -> int:

@@ -3,6 +3,7 @@
 They add arguments, convert values, report progress on stderr, and print or write results.
 """
 
+import csv
 import json
 import os
 import re
@@ -11,44 +12,19 @@ import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from ssm_planner.cli.terminal import print_lines
 from ssm_planner.display import columns
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Progress, Step
-from ssm_planner.typing import Files
+from ssm_planner.typing import Files, Keywords
 
 OK, FAILED, UNJUDGED = 0, 1, 4
 """Exit statuses: all checks passed, a check failed, and a limit could not be judged."""
 LARGEST_RATE = 100_000.0
 """Largest rate of written files, Hz. A file of a faster rate would not fit into memory."""
-
-
-def plan_argument(
-    parser: ArgumentParser, text: str = "plan.json, or the result folder that contains it"
-) -> None:
-    """Add the argument PLAN with the help text `text`."""
-    parser.add_argument("plan", type=Path, help=text)
-
-
-def output_arguments(
-    parser: ArgumentParser, text: str | None = None, default: Path | None = None
-) -> None:
-    """Add the option --json, and the option --output if the command writes files.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Parser of the command.
-    text : str, optional
-        Help text of --output. Without it, the option is not added.
-    default : Path, optional
-        Default of --output.
-    """
-    if text is not None:
-        parser.add_argument("-o", "--output", type=Path, metavar="DIR", default=default, help=text)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
 
 
 def output_file(path: Path | None, suffix: str, default: Path) -> Path:
@@ -85,29 +61,6 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
     return convert
 
 
-def quantity_option(
-    parser: ArgumentParser, flag: str, kind: str, text: str, default: float | None = None
-) -> None:
-    """Add an option whose value is a quantity with a unit, or a share in percent.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        Parser of the command.
-    flag : str
-        Name of the option.
-    kind : str
-        Key of units.KINDS, or "share".
-    text : str
-        Help text.
-    default : float, optional
-        Default in SI units.
-    """
-    metavar = "PERCENT" if kind == "share" else kind.upper()
-    reader = quantity_argument(kind)
-    parser.add_argument(flag, type=reader, metavar=metavar, default=default, help=text)
-
-
 def rate_argument(text: str) -> float:
     """Convert a text such as `500`, `500 Hz` or `1kHz` to a rate in Hz.
 
@@ -125,6 +78,65 @@ def rate_argument(text: str) -> float:
             f"{text!r} is not a rate such as 500 or 1kHz, up to {LARGEST_RATE / 1000:g}kHz"
         )
     return rate
+
+
+ARGUMENTS = Path(__file__).with_name("arguments.csv")
+"""Table of the arguments of all commands.
+
+The column `kind` states the type of the value: a key of TYPES or of units.KINDS, "flag", the
+allowed words with "|" between them, or the object that contains them as `module:name`. The column
+`number` contains the number of values in the form of argparse, "append" or "required". At most one
+argument of a group can be used.
+"""
+TYPES: dict[str, Callable[[str], Any]] = {
+    "path": Path,
+    "text": str,
+    "int": int,
+    "float": float,
+    "rate": rate_argument,
+}
+"""Functions that convert the text of a value."""
+
+
+def add_arguments(parser: ArgumentParser, command: str) -> None:
+    """Add the arguments of a command to its parser."""
+    groups: dict[str, Any] = {"": parser}
+    with ARGUMENTS.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if command in row["commands"].split():
+                group = row["group"]
+                if group not in groups:
+                    groups[group] = parser.add_mutually_exclusive_group()
+                groups[group].add_argument(*row["argument"].split(), **_settings(row))
+
+
+def _settings(row: Mapping[str, str]) -> Keywords:
+    """Return the arguments of `add_argument` for a row of ARGUMENTS."""
+    kind, number, metavar = row["kind"], row["number"], row["metavar"].split()
+    settings: Keywords = {"help": row["help"].replace("%", "%%"), "default": row["default"] or None}
+    if kind == "flag":
+        return {**settings, "action": "store_true", "default": False}
+    if ":" in kind:
+        settings["choices"] = [*resolve_name(kind)]
+    elif "|" in kind:
+        settings["choices"] = kind.split("|")
+    elif kind in TYPES:
+        settings["type"] = TYPES[kind]
+    else:
+        settings |= {"type": quantity_argument(kind), "metavar": kind.upper()}
+        if kind == "share":
+            settings["metavar"] = "PERCENT"
+    if metavar:
+        settings["metavar"] = metavar[0] if len(metavar) == 1 else tuple(metavar)
+    if number in ("append", "+"):
+        settings["default"] = []
+    if number == "append":
+        settings["action"] = "append"
+    elif number == "required":
+        settings["required"] = True
+    elif number:
+        settings["nargs"] = int(number) if number.isdigit() else number
+    return settings
 
 
 def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:

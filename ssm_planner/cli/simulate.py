@@ -1,82 +1,20 @@
 """Run `ssm-planner simulate PLAN`, which simulates the exported set points with optional faults."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from pathlib import Path
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
-    output_arguments,
     part_quantity,
-    plan_argument,
     progress_reporter,
-    quantity_option,
     show,
     write_results,
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
-
-
-def simulate_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of the command `simulate`."""
-    plan_argument(parser)
-    parser.add_argument(
-        "--controller", metavar="FILE", help="controller file (YAML); default: tuned from the plant"
-    )
-    parser.add_argument(
-        "--power-loss",
-        metavar="TIME|everywhere",
-        help="switch off all drives at a time, or at many instants",
-    )
-    parser.add_argument(
-        "--instants",
-        type=int,
-        default=1000,
-        metavar="N",
-        help="number of instants for --power-loss everywhere (default 1000)",
-    )
-    parser.add_argument(
-        "--payload", metavar="MASS[@TIME]", help="point mass at the tip after a time (default 0 s)"
-    )
-    parser.add_argument("--stall", metavar="JOINT@TIME", help="block a motor after a time")
-    quantity_option(parser, "--supply", "voltage", "supply voltage (default: nominal)")
-    parser.add_argument(
-        "--friction",
-        type=float,
-        default=1.0,
-        metavar="FACTOR",
-        help="factor on the friction of all drives",
-    )
-    parser.add_argument(
-        "--draws",
-        type=int,
-        default=0,
-        metavar="N",
-        help="number of random frictions from the drive files",
-    )
-    quantity_option(
-        parser, "--spread", "share", "range of the friction without uncertainty in the drive files"
-    )
-    parser.add_argument(
-        "--compliance",
-        type=float,
-        default=1.0,
-        metavar="FACTOR",
-        help="factor on the assumed stiffness",
-    )
-    quantity_option(parser, "--speed", "share", "playback speed, such as 10%%", 1.0)
-    quantity_option(parser, "--dropped", "time", "lose a set point at this time")
-    parser.add_argument(
-        "--wrong-direction", metavar="JOINT", help="reverse the direction of a controller"
-    )
-    quantity_option(parser, "--tip-error", "length", "largest allowed tip error (default 0.1 mm)")
-    quantity_option(
-        parser, "--travel", "length", ("largest allowed travel of the tip without power")
-    )
-    output_arguments(parser, "write simulation.json, a page, recordings and figures")
 
 
 def run_simulate(options: Namespace) -> int:

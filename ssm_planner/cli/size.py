@@ -3,7 +3,7 @@
 The command computes what a motion requires of motors and gears, and assesses candidate motors.
 """
 
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +13,7 @@ import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
-    output_arguments,
-    plan_argument,
     progress_reporter,
-    quantity_option,
     show_with_page,
     write_results,
 )
@@ -26,71 +23,6 @@ from ssm_planner.typing import Files, JsonObject
 
 if TYPE_CHECKING:
     from ssm_planner.sizing import Conditions, DutyCycle, Sizing
-
-
-def size_arguments(parser: ArgumentParser) -> None:
-    plan_argument(
-        parser,
-        "plan.json, a motorisation file (YAML), or with --robot any trajectory that check reads",
-    )
-    parser.add_argument(
-        "--robot", type=Path, help="robot file (YAML), unless the trajectory is a plan.json"
-    )
-    parser.add_argument(
-        "--motor",
-        nargs="+",
-        default=[],
-        metavar="[JOINT=]FILE",
-        help="candidate motors (YAML) for every driven joint or for one; default: the robot's own",
-    )
-    quantity_option(parser, "--ambient", "temperature", "surroundings (default 25degC)")
-    quantity_option(parser, "--supply", "voltage", "controller's voltage (default: nominal)")
-    quantity_option(parser, "--current-limit", "current", "controller's largest current")
-    quantity_option(
-        parser, "--pause", "time", ("pause after each motion (default: the plan's duty, or 0)")
-    )
-    quantity_option(parser, "--payload", "mass", "point mass at the tool tip", 0.0)
-    parser.add_argument(
-        "--confidence",
-        type=float,
-        default=0.99,
-        help="confidence level of the verdicts (default 0.99)",
-    )
-    parser.add_argument(
-        "--spread",
-        type=float,
-        help="range of the friction without uncertainty in the drive files, such as 0.2 for ±20 %%",
-    )
-    parser.add_argument(
-        "--draws",
-        type=int,
-        default=0,
-        help="Monte Carlo draws of the friction (default: linearised)",
-    )
-    parser.add_argument(
-        "--catalogue",
-        type=Path,
-        metavar="FILE",
-        help="check every motor of a CSV or folder of YAML on every axis",
-    )
-    parser.add_argument(
-        "--gears",
-        type=Path,
-        nargs="+",
-        default=[],
-        metavar="FILE",
-        help="combine them with every worm or screw of these catalogues",
-    )
-    parser.add_argument(
-        "--rank",
-        choices=("mass", "length", "torque", "margin"),
-        default="mass",
-        help="of --catalogue",
-    )
-    parser.add_argument(
-        "--what-if", action="store_true", help="largest payload and shortest duration"
-    )
-    output_arguments(parser, "write sizing.json and the figures there")
 
 
 def run_size(options: Namespace) -> int:

@@ -1,7 +1,7 @@
 """Run `ssm-planner study FILE`, which compares many candidate robots over a set of motions."""
 
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, output_arguments, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show
 from ssm_planner.display import number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
@@ -17,39 +17,6 @@ from ssm_planner.typing import Files, JsonObject
 
 MAX_ROWS = 12
 """Largest number of candidates on the front, and of reasons, in the terminal."""
-
-
-def study_arguments(parser: ArgumentParser) -> None:
-    parser.usage = (
-        "ssm-planner study [show N … | compare A B] FILE [-o DIR]\n"
-        "       [--workers N | --scheduler ADDRESS] [--table FILE] [--json]"
-    )
-    parser.add_argument(
-        "words",
-        nargs="+",
-        metavar="FILE",
-        help="study file (YAML); `show N …` before it writes robot file, plans and pages of "
-        "candidates, `compare A B` compares two of them",
-    )
-    executors = parser.add_mutually_exclusive_group()
-    executors.add_argument(
-        "--workers",
-        type=int,
-        metavar="N",
-        help="worker processes (default: one for each processor)",
-    )
-    executors.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="address of a running Dask scheduler, such as tcp://host:8786",
-    )
-    parser.add_argument(
-        "--table",
-        type=Path,
-        metavar="FILE",
-        help="also write the table to this file: .csv or .parquet",
-    )
-    output_arguments(parser, "default results/NAME")
 
 
 def run_study(options: Namespace) -> int:

@@ -19,7 +19,7 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import DEGREE, Trajectory, blocks, parts_of
-from ssm_planner.typing import Array, Arrays, Indices, Mask, Range, record
+from ssm_planner.typing import Array, Indices, Mask, Range, record
 
 RATE = 2000.0
 """Default sampling rate, Hz."""

@@ -63,27 +63,27 @@ class MotorRequirement(ShortRepr):
 
     @property
     def t(self) -> Array:
-        """Instants, s."""
+        """Instants (n,), s."""
         return self.load.t
 
     @property
     def speed(self) -> Array:
-        """Motor speed, rad/s."""
+        """Motor speed (n,), rad/s."""
         return self.load.speed()
 
     @property
     def torque(self) -> Array:
-        """Motor torque, N·m."""
+        """Motor torque (n,), N·m."""
         return self.load.torque()
 
     @property
     def acceleration(self) -> Array:
-        """Motor acceleration, rad/s²."""
+        """Motor acceleration (n,), rad/s²."""
         return self.load.acceleration()
 
     @property
     def split(self) -> "TorqueBreakdown":
-        """Components of the motor torque."""
+        """Components of the motor torque, with arrays (n,)."""
         return torque_split(self.load)
 
     @property
@@ -261,9 +261,7 @@ def _components(load: JointLoad) -> Array:
         motor_torque(drive_with_bearings, effort, w, wd, direction=sign),
         _mesh(lossless, effort, sign),
     )
-    return np.stack(
-        [input_inertia, output_inertia, load_torque, total - without, bearing, total]
-    )
+    return np.stack([input_inertia, output_inertia, load_torque, total - without, bearing, total])
 
 
 def _mesh(lossless: Drive, effort: Array, direction: Array) -> Array:

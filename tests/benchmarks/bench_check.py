@@ -62,7 +62,8 @@ def million(folder: Path, columns: int) -> tuple[float, float]:
     np.savetxt(path, rows, fmt="%.12g", delimiter=",", header=header, comments="")
     code = (
         "import argparse, resource, sys, time; begin = time.perf_counter()\n"
-        "from ssm_planner.cli import check; parser = argparse.ArgumentParser(); check.check_arguments(parser)\n"
+        "from ssm_planner.cli import check, shared; parser = argparse.ArgumentParser()\n"
+        "shared.add_arguments(parser, 'check')\n"
         "status = check.run_check(parser.parse_args(sys.argv[1:]))\n"
         "print('took', time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)\n"
         "sys.exit(status)"

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.cli import compare as command
+from ssm_planner.cli.shared import add_arguments
 from ssm_planner.comparison.clock import align
 from ssm_planner.comparison.compare import compare
 from ssm_planner.comparison.measured import assign, read_measured
@@ -205,7 +206,7 @@ def test_a_limit_that_was_exceeded_in_reality(
     recorded.percent[300:310] = 130 * motor.max_torque / motor.nominal_torque
     bad = recorded.write(tmp_path / "roll.csv")
     parser = argparse.ArgumentParser()
-    command.compare_arguments(parser)
+    add_arguments(parser, "compare")
     words = ["--json", str(plan.path), *good]
     assert command.run_compare(parser.parse_args([*words, f"roll={healthy}"])) == 0
     assert json.loads(capsys.readouterr().out)["held"] is True
@@ -386,7 +387,7 @@ def test_executions_of_the_shipped_plan_are_called_what_they_are(
         "4096",
     ]
     parser = argparse.ArgumentParser()
-    command.compare_arguments(parser)
+    add_arguments(parser, "compare")
     status = {"held": 0, "not held": 1, "cannot tell": 4}[verdict]
     assert command.run_compare(parser.parse_args([*words, "--json"])) == status
     document = json.loads(capsys.readouterr().out)

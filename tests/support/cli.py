@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.cli import COMMANDS
+from ssm_planner.cli.shared import add_arguments
 from tests.support.paths import ROOT
 
 
@@ -21,7 +22,9 @@ def run(command: str, *words: object) -> int:
     """
     module = importlib.import_module(f"ssm_planner.cli.{COMMANDS[command][0]}")
     parser = argparse.ArgumentParser()
-    getattr(module, f"{command}_arguments")(parser)
+    add_arguments(parser, command)
+    if command == "export":
+        module.format_arguments(parser)
     status = getattr(module, f"run_{command}")(parser.parse_args([str(word) for word in words]))
     return int(status)
 

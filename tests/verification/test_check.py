@@ -333,8 +333,8 @@ def test_a_certificate_survives_json(robot: Robot) -> None:
 def test_the_check_never_imports_the_planner(tmp_path: Path, robot: Robot) -> None:
     plan = write_plan(tmp_path / "plan.json", robot, smooth(robot))
     code = (
-        "import argparse, sys; from ssm_planner.cli import check; parser = argparse.ArgumentParser(); "
-        "check.check_arguments(parser); status = check.run_check(parser.parse_args(sys.argv[1:])); "
+        "import argparse, sys; from ssm_planner.cli import check, shared; parser = argparse.ArgumentParser(); "
+        "shared.add_arguments(parser, 'check'); status = check.run_check(parser.parse_args(sys.argv[1:])); "
         "assert not [m for m in sys.modules if m.startswith(('ssm_planner.planning', 'toppra', 'ssm_planner.pipeline'))]; "
         "sys.exit(status)"
     )

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.cli import pages
+from ssm_planner.cli.shared import add_arguments
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -579,7 +580,7 @@ def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
 @pytest.mark.slow
 def test_port_in_use_is_bad_input(server: ViewServer) -> None:
     parser = argparse.ArgumentParser()
-    pages.view_arguments(parser)
+    add_arguments(parser, "view")
     with pytest.raises(ProblemError, match="cannot be used"):
         pages.run_view(parser.parse_args(["--no-browser", "--port", str(server.server_port)]))
 
