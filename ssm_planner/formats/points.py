@@ -151,8 +151,8 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
         acceleration = np.full(n, points.qdd is not None)
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
-    coefficients: Any = _Pieces(points, cubic, quintic)
-    trajectory = Trajectory(points.t, coefficients, ())
+    pieces: Any = _Pieces(points, cubic, quintic)
+    trajectory = Trajectory(points.t, pieces if n > BLOCK else pieces[:], ())
     straight = not cubic.all()
     resolution = None
     if straight:
@@ -235,7 +235,7 @@ def check_points(points: Points, robot: Robot) -> None:
 class _Pieces:
     """Coefficients (n − 1, 6, 4) of the pieces between n points, computed when they are used.
 
-    An array of them would be larger than the points.
+    The array of a long table would be larger than the points.
     """
 
     points: Points
