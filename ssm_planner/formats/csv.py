@@ -64,20 +64,19 @@ DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
 """Groups of columns in a table at a fixed rate."""
 
 
-def trajectory_table(
-    trajectory: Trajectory, robot: Robot, rate: float = RATE, columns: Sequence[str] = DEFAULT
+def table(
+    samples: Samples, robot: Robot, columns: Sequence[str] = DEFAULT
 ) -> tuple[list[str], Array]:
-    """Sample a trajectory at a fixed rate, and return a table with its header.
+    """Return a table of a motion with its header.
 
-    The last row is the last instant of the motion. At an instant at which the acceleration jumps,
-    the row contains the values just after the jump.
+    At an instant at which the acceleration jumps, the row contains the values just after the jump.
+    The last row contains the motor torques just before the end.
 
     Parameters
     ----------
-    trajectory : Trajectory
+    samples : Samples
+        n samples of the joint motion, such as `Trajectory.uniform` returns.
     robot : Robot
-    rate : float
-        Rows per second, Hz.
     columns : sequence of str
         Groups of `COLUMNS`: joint derivatives, motor quantities, task coordinates.
 
@@ -85,33 +84,8 @@ def trajectory_table(
     -------
     header : list of str
         Names of the columns with their units.
-    rows : (samples, columns) array
-        Values in SI units. The first column is the time.
-    """
-    samples = trajectory.uniform(rate)
-    return table(samples, robot, columns, at_end=samples.t == trajectory.breaks[-1])
-
-
-def table(
-    samples: Samples, robot: Robot, columns: Sequence[str], at_end: Array
-) -> tuple[list[str], Array]:
-    """Return the table of samples with its header, see `trajectory_table`.
-
-    Parameters
-    ----------
-    samples : Samples
-        n samples of the joint motion.
-    robot : Robot
-    columns : sequence of str
-        Groups of `COLUMNS`.
-    at_end : (n,) array
-        Nonzero for samples at the end of the motion. Their rows contain the motor torques just
-        before the end.
-
-    Returns
-    -------
-    header : list of str
     rows : (n, columns) array
+        Values in SI units. The first column is the time.
     """
     header = ["time_s"]
     values = [samples.t]
@@ -122,7 +96,7 @@ def table(
             values += list(getattr(samples, symbol).T)
     if any(group in columns for group in MOTORS):
         forwards, backwards = (directions(robot, samples, side) for side in (1, -1))
-        ending = at_end.astype(bool)[:, None]
+        ending = (samples.t == samples.t[-1])[:, None]
         direction = np.where(ending, backwards[0], forwards[0])
         motor = motor_motion(
             robot,
@@ -159,9 +133,8 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
     """
     if rate is None:
         rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
-    header, rows = trajectory_table(trajectory, robot, rate, DEFAULT)
     with replacing(path) as temporary:
-        _write(temporary, header, rows, "%.12g")
+        _write(temporary, *table(trajectory.uniform(rate), robot), form="%.12g")
     return path
 
 
@@ -330,7 +303,7 @@ def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
     states = [symbol for symbol in STATES if symbol in groups]
     blocks = np.split(values[:, 1:], np.arange(4, 4 * len(states) + 1, 4), axis=1)
     samples = replace(motion.sample(values[:, 0]), **dict(zip(states, blocks, strict=False)))
-    header, expected = table(samples, robot, groups, at_end=values[:, 0] == values[-1, 0])
+    header, expected = table(samples, robot, groups)
     if header != names:
         raise TrajectoryError(f"{path}: the columns are {names}, but an export has {header}")
     wrong = np.abs(values - expected) > SAME * np.abs(expected).max(axis=0) + 1e-12
@@ -374,10 +347,9 @@ def _rows(
     if rate is None:
         points = spline_points(plan, certificate, tick=None)
         default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
-        at_end = points.samples.t == points.samples.t[-1]
-        header, rows = table(points.samples, plan.robot, columns or default, at_end)
+        header, rows = table(points.samples, plan.robot, columns or default)
         return header, rows, points.note, points.stretch
-    header, rows = trajectory_table(plan.motion, plan.robot, rate, columns or DEFAULT)
+    header, rows = table(plan.motion.uniform(rate), plan.robot, columns or DEFAULT)
     note = f"{len(rows)} rows at {rate:g} Hz; the last row is the end of the motion"
     return header, rows, note, 1.0
 
@@ -478,7 +450,8 @@ def _as_read(reading: Reading, plan: Plan) -> list[str]:
 
 def _write(path: Path, header: Sequence[str], rows: Array, form: str = "%.17g") -> None:
     """Write a table of rows (n, columns) with a printf format of all numbers."""
-    np.savetxt(path, rows, fmt=form, delimiter=",", header=",".join(header), comments="")
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.writelines(table_text(dict(zip(header, rows.T, strict=True)), (form, form)))
 
 
 SEPARATORS = (",", ";", "\t")

@@ -74,7 +74,7 @@ def trajectory_message(
     if effort or rigid:
         values = RigidBody.from_robot(plan.robot).inverse_dynamics(s.q, s.qd, s.qdd)
         if not rigid:
-            _, torques = table(s, plan.robot, ("torque",), at_end=s.t == s.t[-1])
+            _, torques = table(s, plan.robot, ("torque",))
             joints = enumerate(plan.robot.joints)
             ratios = {i: joint.drive.ratio for i, joint in joints if joint.drive is not None}
             values[:, [*ratios]] = torques[:, 1:] * [*ratios.values()]

@@ -16,7 +16,7 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats import csv as module
-from ssm_planner.formats.csv import read_csv, trajectory_table, write_csv
+from ssm_planner.formats.csv import RATE, read_csv, table, write_csv
 from ssm_planner.formats.export import export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -137,7 +137,7 @@ def test_a_fixed_rate_says_what_it_costs(plan: Plan, smooth_plan: Plan, tmp_path
 def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
     """The table in the result folder has a rate of 1 kHz, with states and motors."""
     path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
-    header, rows = trajectory_table(plan.trajectory, plan.robot)
+    header, rows = table(plan.trajectory.uniform(RATE), plan.robot)
     assert list(table(path)) == header
     assert len(rows) == len(table(path)["time_s"]) == int(plan.trajectory.duration * 1000) + 2
 
