@@ -167,7 +167,7 @@ def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
     for result in speeds.worst:
         name, joint, *values = limit_cells(result.found)
         rows.append((name, joint, number(100 * result.speed, 4), *values))
-    header = ("limit", "joint", "worst at % of the speed", "worst", "limit", "unit", "margin")
+    header = "limit, joint, worst at % of the speed, worst, limit, unit, margin"
     return [
         f"every speed from {100 * speeds.slowest:.4g} % to 100 %",
         "",

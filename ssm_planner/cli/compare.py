@@ -3,13 +3,7 @@
 from argparse import Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import (
-    FAILED,
-    OK,
-    UNJUDGED,
-    progress_reporter,
-    show,
-)
+from ssm_planner.cli.shared import FAILED, OK, UNJUDGED, progress_reporter, show
 from ssm_planner.progress import Step
 
 
@@ -60,15 +54,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
         )
         cells = (axis.alignment.delay, axis.alignment.correlation, *shares)
         errors.append((axis.joint, axis.recording, *(format_fixed(cell, 4) for cell in cells)))
-    header = (
-        "axis",
-        "recording",
-        "begins at s",
-        "correlation",
-        "NRMSD position",
-        "speed",
-        "torque",
-    )
+    header = "axis, recording, begins at s, correlation, NRMSD position, speed, torque"
     lines += [*Table(header, errors, range(2, 7)).lines(), ""]
     rows = []
     for axis in comparison:
@@ -82,17 +68,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
             margins = percent(limit.planned_margin, 2), percent(limit.margin, 2)
             verdict = "EXCEEDED" if limit.verdict == "not held" else limit.verdict
             rows.append((limit.name, axis.joint, *values, unit, *margins, verdict))
-    limits_header = (
-        "limit",
-        "joint",
-        "measured",
-        "noise",
-        "limit",
-        "unit",
-        "margin planned",
-        "measured",
-        "",
-    )
+    limits_header = "limit, joint, measured, noise, limit, unit, margin planned, measured, "
     lines += [*Table(limits_header, rows, (2, 3, 4, 6, 7)).lines(), ""]
     lines += [
         f"note: {axis.joint}: the recording shows faults from {1e3 * axis.visible['duration']:.3g} "

@@ -3,12 +3,7 @@
 from argparse import ArgumentParser, Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import (
-    OK,
-    progress_reporter,
-    rate_argument,
-    show,
-)
+from ssm_planner.cli.shared import OK, progress_reporter, rate_argument, show
 from ssm_planner.errors import ExportError
 from ssm_planner.formats import FORMATS
 from ssm_planner.progress import Step

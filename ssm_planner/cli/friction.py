@@ -5,12 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import (
-    OK,
-    output_file,
-    progress_reporter,
-    show_with_page,
-)
+from ssm_planner.cli.shared import OK, output_file, progress_reporter, show_with_page
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
@@ -114,9 +109,7 @@ def _identified_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
         scale, unit = (RPM, "rpm") if name == "stribeck_speed" else (1.0, unit)
         values = (number(scale * parameter[key], 4) for key in ("value", "low", "high"))
         rows.append((name, *values, unit, ", ".join(flags)))
-    lines += Table(
-        ("parameter", "value", "95 % low", "95 % high", "unit", ""), rows, (1, 2, 3)
-    ).lines()
+    lines += Table("parameter, value, 95 % low, 95 % high, unit, ", rows, (1, 2, 3)).lines()
     if result["inseparable"]:
         torques = (
             f"{1e3 * c['value']:.3f} [{1e3 * c['low']:.3f}, {1e3 * c['high']:.3f}] mN·m {direction}"

@@ -6,12 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import (
-    FAILED,
-    OK,
-    show,
-    show_with_page,
-)
+from ssm_planner.cli.shared import FAILED, OK, show, show_with_page
 from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
 from ssm_planner.typing import JsonObject

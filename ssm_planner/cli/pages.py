@@ -4,13 +4,7 @@ import sys
 from argparse import Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import (
-    FAILED,
-    OK,
-    output_file,
-    progress_reporter,
-    show,
-)
+from ssm_planner.cli.shared import FAILED, OK, output_file, progress_reporter, show
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 

@@ -3,12 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from ssm_planner.cli.shared import (
-    FAILED,
-    OK,
-    progress_reporter,
-    show,
-)
+from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show
 from ssm_planner.cli.terminal import shorten
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step

@@ -6,12 +6,7 @@ The command computes the fastest timing of the path in a trajectory file within 
 from argparse import Namespace
 from pathlib import Path
 
-from ssm_planner.cli.shared import (
-    FAILED,
-    OK,
-    progress_reporter,
-    show,
-)
+from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show
 from ssm_planner.progress import Step
 
 

@@ -4,14 +4,7 @@ from argparse import Namespace
 from pathlib import Path
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import (
-    FAILED,
-    OK,
-    part_quantity,
-    progress_reporter,
-    show,
-    write_results,
-)
+from ssm_planner.cli.shared import FAILED, OK, part_quantity, progress_reporter, show, write_results
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject

@@ -10,13 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import (
-    FAILED,
-    OK,
-    progress_reporter,
-    show_with_page,
-    write_results,
-)
+from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show_with_page, write_results
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject

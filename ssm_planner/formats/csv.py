@@ -439,12 +439,10 @@ def _as_read(reading: Reading, plan: Plan) -> list[str]:
             "the rows keep every limit in a controller that interpolates them "
             f"({reading.interpolation}{f'; not judged: {unjudged}' if unjudged else ''})"
         ]
-    violation = certificate.worst
     return [
-        f"in a controller that interpolates them ({reading.interpolation}), the rows exceed the "
-        f"{violation.name} limit of {violation.joint or 'the tool'} by "
-        f"{-100 * violation.margin:.3g} % at {violation.time:.4f} s: rows at a fixed rate miss the "
-        "instants at which the plan's acceleration jumps; export without a rate to include them"
+        f"in a controller that interpolates them ({reading.interpolation}), the rows exceed "
+        f"{certificate.worst.excess}: rows at a fixed rate miss the instants at which the plan's "
+        "acceleration jumps; export without a rate to include them"
     ]
 
 

@@ -237,11 +237,10 @@ def _require_accepted(plan: Plan, points: Setpoints) -> None:
     """Raise ExportError if the check would not accept setpoints."""
     certificate = points.reading("setpoint {}").check(plan.robot, points.limits)
     if certificate.violations:
-        worst = certificate.worst
         raise ExportError(
-            f"{plan.path}: `check` would reject the setpoints: {worst.name} of "
-            f"{worst.joint or 'the tool'} exceeds its limit by {-100 * worst.margin:.3g} % at "
-            f"{worst.time:.4f} s: choose another rate, or an encoder with more counts per turn"
+            f"{plan.path}: `check` would reject the setpoints, which exceed "
+            f"{certificate.worst.excess}: choose another rate, or an encoder with more counts per "
+            "turn"
         )
 
 
@@ -470,7 +469,12 @@ def read_tables(
     tables = {}
     for joint in robot.joints:
         path = folder / f"{joint.name}{suffix_of(manifest)}.csv"
-        t, tables[joint.name] = read_table(path, time, columns(joint, joint.name in axes))
+        names = time, *columns(joint, joint.name in axes)
+        t, *tables[joint.name] = rows = read_columns(path, names).T
+        if len(t) < 2 or not np.isfinite(rows).all():
+            raise TrajectoryError(
+                f"{path}: the file has fewer than two rows or contains numbers that are not finite"
+            )
         times.append(t)
         if not np.array_equal(t, times[0]):
             raise TrajectoryError(f"{folder}: the tables of the axes have different times")
@@ -484,16 +488,3 @@ def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
     to_speed = joint.motor_direction * rpm / (1000 * joint.drive.ratio)
     to_torque = joint.motor_direction * joint.motor.nominal_torque / 1000
     return Offsets(speed * to_speed, torque * to_torque, 0.5 * abs(to_speed), 0.5 * abs(to_torque))
-
-
-def read_table(path: Path, time: str, columns: Sequence[str]) -> tuple[Array, list[Array]]:
-    """Read a CSV file and return its time column (n,) and the values (n,) of the columns.
-
-    Raises TrajectoryError if a column is missing or a value is not a finite number.
-    """
-    times, *values = read_columns(path, (time, *columns)).T
-    if len(times) < 2 or not np.isfinite([times, *values]).all():
-        raise TrajectoryError(
-            f"{path}: the file has fewer than two rows or contains numbers that are not finite"
-        )
-    return times, values

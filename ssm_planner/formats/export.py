@@ -250,12 +250,9 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
             f"{plan.path}: {plan.uncertified_reason or reason}: plan again, or use --force to "
             "export files that are marked unverified"
         )
-    violation = certificate.worst
     raise ExportError(
-        f"{plan.path}: the plan does not pass the check: {violation.name} of "
-        f"{violation.joint or 'the tool'} exceeds its limit "
-        f"by {-100 * violation.margin:.3g} % at {violation.time:.4f} s; not exported (use --force "
-        "to export files that are marked unverified)"
+        f"{plan.path}: the plan does not pass the check: it exceeds {certificate.worst.excess}; "
+        "not exported (use --force to export files that are marked unverified)"
     )
 
 

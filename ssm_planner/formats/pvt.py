@@ -303,9 +303,8 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
     if plan.robot.jerk_limited:
         jerk = "; cubics have acceleration jumps at the rows, which jerk limits forbid"
     raise ExportError(
-        f"{plan.path}: no PVT table was found that keeps the limits: at best the {violation.name} "
-        f"limit of {violation.joint or 'the tool'} is exceeded by {-100 * violation.margin:.3g} % "
-        f"at {violation.time:.4f} s{jerk}"
+        f"{plan.path}: no PVT table was found that keeps the limits: the best one exceeds "
+        f"{violation.excess}{jerk}"
     )
 
 

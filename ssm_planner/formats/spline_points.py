@@ -93,12 +93,9 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
         if stretch > 1 + LARGEST_STRETCH:
             break
         candidate = _trial(plan, divisions, candidate.with_acceleration, stretch, tick)
-    violation = candidate.certificate.worst
     raise ExportError(
-        f"{plan.path}: the spline through {len(candidate.samples.t)} points exceeds the "
-        f"{violation.name} limit of {violation.joint or 'the tool'} by "
-        f"{-100 * violation.margin:.3g} % at {violation.time:.4f} s: no points that keep it were "
-        "found"
+        f"{plan.path}: the spline through {len(candidate.samples.t)} points exceeds "
+        f"{candidate.certificate.worst.excess}: no points that keep it were found"
     )
 
 

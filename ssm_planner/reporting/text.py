@@ -65,7 +65,7 @@ class Table:
     Attributes
     ----------
     header : sequence of str
-        Headings of the columns.
+        Headings of the columns. A text contains them with ", " in between.
     rows : sequence of sequences of str
         Rows with one cell for each column.
     numbers : sequence of int
@@ -78,6 +78,10 @@ class Table:
     rows: Sequence[Sequence[str]]
     numbers: Sequence[int] = ()
     caption: str = ""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.header, str):
+            object.__setattr__(self, "header", tuple(self.header.split(", ")))
 
     def lines(self, width: int | None = None) -> list[str]:
         """Return the table as lines of text, with a rule below the header.
@@ -214,7 +218,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
         for limit in sorted(limits, key=lambda limit: limit.margin)
         if limit.name not in JUMPS or not limit.passed
     ]
-    header = ("limit", "joint", "worst", "limit", "unit", "margin", "at s", "")
+    header = "limit, joint, worst, limit, unit, margin, at s, "
     return Table(header, rows, (2, 3, 5, 6))
 
 
@@ -229,7 +233,7 @@ def phases_table(plan: "Plan") -> Table:
     for name, entry in [*entries, ("total", plan)]:
         times = entry.duration, entry.toppra_duration, entry.path_bound, entry.lower_bound
         rows.append((name, *(format_fixed(value, 4) for value in times)))
-    header = ("phase", "duration s", "toppra s", "path bound s", "lower bound s")
+    header = "phase, duration s, toppra s, path bound s, lower bound s"
     return Table(header, rows, (1, 2, 3, 4))
 
 
@@ -241,7 +245,7 @@ def sensitivities_table(plan: "Plan") -> Table:
         share = 100 * saved / plan.motion.duration
         cells = format_fixed(1e3 * saved, 2), format_fixed(share, 3)
         rows.append((item.limit, item.joint or NOTHING, *cells))
-    return Table(("limit", "joint", "saved ms for +1 %", "share %"), rows, (2, 3))
+    return Table("limit, joint, saved ms for +1 %, share %", rows, (2, 3))
 
 
 def tip_error_table(plan: "Plan") -> Table:
@@ -268,7 +272,7 @@ def candidates_table(plan: "Plan") -> Table:
             times = (candidate[key] for key in ("bound", "estimate", "duration"))
             cells = (NOTHING if value is None else format_fixed(value, 4) for value in times)
             rows.append((name or NOTHING, candidate["kind"], *cells, candidate["outcome"]))
-    header = ("phase", "candidate", "bound s", "estimate s", "duration s", "outcome")
+    header = "phase, candidate, bound s, estimate s, duration s, outcome"
     return Table(header, rows, (2, 3, 4))
 
 
@@ -298,7 +302,7 @@ def joints_table(plan: "Plan") -> Table:
     for joint, (start, end) in zip(plan.problem.robot.joints, ends.T, strict=True):
         unit, scale = display_unit(joint.unit)
         rows.append((joint.name, number(scale * start, 5), number(scale * end, 5), unit))
-    return Table(("joint", "from", "to", "unit"), rows, (1, 2))
+    return Table("joint, from, to, unit", rows, (1, 2))
 
 
 def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
@@ -321,14 +325,7 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
             ratings = *torques, format_fixed(RPM * motor.max_speed, 0)
         pairs = (f"{a} of {b}" for a, b in zip(required, ratings, strict=True))
         rows.append((requirement.joint, name, *pairs, placeholders))
-    header = (
-        "joint",
-        "motor",
-        "peak torque mN·m",
-        "RMS torque mN·m",
-        "peak speed rpm",
-        "placeholder figures",
-    )
+    header = "joint, motor, peak torque mN·m, RMS torque mN·m, peak speed rpm, placeholder figures"
     return Table(header, rows, (2, 3, 4, 5))
 
 
@@ -799,7 +796,7 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
             )
             answer = VERDICT_LABELS[pair["adequate"]], plain_words(pair["binds"] or NOTHING)
             rows.append((pair["motor"], pair["gear"], *answer, percent(margin), *cells))
-        lines += Table(head.split(", "), rows, range(4, 9)).lines() if rows else ["no pair remains"]
+        lines += Table(head, rows, range(4, 9)).lines() if rows else ["no pair remains"]
         reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
         missing = {
             f"{plain_words(name)}: {needs}"
@@ -824,7 +821,7 @@ def _requirements(sizing: Sizing) -> Table:
         motion = 1e3 * r.mean_torque, RPM * r.peak_speed, r.peak_acceleration
         cells = (number(value, 4) for value in (*motion, r.peak_power, r.mean_power))
         rows.append((r.joint, peak, rms, *cells, number(r.joule_power)))
-    return Table(head.split(", "), rows, range(1, 9))
+    return Table(head, rows, range(1, 9))
 
 
 def _split(sizing: Sizing) -> Table:
@@ -886,7 +883,7 @@ def _gears(sizing: Sizing) -> Table:
         rows.append(
             (joint.load.joint, joint.load.drive.name, ", ".join(margins) or "no check was possible")
         )
-    return Table(("joint", "drive", "margins"), rows)
+    return Table("joint, drive, margins", rows)
 
 
 def _notes(sizing: Sizing) -> list[str]:
@@ -974,5 +971,5 @@ def simulation_tables(result: "SimulationResult") -> tuple[Table, Table]:
         for motor in result.motors
     ]
     header = "motor, peak mN·m, largest mN·m, saturated, following error inc, window inc, tripped"
-    errors_table = Table(("joint", "largest error", "rms", "unit"), errors, (1, 2))
-    return errors_table, Table(header.split(", "), motors, (1, 2, 4, 5))
+    errors_table = Table("joint, largest error, rms, unit", errors, (1, 2))
+    return errors_table, Table(header, motors, (1, 2, 4, 5))

@@ -115,6 +115,14 @@ class LimitCheck(ShortRepr):
         """True if the limit is kept. A relative excess of TOLERANCE counts as rounding."""
         return self.margin >= -TOLERANCE
 
+    @property
+    def excess(self) -> str:
+        """A violated limit with its excess and time, as the end of a sentence about exceeding."""
+        return (
+            f"the {self.name} limit of {self.joint or 'the tool'} by {-100 * self.margin:.3g} % at "
+            f"{self.time:.4f} s"
+        )
+
     def to_dict(self) -> JsonObject:
         """Return the entry of `limits` in the output of `check --json`, in SI units."""
         return dict(vars(self))

@@ -107,7 +107,7 @@ def _durations(plans: tuple[Plan, Plan]) -> Table:
         for name, field in names.items()
     ]
     rows.append(("above the lower bound %", *_pair(gaps, relative=False)))
-    return Table(("", "A", "B", "change"), rows, (1, 2, 3))
+    return Table(", A, B, change", rows, (1, 2, 3))
 
 
 def _limits(*certificates: Certificate | None) -> Table:
@@ -119,7 +119,7 @@ def _limits(*certificates: Certificate | None) -> Table:
         a, b = margins_a.get(key), margins_b.get(key)
         change = None if a is None or b is None else b - a
         rows.append((*key, *(percent(share, 4) for share in (a, b, change))))
-    return Table(("limit", "joint", "margin A", "margin B", "change"), rows, (2, 3, 4))
+    return Table("limit, joint, margin A, margin B, change", rows, (2, 3, 4))
 
 
 def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
@@ -143,7 +143,7 @@ def _motors(plans: tuple[Plan, Plan]) -> Table:
         ):
             values = [None if key not in side else scale * side[key] for side in (a, b)]
             rows.append((joint, " / ".join(motors), name, *_pair(values)))
-    return Table(("joint", "motor", "", "A", "B", "change"), rows, (3, 4, 5))
+    return Table("joint, motor, , A, B, change", rows, (3, 4, 5))
 
 
 def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:

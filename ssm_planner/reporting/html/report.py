@@ -57,7 +57,7 @@ from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import display_unit
 from ssm_planner.verification import Certificate, LimitCheck
 
-JOINT_COLUMNS = ("joint", "kind", "position", "velocity", "acceleration", "jerk", "drive", "motor")
+JOINT_COLUMNS = "joint, kind, position, velocity, acceleration, jerk, drive, motor"
 """Headings of the table of the joints."""
 TIGHTEST = 10
 """Number of limits that the page always shows."""
@@ -123,7 +123,7 @@ def report_page(plan: Plan) -> str:
         sizing=sizing,
         margins=MOTOR_MARGINS,
         missing=Table(
-            ("joint", "motor or gear", "not checked", "missing data"), [*missing_figures(sizing)]
+            "joint, motor or gear, not checked, missing data", [*missing_figures(sizing)]
         ),
         repeated=repetition(plan.problem.duty),
         problem=problem_tables(plan),
@@ -168,7 +168,7 @@ def problem_tables(plan: Plan) -> list[Table]:
     limits = limit_rows(plan.limits)
     return [
         _motion(plan),
-        Table(("limit", "from", "to", "unit"), limits, (1, 2), "Limits of the task"),
+        Table("limit, from, to, unit", limits, (1, 2), "Limits of the task"),
         Table(JOINT_COLUMNS, joints, (2, 3, 4, 5), "Joints"),
     ]
 
@@ -419,7 +419,7 @@ def _motion(plan: Plan) -> Table:
     moves = [(str(entry["name"]), str(entry["kind"]), _target(entry)) for entry in entries]
     ends = (("at the start", plan.problem.start_rate), ("at the end", plan.problem.end_rate))
     rates = [(label, "speed", rate_words(rate)) for label, rate in ends if any(rate.values())]
-    return Table(("motion", "kind", "to"), [start, *moves, *rates], caption="Motion")
+    return Table("motion, kind, to", [start, *moves, *rates], caption="Motion")
 
 
 def _target(motion: JsonObject) -> str:
