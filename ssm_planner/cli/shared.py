@@ -221,6 +221,14 @@ def progress_reporter(first: str = "") -> Progress:
     return report
 
 
+def text_lines(template: str, **values: Any) -> list[str]:
+    """Fill in a template of this package, and return the lines of the text."""
+    from ssm_planner.display import environment, render_template
+
+    templates = environment("ssm_planner.cli", escape=False)
+    return render_template(templates, template, **values).splitlines()
+
+
 def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
     """Print a result on stdout, as one JSON document or as lines of text.
 

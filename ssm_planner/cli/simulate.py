@@ -4,15 +4,24 @@ from argparse import Namespace
 from pathlib import Path
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, part_quantity, progress_reporter, show, write_results
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    part_quantity,
+    progress_reporter,
+    show,
+    text_lines,
+    write_results,
+)
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-from ssm_planner.typing import Files, JsonObject
+from ssm_planner.typing import Files, JsonObject, Keywords
 
 
 def run_simulate(options: Namespace) -> int:
     """Simulate how the arm executes a plan, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
+    from ssm_planner.reporting import simulation_tables
     from ssm_planner.simulation.simulate import EVERYWHERE, simulate
 
     plan = ssm.load_plan(options.plan)
@@ -37,12 +46,14 @@ def run_simulate(options: Namespace) -> int:
 
     document["files"] = write_results(options.output, "simulation", document, write)
     progress(Step("done"))
-    files = document["files"].values()
-    show(
-        options.json,
-        document,
-        lambda: [*(f"file: {path}" for path in files), *simulation_lines(result, stops)],
-    )
+    values: Keywords = {
+        "result": result,
+        "tables": simulation_tables(result),
+        "draws": document["draws"],
+        "stops": document.get("controlled_stops"),
+        "files": document["files"],
+    }
+    show(options.json, document, lambda: text_lines("simulated.txt", **values))
     return OK if result.passed else FAILED
 
 
@@ -102,39 +113,3 @@ def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
         stall=stall,
         tip_error=TIP_ERROR if options.tip_error is None else options.tip_error,
     )
-
-
-def simulation_lines(result: ssm.SimulationResult, stops: ssm.Stops | None = None) -> list[str]:
-    """Return the result of a simulation as lines of text.
-
-    They state the tracking errors, the motor loads, the stops without and with power, the reasons
-    for a failure, and the verdict. `stops` are the controlled stops of the plan.
-    """
-    from ssm_planner.reporting import simulation_tables
-
-    lines = [f"note: {note}" for note in result.notes]
-    lines += [line for table in simulation_tables(result) for line in ("", *table.lines())]
-    losses = result.losses
-    lines += ["", f"tip error     {1e3 * result.tip_error:.4g} mm"]
-    holding = "holds" if result.holds else "DOES NOT HOLD"
-    instants = "1 instant" if len(losses.time) == 1 else f"{len(losses.time)} instants"
-    lines.append(
-        f"without power {holding} ({instants}); the tip travels up to {1e3 * result.travel:.4g} "
-        f"mm, at {float(losses.time[losses.worst]):.4f} s"
-    )
-    if result.draws is not None:
-        draws = result.draws.to_dict()
-        low, median, high = (1e3 * value for value in draws["tip_error"])
-        lines.append(
-            f"frictions     {draws['passed']} of {draws['count']} drawn ones pass; tip error "
-            f"{median:.4g} mm, 95 % within {low:.4g} … {high:.4g} mm"
-        )
-    if stops is not None:
-        longest, farthest = int(stops.duration.argmax()), int(stops.travel.argmax())
-        lines.append(
-            f"with power    stops on the path within {1e3 * stops.duration[longest]:.4g} ms (from "
-            f"{stops.time[longest]:.4f} s) and {1e3 * stops.travel[farthest]:.4g} mm (from "
-            f"{stops.time[farthest]:.4f} s); " + ("certified" if stops.passed else "NOT CERTIFIED")
-        )
-    lines += [f"reason: {reason}" for reason in result.reasons]
-    return [*lines, "PASSED" if result.passed else "NOT PASSED"]
