@@ -3,7 +3,7 @@
 from argparse import Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, UNJUDGED, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, UNJUDGED, progress_reporter, show, text_lines
 from ssm_planner.progress import Step
 
 
@@ -37,16 +37,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     from ssm_planner.display import format_fixed, number, percent
     from ssm_planner.reporting import Table, unit_of_limit
 
-    clock = comparison.clock
-    rate = f"{percent(1 / clock.estimated_rate - 1, 4)} ± {100 * CERTAIN * clock.rate_error:.2g} %"
-    answer = {"held": "held in reality", "not held": "NOT held in reality"}.get(
-        comparison.verdict, "CANNOT TELL"
-    )
-    lines = [
-        f"the motion begins at {clock.delay:.4f} s of the recordings; their clock is off by {rate}",
-        "",
-    ]
-    errors = []
+    errors, rows = [], []
     for axis in comparison:
         shares = (
             axis.differences[name].nrmsd if axis.differences else None
@@ -54,10 +45,6 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
         )
         cells = (axis.alignment.delay, axis.alignment.correlation, *shares)
         errors.append((axis.joint, axis.recording, *(format_fixed(cell, 4) for cell in cells)))
-    header = "axis, recording, begins at s, correlation, NRMSD position, speed, torque"
-    lines += [*Table(header, errors, range(2, 7)).lines(), ""]
-    rows = []
-    for axis in comparison:
         for limit in axis.limits:
             unit, scale = unit_of_limit(limit)
             values = (
@@ -68,23 +55,16 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
             margins = percent(limit.planned_margin, 2), percent(limit.margin, 2)
             verdict = "EXCEEDED" if limit.verdict == "not held" else limit.verdict
             rows.append((limit.name, axis.joint, *values, unit, *margins, verdict))
+    header = "axis, recording, begins at s, correlation, NRMSD position, speed, torque"
     limits_header = "limit, joint, measured, noise, limit, unit, margin planned, measured, "
-    lines += [*Table(limits_header, rows, (2, 3, 4, 6, 7)).lines(), ""]
-    lines += [
-        f"note: {axis.joint}: the recording shows faults from {1e3 * axis.visible['duration']:.3g} "
-        f"ms and {1e3 * axis.visible['torque']:.2g} mN·m or {axis.visible['speed']:.2g} rad/s at "
-        "the motor on"
-        for axis in comparison
-    ]
-    lines += [f"note: {axis.joint}: {note}" for axis in comparison for note in axis.notes]
-    findings = [("", finding) for finding in comparison.findings]
-    findings += [(f"{axis.joint}: ", finding) for axis in comparison for finding in axis.findings]
-    lines += [
-        f"{'note' if item.verdict == 'held' else item.verdict}: {joint}{item.kind}: {item.text}"
-        for joint, item in findings
-    ]
-    if comparison.unjudged:
-        lines.append(f"note: not judged: {', '.join(comparison.unjudged)}")
-    if comparison.speed != 1.0:
-        answer += f", at {100 * comparison.speed:.3g} % of the plan's speed"
-    return [*lines, f"margins: {answer}"]
+    return text_lines(
+        "compared.txt",
+        comparison=comparison,
+        clock=comparison.clock,
+        certain=CERTAIN,
+        axes=list(comparison),
+        tables=[
+            Table(header, errors, range(2, 7)),
+            Table(limits_header, rows, (2, 3, 4, 6, 7)),
+        ],
+    )
