@@ -650,10 +650,11 @@ class Plan(ShortRepr):
 
         The same plan always gives the same content.
         """
-        return self._content(None if self.trajectory is None else self.trajectory.to_dict())
+        trajectory = None if self.trajectory is None else self.trajectory.to_dict()
+        return {**self._content(), "trajectory": trajectory}
 
-    def _content(self, trajectory: JsonObject | None) -> JsonObject:
-        """Return the content of plan.json with the given content of the key `trajectory`."""
+    def _content(self) -> JsonObject:
+        """Return the content of plan.json without the trajectory, whose key is the last."""
         summary = self.summary()
         phases = summary.pop("phases")
         return {
@@ -667,7 +668,7 @@ class Plan(ShortRepr):
             "phases": phases,
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "stops": None if self.stops is None else self.stops.to_dict(),
-            "trajectory": trajectory,
+            "trajectory": None,
         }
 
     def _parts(self) -> Iterator[str]:
@@ -675,11 +676,11 @@ class Plan(ShortRepr):
 
         Each polynomial piece of the motion is on one line.
         """
-        text = json.dumps(self._content(None), indent=1, allow_nan=False)
+        text = json.dumps(self._content(), indent=1, allow_nan=False)
         if self.trajectory is None:
             yield text + "\n"
             return
-        yield text.removesuffix("null\n}")  # the trajectory is the last entry
+        yield text.removesuffix("null\n}")
         yield from self.trajectory.json_parts()
         yield "\n}\n"
 

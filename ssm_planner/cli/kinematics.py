@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, show, show_with_page
+from ssm_planner.cli.shared import FAILED, OK, show, show_with_page, text_lines
 from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
 from ssm_planner.typing import JsonObject
@@ -50,7 +50,7 @@ def run_workspace(options: Namespace) -> int:
         result = _designs((low, high), options.margin, robot, options.output)
     name = "workspace" if "tilt_range" in result else "design_region"
     files = result.get("files", {}).values()
-    lines = [*(f"figure: {path}" for path in files), *_workspace_lines(result)]
+    lines = [*(f"figure: {path}" for path in files), *text_lines("workspace.txt", **result)]
     show_with_page(options, name, result, lines, files)
     return OK if result.get("reachable", True) else FAILED
 
@@ -119,33 +119,3 @@ def _designs(
             {"design_region": design_region_figure(region, built)}, output
         )
     return result
-
-
-def _workspace_lines(result: JsonObject) -> list[str]:
-    """Return the result of the command `workspace` as lines of text."""
-
-    def degrees(value: float) -> str:
-        return f"{format_fixed(math.degrees(value), 4)} deg"
-
-    lines = []
-    if "tilt_range" in result:
-        low, high = result["tilt_range"]
-        lines += [
-            f"alpha       {degrees(result['alpha'])}",
-            f"beta        {degrees(result['beta'])}",
-            f"home        roll {degrees(result['home']['roll'])}, tilt "
-            f"{degrees(result['home']['tilt'])}",
-            f"tilt range  {degrees(low)} to {degrees(high)} ({degrees(high - low)})",
-        ]
-    elif not result["reachable"]:
-        lines.append("no mechanism of this kind reaches the range")
-    else:
-        lines += [
-            "corners (alpha, beta) of all that reach the range:",
-            *(f"  {degrees(alpha)}, {degrees(beta)}" for alpha, beta in result["region"]),
-            f"smallest alpha that reaches the range: alpha {degrees(result['alpha'])}, beta "
-            f"{degrees(result['beta'])}",
-        ]
-        if "robot" in result:
-            lines.append(f"the robot has {degrees(result['robot']['margin'])} to spare")
-    return lines

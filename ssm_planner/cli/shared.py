@@ -5,6 +5,7 @@ They add arguments, convert values, report progress on stderr, and print or writ
 
 import csv
 import json
+import math
 import os
 import re
 import sys
@@ -225,7 +226,7 @@ def text_lines(template: str, **values: Any) -> list[str]:
     """Fill in a template of this package, and return the lines of the text."""
     from ssm_planner.display import environment, render_template
 
-    templates = environment("ssm_planner.cli", escape=False)
+    templates = environment("ssm_planner.cli", escape=False, degrees=math.degrees)
     return render_template(templates, template, **values).splitlines()
 
 
