@@ -447,3 +447,19 @@ def test_a_plan_is_taken_as_a_value_and_as_a_file(plan: Plan, tmp_path: Path) ->
 def test_a_name_that_no_file_can_have_is_refused() -> None:
     with pytest.raises(TrajectoryError):
         load_plan("plan\0.json")
+
+
+@pytest.mark.parametrize("block", [64, 640])
+def test_a_plan_is_written_in_parts_and_only_once(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    """The text does not depend on the size of its parts, and its hash needs no second text."""
+    text = plan.to_json()
+    assert json.loads(text) == json.loads(json.dumps(plan.to_dict()))
+    monkeypatch.setattr("ssm_planner.trajectory.BLOCK", block)
+    again = replace(plan)
+    assert len(list(again._parts())) > 5
+    file = again.write(tmp_path / "plan.json")
+    monkeypatch.setattr(Plan, "_parts", None)
+    assert file.read_text(encoding="utf-8") == text
+    assert again.sha256 == hashlib.sha256(text.encode()).hexdigest()

@@ -125,8 +125,6 @@ def _settings(row: Mapping[str, str]) -> Keywords:
         settings["type"] = TYPES[kind]
     else:
         settings |= {"type": quantity_argument(kind), "metavar": kind.upper()}
-        if kind == "share":
-            settings["metavar"] = "PERCENT"
     if metavar:
         settings["metavar"] = metavar[0] if len(metavar) == 1 else tuple(metavar)
     if number in ("append", "+"):

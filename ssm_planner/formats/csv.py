@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -372,8 +372,6 @@ def _counts(motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: s
 
 
 Bytes = NDArray[np.uint8]
-DECIMALS = {"%d": 0, "%.3f": 3}
-"""Number of decimals of the formats that `_characters` supports."""
 
 
 def table_text(
@@ -391,27 +389,29 @@ def table_text(
     for block in blocks(len(values[0]), BLOCK):
         part = [column[block] for column in values]
         characters = [_characters(*column) for column in zip(part, formats, strict=True)]
-        if None in characters:
+        known = [column for column in characters if column is not None]
+        if len(known) == len(part):
+            yield _joined(known)
+        else:
             rows = np.column_stack(part)
             yield row * len(rows) % tuple(rows.ravel().tolist())
-        else:
-            yield _joined(characters)
 
 
 def _characters(values: Array, form: str) -> list[Bytes] | None:
     """Format numbers (n,), and return their characters as arrays (n,) from left to right.
 
-    The code 0 stands for no character. The result is None for other formats than those of DECIMALS,
+    The code 0 stands for no character. The result is None for formats other than "%d" and "%.3f",
     and for numbers that the format rounds.
     """
-    decimals = DECIMALS.get(form)
+    decimals = {"%d": 0, "%.3f": 3}.get(form)
     if decimals is None:
         return None
     scaled = values * 10.0**decimals
     size = np.abs(np.rint(scaled))
-    if not (np.abs(np.abs(scaled) - size) < 1e-6).all() or size.max() >= 2**53:
+    if not (np.abs(np.abs(scaled) - size) <= 1e-6 * decimals).all() or size.max() >= 2**53:
         return None
-    rest = size.astype(np.uint32 if size.max() < 2**32 else np.uint64)
+    is_negative = np.signbit(scaled) if decimals else scaled < 0  # "%d" writes −0 as 0
+    rest: Any = size.astype(np.uint32 if size.max() < 2**32 else np.uint64)
     result: list[Bytes] = []
     while rest.any() or len(result) <= decimals:
         before, rest = rest, rest // 10
@@ -419,7 +419,7 @@ def _characters(values: Array, form: str) -> list[Bytes] | None:
         result.append(digit if len(result) <= decimals else np.where(before > 0, digit, 0))
     if decimals:
         result.insert(decimals, np.full(len(values), ord("."), np.uint8))
-    return [(scaled < 0) * np.uint8(ord("-")), *reversed(result)]
+    return [is_negative * np.uint8(ord("-")), *reversed(result)]
 
 
 def _joined(columns: list[list[Bytes]]) -> str:

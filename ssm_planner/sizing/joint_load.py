@@ -246,8 +246,8 @@ def _instants(
 def _max_instants(breaks: int) -> int:
     """Return the largest number of instants per piece of a motion with this number of breaks."""
     fewest, usual, largest = STRETCH
-    usual = max(INSTANTS // breaks, min(usual, 10 * INSTANTS // breaks))
-    return min(max(usual, fewest), largest)
+    most = max(INSTANTS // breaks, min(usual, 10 * INSTANTS // breaks))
+    return int(np.clip(most, fewest, largest))
 
 
 def _stretches(

@@ -17,7 +17,7 @@ from ssm_planner.dynamics import friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot, attributes, unchecked
 from ssm_planner.representation import ShortRepr
-from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
+from ssm_planner.sizing.joint_load import INSTANTS, RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, record
 
@@ -95,10 +95,10 @@ class MotorRequirement(ShortRepr):
         """Return the requirement of a long motion with the instants that a figure shows.
 
         The smallest and the largest torque of consecutive instants remain. A motion of at most
-        DRAWN instants keeps them all.
+        INSTANTS instants keeps them all.
         """
         torque = self.torque
-        group = -(-len(torque) // DRAWN)
+        group = -(-len(torque) // INSTANTS)
         groups = np.pad(torque, (0, -len(torque) % group), mode="edge").reshape(-1, group)
         extremes = np.concatenate([groups.argmin(axis=1), groups.argmax(axis=1)])
         keep = np.unique(extremes + np.tile(np.arange(0, len(torque), group), 2))
@@ -216,8 +216,6 @@ FIGURES = (
     "joule_energy",
 )
 """Attributes of a requirement that results contain."""
-DRAWN = 20_000
-"""Number of groups of instants in a figure."""
 PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
 
 

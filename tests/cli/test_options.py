@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
+import csv
+
 import pytest
 
-from ssm_planner.cli import main
+from ssm_planner.cli import COMMANDS, main
+from ssm_planner.cli.shared import ARGUMENTS, add_arguments
 from tests.support.paths import ROOT
 
 PLAN = str(ROOT / "results/tilt_insert")
@@ -64,3 +68,17 @@ def test_an_error_of_a_file_keeps_its_key(capsys: pytest.CaptureFixture[str], tm
     message = capsys.readouterr().err
     assert "robot.yaml:1: speed" in message
     assert "--speed" not in message
+
+
+def test_every_row_of_the_table_belongs_to_a_command_and_can_be_used() -> None:
+    """A default in the table has the type of a value that a user types."""
+    with ARGUMENTS.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {name for row in rows for name in row["commands"].split()} == {*COMMANDS}
+    for command in COMMANDS:
+        parser = argparse.ArgumentParser()
+        add_arguments(parser, command)
+        for action in parser._actions:
+            if action.type is not None and isinstance(action.default, str):
+                action.type(action.default)
+            assert action.help

@@ -29,7 +29,7 @@ from ssm_planner.verification.check import check
 from tests.support.plans import NONE, certified
 
 
-def table(path: Path) -> dict[str, np.ndarray]:
+def columns_of(path: Path) -> dict[str, np.ndarray]:
     names = path.read_text(encoding="utf-8").splitlines()[0].split(",")
     return dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
 
@@ -38,7 +38,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
 def test_rows_at_a_rate_are_the_plan(plan: Plan, tmp_path: Path, rate: float) -> None:
     """The last row is the end of the motion, also if the rate does not divide the duration."""
     export(plan, "csv", tmp_path, rate=rate, columns=["q", "qd"])
-    rows = table(tmp_path / "trajectory.csv")
+    rows = columns_of(tmp_path / "trajectory.csv")
     t = rows["time_s"]
     assert np.diff(t)[:-1] == pytest.approx(1 / rate, rel=1e-9)
     assert t[-1] == plan.trajectory.duration
@@ -50,7 +50,7 @@ def test_rows_at_a_rate_are_the_plan(plan: Plan, tmp_path: Path, rate: float) ->
 
 def test_chosen_columns(plan: Plan, tmp_path: Path) -> None:
     export(plan, "csv", tmp_path, rate=100.0, columns=["q", "qddd", "torque", "task"])
-    rows = table(tmp_path / "trajectory.csv")
+    rows = columns_of(tmp_path / "trajectory.csv")
     assert list(rows) == [
         "time_s", "q1_rad", "q2_rad", "q3_rad", "q4_m",
         "qddd1_rad_per_s3", "qddd2_rad_per_s3", "qddd3_rad_per_s3", "qddd4_m_per_s3",
@@ -97,7 +97,7 @@ def test_columns_of_the_motors_are_those_of_the_motor_law(
     Starts from rest have static friction.
     """
     export(plan, "csv", tmp_path, rate=rate, columns=["q", "angle", "speed", "torque"])
-    rows, robot = table(tmp_path / "trajectory.csv"), plan.robot
+    rows, robot = columns_of(tmp_path / "trajectory.csv"), plan.robot
     samples = plan.motion.sample(rows["time_s"])
     after, before = (directions(robot, samples, side) for side in (1, -1))
     way, away = (np.vstack([a[:-1], b[-1:]]) for a, b in zip(after, before, strict=True))
@@ -138,16 +138,19 @@ def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
     """The table in the result folder has a rate of 1 kHz, with states and motors."""
     path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
     header, rows = table(plan.trajectory.uniform(RATE), plan.robot)
-    assert list(table(path)) == header
-    assert len(rows) == len(table(path)["time_s"]) == int(plan.trajectory.duration * 1000) + 2
+    assert list(columns_of(path)) == header
+    assert len(rows) == len(columns_of(path)["time_s"]) == int(plan.trajectory.duration * 1000) + 2
 
 
 def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(
     plan: Plan, tmp_path: Path
 ) -> None:
     slow = plan.trajectory.slower(plan.trajectory.duration / 600)
-    assert len(table(write_csv(tmp_path / "slow.csv", slow, plan.robot))["time_s"]) == 60_001
-    assert len(table(write_csv(tmp_path / "chosen.csv", slow, plan.robot, 10.0))["time_s"]) == 6001
+    assert len(columns_of(write_csv(tmp_path / "slow.csv", slow, plan.robot))["time_s"]) == 60_001
+    assert (
+        len(columns_of(write_csv(tmp_path / "chosen.csv", slow, plan.robot, 10.0))["time_s"])
+        == 6001
+    )
 
 
 def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
@@ -163,7 +166,7 @@ def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
     }
     assert manifest["rate_hz"] == 300.0
     per_unit = plan.robot.joints[0].drive.ratio * 4096 / (2 * np.pi)
-    rows = table(files["roll_time_position.csv"])
+    rows = columns_of(files["roll_time_position.csv"])
     assert set(rows) == {"time", "position"}
     assert np.diff(rows["time"]) == pytest.approx(1 / 300, abs=1e-8)
     exact = (
@@ -203,7 +206,7 @@ def test_the_note_states_the_worst_excess_of_the_rows(
     assert float(stated.group(3)) == pytest.approx(-100 * worst.margin, rel=1e-2)
     assert float(stated.group(4)) == pytest.approx(worst.time, abs=1e-4)
     assert f"({reading.interpolation})" in note
-    rows = len(table(tmp_path / "trajectory.csv")["time_s"])
+    rows = len(columns_of(tmp_path / "trajectory.csv")["time_s"])
     assert f"{rows} rows at 170 Hz; the last row is the end of the motion" in manifest["notes"]
 
 
@@ -338,7 +341,7 @@ def test_counts_are_written_up_to_the_first_period_behind_the_end(
         files, manifest = export(
             moved, "csv", tmp_path, rate=rate, columns=["counts"], counts_per_turn=4096
         )
-        rows = table(files["tilt_time_position.csv"])
+        rows = columns_of(files["tilt_time_position.csv"])
         assert len(rows["time"]) == 21 + round(behind + 0.1)
         assert rows["time"][-1] == pytest.approx(plan.motion.duration + behind / rate)
         assert (manifest["rate_hz"], manifest["units"]["position"]) == (rate, "increments")

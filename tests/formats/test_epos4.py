@@ -17,11 +17,11 @@ import pytest
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
+from ssm_planner.formats.csv import read_columns
 from ssm_planner.formats.epos4 import (
     _offsets,
     _streams,
     period_ms,
-    read_table,
     setpoint_times,
 )
 from ssm_planner.formats.epos4_setup import axes_of
@@ -719,13 +719,14 @@ def test_streams_that_do_not_fit_each_other_or_the_robot(plan: Plan, tmp_path: P
 def test_a_table_of_two_rows_is_read(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text("b,time,a\n1,0,3\n4,1,6\n", encoding="utf-8")
-    t, (a, b) = read_table(path, "time", ("a", "b"))
-    assert np.array_equal([t, a, b], [[0, 1], [3, 6], [1, 4]])
+    assert np.array_equal(read_columns(path, ("time", "a", "b")), [[0, 3, 1], [1, 6, 4]])
 
 
 def test_setpoints_that_the_check_would_reject_are_not_exported(plan: Plan, tmp_path: Path) -> None:
     """One increment per turn moves the gravity load by more than the motor law allows."""
-    with pytest.raises(ExportError, match=r"`check` would reject the setpoints: torque offset of"):
+    with pytest.raises(
+        ExportError, match=r"would reject the setpoints, which exceed the torque offset limit of"
+    ):
         export(plan, "epos4", tmp_path / "e", counts_per_turn=1)
     assert not list(tmp_path.iterdir())
 

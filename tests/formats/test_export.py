@@ -287,7 +287,7 @@ def test_a_full_disk_leaves_nothing_and_what_was_there(
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("ssm_planner.formats.csv.np.savetxt", full)
+    monkeypatch.setattr("ssm_planner.formats.csv.table_text", full)
     with pytest.raises(ExportError, match="No space left on device"):
         export(plan, "csv", tmp_path / "csv", rate=50.0)
     assert {path.name: path.read_bytes() for path in (tmp_path / "csv").iterdir()} == before
@@ -330,9 +330,10 @@ def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
     The result is a message, the exit status 130 and no file.
     """
     code = (
-        "import sys, time, numpy as np; save = np.savetxt\n"
-        "def slow(*a, **k):\n    save(*a, **k); print('writing', flush=True); time.sleep(30)\n"
-        "np.savetxt = slow\n"
+        "import sys, time; from ssm_planner.formats import csv; text = csv.table_text\n"
+        "def slow(*a):\n"
+        "    yield from text(*a); print('writing', flush=True); time.sleep(30)\n"
+        "csv.table_text = slow\n"
         "from ssm_planner.cli import main; sys.exit(main(sys.argv[1:]))"
     )
     words = ["export", str(plan.path), "--to", "csv", "-o", str(tmp_path / "csv")]
@@ -488,9 +489,7 @@ def test_the_message_states_the_worst_excess_of_the_plan(bad_plan: Plan) -> None
     worst = check(bad_plan.motion, bad_plan.robot, bad_plan.limits).worst
     with pytest.raises(ExportError) as caught:
         verified(bad_plan, force=False)
-    stated = re.search(
-        r"check: (.+) of (\S+) exceeds its limit by (\S+) % at (\S+) s", str(caught.value)
-    )
+    stated = re.search(r"exceeds the (.+) limit of (\S+) by (\S+) % at (\S+) s", str(caught.value))
     assert stated is not None
     assert stated.group(1, 2) == (worst.name, worst.joint)
     assert float(stated.group(3)) == pytest.approx(-100 * worst.margin, rel=1e-2)

@@ -5,12 +5,17 @@ from __future__ import annotations
 import io
 import tracemalloc
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ssm_planner.formats.agreement import Content
 from ssm_planner.formats.csv import table_text
+
+WHOLE = st.integers(-(2**55), 2**55).map(float)
 
 
 @pytest.mark.parametrize("forms", [("%.3f", "%d"), ("%.9g", "%d"), ("%.3f", "%.17g")])
@@ -37,3 +42,16 @@ def test_writing_a_table_takes_a_bounded_memory(tmp_path: Path) -> None:
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]
     assert len((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()) == 210_001
+
+
+@given(
+    st.lists(st.one_of(WHOLE, st.floats(-1e4, 1e4), st.just(-0.0)), min_size=1, max_size=30),
+    st.sampled_from(("%d", "%.3f", "%.12g")),
+    st.integers(1, 7),
+)
+def test_the_text_of_a_number_is_that_of_printf(values: list[float], form: str, block: int) -> None:
+    """Whole numbers, fractions and negative zeros, in parts of any length."""
+    column = np.array(values, dtype=float)
+    expected = "a,b\n" + "".join(f"{form % value},{form % value}\n" for value in column)
+    with patch("ssm_planner.formats.csv.BLOCK", block):
+        assert "".join(table_text({"a": column, "b": column}, (form, form))) == expected

@@ -12,7 +12,9 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Robot
-from ssm_planner.sizing.joint_load import JointLoad, joint_loads
+from ssm_planner.sizing import joint_load as module
+from ssm_planner.sizing import requirements as requirements_module
+from ssm_planner.sizing.joint_load import COLUMNS, JointLoad, joint_loads
 from ssm_planner.sizing.requirements import motor_requirement, motor_requirements
 from ssm_planner.trajectory import Trajectory
 from tests.support.pinocchio_model import build
@@ -143,3 +145,40 @@ def test_a_motion_at_rest_requires_nothing(robot: Robot) -> None:
             == requirement.energy
             == 0.0
         )
+
+
+@pytest.mark.parametrize("section", [50, 333])
+def test_loads_in_sections_are_the_loads(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, section: int
+) -> None:
+    """Sections bound the memory only: loads, torques and requirements are the same, to the bit."""
+    trajectory = random_trajectory(5)
+    whole = joint_loads(trajectory, robot)
+    requirements = [motor_requirement(load).to_dict() for load in whole]
+    monkeypatch.setattr(module, "SECTION", section)
+    for load, other in zip(whole, joint_loads(trajectory, robot), strict=True):
+        for name in ("t", *COLUMNS, "weight"):
+            assert np.array_equal(getattr(load, name), getattr(other, name)), name
+        assert np.array_equal(load.torque(), other.torque())
+    assert [motor_requirement(load).to_dict() for load in whole] == requirements
+
+
+def test_a_motion_of_many_pieces_has_few_instants_in_each() -> None:
+    most = [module._max_instants(count) for count in (2, 400, 2_000, 40_000, 100_000, 10**6)]
+    assert most == [1000, 100, 40, 10, 4, 4]
+
+
+@pytest.mark.parametrize("group", [3, 50])
+def test_a_thinned_requirement_keeps_its_extremes(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, group: int
+) -> None:
+    for requirement in motor_requirements(random_trajectory(7), robot):
+        torque = requirement.torque
+        assert np.array_equal(requirement.thinned().torque, torque)
+        monkeypatch.setattr(requirements_module, "INSTANTS", len(torque) // group)
+        few = requirement.thinned()
+        assert len(few.t) <= 2 * len(torque) / (group - 1) + 2
+        assert (few.torque.min(), few.torque.max()) == (torque.min(), torque.max())
+        assert np.all(np.isin(few.t, requirement.t))
+        assert few.to_dict() == requirement.to_dict()
+        monkeypatch.undo()

@@ -35,13 +35,12 @@ from ssm_planner.sizing import (
     steady_state,
     torque_split,
 )
+from ssm_planner.sizing.joint_load import INSTANTS
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Arrays
 
 RATE, FEWEST, MOST = 400.0, 1200, 4000
 """Samples per second of motion in a page, and the smallest and largest number of samples."""
-INSTANTS = 40_000
-"""Largest number of instants from which temperatures follow. A long motion has more."""
 CELSIUS = 273.15
 """0 °C in K."""
 EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
@@ -169,6 +168,7 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
         if load.motor is None or missing(load.motor, *FIGURES):
             continue
         count = len(load.t)
+        # The temperatures of a long motion follow from a part of its many instants.
         few = load.subset(np.append(np.arange(0, count - 1, -(-count // INSTANTS)), count - 1))
         cycle = Cycle.from_torque(few.t, few.torque(), pause)
         state = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)

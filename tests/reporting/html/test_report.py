@@ -19,8 +19,9 @@ from jinja2 import UndefinedError
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.plans import load_plan
+from ssm_planner.problem import JOINTS
 from ssm_planner.problem.serialization import plain
-from ssm_planner.reporting.html.channels import FEWEST, encode
+from ssm_planner.reporting.html.channels import FEWEST, channels_of, encode, time_grid
 from ssm_planner.reporting.html.compare import comparison_data, write_comparison
 from ssm_planner.reporting.html.page import LIBRARIES, safe_json, templates
 from ssm_planner.reporting.html.panels import active_intervals
@@ -422,3 +423,14 @@ def test_figures_are_the_same_bytes_each_time(tmp_path: Path) -> None:
         "motors.pdf",
     }
     assert all(first[name].read_bytes() == second[name].read_bytes() for name in first)
+
+
+def test_the_curves_of_a_page_are_those_of_all_instants() -> None:
+    """A page interpolates at the instants beside its own; all instants give the same, to the bit."""
+    plan = load_plan(PLAN)
+    t = time_grid(plan.motion.duration)
+    channels = channels_of(plan, t)
+    for joint in plan.sizing.joints:
+        i, load = JOINTS.index(joint.load.joint), joint.load
+        for name, values in ((f"w{i}", load.speed()), (f"tau{i}", load.torque())):
+            assert np.array_equal(channels[name], np.interp(t, load.t, values))
