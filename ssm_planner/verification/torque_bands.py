@@ -73,18 +73,18 @@ def torque_bands(
     extreme_times = np.zeros((3, 4))
     for width in (width for width in WIDTHS if 2 * width < len(t)):
         centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
-        window_values = []
+        largest = np.full((3, 4), -np.inf)
+        times = np.zeros((3, 4))
         for block in blocks(len(centres), BLOCK):
             rows = centres[block] + [[-width], [0], [width]]
             at_rest = moves[rows[0]] == moves[rows[2]]
-            window_values.append(
-                _of_windows(t[rows][..., None], q[rows], at_rest, robot, resolution)
-            )
-        values = np.concatenate(window_values, axis=1)
-        extreme = values.max(axis=1)
-        better = extreme * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
-        extremes = np.where(better, extreme, extremes)
-        extreme_times = np.where(better, t[centres[values.argmax(axis=1)]], extreme_times)
+            values = _of_windows(t[rows][..., None], q[rows], at_rest, robot, resolution)
+            larger = values.max(axis=1) > largest
+            largest = np.where(larger, values.max(axis=1), largest)
+            times = np.where(larger, t[rows[1, values.argmax(axis=1)]], times)
+        better = largest * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
+        extremes = np.where(better, largest, extremes)
+        extreme_times = np.where(better, times, extreme_times)
     checks, unjudged = [], []
     for i, joint in enumerate(robot.joints):
         if extreme_times[0, i]:
