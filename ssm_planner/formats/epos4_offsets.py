@@ -1,6 +1,7 @@
 """Compare the velocity and torque offsets of EPOS4 streams with their target positions."""
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -107,43 +108,41 @@ def _torque_range(
     standing = np.abs(qd) <= 1e-6 * robot.velocities + rounding
     lowest, highest = _accelerations(robot, t, qd, rounding, standing=standing)
     body = RigidBody.from_robot(robot)
-    low = np.full(q.shape, np.inf)
-    high = np.full(q.shape, -np.inf)
+    # The values of each joint are adjacent in memory, because the law is evaluated joint by joint.
+    low = np.full((4, len(t)), np.inf)
+    high = np.full((4, len(t)), -np.inf)
     for block in blocks(len(t), BLOCK):
-        rows = np.arange(len(t))[block]
-        motion = q[rows], qd[rows]
+        motion = q[block], qd[block]
+        still = np.zeros_like(motion[0])
         # The load is affine in the accelerations.
-        load = body.inverse_dynamics(*motion, np.zeros_like(motion[0]))
-        inertia = [
-            body.inverse_dynamics(*motion, np.zeros_like(motion[0]) + unit) - load
-            for unit in np.eye(4)
-        ]
-        resting = np.flatnonzero(standing[rows].any(axis=1))
+        load = body.inverse_dynamics(*motion, still).T
+        inertia = [body.inverse_dynamics(*motion, still + unit).T - load for unit in np.eye(4)]
+        speed, at_rest = (np.ascontiguousarray(x[block].T) for x in (qd, standing))
+        least, most = (np.ascontiguousarray(x[block].T) for x in (lowest, highest))
+        resting = np.flatnonzero(at_rest.any(axis=0))
+        cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
+        cases += [(resting, *case) for case in AT_REST]
         # The motor torque is monotonic in each acceleration, except where its effort changes sign.
         for share in (*product((0.0, 1.0), repeat=4), (0.5,) * 4):
-            qdd = lowest[rows] + np.array(share) * (highest[rows] - lowest[rows])
-            tau = load + sum(column * qdd[:, [k]] for k, column in enumerate(inertia))
-            for chosen, sign, breaking in (
-                (np.arange(len(rows)), 1.0, False),
-                *((resting, *case) for case in AT_REST),
-            ):
-                k = rows[chosen]
-                direction = np.where(standing[k], sign, np.sign(qd[k]))
-                starts = standing[k] & breaking
+            qdd = least + np.array(share)[:, None] * (most - least)
+            tau = load + sum(column * qdd[k] for k, column in enumerate(inertia))
+            for rows, sign, breaking in cases:
                 for i in offsets:
                     drive = robot.joints[i].drive
                     assert drive is not None
+                    stands, velocity = at_rest[i, rows], speed[i, rows]
                     torque, _ = drive_torque(
                         drive,
-                        tau[chosen, i],
-                        qd[k, i],
-                        qdd[chosen, i],
-                        direction[:, i],
-                        breakaway=starts[:, i],
+                        tau[i, rows],
+                        velocity,
+                        qdd[i, rows],
+                        np.where(stands, sign, np.sign(velocity)),
+                        breakaway=stands & breaking,
                     )
-                    low[k, i] = np.fmin(low[k, i], torque)
-                    high[k, i] = np.fmax(high[k, i], torque)
-    return low, high
+                    ends = low[i, block], high[i, block]
+                    for end, farther in zip(ends, (np.fmin, np.fmax), strict=True):
+                        end[rows] = farther(end[rows], torque)
+    return low.T, high.T
 
 
 def _accelerations(
