@@ -74,13 +74,11 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
 
     Raises ProblemError for other texts.
     """
-    name, sign, value = text.partition("=")
+    name, _, value = text.partition("=")
     try:
         return name.strip(), float(value)
     except ValueError:
-        reason = "the value is missing"
-        if sign:
-            reason = "a fixed parameter is NAME=VALUE with a number in SI"
+        reason = "a fixed parameter is NAME=VALUE with a number in SI"
         raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
 
 

@@ -183,7 +183,8 @@ def export_csv(
         )
     path = folder / f"trajectory{suffix}.csv"
     motion = plan.motion
-    entries: JsonObject = {"rate_hz": rate or RATE, "units": UNITS}
+    count_rate = rate or RATE
+    entries: JsonObject = {"rate_hz": count_rate, "units": UNITS}
     notes = []
     if groups or COUNTS not in (columns or ()):
         header, rows, note, stretch = _rows(plan, certificate, rate, groups)
@@ -196,12 +197,11 @@ def export_csv(
             notes += _as_read(reading, plan)
     if COUNTS in (columns or ()):
         axes = axes_of(plan.robot, counts_per_turn)
-        count_files = _counts(motion, axes, rate or RATE, suffix)
+        count_files = _counts(motion, axes, count_rate, suffix)
         entries |= count_files.write(folder)
-        count = int(np.ceil(motion.duration * (rate or RATE) - 1e-9)) + 1
+        count = int(np.ceil(motion.duration * count_rate - 1e-9)) + 1
         notes += [
-            f"time,position in increments of {', '.join(axes)}: {count} rows at "
-            f"{rate or RATE:g} Hz",
+            f"time,position in increments of {', '.join(axes)}: {count} rows at {count_rate:g} Hz",
             *encoder_notes(axes),
         ]
     return {**entries, "notes": notes}

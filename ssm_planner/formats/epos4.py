@@ -125,12 +125,17 @@ class Setpoints:
     limits: TaskLimits
     """Limits with the rates of the motion at both ends."""
 
+    @property
+    def t(self) -> Array:
+        """Instants (n,), s."""
+        return np.arange(float(len(self.q))) * (self.period / 1000)
+
     def content(self, suffix: str) -> Content:
         """Return the files and the entries of the manifest. File names end with `suffix`.
 
         Raises ExportError if a number does not fit its object.
         """
-        t = np.arange(float(len(self.q))) * (self.period / 1000)
+        t = self.t
         files: dict[str, Iterable[str]] = {}
         entries: JsonObject = {}
         rows: list[dict[str, str]] = []
@@ -188,10 +193,11 @@ class Setpoints:
         The velocity and torque offsets are compared with the positions. `place` names a setpoint in
         messages.
         """
-        t = np.arange(float(len(self.q))) * (self.period / 1000)
         q, resolution, offsets = self.joint_side()
-        reading = join_points(Points(t, q, resolution=resolution, place=place.format), self.robot)
-        checks = offset_checks(self.robot, t, q, resolution, offsets)
+        reading = join_points(
+            Points(self.t, q, resolution=resolution, place=place.format), self.robot
+        )
+        checks = offset_checks(self.robot, self.t, q, resolution, offsets)
         return replace(reading, checks=tuple(checks))
 
     def joint_side(self) -> tuple[Array, Array, dict[int, Offsets]]:

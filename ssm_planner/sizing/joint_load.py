@@ -19,7 +19,7 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import DEGREE, Trajectory, blocks, parts_of
-from ssm_planner.typing import Array, Indices, Mask, Range, record
+from ssm_planner.typing import Array, Arrays, Indices, Mask, Range, record
 
 RATE = 2000.0
 """Default sampling rate, Hz."""
@@ -112,11 +112,9 @@ class JointLoad(ShortRepr):
 
     def by_parts(self, function: Callable[["JointLoad"], Array]) -> Array:
         """Evaluate a function of every instant (…, n) in parts, which bounds the memory in use."""
-        names = ("t", *COLUMNS, "weight")
         result = np.empty(0)
         for rows in blocks(len(self.t), SECTION):
-            part = replace(self, **{name: getattr(self, name)[rows] for name in names})
-            values = function(part)
+            values = function(replace(self, **self._columns(rows)))
             if rows.start == 0:
                 result = np.empty((*values.shape[:-1], len(self.t)))
             result[..., rows] = values
@@ -178,8 +176,12 @@ class JointLoad(ShortRepr):
 
     def subset(self, keep: Indices) -> "JointLoad":
         """Select the instants with increasing indices `keep` (m,) and recompute their weights."""
-        columns = {name: getattr(self, name)[keep] for name in ("t", *COLUMNS)}
-        return replace(self, **columns, weight=_weights(columns["t"]))
+        columns = self._columns(keep)
+        return replace(self, **columns | {"weight": _weights(columns["t"])})
+
+    def _columns(self, rows: slice | Indices) -> Arrays:
+        """Return the columns of some instants, by field."""
+        return {name: getattr(self, name)[rows] for name in ("t", *COLUMNS, "weight")}
 
     at = Renamed("subset")
 

@@ -9,6 +9,8 @@ Therefore, the torque is a sum of components, of which friction is the remainder
 
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +28,7 @@ from ssm_planner.typing import Array, JsonObject, record
 class MotorRequirement(ShortRepr):
     """Requirements of one motion on the motor of one joint, in SI units.
 
-    The arrays t, speed, torque and acceleration (n,), and `split`, are computed from `load` on each
+    The arrays t, speed and torque (n,), and `split`, are computed from `load` on each
     use, so that a long motion needs little memory.
 
     Examples
@@ -77,11 +79,6 @@ class MotorRequirement(ShortRepr):
         return self.load.torque()
 
     @property
-    def acceleration(self) -> Array:
-        """Motor acceleration (n,), rad/s²."""
-        return self.load.acceleration()
-
-    @property
     def split(self) -> "TorqueBreakdown":
         """Components of the motor torque, with arrays (n,)."""
         return torque_split(self.load)
@@ -91,8 +88,8 @@ class MotorRequirement(ShortRepr):
         """True if the joint lacks a motor or if values of the motor are placeholders."""
         return self.motor is None or self.motor.placeholder
 
-    def thinned(self) -> "MotorRequirement":
-        """Return the requirement of a long motion with the instants that a figure shows.
+    def shown(self) -> Any:
+        """Return the attributes SHOWN for a figure, as a namespace that needs no import of sizing.
 
         The smallest and the largest torque of consecutive instants remain. A motion of at most
         INSTANTS instants keeps them all.
@@ -102,7 +99,8 @@ class MotorRequirement(ShortRepr):
         groups = np.pad(torque, (0, -len(torque) % group), mode="edge").reshape(-1, group)
         extremes = np.concatenate([groups.argmin(axis=1), groups.argmax(axis=1)])
         keep = np.unique(extremes + np.tile(np.arange(0, len(torque), group), 2))
-        return replace(self, load=self.load.subset(np.minimum(keep, len(torque) - 1)))
+        few = replace(self, load=self.load.subset(np.minimum(keep, len(torque) - 1)))
+        return SimpleNamespace(**{name: getattr(few, name) for name in SHOWN})
 
     def to_dict(self) -> JsonObject:
         """Return an entry of `motors` in the output of `plan --json`, in SI units."""
@@ -216,6 +214,8 @@ FIGURES = (
     "joule_energy",
 )
 """Attributes of a requirement that results contain."""
+SHOWN = ("joint", "motor", "peak_torque", "rms_torque", "mean_torque", "t", "speed", "torque")
+"""Attributes of a requirement that a figure shows."""
 PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
 
 

@@ -169,16 +169,16 @@ def test_a_motion_of_many_pieces_has_few_instants_in_each() -> None:
 
 
 @pytest.mark.parametrize("group", [3, 50])
-def test_a_thinned_requirement_keeps_its_extremes(
+def test_a_figure_shows_the_extremes_of_a_requirement(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, group: int
 ) -> None:
     for requirement in motor_requirements(random_trajectory(7), robot):
         torque = requirement.torque
-        assert np.array_equal(requirement.thinned().torque, torque)
+        assert np.array_equal(requirement.shown().torque, torque)
         monkeypatch.setattr(requirements_module, "INSTANTS", len(torque) // group)
-        few = requirement.thinned()
+        few = requirement.shown()
         assert len(few.t) <= 2 * len(torque) / (group - 1) + 2
         assert (few.torque.min(), few.torque.max()) == (torque.min(), torque.max())
         assert np.all(np.isin(few.t, requirement.t))
-        assert few.to_dict() == requirement.to_dict()
+        assert few.peak_torque == requirement.peak_torque
         monkeypatch.undo()

@@ -14,10 +14,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TookTooLong
 from importlib import import_module
-from io import BytesIO
 from pathlib import Path
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
@@ -44,24 +42,8 @@ OPINION = "opinion"
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
 """Program of the child process."""
 
-SHOWN = ("joint", "motor", "peak_torque", "rms_torque", "mean_torque", "t", "speed", "torque")
-"""Attributes of a `MotorRequirement` that its figure shows."""
 Contents = dict[str, dict[str, bytes]]
 """Content by figure and file extension."""
-
-
-class _Plain(pickle.Pickler):
-    """Pickler that converts sizing results to plain namespaces.
-
-    The child can then unpickle them without importing the sizing package and CasADi, which takes
-    long.
-    """
-
-    def reducer_override(self, value: object) -> Any:
-        """Reduce a requirement to the attributes that its figure shows."""
-        if type(value).__module__.startswith("ssm_planner.sizing."):
-            return SimpleNamespace, (), {name: getattr(value, name) for name in SHOWN}
-        return NotImplemented
 
 
 class FigureProcess:
@@ -112,9 +94,7 @@ class FigureProcess:
             Arguments of the function that draws the figure.
         """
         if self._process is not None:
-            message = BytesIO()
-            _Plain(message).dump((name, arguments))
-            self._pipe.submit(self._write, message.getbuffer())
+            self._pipe.submit(self._write, pickle.dumps((name, arguments)))
 
     def result(self) -> Contents:
         """Wait for the requested figures, and return the content of their files.
@@ -141,7 +121,7 @@ class FigureProcess:
             return None
         return pickle.load(self._process.stdout)
 
-    def _write(self, message: memoryview) -> None:
+    def _write(self, message: bytes) -> None:
         """Write a request to the standard input of the child."""
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.write(message)
@@ -238,7 +218,7 @@ def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = Non
         raise ExportError("the plan does not contain a trajectory to draw")
     arguments: dict[str, tuple[object, ...]] = {"motion": (trajectory, robot)}
     if plan.requirements:
-        arguments["motors"] = trajectory, robot, [item.thinned() for item in plan.requirements]
+        arguments["motors"] = trajectory, robot, [item.shown() for item in plan.requirements]
     files = {} if drawer is None else drawer.result()
     paths: Files = {}
     for name, values in arguments.items():
