@@ -60,9 +60,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     return text_lines(
         "compared.txt",
         comparison=comparison,
-        clock=comparison.clock,
         certain=CERTAIN,
-        axes=list(comparison),
         tables=[
             Table(header, errors, range(2, 7)),
             Table(limits_header, rows, (2, 3, 4, 6, 7)),

@@ -78,8 +78,12 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
     try:
         return name.strip(), float(value)
     except ValueError:
-        reason = "a fixed parameter is NAME=VALUE with a number in SI"
-        raise ProblemError(reason, key="--fix", value=text, allowed="such as mu=0.12") from None
+        raise ProblemError(
+            "a fixed parameter is NAME=VALUE with a number in SI",
+            key="--fix",
+            value=text,
+            allowed="such as mu=0.12",
+        ) from None
 
 
 def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:

@@ -22,7 +22,7 @@ def run_plan(options: Namespace) -> int:
         from ssm_planner.publishing import file_name
         from ssm_planner.reporting import explanation, summary_lines
 
-        moving: Path | None = getattr(options, "from")
+        moving = getattr(options, "from")
         if (moving is None) != (options.at is None):
             raise ProblemError(
                 "--from needs a time in its plan",

@@ -19,7 +19,7 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
 from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import DEGREE, Trajectory, blocks, parts_of
-from ssm_planner.typing import Array, Arrays, Indices, Mask, Range, record
+from ssm_planner.typing import Array, Indices, Keywords, Mask, Range, record
 
 RATE = 2000.0
 """Default sampling rate, Hz."""
@@ -179,7 +179,7 @@ class JointLoad(ShortRepr):
         columns = self._columns(keep)
         return replace(self, **columns | {"weight": _weights(columns["t"])})
 
-    def _columns(self, rows: slice | Indices) -> Arrays:
+    def _columns(self, rows: slice | Indices) -> Keywords:
         """Return the columns of some instants, by field."""
         return {name: getattr(self, name)[rows] for name in ("t", *COLUMNS, "weight")}
 
