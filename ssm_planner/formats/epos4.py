@@ -99,6 +99,7 @@ def export_epos4(
         streams=_streams(axes, motion, mode),
         limits=plan.limits.slower(stretch),
     )
+    del motion  # of a long motion, the check needs this memory
     if mode == "csp" and certificate.passed:
         _require_accepted(plan, points)
     entries = points.content(suffix).write(folder)
