@@ -442,7 +442,7 @@ def verdict_of(paths: dict[str, Path], *options: str) -> int:
     """Exit status of the command for the shipped plan."""
     words = [f"{joint}={path}" for joint, path in paths.items()]
     parser = argparse.ArgumentParser()
-    command.compare_arguments(parser)
+    add_arguments(parser, "compare")
     options = ("--counts-per-turn", "4096", *options)
     return command.run_compare(parser.parse_args([str(SHIPPED), *words, *options]))
 
