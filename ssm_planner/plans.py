@@ -827,6 +827,8 @@ def _document(document: Any, path: Path) -> JsonObject:
             f"{path}: plan.json of version {document.get('version')!r}; this program reads version "
             f"{VERSION}"
         )
+    if document.get("units", UNITS) != UNITS:
+        raise TrajectoryError(f"{path}: units are not those that this program writes")
     return document
 
 

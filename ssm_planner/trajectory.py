@@ -353,8 +353,8 @@ class Trajectory(ShortRepr):
                 Span(str(phase["name"]), float(phase["start_s"]), float(phase["end_s"]))
                 for phase in data["phases"]
             )
-            breaks = np.array(data["breaks_s"], dtype=float)
-            coefficients = np.asarray(data["coefficients"], dtype=float)
+            breaks = _numbers(data["breaks_s"])
+            coefficients = _numbers(data["coefficients"])
             if breaks.ndim != 1 or coefficients.ndim != 3:
                 raise ValueError(
                     "breaks_s must be a list of numbers, and coefficients a list of pieces"
@@ -373,6 +373,15 @@ class Trajectory(ShortRepr):
                 "the phases of a trajectory follow one another from its start to its end"
             )
         return trajectory
+
+
+def _numbers(data: Any) -> Array:
+    """Convert nested lists of numbers to an array. Raises TypeError for other entries."""
+    if not isinstance(data, np.ndarray):
+        data = np.array(data, dtype=object)
+        if not {int, float}.issuperset(map(type, data.flat)):
+            raise TypeError("an entry is not a number, or lists differ in length")
+    return np.asarray(data, dtype=float)
 
 
 def _sample_arrays(t: ArrayLike, values: Sequence[ArrayLike]) -> tuple[Array, list[Array]]:

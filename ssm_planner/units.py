@@ -109,6 +109,11 @@ def of_heading(name: str) -> tuple[str, str]:
     return (match.group(1), match.group(2).strip()) if match else (name, "")
 
 
+MAGNITUDES = 1e50
+"""Largest magnitude of a number in SI units. The reciprocal is the smallest magnitude above 0.
+
+Powers and quotients of a few such numbers neither overflow nor vanish.
+"""
 SPEEDS = {"rpm": rpm, "1/min": rpm, "rad/s": 1.0, "deg/s": deg, "mrpm": 1e-3 * rpm}
 
 
@@ -158,9 +163,16 @@ def number(value: object) -> float:
         raise BadQuantity("this figure has no unit", _NUMBER_HINT)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise BadQuantity(f"{describe(value)} where a number is needed", _NUMBER_HINT)
-    if not math.isfinite(value):
-        raise BadQuantity("not a finite number", _NUMBER_HINT)
+    _check_magnitude(value, _NUMBER_HINT)
     return float(value)
+
+
+def _check_magnitude(value: float, allowed: str) -> None:
+    """Raise BadQuantity for a number that is not finite, or whose magnitude no real figure has."""
+    if not math.isfinite(value):
+        raise BadQuantity("not a finite number", allowed)
+    if value and not 1 / MAGNITUDES <= abs(value) <= MAGNITUDES:
+        raise BadQuantity("implausibly small or large", allowed)
 
 
 def share(value: object) -> float:
@@ -169,12 +181,15 @@ def share(value: object) -> float:
     Raises BadQuantity for other texts.
     """
     text = str(value).strip()
+    allowed = "a share such as 10% or 0.1"
     try:
         result = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
     except ValueError:
         result = math.nan
     if not math.isfinite(result):
-        raise BadQuantity(f"{describe(value)} instead of a share", "a share such as 10% or 0.1")
+        raise BadQuantity(f"{describe(value)} instead of a share", allowed)
+    if result > 10 and not text.endswith("%"):
+        raise BadQuantity(f"did you mean {text}%?", allowed)
     return result
 
 
@@ -239,8 +254,7 @@ def _plausible(value: float, target: "Kind", text: str) -> float:
 
     `text` is the value as the user wrote it.
     """
-    if not math.isfinite(value):
-        raise BadQuantity("not a finite number", target.expected)
+    _check_magnitude(value, target.expected)
     if abs(value) > target.largest:
         raise BadQuantity(
             f"{text} is implausibly large for {target.name} here: did you mean {target.slip}?",

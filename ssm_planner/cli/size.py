@@ -69,16 +69,25 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select
 
-    if options.motor or options.what_if or options.catalogue is None:
-        key = "--motor" if options.motor else "--what-if" if options.what_if else "--gears"
+    if options.catalogue is None:
+        raise ProblemError(
+            "needs a catalogue of motors",
+            key="--gears",
+            allowed="--gears together with --catalogue",
+        )
+    if options.motor or options.what_if:
         raise ProblemError(
             "not allowed with --catalogue",
-            key=key,
+            key="--motor" if options.motor else "--what-if",
             allowed="--catalogue, with --gears, --rank and conditions",
         )
     motors = motors_of(options.catalogue)
     gears: dict[str, list[Part[ssm.Drive]]] = {
-        joint.name: [part for path in options.gears for part in gears_of(path, joint.drive)]
+        joint.name: [
+            part
+            for path in options.gears
+            for part in gears_of(path, joint.drive, joint.position[1] - joint.position[0])
+        ]
         for joint in duty.robot.joints
         if joint.drive is not None
     }
@@ -89,13 +98,21 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
     adequate = None if 0 in best or not best else True
     if -1 in best:
         adequate = False
-    notes = [*duty.notes, "gears without friction get the friction of the joint's present drive"]
+    notes = list(duty.notes)
+    if options.gears:
+        notes.append("gears without friction get the friction of the joint's present drive")
+    notes += [
+        f"motor {part.label}: placeholder figures ({', '.join(part.of.placeholders)}), so its "
+        "answer is not known"
+        for part in motors
+        if part.of.placeholder
+    ]
     document: JsonObject = {
         "motion": duty.name,
         "adequate": adequate,
         "confidence": conditions.confidence,
         "selection": [joint.to_dict(options.rank, MAX_PAIRS) for joint in joints],
-        "notes": notes if options.gears else list(duty.notes),
+        "notes": notes,
     }
     document["files"] = write_results(options.output, "selection", document, lambda folder: {})
     lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
@@ -145,8 +162,9 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
 
     plan = ssm.load_plan(path)
     duty = DutyCycle.of_trajectory(plan.motion, plan.robot, str(path))
-    if plan.uncertified_reason is not None:
-        duty = replace(duty, notes=(*duty.notes, f"not certified: {plan.uncertified_reason}"))
+    if plan.certificate is None:
+        reason = plan.uncertified_reason or "the plan has no certificate"
+        duty = replace(duty, notes=(*duty.notes, f"not certified: {reason}"))
     return replace(duty, pause=pause_of(plan.problem))
 
 

@@ -101,18 +101,19 @@ def motors_of(path: Path) -> list[Part[Motor]]:
     return entries
 
 
-def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
+def gears_of(path: Path, drive: Drive, travel: float = 0.0) -> list[Part[Drive]]:
     """Read the gears of a catalogue, and return a drive with each of them.
 
     A row of a CSV table replaces the gear of the joint's present `drive`. Friction and inertias
     that the row does not state are taken from the present drive, but its ratings are not. Rows with
-    another kind of gear are ignored. A YAML file describes a complete drive. Raises ProblemError if
-    the catalogue is missing or invalid.
+    another kind of gear are ignored. A YAML file describes a complete drive, but the present drive
+    decides whether the joint must be self-locking. Raises ProblemError if the catalogue is missing
+    or invalid, or if a screw is shorter than the `travel` (m) of the joint.
     """
     file = catalogue_file(path)
     if file.is_dir():
         return [
-            Part(label, drive_from(section))
+            Part(label, _for_joint(section, drive, travel))
             for label, section in _sections(file).items()
             if section.value.get("kind") == drive.kind
         ]
@@ -125,7 +126,7 @@ def gears_of(path: Path, drive: Drive) -> list[Part[Drive]]:
     return [
         Part(
             row.label,
-            _with_gear(file, row, drive),
+            _with_gear(file, row, drive, travel),
             *(_size(file, row, name) for name in SIZE_COLUMNS),
         )
         for row in rows
@@ -260,7 +261,18 @@ def _size(file: Path, row: Row, name: str) -> float | None:
     raise ProblemError(fault, file=file, line=row.line, key=name, value=row.cells[name])
 
 
-def _with_gear(file: Path, row: Row, drive: Drive) -> Drive:
+def _for_joint(section: Section, drive: Drive, travel: float) -> Drive:
+    """Return the drive of a section for the joint whose present drive is `drive`.
+
+    Raises ProblemError if the joint's `travel` (m) exceeds the length of a screw.
+    """
+    result = drive_from(section)
+    with located(section):
+        result.check_travel(travel)
+    return replace(result, self_locking=drive.self_locking)
+
+
+def _with_gear(file: Path, row: Row, drive: Drive, travel: float) -> Drive:
     """Return a drive with the gear of a row and the friction of the given drive."""
     friction = friction_of(drive)
     inertia = "kg" if drive.slides else "kg*m^2"
@@ -285,31 +297,35 @@ def _with_gear(file: Path, row: Row, drive: Drive) -> Drive:
             "second_nut_mass": f"{drive.second_nut_mass!r} kg",
         }
     of_friction = []
+    stated = {key.rpartition(".")[2] for key in row.cells}
     for key, cell in row.cells.items():
         if key in SIZE_COLUMNS:
             continue
         prefix, _, name = key.rpartition(".")
         (values.setdefault(prefix, {}) if prefix else values)[name] = cell
         of_friction += [name] if prefix == "friction" else []
-    result = drive_from(_section(file, row, values))
+    section = _section(file, row, values)
+    result = _for_joint(section, drive, travel)
     ratings = result.ratings
-    if drive.ratings is not None and ratings is not None:
-        ratings = replace(
-            ratings,
-            **{
-                name: getattr(ratings, name) or getattr(drive.ratings, name)
-                for name in ROBOT_RATINGS
+    with located(section):
+        if drive.ratings is not None and ratings is not None:
+            ratings = replace(
+                ratings,
+                **{
+                    name: getattr(ratings, name) or getattr(drive.ratings, name)
+                    for name in ROBOT_RATINGS
+                },
+            )
+        return replace(
+            result,
+            ratings=ratings,
+            friction=replace(
+                friction, **{name: getattr(friction_of(result), name) for name in of_friction}
+            ),
+            friction_ranges={
+                name: ends
+                for name, ends in drive.friction_ranges.items()
+                if name not in of_friction
             },
+            placeholders=tuple(name for name in drive.placeholders if name not in stated),
         )
-    with_friction = replace(
-        friction, **{name: getattr(friction_of(result), name) for name in of_friction}
-    )
-    return replace(
-        result,
-        ratings=ratings,
-        friction=with_friction,
-        friction_ranges={
-            name: ends for name, ends in drive.friction_ranges.items() if name not in of_friction
-        },
-        self_locking=drive.self_locking,
-    )

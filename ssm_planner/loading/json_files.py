@@ -30,6 +30,8 @@ _ENTRY = re.compile(rb"\]\s*\]\s*,")
 """End of an entry of the longest list. An entry is a list of lists."""
 _END = re.compile(rb"\]\s*\]\s*\]")
 """End of the longest list."""
+_NUMBERS = re.compile(r"[][\s0-9eE+.,-]*")
+"""Text of lists that contain only numbers."""
 DEEPEST = 30
 """Largest number of nested levels."""
 LONGEST_INTEGER = 18
@@ -133,6 +135,8 @@ def _array(path: Path, data: mmap, start: int, end: int) -> Array:
     batches = []
     for begin, stop in pairwise(borders):
         text = data[begin:stop].decode().rstrip().removesuffix(",")
+        if _NUMBERS.fullmatch(text) is None:
+            raise ValueError("not numbers")
         batch = np.array(decoder.decode(f"[{text}]"), dtype=float)
         if not np.isfinite(batch).all():
             raise ValueError("not finite")

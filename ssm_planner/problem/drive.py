@@ -343,6 +343,14 @@ class Drive(Value):
                     f"a {self.kind} has a single nut or wheel",
                     "0, or kind antibacklash_screw",
                 )
+        diameter = self.dimensions.get("diameter", math.inf)
+        if self.ratings is not None and (self.ratings.root_diameter or 0.0) > diameter:
+            raise self._wrong(
+                "ratings.root_diameter",
+                "larger than the diameter at which friction acts",
+                f"at most {diameter:g} m",
+                self.ratings.root_diameter,
+            )
         self._check_ranges()
 
     def _check_ranges(self) -> None:
@@ -366,6 +374,17 @@ class Drive(Value):
             if not low <= value <= high:
                 reason = f"does not contain the value of {name}, {value:g} in SI"
                 raise self._wrong(field, reason, "a range that contains it", (low, high))
+
+    def check_travel(self, travel: float) -> None:
+        """Raise ProblemError if a rotating screw is shorter than the travel (m) of its nut."""
+        length = None if self.ratings is None else self.ratings.free_length
+        if self.transmission.rotating_screw and length is not None and length < travel:
+            raise self._wrong(
+                "ratings.free_length",
+                "shorter than the travel of the joint",
+                f"at least {travel:g} m",
+                length,
+            )
 
     def check_locking(self) -> None:
         """Raise ProblemError if the drive is not self-locking or if the gear jams.

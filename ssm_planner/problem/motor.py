@@ -63,7 +63,7 @@ class Motor(Value):
     """Relative change of the torque constant with magnet temperature, 1/K, negative."""
     mass: Annotated[Positive, Quantity("mass")] | None = None
     """Mass, kg."""
-    encoder_counts: Annotated[int, Bound(above=0), Quantity("number")] | None = None
+    encoder_counts: Annotated[int, Bound(above=0, at_most=1e8), Quantity("number")] | None = None
     """Counts (lines) per turn. Each count has four increments of position."""
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()

@@ -240,6 +240,7 @@ class Joint(Value):
             kinds = [name for name, kind in TRANSMISSIONS.items() if kind.slides == self.slides]
             reason = f"a {drive.kind} drive does not fit a {self.kind} joint"
             raise self._wrong("drive", reason, ", ".join(kinds), drive.name)
+        drive.check_travel(self.position[1] - self.position[0])
 
     @property
     def slides(self) -> bool:

@@ -88,10 +88,12 @@ class MotorVerdict(ShortRepr):
     def adequate(self) -> bool | None:
         """True if every check of the motor and of its gear passes, False if a check fails.
 
-        None if no check fails and at least one is open, for example because a figure is missing.
-        The answer True has the confidence that `Conditions` states.
+        None if no check fails and at least one is open, for example because a figure is missing,
+        or if a figure of the motor or its drive is a placeholder. The answer True has the
+        confidence that `Conditions` states.
         """
-        return all_of(check.passed for check in (*self.checks, *self.gear))
+        is_stated = None if self.motor.placeholder or self.load.drive.placeholders else True
+        return all_of([is_stated, *(check.passed for check in (*self.checks, *self.gear))])
 
     @property
     def binds(self) -> str | None:

@@ -285,8 +285,7 @@ def _locking(case: Case) -> Check:
     confidence = case.conditions.confidence
     friction = friction_of(drive)
     lowest, highest = spread.mu_ends(drive, confidence)
-    margin, _ = self_locking_margin(drive, friction.mu)
-    limit = friction.mu - float(margin)
+    limit = -float(self_locking_margin(drive, 0.0)[0])
     check = Check("self_locking", limit=limit, unit="μ", nominal=friction.mu)
     if friction.mu_lowest is None and "mu" not in spread.ranges and "mu" not in spread.names:
         return replace(check, needs="friction.mu_lowest, or a range or covariance of mu")

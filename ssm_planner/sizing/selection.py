@@ -81,13 +81,18 @@ class JointSelection:
     @property
     def adequate(self) -> Answers:
         """Answers for each pair, equal to `MotorVerdict.adequate`."""
-        gear = [min(ANSWERS[check.passed] for check in checks) for checks in self.of_gear]
+        gear = [
+            min(part.of.placeholders == (), *(ANSWERS[check.passed] for check in checks))
+            for part, checks in zip(self.gears, self.of_gear, strict=True)
+        ]
         return np.minimum(self._of_motors, np.array(gear, np.int8)[:, None])
 
     @property
     def _of_motors(self) -> Answers:
         """Answers for each pair by the checks of its motor alone."""
-        return np.min(list(self.answers.values()), axis=0)
+        answers = np.min(list(self.answers.values()), axis=0)
+        is_stated = [not part.of.placeholder for part in self.motors]
+        return np.minimum(answers, np.array(is_stated, np.int8))
 
     def ruled_out_by(self, g: int, m: int) -> list[str]:
         """Return the names of the checks that a pair fails."""

@@ -60,10 +60,11 @@ class JointSizing(ShortRepr):
     def gear_dict(self) -> JsonObject:
         """Return an entry of `gears` in the output of `size --json`."""
         tightest = binding(self.gear)
+        is_stated = None if self.load.drive.placeholders else True
         return {
             "joint": self.load.joint,
             "drive": self.load.drive.name,
-            "adequate": all_of(check.passed for check in self.gear),
+            "adequate": all_of([is_stated, *(check.passed for check in self.gear)]),
             "binds": None if tightest is None else tightest.name,
             "margins": {check.name: check.margin for check in self.gear},
             "not_checked": {check.name: check.needs for check in self.gear if check.passed is None},
