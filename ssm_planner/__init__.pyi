@@ -152,6 +152,7 @@ from .sizing.size import JointSizing as JointSizing, Sizing as Sizing
 from .sizing.thermal_network import Cycle as Cycle, ThermalModel as ThermalModel
 from .sizing.tip_error import ErrorSource as ErrorSource, TipError as TipError
 from .stopping import Stops as Stops
+from .studies.audit import Audit as Audit, audit_study as audit_study
 from .studies.run import StudyProgress as StudyProgress, StudyResult as StudyResult, study as study
 from .studies.store import Candidate as Candidate, State as State
 from .studies.study import (

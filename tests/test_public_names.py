@@ -48,6 +48,7 @@ def test_these_names_and_no_others() -> None:
             "load_problem",
             "load_study",
             "study",
+            "audit_study",
             "load_robot",
             "load_drive",
             "load_motor",

@@ -21,6 +21,8 @@ MAX_ROWS = 12
 
 def run_study(options: Namespace) -> int:
     verb, numbers, file = _request(options.words)
+    if verb == "audit":
+        return _audit(Path(file), options)
     study = ssm.load_study(file)
     folder = options.output or Path("results") / study.name
     if verb == "study":
@@ -39,23 +41,23 @@ def run_study(options: Namespace) -> int:
 def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
     """Parse the words of the command.
 
-    Returns "study", "show" or "compare", the numbers of the candidates, and the study file. Raises
-    ProblemError.
+    Returns "study", "show", "compare" or "audit", the numbers of the candidates, and the study file
+    or the folder of the results. Raises ProblemError.
     """
-    verb = words[0]
-    if verb not in ("show", "compare"):
-        if len(words) > 1:
+    verb, *numbers = words
+    if verb not in ("show", "compare", "audit"):
+        if numbers:
             raise ProblemError("give a single study file", value=" ".join(words), key="FILE")
         return "study", [], verb
-    numbers = words[1:-1]
-    required, enough = "at least one", len(numbers) > 0
-    if verb == "compare":
-        required, enough = "two", len(numbers) == 2
+    *numbers, file = numbers or [""]
+    required, enough = {
+        "show": ("at least one of the table's numbers and the study file", len(numbers) > 0),
+        "compare": ("two of the table's numbers and the study file", len(numbers) == 2),
+        "audit": ("one folder of results", file and not numbers),
+    }[verb]
     if not enough or not all(word.isdecimal() for word in numbers):
-        raise ProblemError(
-            f"{verb} needs {required} of the table's numbers, followed by the study file", key=verb
-        )
-    return verb, [int(word) for word in numbers], words[-1]
+        raise ProblemError(f"{verb} needs {required}", key=verb)
+    return verb, [int(word) for word in numbers], file
 
 
 def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
@@ -79,7 +81,7 @@ def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
         "own": _entry(result.own),
         "better": [row.number for row in result.better],
         "reasons": result.reasons,
-        "notes": study.notes,
+        "notes": result.notes,
         "finished": result.finished,
         "files": files,
     }
@@ -90,6 +92,19 @@ def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
     return OK if result.front else FAILED
 
 
+def _audit(folder: Path, options: Namespace) -> int:
+    audit = ssm.audit_study(
+        folder, tolerance=options.tolerance, workers=options.workers, progress=_progress()
+    )
+    verdict = (
+        f"audit: {'PASSED' if audit.passed else 'FAILED'}: {len(audit.planned)} candidates were "
+        f"planned again; {len(audit.faults)} faults"
+    )
+    document = {**vars(audit), "passed": audit.passed}
+    show(options.json, document, lambda: [*audit.faults, *audit.notes, verdict])
+    return OK if audit.passed else FAILED
+
+
 @contextmanager
 def _executor(address: str | None) -> Iterator[Executor | None]:
     if address is None:
@@ -97,15 +112,15 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
         return
     try:
         import distributed
+
+        connect: Any = distributed.Client
+        client = connect(address, timeout="10s")
     except ImportError:
         raise ProblemError(
             "needs the package distributed: pip install 'ssm_planner[dask]'",
             key="--scheduler",
             value=address,
         ) from None
-    try:
-        connect: Any = distributed.Client
-        client = connect(address, timeout="10s")
     except (OSError, ValueError, TimeoutError) as error:
         raise ProblemError(
             f"no scheduler answers: {error}", key="--scheduler", value=address
@@ -117,12 +132,9 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
 def _progress() -> Callable[[int, int, dict[str, int]], None]:
     """Return a function that reports on stderr how many candidates are finished."""
     progress = progress_reporter()
-
-    def report(done: int, count: int, states: dict[str, int]) -> None:
-        counts = ", ".join(f"{number} {name}" for name, number in sorted(states.items()))
-        progress(Step(counts, done, count))
-
-    return report
+    return lambda done, count, states: progress(
+        Step(", ".join(f"{n} {state}" for state, n in sorted(states.items())), done, count)
+    )
 
 
 def _entry(row: ssm.Candidate) -> JsonObject:
@@ -137,7 +149,7 @@ def _lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> list[str]
     lines = [
         "Why candidates fall out",
         *(f"  {n:>6}  {reason}" for reason, n in list(result.reasons.items())[:MAX_ROWS]),
-        *("", *study.notes, *(f"file: {path}" for path in files.values()), ""),
+        *("", *result.notes, *(f"file: {path}" for path in files.values()), ""),
     ]
     lines += [f"Front in {', '.join(map(plain_words, study.minimise))}: {len(front)} candidates"]
     for row in front[:MAX_ROWS]:

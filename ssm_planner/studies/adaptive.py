@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.studies.store import Candidate
+from ssm_planner.studies.store import Candidates
 from ssm_planner.studies.study import Choice, Design, Study
 
 BATCH = 16
@@ -16,7 +16,7 @@ BATCH = 16
 POPULATION = 32
 """Population size of NSGA-II, which equals two batches."""
 
-Tell = Callable[[Sequence[Candidate]], None]
+Tell = Callable[[Candidates], None]
 """Function that reports the results of a batch to the search."""
 
 
@@ -51,7 +51,7 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         trials = [engine.ask() for _ in range(min(BATCH, search.points - start))]
         designs = [_design(study, trial) for trial in trials]
 
-        def tell(rows: Sequence[Candidate], trials: Sequence[Any] = tuple(trials)) -> None:
+        def tell(rows: Candidates, trials: Sequence[Any] = tuple(trials)) -> None:
             """Report the results of a batch to the search."""
             for trial, row in zip(trials, rows, strict=True):
                 costs = row.costs(study.minimise)

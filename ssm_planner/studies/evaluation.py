@@ -5,7 +5,7 @@ import gc
 import mmap
 import pickle
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from ssm_planner.loading import Part, drive_from, motor_from, of_data, problem_f
 from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
-from ssm_planner.problem import Drive, Motor, Problem, unchecked
+from ssm_planner.problem import Drive, Joint, Motor, Problem, unchecked
 from ssm_planner.sizing import (
     MARGINS,
     Conditions,
@@ -31,6 +31,7 @@ from ssm_planner.sizing import (
     select_joint,
     size_motion,
 )
+from ssm_planner.studies.provenance import program
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import PACE, Choice, Design, Study
 from ssm_planner.trajectory import Trajectory
@@ -52,6 +53,8 @@ PACES = 6
 
 Motions = Mapping[str, Trajectory]
 """Trajectories by name of the motion."""
+Problems = Mapping[str, Problem]
+"""Problems by name of the motion."""
 
 
 class Rejected(Exception):
@@ -127,8 +130,8 @@ class Evaluation:
 
 
 def _slower_figures(
-    problems: Mapping[str, Problem],
-    reduced: Mapping[str, Problem],
+    problems: Problems,
+    reduced: Problems,
     fastest: Motions,
     slowdown: float,
     *,
@@ -195,6 +198,11 @@ def evaluate_batch(
     return rows, time.monotonic() - start
 
 
+def evaluate_and_describe(*arguments: Any) -> tuple[Any, dict[str, str]]:
+    """Return the result of `evaluate_batch`, and the description of the worker's program."""
+    return evaluate_batch(*arguments), program()
+
+
 def _memory() -> int:
     """Return the memory of the process in bytes, or 0 if the system does not provide /proc."""
     try:
@@ -247,7 +255,7 @@ def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
     return plans
 
 
-def _plan_motions(problems: Mapping[str, Problem], previous: Motions) -> Motions:
+def _plan_motions(problems: Problems, previous: Motions) -> Motions:
     """Plan a trajectory for each problem. Raises Rejected for the first one without a plan.
 
     A trajectory in `previous` is used again if it passes the check of the problem.
@@ -280,22 +288,28 @@ def with_motor_margin(problem: Problem, margin: float) -> Problem:
             return None
         return unchecked(motor, **{name: share * getattr(motor, name) for name in names})
 
-    joints = tuple(unchecked(joint, motor=reduced(joint.motor)) for joint in problem.robot.joints)
+    return _with_joints(problem, lambda joint: unchecked(joint, motor=reduced(joint.motor)))
+
+
+def _with_joints(problem: Problem, change: Callable[[Joint], Joint]) -> Problem:
+    """Return the problem in which a function has changed every joint of the robot."""
+    joints = tuple(map(change, problem.robot.joints))
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
 
 
 def _without_selected_motors(study: Study, problem: Problem) -> Problem:
     """Remove the motors of all joints whose motor or gear is selected."""
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
-    joints = tuple(
-        replace(joint, motor=None, alternatives=()) if joint.name in selected_joints else joint
-        for joint in problem.robot.joints
+    return _with_joints(
+        problem,
+        lambda joint: (
+            replace(joint, motor=None, alternatives=()) if joint.name in selected_joints else joint
+        ),
     )
-    return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
 
 
 def select_parts(
-    study: Study, problems: Mapping[str, Problem], motions: Motions, slowdown: float
+    study: Study, problems: Problems, motions: Motions, slowdown: float
 ) -> dict[str, str]:
     """Select a motor and a gear for each joint with such a choice.
 
@@ -326,27 +340,19 @@ def select_parts(
     """
     loads = []
     for name, problem in problems.items():
-        slower = motions[name].slower(1 / slowdown)
-        by_joint = {load.joint: load for load in joint_loads(slower, problem.robot)}
-        loads.append((Conditions(pause=pause_of(problem)), by_joint))
-    choices: dict[str, dict[str, Choice]] = {}
-    for choice in study.selected:
-        keys = choice.path.split(".")
-        choices.setdefault(keys[1], {})[keys[-1]] = choice
+        slower = joint_loads(motions[name].slower(1 / slowdown), problem.robot)
+        loads.append((Conditions(pause=pause_of(problem)), {load.joint: load for load in slower}))
     components: dict[str, str] = {}
-    for joint, by_component in choices.items():
+    for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
         joint_conditions = [
             (by_joint[joint], conditions) for conditions, by_joint in loads if joint in by_joint
         ]
-        components |= _selected_pair(study, joint, by_component, joint_conditions)
+        components |= _selected_pair(study, joint, joint_conditions)
     return components
 
 
 def _selected_pair(
-    study: Study,
-    joint: str,
-    choices: dict[str, Choice],
-    loads: Sequence[tuple[JointLoad, Conditions]],
+    study: Study, joint: str, loads: Sequence[tuple[JointLoad, Conditions]]
 ) -> dict[str, str]:
     """Select the motor and the gear of one joint. Raises Rejected if no pair is suitable.
 
@@ -356,12 +362,11 @@ def _selected_pair(
         Study with the required margin.
     joint
         Name of the joint.
-    choices
-        Choices of the joint by the last key of their path: "motor", or the kind of the gear.
     loads
         Load of the joint in each motion, with the operating conditions.
     """
-    motor_choice = choices.pop("motor", None)
+    choices = {c.path: c for c in study.selected if c.path.startswith(f"joints.{joint}.")}
+    motor_choice = choices.pop(f"joints.{joint}.motor", None)
     gear_choice = next(iter(choices.values()), None)
     motors = _motors(study, joint)
     gears = _gears(study, joint, gear_choice)
@@ -441,7 +446,7 @@ def _keeps_margin(results: Mapping[str, Any], margin: float) -> bool:
     return available is None or available >= margin
 
 
-def _motion_figures(problems: Mapping[str, Problem], motions: Motions) -> JsonObject:
+def _motion_figures(problems: Problems, motions: Motions) -> JsonObject:
     """Return the durations of the motions, and the results for the motors, in SI units."""
     durations = {f"duration.{name}": trajectory.duration for name, trajectory in motions.items()}
     sizings = [

@@ -1,6 +1,5 @@
 """Draw the figures of a study: its front, and the stages that rejected candidates."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from ssm_planner.reporting import COLOURS, FIFTH, finish, legend, new_figure, save_figures
 from ssm_planner.studies.page import choices_at, scaled, title_of
-from ssm_planner.studies.store import Candidate
+from ssm_planner.studies.store import Candidate, Candidates
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import Files, Keywords
 
@@ -23,8 +22,8 @@ STAGE_COLOURS = ("0.45", *COLOURS[1:3], FIFTH, COLOURS[3])
 def write_study_figures(
     study: Study,
     reference: Candidate,
-    rows: Sequence[Candidate],
-    front: Sequence[Candidate],
+    rows: Candidates,
+    front: Candidates,
     folder: Path,
 ) -> Files:
     """Write the figures `front` and `map` as PNG and PDF, and return the paths by name.
@@ -51,7 +50,7 @@ def write_study_figures(
     ]
     if len(names) > 1:
         plots["front"] = new_figure(5.5, 4.0)
-        _front(plots["front"].add_subplot(), study, rows, reference, front, names=names)
+        _front(plots["front"].add_subplot(), rows, reference, front, names)
     if len(study.vary) > 1 and rows:
         plots["map"] = new_figure(6.5, 4.0)
         _map(plots["map"].add_subplot(), study, rows)
@@ -59,16 +58,11 @@ def write_study_figures(
 
 
 def _front(
-    axes: "Axes",
-    study: Study,
-    rows: Sequence[Candidate],
-    reference: Candidate,
-    front: Sequence[Candidate],
-    names: list[str],
+    axes: "Axes", rows: Candidates, reference: Candidate, front: Candidates, names: list[str]
 ) -> None:
     """Plot the planned candidates, the front and the study's own robot over two objectives."""
 
-    def coordinates(candidates: Sequence[Candidate]) -> Any:
+    def coordinates(candidates: Candidates) -> Any:
         values = [[scaled(name, row.figures) for name in names[:2]] for row in candidates]
         return np.array(values, dtype=float).reshape(-1, 2).T
 
@@ -91,7 +85,7 @@ def _front(
     legend(axes)
 
 
-def _map(axes: "Axes", study: Study, rows: Sequence[Candidate]) -> None:
+def _map(axes: "Axes", study: Study, rows: Candidates) -> None:
     """Plot the state of every candidate over the first two variables."""
     horizontal, vertical = (choices_at(study, path, rows) for path in study.paths[:2])
     points: dict[str, list[tuple[float, float]]] = {}

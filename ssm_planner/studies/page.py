@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from ssm_planner.atomic import write_text
 from ssm_planner.display import number, plain_words
 from ssm_planner.reporting import render
-from ssm_planner.studies.store import Candidate, better
+from ssm_planner.studies.store import Candidate, Candidates, better
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.units import display_unit
@@ -31,7 +31,7 @@ MAX_ROWS = 50
 
 
 def write_study_page(
-    study: Study, rows: Sequence[Candidate], front: Sequence[Candidate], path: Path, finished: bool
+    study: Study, rows: Candidates, front: Candidates, path: Path, finished: bool
 ) -> Path:
     """Write the page of a study, and return its path.
 
@@ -63,7 +63,7 @@ def write_study_page(
     return path
 
 
-def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> JsonObject:
+def _content(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
     """Return the variables of the template."""
     states = sorted(Counter(row.state for row in rows).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
@@ -81,7 +81,7 @@ def _content(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]
     }
 
 
-def _rejections(rows: Sequence[Candidate]) -> list[JsonObject]:
+def _rejections(rows: Candidates) -> list[JsonObject]:
     """Return the number of rejections and an example for each stage, most frequent first."""
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
@@ -97,7 +97,7 @@ def _rejections(rows: Sequence[Candidate]) -> list[JsonObject]:
     ]
 
 
-def _front_table(study: Study, front: Sequence[Candidate]) -> JsonObject:
+def _front_table(study: Study, front: Candidates) -> JsonObject:
     """Return the header and the rows of the table of the front.
 
     Its columns are the objectives, the variables and the selected parts.
@@ -115,7 +115,7 @@ def _front_table(study: Study, front: Sequence[Candidate]) -> JsonObject:
     return {"header": ["number", *map(title_of, names), *study.paths, *selected], "rows": cells}
 
 
-def against_own(study: Study, reference: Candidate, front: Sequence[Candidate]) -> str:
+def against_own(study: Study, reference: Candidate, front: Candidates) -> str:
     """Describe the result of the study's own robot, and how many candidates beat it."""
     results = ", ".join(in_words(name, reference.figures) for name in study.minimise)
     missing = [plain_words(name) for name in study.minimise if reference.figures.get(name) is None]
@@ -133,7 +133,7 @@ def against_own(study: Study, reference: Candidate, front: Sequence[Candidate]) 
     return f"{study.own_words}: {outcome}"
 
 
-def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -> JsonObject:
+def _data(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
     """Return the data for the script of the page: columns over all candidates, as JSON types."""
     plotted = _plotted_results(study, rows)
     front_numbers = {row.number for row in front}
@@ -141,7 +141,14 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
         "names": [*study.paths, *plotted],
         "columns": [
             *(choices_at(study, path, rows) for path in study.paths),
-            *(_result_column(name, rows) for name in plotted),
+            *(
+                {
+                    "title": title_of(name),
+                    "at": [scaled(name, row.figures) for row in rows],
+                    "labels": None,
+                }
+                for name in plotted
+            ),
         ],
         "choices": list(study.paths),
         "figures": plotted,
@@ -153,13 +160,7 @@ def _data(study: Study, rows: Sequence[Candidate], front: Sequence[Candidate]) -
     }
 
 
-def _result_column(name: str, rows: Sequence[Candidate]) -> JsonObject:
-    """Return a result of all candidates in the form of `choices_at`."""
-    values = [scaled(name, row.figures) for row in rows]
-    return {"title": title_of(name), "at": values, "labels": None}
-
-
-def _plotted_results(study: Study, rows: Sequence[Candidate]) -> list[str]:
+def _plotted_results(study: Study, rows: Candidates) -> list[str]:
     """Return the names of the objectives, durations and margins that the page plots.
 
     A result is plotted if all planned candidates have it and if it differs between them.
@@ -179,7 +180,7 @@ def _plotted_results(study: Study, rows: Sequence[Candidate]) -> list[str]:
     return list(dict.fromkeys(objectives + candidates))
 
 
-def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> JsonObject:
+def choices_at(study: Study, path: str, rows: Candidates) -> JsonObject:
     """Return the values that the candidates have at one path of the robot file.
 
     The result has the keys `title`, `at` and `labels`. The key `at` contains numbers in the unit of
@@ -191,11 +192,10 @@ def choices_at(study: Study, path: str, rows: Sequence[Candidate]) -> JsonObject
         values = [float(row.design[path].split()[0]) for row in rows]
         return {"title": title, "at": values, "labels": None}
     labels = list(variable.contents)
-    indices = [labels.index(row.design[path]) for row in rows]
-    return {"title": path, "at": indices, "labels": labels}
+    return {"title": path, "at": [labels.index(row.design[path]) for row in rows], "labels": labels}
 
 
-def sensitivity(study: Study, rows: Sequence[Candidate]) -> list[JsonObject]:
+def sensitivity(study: Study, rows: Candidates) -> list[JsonObject]:
     """Return how much of each objective's variance each variable explains, in %.
 
     The result has one entry for each path. Only planned candidates are evaluated.
@@ -242,9 +242,8 @@ def correlation_ratio(positions: Array, value: Array) -> float:
     degrees = len(value) - len(groups)
     if degrees <= 0:
         return 0.0
-    within = sum(float(np.sum((group - group.mean()) ** 2)) for group in groups)
-    total = float(np.sum((value - value.mean()) ** 2))
-    return max(0.0, 1.0 - within / degrees / (total / (len(value) - 1)))
+    within = sum(len(group) * group.var() for group in groups)
+    return max(0.0, 1.0 - float(within / degrees / value.var(ddof=1)))
 
 
 def displayed_choices(study: Study, row: Candidate) -> dict[str, str]:

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import pickle
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
-from contextlib import ExitStack
-from importlib.metadata import version
+from contextlib import ExitStack, contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.representation import ShortRepr
-from ssm_planner.studies.evaluation import Evaluation, evaluate_batch
+from ssm_planner.studies.evaluation import Evaluation, evaluate_and_describe
 from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
+from ssm_planner.studies.provenance import context_of, description_of, differences, program
 from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.store import Candidate, Store, better, key_of, pareto, write_table
-from ssm_planner.studies.study import Choice, Design, Study
+from ssm_planner.studies.study import Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
-from ssm_planner.trajectory import blocks
-from ssm_planner.typing import JsonObject, frozen
+from ssm_planner.typing import frozen
 
 STORE = "study.sqlite"
 TABLE = "table.csv"
@@ -80,6 +78,8 @@ class StudyResult(ShortRepr):
     """False after an interruption."""
     own: Candidate
     """The study's own robot without changes."""
+    notes: tuple[str, ...] = ()
+    """Remarks that a reader of the results must know."""
 
     @property
     def states(self) -> dict[str, int]:
@@ -116,8 +116,9 @@ def study(
 ) -> StudyResult:
     """Evaluate the candidates of a study, and write the store, the table, the page and the figures.
 
-    Candidates with results in the store are not evaluated again. Ctrl-C ends a run, and the same
-    call continues it.
+    Candidates with results in the store are not evaluated again if the inputs and the program are
+    the same. Rows of other inputs or another program stay in the store, but the result does not
+    contain them. Ctrl-C ends a run, and the same call continues it.
 
     Parameters
     ----------
@@ -141,11 +142,13 @@ def study(
     Raises
     ------
     ProblemError
-        If the study is invalid, or if another program writes the same store.
+        If the study is invalid, if a row of the store was changed, or if another program writes
+        the same store.
     ExportError
-        If a file cannot be written.
+        If a file cannot be written, or if it is a symbolic link.
     StudyError
-        If the executor loses its workers.
+        If the executor loses its workers, or if a worker has another version of this package or of
+        a numerical library.
 
     Examples
     --------
@@ -154,6 +157,45 @@ def study(
     >>> [candidate.number for candidate in result.front]  # doctest: +SKIP
     """
     of = of if isinstance(of, Study) else load_study(of)
+    folder = Path(folder)
+    with driver_of(of, folder, workers, executor, progress) as driver:
+        finished = True
+        try:
+            driver.run()
+        except KeyboardInterrupt:
+            finished = False
+        driver.flush()
+        original, *rows = driver.rows()
+    result = StudyResult(of, tuple(rows), folder, finished, original, notes=tuple(driver.notes))
+    write_table(rows, folder / TABLE)
+    write_study_page(of, (original, *rows), result.front, folder / PAGE, finished=True)
+    write_study_figures(of, original, rows, result.front, folder)
+    return result
+
+
+def existing_store(folder: Path) -> Store:
+    """Open the store of the results in a folder. Raises ProblemError if it does not exist."""
+    if not (folder / STORE).is_file():
+        raise ProblemError(
+            "this folder does not contain the results of a study",
+            file=folder / STORE,
+            allowed="the folder that `study -o` wrote",
+        )
+    return Store(folder / STORE)
+
+
+@contextmanager
+def driver_of(
+    of: Study,
+    folder: Path,
+    workers: int | None,
+    executor: Executor | None,
+    progress: StudyProgress,
+) -> Iterator[Driver]:
+    """Yield the driver of a study, and end its workers at the end of the block.
+
+    The arguments and errors are those of `study`.
+    """
     if workers is not None and not 1 <= workers <= MOST_WORKERS:
         raise ProblemError(
             "invalid number of workers",
@@ -161,32 +203,17 @@ def study(
             value=workers,
             allowed=f"1 to {MOST_WORKERS}",
         )
-    folder = Path(folder)
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
         store = stack.enter_context(Store(folder / STORE))
         pool = executor or Workers(count)
         if executor is None:
             stack.callback(pool.shutdown, cancel_futures=True)
-        driver = _Driver(
-            of, store, pool, AHEAD * count if executor is None else AHEAD_ELSEWHERE, progress
-        )
-        finished = True
-        try:
-            driver.run()
-        except KeyboardInterrupt:
-            finished = False
-        driver.flush()
-        rows = tuple(store.rows(driver.keys))
-        (original,) = store.rows([driver.own])
-    result = StudyResult(of, rows, folder, finished, original)
-    write_table(rows, folder / TABLE)
-    write_study_page(of, (original, *rows), result.front, folder / PAGE, finished=True)
-    write_study_figures(of, original, rows, result.front, folder)
-    return result
+        ahead = AHEAD * count if executor is None else AHEAD_ELSEWHERE
+        yield Driver(of, store, pool, ahead, progress)
 
 
-class _Driver:
+class Driver:
     """Driver of a study. It screens candidates, sends them to the workers and writes the store."""
 
     def __init__(
@@ -197,38 +224,56 @@ class _Driver:
         self._pool = pool
         self._ahead = ahead
         self._progress = progress
-        self._context = context_of(study)
+        description = description_of(study)
+        self._context = context_of(description)
+        previous = store.describe(description, self._context)
+        self.notes = study.notes
+        if previous and context_of(previous) != self._context:
+            self.notes += [
+                "The folder contained results of another study or program: "
+                f"{', '.join(differences(previous, description))}. Their rows remain in {STORE}, "
+                "but they are not used, and the candidates were evaluated again."
+            ]
         self._screens = Screens(study)
         self.keys: list[str] = []
         self.own = key_of({}, self._context)
-        self._pending: dict[Future[tuple[list[Candidate], float]], Sequence[Task]] = {}
+        self._pending: dict[Future[Any], Sequence[Task]] = {}
         # Decaying sums over the latest batches.
         self._batch_seconds, self._batch_candidates = BATCH_SECONDS, 1.0
         self._finished: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()
         self._next_page = self._last_write + PAGE_EVERY
-        self._states: dict[str, int] = {}
-        self._earlier: dict[str, tuple[int, str]] = {}
+        self._states: Counter[str] = Counter()
+        self._earlier: dict[str, tuple[int | None, str]] = {}
         # Executors treat the pickle as bytes, so the study is pickled only once.
         self._evaluation = pickle.dumps(Evaluation(study))
 
-    def run(self) -> None:
-        """Evaluate all candidates, beginning with the study's own robot."""
+    def run(self, sample: Sequence[Design] | None = None) -> None:
+        """Evaluate all candidates, beginning with the study's own robot.
+
+        With a `sample`, only these designs are evaluated.
+        """
         self._store.add([(OWN, self.own, {})])
         self._earlier = self._store.states()
         if self._earlier[self.own][1] == "waiting":
             self._submit([(self.own, OWN, {})])
-        if self._study.search.adaptive:
+        self._total = self._study.count if sample is None else len(sample)
+        if self._study.search.adaptive and sample is None:
             from ssm_planner.studies.adaptive import batches
 
             for designs, tell in batches(self._study):
-                tell(self._process(designs, len(self.keys), self._study.search.points))
+                self._process(designs)
+                self._drain()
+                tell(self.rows()[-len(designs) :])
             return
-        designs = list(self._study.designs())
-        for block in blocks(len(designs), SCREENED_TOGETHER):
-            self._process(designs[block], len(self.keys), len(designs), collect=False)
+        remaining = self._study.designs() if sample is None else iter(sample)
+        while block := list(islice(remaining, SCREENED_TOGETHER)):
+            self._process(block)
         self._drain()
-        self.flush()
+
+    def rows(self) -> list[Candidate]:
+        """Return the stored results of the study's own robot and of the submitted candidates."""
+        return self._store.rows([self.own, *self.keys])
 
     def flush(self) -> None:
         """Write finished candidates into the store. Also write the page if the last one is old."""
@@ -241,40 +286,20 @@ class _Driver:
 
     def _write_page(self) -> None:
         """Write the page of the running study. Pages take at most 2 % of the time."""
-        rows = self._store.rows([self.own, *self.keys])
+        rows = self.rows()
         page = self._store.path.with_name(PAGE)
         front = pareto(rows, self._study.minimise)
         write_study_page(self._study, rows, front, page, finished=False)
         now = time.monotonic()
         self._next_page = now + max(PAGE_EVERY, 50 * (now - self._last_write))
 
-    def _process(
-        self, designs: Sequence[Design], first_number: int, total: int, collect: bool = True
-    ) -> list[Candidate]:
-        """Screen candidates, and send those that pass to the workers.
-
-        Parameters
-        ----------
-        designs
-            Designs of the candidates.
-        first_number
-            Number of the first candidate.
-        total
-            Number of candidates of the study.
-        collect
-            If true, wait for all results.
-
-        Returns
-        -------
-        list[Candidate]
-            Results of the candidates. Empty if `collect` is false.
-        """
-        keys = [key_of(design, self._context) for design in designs]
-        self._total = total
-        self.keys += keys
+    def _process(self, designs: Sequence[Design]) -> None:
+        """Screen candidates, and send those that pass to the workers."""
         waiting: list[Task] = []
         new: list[tuple[int, str, Design]] = []
-        for number, (key, design) in enumerate(zip(keys, designs, strict=True), first_number):
+        for number, design in enumerate(designs, len(self.keys)):
+            key = key_of(design, self._context)
+            self.keys.append(key)
             known_number, state = self._earlier.get(key, (None, "waiting"))
             if known_number != number:
                 new.append((number, key, design))
@@ -300,34 +325,33 @@ class _Driver:
                 batch = []
         if batch:
             self._submit(batch)
-        if not collect:
-            return []
-        self._drain()
-        self.flush()
-        return self._store.rows(keys)
 
     def _submit(self, batch: Sequence[Task]) -> None:
         """Send a batch to the next free worker."""
         candidates = [(number, design) for _, number, design in batch]
-        future = self._pool.submit(evaluate_batch, self._evaluation, candidates)
+        future = self._pool.submit(evaluate_and_describe, self._evaluation, candidates)
         self._pending[future] = batch
 
     def _drain(self) -> None:
-        """Wait for the results of all batches."""
+        """Wait for the results of all batches, and store them."""
         while self._pending:
             self._collect()
+        self.flush()
 
     def _collect(self) -> None:
         """Wait for the result of at least one batch.
 
         The candidates of a batch that ended its worker are submitted again, one by one. Raises
-        StudyError if the executor fails in another way.
+        StudyError if the executor fails in another way, or if a worker has another program.
         """
         worker_error: BaseException | None = None
         for future in wait(self._pending, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
             batch = self._pending.pop(future)
             try:
-                rows, seconds = future.result()
+                (rows, seconds), workers_program = future.result()
+                if differing := differences(workers_program, program()):
+                    names = ", ".join(differing)
+                    raise StudyError(f"a worker has another program than the driver: {names}")
             except (CancelledError, Exception) as error:  # noqa: BLE001 of the executor
                 # Dask raises KilledWorker instead of WorkerDied.
                 if not isinstance(error, WorkerDied) and type(error).__name__ != "KilledWorker":
@@ -346,9 +370,11 @@ class _Driver:
         if worker_error is not None or time.monotonic() - self._last_write > COMMIT_EVERY:
             self.flush()
         if worker_error is not None:
-            reason = f"the workers are lost ({type(worker_error).__name__})"
+            reason = str(worker_error)
+            if not isinstance(worker_error, StudyError):
+                reason = f"the workers are lost ({type(worker_error).__name__}: {reason})"
             raise StudyError(
-                f"{reason}; the results are stored, and the same command continues the study"
+                f"{reason}; the other results are stored, and the same command continues the study"
             ) from worker_error
 
     def _record(self, key: str, row: Candidate) -> None:
@@ -361,26 +387,5 @@ class _Driver:
 
     def _count(self, state: str) -> None:
         """Count the state of a candidate, and report the progress."""
-        self._states[state] = self._states.get(state, 0) + 1
-        self._progress(sum(self._states.values()), self._total, self._states)
-
-
-def context_of(study: Study) -> str:
-    """Return a hash of all data that determine the result of a design.
-
-    These are the robot, the motions, the catalogues, the requirements and the version of the
-    package.
-    """
-    contents: JsonObject = {v.path: v.contents for v in study.vary if isinstance(v, Choice)}
-    contents |= {v.path: [v.select, v.contents, v.beside] for v in study.selected}
-    dependencies: Mapping[str, Any] = {
-        "robot": study.robot,
-        "motions": study.motions,
-        "contents": contents,
-        "require": {
-            name: getattr(study.require, name) for name in study.require.__dataclass_fields__
-        },
-        "version": version("ssm_planner"),
-    }
-    text = json.dumps(dependencies, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()
+        self._states[state] += 1
+        self._progress(self._states.total(), self._total, self._states)

@@ -18,7 +18,7 @@ from ssm_planner.kinematics import Family
 from ssm_planner.loading import of_data, problem_from_dict, robot_from
 from ssm_planner.problem import JOINTS, TASK, Joint, Problem, Robot, Straight, Task
 from ssm_planner.studies.study import Choice, Design, Study
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, frozen
 from ssm_planner.units import quantity
 
 ANGLES = ("alpha", "home_tilt", "home_roll")
@@ -36,12 +36,12 @@ class Rejection:
     reason: str
 
 
-@record
-class Move:
-    """A straight motion between two points in task coordinates (4,), rad and m."""
+Rejections = list[Rejection | None]
+"""Rejection of each candidate, or None if it passes."""
 
-    start: Array
-    end: Array
+
+Move = tuple[list[float], list[float]]
+"""Start and end of a straight motion in task coordinates, rad and m."""
 
 
 class Screens:
@@ -55,11 +55,11 @@ class Screens:
         self._tilts, self._moves = _demands(problems)
         self._joints = self._alternatives()
 
-    def reject(self, designs: Sequence[Design]) -> list[Rejection | None]:
+    def reject(self, designs: Sequence[Design]) -> Rejections:
         """Apply all screens. Returns the rejection of each candidate, or None if it passes."""
         if not designs:
             return []
-        rejections: list[Rejection | None] = [None] * len(designs)
+        rejections: Rejections = [None] * len(designs)
         family = self._family(designs)
         if family is not None:
             self._reach(family, rejections)
@@ -113,7 +113,7 @@ class Screens:
         sign = -1 if geometry["insertion"] == "negative" else 1
         return Family(columns[0], columns[1], columns[2], sign)
 
-    def _reach(self, family: Family, rejections: list[Rejection | None]) -> None:
+    def _reach(self, family: Family, rejections: Rejections) -> None:
         """Reject candidates that do not reach the required tilts or the tilts of the motions."""
         require = self.study.require
         demands: list[tuple[str, Array, float]] = []
@@ -132,7 +132,7 @@ class Screens:
                         f"{subject}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1",
                     )
 
-    def _screen_parts(self, designs: Sequence[Design], rejections: list[Rejection | None]) -> None:
+    def _screen_parts(self, designs: Sequence[Design], rejections: Rejections) -> None:
         """Reject candidates with an invalid drive or motor, or with a drive that does not lock."""
         for path, options in self._joints.items():
             faults = {label: self._fault(option) for label, option in options.items()}
@@ -179,9 +179,7 @@ class Screens:
             joints[variable.path] = options
         return joints
 
-    def _start(
-        self, designs: Sequence[Design], family: Family, rejections: list[Rejection | None]
-    ) -> None:
+    def _start(self, designs: Sequence[Design], family: Family, rejections: Rejections) -> None:
         """Reject designs whose motors cannot start a motion from rest on any branch.
 
         The reason is that of the first branch.
@@ -198,19 +196,17 @@ class Screens:
             if None not in both:
                 rejections[i] = both[0]
 
-    def _weak_motors(
-        self, family: Family, branch: int, designs: Sequence[Design]
-    ) -> list[Rejection | None]:
+    def _weak_motors(self, family: Family, branch: int, designs: Sequence[Design]) -> Rejections:
         """Return the rejection of each design whose motors are too weak on one branch, or None."""
-        starts = np.array([move.start for move in self._moves])
-        steps = starts + FIRST_STEP * (np.array([move.end for move in self._moves]) - starts)
+        starts, ends = np.array(self._moves).swapaxes(0, 1)
+        steps = starts + FIRST_STEP * (ends - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
             q = family.joints(starts, branch)
             step = family.joints(steps, branch) - q
             step[..., :3] = np.arctan2(np.sin(step[..., :3]), np.cos(step[..., :3]))
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
             load = self._loads(family, q)
-        rejections: list[Rejection | None] = [None] * len(designs)
+        rejections: Rejections = [None] * len(designs)
         selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
             for joint, members in self._groups(name, designs) if name not in selected else ():
@@ -344,12 +340,7 @@ def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:
             if not isinstance(motion, Straight):
                 break
             target = {**position, **motion.to.set_coordinates}
-            moves.append(Move(_vector(position), _vector(target)))
+            moves.append(([*position.values()], [*target.values()]))
             tilts.append(target["tilt"])
             position = target
     return np.array(tilts), moves
-
-
-def _vector(task: dict[str, float]) -> Array:
-    """Return task coordinates as an array (4,)."""
-    return np.array([task[name] for name in TASK])

@@ -12,25 +12,34 @@ from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.reporting import write_report
 from ssm_planner.studies.evaluation import plans_of
 from ssm_planner.studies.page import write_study_page
-from ssm_planner.studies.run import PAGE, STORE
-from ssm_planner.studies.store import Candidate, Store, pareto
+from ssm_planner.studies.provenance import context_of, description_of, differences
+from ssm_planner.studies.run import PAGE, existing_store
+from ssm_planner.studies.store import Candidate, pareto, refuse_link
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import JsonObject
 
 
-def candidate(folder: Path, number: int) -> Candidate:
-    """Return the candidate with a number from the store in `folder`.
+def results(study: Study, folder: Path) -> dict[int, Candidate]:
+    """Return the candidates of a study by number, from the store in `folder`.
 
-    Raises ProblemError if the store or the candidate does not exist.
+    Raises ProblemError if there is no store, or if it contains the rows of another study or of
+    another program.
     """
-    if not (folder / STORE).is_file():
-        raise ProblemError(
-            "this folder does not contain the results of a study",
-            file=folder / STORE,
-            allowed="the folder that `study -o` wrote",
-        )
-    with Store(folder / STORE) as store:
-        rows = {row.number: row for row in store.rows()}
+    current = description_of(study)
+    with existing_store(folder) as store:
+        if differing := differences(store.description(), current):
+            raise ProblemError(
+                "the folder contains the results of another study or program: "
+                f"{', '.join(differing)}",
+                file=store.path,
+                allowed="the results of this study; `study FILE -o DIR` computes them",
+            )
+        store.describe(current, context_of(current))
+        return {row.number: row for row in store.rows()}
+
+
+def candidate(rows: Mapping[int, Candidate], number: int) -> Candidate:
+    """Return the candidate with a number. Raises ProblemError if it does not exist."""
     if number not in rows:
         raise ProblemError(
             "this candidate does not exist",
@@ -48,12 +57,16 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     study. The page of the study then has links to the pages of the candidate. Raises ProblemError
     for a motion without a plan, and ExportError if a file cannot be written.
     """
-    row = candidate(folder, number)
+    rows = results(study, folder)
+    row = candidate(rows, number)
     target = folder / f"candidate_{number}"
     target.mkdir(parents=True, exist_ok=True)
     robot = target / "robot.yaml"
     tree = study.resolved(study.complete_design(row.design, row.figures))
-    text = yaml.safe_dump(_numbered(tree, study, number), sort_keys=False, allow_unicode=True)
+    tree["name"] = f"{tree['name']}, candidate {number}"
+    tree["source"] = f"study {study.name}; {tree.get('source', '')}"
+    text = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+    refuse_link(robot)
     write_text(robot, f"# Candidate {number} of the study {study.name}.\n{text}")
     paths = [robot]
     for name, plan in plans_of(study, row).items():
@@ -62,19 +75,10 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
             raise ProblemError(f"candidate {number}: the motion {name} cannot be planned: {reason}")
         paths += write_folder(plan, target / name).values()
         paths.append(write_report(plan, target / name / "report.html"))
-    with Store(folder / STORE) as store:
-        rows = store.rows()
-    write_study_page(study, rows, pareto(rows[1:], study.minimise), folder / PAGE, finished=True)
+    original, *others = rows.values()
+    front = pareto(others, study.minimise)
+    write_study_page(study, (original, *others), front, folder / PAGE, finished=True)
     return paths
-
-
-def _numbered(tree: JsonObject, study: Study, number: int) -> JsonObject:
-    """Add the number of the candidate to the name and the source in a robot file's content."""
-    return {
-        **tree,
-        "name": f"{tree['name']}, candidate {number}",
-        "source": f"study {study.name}; {tree.get('source', '')}",
-    }
 
 
 def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int) -> JsonObject:
@@ -83,8 +87,8 @@ def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int)
     The keys are study, numbers, design and figures. Raises ProblemError if a candidate does not
     exist.
     """
-    a = candidate(folder, number_1)
-    b = candidate(folder, number_2)
+    rows = results(study, folder)
+    a, b = candidate(rows, number_1), candidate(rows, number_2)
     return {
         "study": study.name,
         "numbers": [number_1, number_2],

@@ -1,27 +1,30 @@
 """Store the candidates of a study in an SQLite database, with one row for each candidate.
 
 Only one process writes the database, and others may read it at any time. The key of a row is a hash
-of the design, the motions and the version of the package. The database contains results but no
-plans. Plans are computed again on request.
+of the design, the inputs of the study and the program. Each row contains a hash of its content. The
+database contains results but no plans. Plans are computed again on request. Rows of earlier studies
+and programs remain in the database, but they have no number.
 """
 
 import csv
 import hashlib
 import json
+import math
 import operator
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import field
+from itertools import starmap
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import frozen
+from ssm_planner.typing import JsonObject, frozen
 
 State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
 """State of a candidate.
@@ -32,16 +35,21 @@ State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
 - "failed": a fault of this program prevented its evaluation.
 - "quarantined": it ended its worker process at every attempt.
 """
-FORMAT = 1
+FORMAT = 2
 """Version of the database's layout."""
 LOCK_WAIT = 0.5
 """Time to wait for another process that holds the lock of a store, s."""
+WRITTEN = ("study.", "table.", "front.", "map.", "candidate_")
+"""Beginnings of the names of all files and folders that a study writes."""
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS candidates (
-    key TEXT PRIMARY KEY, number INTEGER NOT NULL, state TEXT NOT NULL, stage TEXT, reason TEXT,
-    design TEXT NOT NULL, figures TEXT
+    key TEXT PRIMARY KEY, state TEXT NOT NULL, stage TEXT, reason TEXT, design TEXT NOT NULL,
+    figures TEXT NOT NULL, sha256 TEXT NOT NULL
 ) WITHOUT ROWID;
-CREATE INDEX IF NOT EXISTS by_number ON candidates (number);
+CREATE TABLE IF NOT EXISTS numbers (number INTEGER PRIMARY KEY, key TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS study (
+    id INTEGER PRIMARY KEY, description TEXT NOT NULL, sha256 TEXT NOT NULL
+);
 PRAGMA user_version = {FORMAT};
 """
 
@@ -83,27 +91,40 @@ class Candidate(ShortRepr):
         ]
 
 
+Candidates = Sequence[Candidate]
+"""Results of several candidates."""
+
+
 def key_of(design: Mapping[str, Any], context: str) -> str:
     """Return the key of a design in the store.
 
-    `context` identifies the robot, the motions, the requirements and the version of the package.
+    `context` identifies the inputs of the study and the program.
     """
-    return hashlib.sha256(f"{context}\n{_text(design)}".encode()).hexdigest()[:32]
+    return hash_of(context, _text(design))[:32]
+
+
+def hash_of(*contents: object) -> str:
+    """Return the SHA-256 of texts and missing texts (None) in hexadecimal."""
+    return hashlib.sha256(repr(contents).encode()).hexdigest()
 
 
 class Store(AbstractContextManager["Store"]):
     """Database of candidates by key. It is used as a context manager.
 
     Opening raises ProblemError if the file is not such a database or if another process writes it,
-    and ExportError if the file cannot be written.
+    and ExportError if the file cannot be written or if a file of the study is a symbolic link.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._context: str | None = None
         # SQLite loses a lock if another handle of its file closes, so the lock has its own file.
         lock = path.with_suffix(".lock")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            for entry in path.parent.iterdir():
+                if entry.name.startswith((f"{path.stem}.", *WRITTEN)):
+                    refuse_link(entry)
             lock.touch()
         except OSError as error:
             raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from error
@@ -135,61 +156,113 @@ class Store(AbstractContextManager["Store"]):
             (version,) = self._connection.execute("PRAGMA user_version").fetchone()
             if version not in (0, FORMAT):
                 raise ProblemError(
-                    f"a store of format {version}", file=self.path, allowed=f"format {FORMAT}"
+                    f"another version of the program wrote this store (format {version})",
+                    file=self.path,
+                    allowed=f"format {FORMAT}; choose another folder, or remove this file",
                 )
+            # Damaged texts must reach the comparison of the hashes.
+            self._connection.text_factory = lambda text: text.decode(errors="replace")
+            self._connection.create_function("hash_of", -1, hash_of)
             self._connection.execute("PRAGMA journal_mode = WAL")
             # A power cut loses only the latest rows.
             self._connection.execute("PRAGMA synchronous = NORMAL")
             self._connection.executescript(_TABLES)
+
+    def describe(self, description: JsonObject, context: str) -> JsonObject:
+        """Store the description of the current study, and return the previous one.
+
+        If they differ, the rows of the previous study lose their numbers. `context` identifies the
+        inputs and the program. The result is empty if there is no previous study.
+        """
+        previous = self.description()
+        self._context = context
+        text = json.dumps(description)
+        if json.dumps(previous) != text:
+            self._write("DELETE FROM numbers", [()])
+            statement = "INSERT OR REPLACE INTO study VALUES (0, ?1, hash_of(?1))"
+            self._write(statement, [(text,)])
+        return previous
+
+    def description(self) -> JsonObject:
+        """Return the description of the latest study, which is empty if there is none.
+
+        Raises ProblemError if it was changed.
+        """
+        for text, sha256 in self._read("SELECT description, sha256 FROM study"):
+            with suppress(ValueError, RecursionError):
+                if sha256 == hash_of(text) and isinstance(result := json.loads(text), dict):
+                    return result
+            raise ProblemError("the description of the study was changed", file=self.path)
+        return {}
 
     def add(self, designs: Iterable[tuple[int, str, Mapping[str, Any]]]) -> None:
         """Add candidates with the state "waiting". Existing candidates get the new number.
 
         `designs` contains the number, the key and the design of each candidate.
         """
-        rows = ((key, number, _text(design)) for number, key, design in designs)
+        rows = [(number, key, _text(design)) for number, key, design in designs]
         self._write(
-            "INSERT INTO candidates (key, number, state, design) VALUES (?, ?, 'waiting', ?) "
-            "ON CONFLICT (key) DO UPDATE SET number = excluded.number",
-            rows,
+            "INSERT OR IGNORE INTO candidates VALUES (?1, 'waiting', NULL, NULL, ?2, '{}', "
+            "hash_of(?1, 'waiting', NULL, NULL, ?2, '{}'))",
+            [row[1:] for row in rows],
         )
+        self._write("INSERT OR REPLACE INTO numbers VALUES (?, ?)", [row[:2] for row in rows])
 
     def put(self, rows: Iterable[tuple[str, Candidate]]) -> None:
         """Write the results of candidates. `rows` contains the key and the result of each."""
         self._write(
-            "UPDATE candidates SET state = ?, stage = ?, reason = ?, figures = ? WHERE key = ?",
+            "UPDATE candidates SET state = ?1, stage = ?2, reason = ?3, figures = ?4, "
+            "sha256 = hash_of(key, ?1, ?2, ?3, design, ?4) WHERE key = ?5",
             ((row.state, row.stage, row.reason, _text(row.figures), key) for key, row in rows),
         )
 
-    def states(self) -> dict[str, tuple[int, str]]:
-        """Return the number and the state of every candidate by key."""
+    def states(self) -> dict[str, tuple[int | None, str]]:
+        """Return the number and the state of every candidate by key.
+
+        Rows of earlier studies have the number None.
+        """
         return {
             key: (number, state)
-            for key, number, state in self._read("SELECT key, number, state FROM candidates")
+            for key, number, state in self._read(
+                "SELECT key, number, CAST(state AS TEXT) FROM candidates LEFT JOIN numbers USING "
+                "(key)"
+            )
         }
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
         """Return the candidates with these keys in their order.
 
-        The default is all candidates by number.
+        The default is all candidates of the latest study by number. Raises ProblemError if a row
+        was changed after the study had written it.
         """
-        candidates = {
-            key: Candidate(
-                number,
-                state,
-                json.loads(design),
-                stage,
-                reason,
-                figures=json.loads(results or "{}"),
-            )
-            for key, number, state, stage, reason, design, results in self._read(
-                "SELECT key, number, state, stage, reason, design, figures FROM candidates ORDER "
-                "BY number, key"
-            )
-        }
+        candidates = []
+        for key, number, row in self.entries():
+            if row is None:
+                raise ProblemError(
+                    f"the row of candidate {number} was changed after the study had written it",
+                    file=self.path,
+                    allowed="rows of the study; `study audit` lists all that were changed",
+                )
+            candidates.append((key, row))
         if keys is None:
-            return list(candidates.values())
-        return [candidates[key] for key in keys if key in candidates]
+            return [row for _, row in candidates]
+        by_key = dict(candidates)
+        return [by_key[key] for key in keys if key in by_key]
+
+    def entries(self) -> Iterator[tuple[str, int, Candidate | None]]:
+        """Yield the key, the number and the row of each candidate of the latest study, by number.
+
+        The row is None if it was changed after the study had written it.
+        """
+        for number, key, *contents, sha256 in self._read(
+            "SELECT number, key, CAST(state AS TEXT), CAST(stage AS TEXT), CAST(reason AS TEXT), "
+            "CAST(design AS TEXT), CAST(figures AS TEXT), sha256 FROM numbers "
+            "LEFT JOIN candidates USING (key) ORDER BY number"
+        ):
+            intact = sha256 == hash_of(key, *contents)
+            if self._context is not None:
+                intact = intact and key == hash_of(self._context, contents[3])[:32]
+            yield key, number, _candidate(number, *contents) if intact else None
 
     def _read(self, statement: str) -> list[tuple[Any, ...]]:
         """Return all rows of a query."""
@@ -232,28 +305,44 @@ _text = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":
 """Encode a value as JSON. Equal values give equal texts."""
 
 
-def columns(rows: Sequence[Candidate]) -> dict[str, list[Any]]:
-    """Return candidates as the columns of a table, by name of the column.
-
-    The columns are the attributes of the candidates, their designs and their results. Missing
-    values are None.
-    """
-    attributes = ("number", "state", "stage", "reason")
-    table: dict[str, list[Any]] = {
-        name: [getattr(row, name) for row in rows] for name in attributes
-    }
-    for mapping in ("design", "figures"):
-        names = sorted({name for row in rows for name in getattr(row, mapping)})
-        table |= {name: [getattr(row, mapping).get(name) for row in rows] for name in names}
-    return table
+def _candidate(number: int, state: Any, *contents: Any) -> Candidate | None:
+    """Return the candidate in a row, or None if no study writes such a row."""
+    stage, reason, design, figures = contents
+    try:
+        results = json.loads(figures, parse_constant=lambda _: None)  # NaN is unknown
+        row = Candidate(number, state, {**json.loads(design)}, stage, reason, figures=results)
+        is_valid = state in get_args(State) and all(starmap(_is_figure, row.figures.items()))
+        return row if is_valid else None
+    except (ArithmeticError, AttributeError, RecursionError, TypeError, ValueError):
+        return None
 
 
-def write_table(rows: Sequence[Candidate], path: Path) -> None:
+def _is_figure(name: str, value: Any) -> bool:
+    """Return True if a value can be a result: a part, a finite number or unknown (None)."""
+    is_part = isinstance(value, str)
+    return is_part == name.startswith("joints.") and (
+        is_part or value is None or math.isfinite(value)
+    )
+
+
+def refuse_link(path: Path) -> None:
+    """Raise ExportError if a result is a symbolic link, because the target would change."""
+    if path.is_symlink():
+        raise ExportError(f"{path}: cannot be written: is a symbolic link; remove it")
+
+
+def write_table(rows: Candidates, path: Path) -> None:
     """Write candidates as a table, as Parquet if the path ends with ".parquet" and else as CSV.
 
-    Raises ExportError if the file cannot be written, or if Parquet is requested without pyarrow.
+    The columns are the attributes of the candidates, their designs and their results. Missing
+    values are empty. Raises ExportError if the file cannot be written, or if Parquet is requested
+    without pyarrow.
     """
-    table = columns(rows)
+    attributes = ("number", "state", "stage", "reason")
+    table = {name: [getattr(row, name) for row in rows] for name in attributes}
+    for mappings in ([row.design for row in rows], [row.figures for row in rows]):
+        for name in sorted(set().union(*mappings)):
+            table[name] = [mapping.get(name) for mapping in mappings]
     with replacing(path) as temporary:
         if path.suffix != ".parquet":
             with temporary.open("w", newline="", encoding="utf-8") as stream:
@@ -271,7 +360,7 @@ def write_table(rows: Sequence[Candidate], path: Path) -> None:
         parquet.write_table(pyarrow.table(table), temporary)
 
 
-def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candidate, ...]:
+def pareto(rows: Candidates, objectives: Sequence[str]) -> tuple[Candidate, ...]:
     """Return the Pareto front: the candidates that no other candidate dominates.
 
     A candidate dominates another one if it is not worse in any objective. Margins are maximised,
@@ -293,7 +382,7 @@ def pareto(rows: Sequence[Candidate], objectives: Sequence[str]) -> tuple[Candid
 
 
 def better(
-    reference: Candidate, front: Sequence[Candidate], objectives: Sequence[str]
+    reference: Candidate, front: Candidates, objectives: Sequence[str]
 ) -> tuple[Candidate, ...]:
     """Return the candidates of a front that dominate the candidate `reference`.
 

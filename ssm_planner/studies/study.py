@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
+from ssm_planner.errors import ProblemError
 from ssm_planner.loading import number_or_text
 from ssm_planner.problem import NotNegative, Value
 from ssm_planner.representation import ShortRepr
@@ -23,6 +24,10 @@ OBJECTIVES = ("duration", "motor_mass", "motor_margin", "peak_torque", "reach_ma
 """Results that `minimise` can name. Margins are maximised."""
 GEARS = ("worm", "screw")
 """Last key of a path that replaces the gear of a drive, such as `joints.tilt.drive.worm`."""
+MOST_CANDIDATES = 10_000_000
+"""Largest number of candidates. The results of more would not fit into memory."""
+DRAWN_TOGETHER = 4096
+"""Number of points of a Sobol' sequence that are drawn at once, a power of 2."""
 PACE = "pace"
 """Path of the factor (at least 1) by which motions are slowed down for the selection of parts."""
 
@@ -159,6 +164,25 @@ class Study(ShortRepr):
     selected: tuple[Choice, ...] = ()
     """Choices of motors and gears that follow from the motions of a candidate."""
 
+    def __post_init__(self) -> None:
+        if not 1 <= self.count <= MOST_CANDIDATES:
+            raise ProblemError(
+                f"the {self.search.method} search has {self.count:.6g} candidates",
+                key="search.points",
+                value=self.search.points,
+                allowed=f"1 to {MOST_CANDIDATES} candidates",
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of candidates."""
+        if self.search.method != "grid":
+            return self.search.points
+        return math.prod(
+            len(variable.contents) if isinstance(variable, Choice) else self.search.points
+            for variable in self.vary
+        )
+
     @cached_property
     def paths(self) -> tuple[str, ...]:
         """Paths of the robot file that vary."""
@@ -202,8 +226,7 @@ class Study(ShortRepr):
             for values in itertools.product(*grids):
                 yield dict(zip(self.paths, values, strict=True))
             return
-        for point in sobol(len(self.vary), search.points, search.seed):
-            yield self.design(point)
+        yield from map(self.design, sobol(len(self.vary), search.points, search.seed))
 
     def design(self, point: Sequence[float] | Array) -> Design:
         """Return the design at a point (d,) of the unit cube, with one coordinate per variable."""
@@ -229,10 +252,13 @@ def changed_robot(
     """Return the content of a robot file with the values of a design.
 
     `robot` is the original content, in which drives and motors replace the names of their files.
-    `contents` has the contents of all entries by name, by the path of a choice.
+    `contents` has the contents of all entries by name, by the path of a choice. Raises ProblemError
+    if a choice has no such entry.
     """
     tree = copy.deepcopy(dict(robot))
     for path, text in design.items():
+        if path in contents and text not in contents[path]:
+            raise ProblemError("no such entry", key=path, value=text)
         if path != PACE:
             _put(tree, path, contents[path][text] if path in contents else number_or_text(text))
     for path in design:
@@ -242,12 +268,13 @@ def changed_robot(
     return tree
 
 
-def sobol(dimensions: int, points: int, seed: int) -> Array:
-    """Return a scrambled Sobol' sequence in the unit cube, (points, dimensions)."""
+def sobol(dimensions: int, points: int, seed: int) -> Iterator[Array]:
+    """Yield the points (dimensions,) of a scrambled Sobol' sequence in the unit cube."""
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(dimensions, scramble=True, seed=seed)
-    return np.asarray(sampler.random_base2(math.ceil(math.log2(max(points, 1)))))[:points]
+    for start in range(0, points, DRAWN_TOGETHER):
+        yield from sampler.random(DRAWN_TOGETHER)[: points - start]
 
 
 def _put(tree: JsonObject, path: str, content: Any) -> None:
@@ -265,17 +292,11 @@ def _put(tree: JsonObject, path: str, content: Any) -> None:
         node[key] = content
         return
     drive = node[key] = dict(node[key])
-    geometry = {
-        key.removeprefix("geometry."): value
-        for key, value in content.items()
-        if key.startswith("geometry.")
-    }
-    if geometry:
-        thread = drive["geometry"].get("thread_angle")
-        drive["geometry"] = geometry if thread is None else {"thread_angle": thread, **geometry}
+    if any(key.startswith("geometry.") for key in content):
+        dimensions = drive["geometry"].items()
+        drive["geometry"] = {key: value for key, value in dimensions if key == "thread_angle"}
     for key, value in content.items():
-        if not key.startswith("geometry."):
-            _nested(drive, key.split("."), value)
+        _nested(drive, key.split("."), value)
 
 
 def _replace_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
@@ -286,9 +307,8 @@ def _replace_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
     """
     if "drive" not in joint:
         return
-    inertia = _inertia(joint["drive"], "input_inertia")
-    inertia -= _inertia(original.get("motor"), "rotor_inertia")
-    inertia += _inertia(joint["motor"], "rotor_inertia")
+    new, old = (_inertia(each.get("motor"), "rotor_inertia") for each in (joint, original))
+    inertia = _inertia(joint["drive"], "input_inertia") - old + new
     source = "the drive's, with the rotor of the motor chosen"
     joint["drive"] = {
         **joint["drive"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -30,10 +31,12 @@ from ssm_planner.loading import (
     stated_beside,
     validated,
 )
+from ssm_planner.loading.missions import written_out
 from ssm_planner.problem import Bound
 from ssm_planner.sizing import RANKS
 from ssm_planner.studies.study import (
     GEARS,
+    MOST_CANDIDATES,
     OBJECTIVES,
     PACE,
     Choice,
@@ -60,7 +63,7 @@ class SearchModel(Model):
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
     """Scrambled Sobol points; a grid; or with the extra `optuna` TPE or NSGA-II."""
-    points: Annotated[int, Field(ge=1, le=10_000_000)] = 256
+    points: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = 256
     """Number of candidates, at least 1; for a grid, values per range."""
     seed: Annotated[int, Field(ge=0)] = 0
     """The same seed gives the same candidates."""
@@ -165,17 +168,21 @@ def study_from(section: Section) -> Study:
 def _motions(section: Section, names: Sequence[str]) -> JsonObject:
     """Return the contents of problem files without robot and name, by the names of the files.
 
-    Raises ProblemError if a file is missing or named twice.
+    Included motions are expanded, and the paths of tables are absolute. Raises ProblemError if a
+    file is missing, invalid or named twice.
     """
     motions: JsonObject = {}
     for i, name in enumerate(names):
-        content = follow(section, "motions", i, file_kind="problem").value
+        problem = written_out(follow(section, "motions", i, file_kind="problem"))
         label = Path(name).stem
         if label in motions:
             raise section.error("given twice", "motions", i)
-        motions[label] = {
-            key: value for key, value in content.items() if key not in ("robot", "name")
-        }
+        for entry in problem.value.get("motion", ()):
+            if problem.file and isinstance(entry, dict) and isinstance(entry.get("path"), str):
+                entry["path"] = os.path.abspath(problem.file.parent / entry["path"])
+        motions[label] = problem.value
+        for key in ("robot", "name"):
+            problem.value.pop(key, None)
     return motions
 
 

@@ -89,7 +89,7 @@ def rate(executor: Executor, folder: Path, candidates: int = 20_000) -> float:
     wait([executor.submit(abs, -i) for i in range(20)])
     with Store(folder / run.STORE) as store:
         begin = time.perf_counter()
-        run._Driver(study, store, executor, run.AHEAD_ELSEWHERE, lambda *_: None).run()
+        run.Driver(study, store, executor, run.AHEAD_ELSEWHERE, lambda *_: None).run()
         taken = time.perf_counter() - begin
         assert {state for _, state in store.states().values()} == {"done"}
     return candidates / taken
@@ -107,7 +107,8 @@ def resuming(folder: Path) -> tuple[float, float, float]:
     study = replace(
         load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", ROWS, 1)
     )
-    context = run.context_of(study)
+    description = run.description_of(study)
+    context = run.context_of(description)
     rng = np.random.default_rng(1)
     figures = [
         dict(zip(study.minimise, pair, strict=True)) for pair in rng.random((ROWS, 2)).tolist()
@@ -117,13 +118,14 @@ def resuming(folder: Path) -> tuple[float, float, float]:
         for i, (design, each) in enumerate(zip(study.designs(), figures, strict=True))
     ]
     with Store(folder / run.STORE) as store:
+        store.describe(description, context)
         for chunk in ([Candidate(run.OWN, "done", {})], done):
             keys = [key_of(row.design, context) for row in chunk]
             store.add((row.number, key, row.design) for key, row in zip(keys, chunk, strict=True))
             store.put(zip(keys, chunk, strict=True))
     begin = time.process_time()
     with Workers(1) as workers, Store(folder / run.STORE) as store:
-        run._Driver(study, store, workers, run.AHEAD, lambda *_: None).run()
+        run.Driver(study, store, workers, run.AHEAD, lambda *_: None).run()
     resumed = time.process_time() - begin
     begin = time.process_time()
     page = folder / "page.html"

@@ -1,0 +1,153 @@
+"""Audit the results of a study: plan the front and random rows again, and compare the figures."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator, Mapping
+from itertools import repeat
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from ssm_planner.arguments import checked
+from ssm_planner.errors import ProblemError
+from ssm_planner.representation import ShortRepr
+from ssm_planner.studies.provenance import context_of, description_of, differences, study_of
+from ssm_planner.studies.run import OWN, TABLE, StudyProgress, driver_of, existing_store
+from ssm_planner.studies.store import Candidate, pareto, write_table
+from ssm_planner.studies.study import Study
+from ssm_planner.typing import frozen
+
+
+@frozen
+class Audit(ShortRepr):
+    """The outcome of the audit of a study.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Audit(planned=(-1, 0, 7), faults=("candidate 3: there is no result",)).passed
+    False
+    """
+
+    planned: tuple[int, ...]
+    """Numbers of the candidates that were planned again. The study's own robot has −1."""
+    faults: tuple[str, ...] = ()
+    """Figures that differ, rows that were changed or are missing, and a table that differs."""
+    notes: tuple[str, ...] = ()
+    """Differences within the tolerance, and differences between the programs."""
+
+    @property
+    def passed(self) -> bool:
+        """True if there are no faults."""
+        return not self.faults
+
+
+@checked
+def audit_study(
+    folder: str | Path,
+    tolerance: float = 1e-6,
+    workers: int | None = None,
+    progress: StudyProgress = lambda done, count, states: None,
+) -> Audit:
+    """Plan and check some candidates of a study again, and compare them with the stored results.
+
+    These candidates are the study's own robot, the front, and a random 5 % of the others. All rows
+    are compared with their hashes, and their designs with those of the search. The designs of an
+    adaptive search are not compared.
+
+    Parameters
+    ----------
+    folder
+        Folder of the results.
+    tolerance
+        Largest permitted difference of a figure, as a share of the larger value. The default only
+        permits rounding. Another processor may change figures by up to 0.5 %.
+    workers
+        Number of worker processes, 1 to 256. The default is the number of processors.
+    progress
+        Function that is called after each result.
+
+    Returns
+    -------
+    Audit
+        Faults, and the numbers of the candidates that were planned again.
+
+    Raises
+    ------
+    ProblemError
+        If the folder does not contain the results of a study, or if an argument is invalid.
+    ExportError
+        If a file cannot be written.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.audit_study("results/study").passed  # doctest: +SKIP
+    """
+    if not 0 <= tolerance < 1:
+        raise ProblemError("not a share", key="tolerance", value=tolerance, allowed="0 to 1")
+    folder = Path(folder)
+    with existing_store(folder) as store:
+        description = store.description()
+        study = study_of(description, str(folder))
+        store.describe(description, context_of(description))
+        entries = {number: row for _, number, row in store.entries()}
+    original = entries.pop(OWN, None)
+    faults = dict(_faults(study, entries))
+    if original is None or original.design:
+        faults[OWN] = "the row is missing or was changed"
+    rows = [row for number, row in entries.items() if row and number not in faults]
+    front = pareto(rows, study.minimise)
+    numbers = {row.number for row in front}
+    others = [row for row in rows if row.number not in numbers]
+    sample = [*front, *random.sample(others, math.ceil(0.05 * len(others)))]
+    with (
+        TemporaryDirectory() as temporary,
+        driver_of(study, Path(temporary), workers, None, progress) as driver,
+    ):
+        driver.run([row.design for row in sample])
+        planned = driver.rows()
+        write_table(rows, Path(temporary, TABLE))
+        tables = {
+            path.read_bytes() for path in (folder / TABLE, Path(temporary, TABLE)) if path.is_file()
+        }
+    messages = [f"candidate {number}: {fault}" for number, fault in sorted(faults.items())]
+    notes = differences(description, description_of(study))
+    if not faults and len(tables) > 1:
+        messages.append(f"{TABLE} does not contain the figures of the rows")
+    for row, again in zip([original or planned[0], *sample], planned, strict=True):
+        for text, is_near in _differences(row, again, tolerance):
+            (notes if is_near else messages).append(f"candidate {row.number}: {text}")
+    return Audit((OWN, *(row.number for row in sample)), tuple(messages), tuple(notes))
+
+
+def _faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[tuple[int, str]]:
+    """Yield the number and the fault of each row that is not a result of the study.
+
+    `entries` contains the rows by number, or None for a row that was changed.
+    """
+    designs = repeat(None, study.count) if study.search.adaptive else study.designs()
+    for number, design in enumerate(designs):
+        row = entries.get(number)
+        if row is None:
+            yield number, "the row is missing or was changed"
+        elif row.state == "waiting":
+            yield number, "there is no result"
+        elif design not in (None, row.design):
+            yield number, "the search of the study gives another design"
+    for number in entries.keys() - range(study.count):
+        yield number, "the search of the study gives no such candidate"
+
+
+def _differences(stored: Candidate, planned: Candidate, tolerance: float) -> Iterator[Any]:
+    """Yield each difference in words, and whether it is within the tolerance."""
+    old, new = ({"state": x.state, "stage": x.stage, **x.figures} for x in (stored, planned))
+    for name in dict.fromkeys([*old, *new]):
+        a: Any = old.get(name)
+        b: Any = new.get(name)
+        if a != b:
+            are_numbers = {type(a), type(b)} <= {int, float}
+            is_near = are_numbers and abs(a - b) <= tolerance * max(abs(a), abs(b))
+            yield f"{name}: {a} is stored, {b} is planned again", is_near

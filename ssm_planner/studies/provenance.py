@@ -1,0 +1,89 @@
+"""Describe the program and the inputs that determine the results of a study."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import asdict
+from functools import cache
+from importlib.metadata import entry_points, version
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from ssm_planner.errors import ProblemError
+from ssm_planner.native.library import load
+from ssm_planner.publishing import sha256
+from ssm_planner.studies.store import hash_of
+from ssm_planner.studies.study import Study
+from ssm_planner.typing import JsonObject
+
+LIBRARIES = ("casadi", "numpy", "scipy", "toppra")
+"""Packages whose version may change the results."""
+SOURCES = (".py", ".c", ".h", ".csv")
+"""Suffixes of the files of this package that may change the results."""
+
+
+@cache
+def program() -> dict[str, str]:
+    """Describe the program that computes the results.
+
+    Returns the hash of the package's sources, whether the compiled part is in use, and the versions
+    of the numerical libraries and of packages that extend this one, by name.
+    """
+    folder = Path(__file__).parents[1]
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.*")):
+        if path.suffix in SOURCES:
+            digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    points = (*entry_points(group="ssm_planner.drives"), *entry_points(group="ssm_planner.motions"))
+    extensions = {point.dist.name for point in points if point.dist}
+    return {
+        "ssm_planner": digest.hexdigest()[:16],
+        "compiled part": "in use" if load() else "not in use",
+        **{name: version(name) for name in (*LIBRARIES, *extensions)},
+    }
+
+
+def description_of(study: Study) -> JsonObject:
+    """Describe the program and all inputs of a study as JSON types.
+
+    The description does not contain the name of the study and of its file.
+    """
+    inputs = {**asdict(study), "program": program(), "tables": {}}
+    del inputs["name"], inputs["file"]
+    for motion in study.motions.values():
+        for entry in motion.get("motion", ()):
+            if isinstance(entry, dict) and "path" in entry:
+                path = str(entry["path"])
+                inputs["tables"][path] = sha256(Path(path)) if os.path.isfile(path) else None
+    return json.loads(json.dumps(inputs, default=str))
+
+
+def study_of(description: JsonObject, name: str) -> Study:
+    """Return the study with a description. Raises ProblemError if no study has this description."""
+    try:
+        return TypeAdapter(Study).validate_python({**description, "name": name})
+    except ValidationError as error:
+        raise ProblemError(f"this folder does not describe a study: {error}", file=name) from None
+
+
+def context_of(description: JsonObject) -> str:
+    """Return the hash of all that determines the result of a design.
+
+    The search and the objectives are not part of it, so rows remain valid if only these change.
+    """
+    return hash_of(json.dumps({**description, "search": 0, "minimise": 0}, sort_keys=True))
+
+
+def differences(previous: JsonObject, current: JsonObject) -> list[str]:
+    """Return in words what differs between two descriptions of studies or of programs."""
+    words = []
+    for name in sorted(previous.keys() | current.keys()):
+        old, new = previous.get(name), current.get(name)
+        if name == "program":
+            words += differences(old or {}, new or {})
+        elif old != new:
+            words.append(f"{name} ({old} instead of {new})" if isinstance(old, str) else name)
+    return words

@@ -1,0 +1,98 @@
+"""Studies without planning: figures in closed form, an executor in this process, and changed stores."""
+
+from __future__ import annotations
+
+import json
+import math
+import sqlite3
+from concurrent.futures import Executor, Future
+from pathlib import Path
+
+import pytest
+
+from ssm_planner.loading.files import of_data
+from ssm_planner.studies.evaluation import Evaluation
+from ssm_planner.studies.store import Candidate, hash_of
+from ssm_planner.studies.study_file import study_from
+
+FILE = {
+    "robot": "vitreoretinal",
+    "motions": ["tilt_insert"],
+    "vary": {
+        "geometry.alpha": {"from": "38 deg", "to": "44 deg"},
+        "geometry.home_tilt": {"from": "-114 deg", "to": "-110 deg"},
+    },
+    "minimise": ["duration", "peak_torque"],
+    "search": {"points": 16, "seed": 3},
+}
+
+
+def study(**changes):
+    return study_from(of_data({**FILE, **changes}))
+
+
+class Here(Executor):
+    """Evaluates at once in this process, and counts the candidates."""
+
+    def __init__(self, *_) -> None:
+        self.count = 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        self.count += len(args[-1])
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def closed_form(factor: float = 1.0):
+    """A replacement of `Evaluation.__call__`: two figures that oppose each other."""
+
+    def evaluate(self, number, design):
+        alpha = float(design.get("geometry.alpha", "30 deg").split()[0])
+        tilt = float(design.get("geometry.home_tilt", "-113 deg").split()[0])
+        figures = {"duration": factor * math.cos(math.radians(alpha + tilt)) ** 2 + 1}
+        return Candidate(number, "done", design, figures={**figures, "peak_torque": alpha})
+
+    return evaluate
+
+
+@pytest.fixture
+def without_planning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Candidates have figures in closed form, which this process computes."""
+    monkeypatch.setattr(Evaluation, "__call__", closed_form())
+    monkeypatch.setattr("ssm_planner.studies.run.Workers", Here)
+    monkeypatch.setattr("ssm_planner.studies.run.write_study_figures", lambda *_: {})
+    monkeypatch.setattr("ssm_planner.studies.show.plans_of", lambda *_: {})
+
+
+def execute(folder: Path, statement: str, *values: object) -> None:
+    """Change the store in a folder as another program can."""
+    connection = sqlite3.connect(folder / "study.sqlite", isolation_level=None)
+    connection.execute(statement, values)
+    connection.close()
+
+
+def forge(folder: Path, number: int, **columns: object) -> None:
+    """Change columns of a row, and compute its hash anew, as a deliberate forger does."""
+    connection = sqlite3.connect(folder / "study.sqlite", isolation_level=None)
+    names = ("state", "stage", "reason", "design", "figures")
+    key, *contents = connection.execute(
+        f"SELECT key, {', '.join(names)} FROM candidates JOIN numbers USING (key) WHERE number = ?",
+        (number,),
+    ).fetchone()
+    changed = {**dict(zip(names, contents, strict=True)), **columns}
+    assignments = ", ".join(f"{name} = ?" for name in (*names, "sha256"))
+    connection.execute(
+        f"UPDATE candidates SET {assignments} WHERE key = ?",
+        (*changed.values(), hash_of(key, *changed.values()), key),
+    )
+    connection.close()
+
+
+def figures_of(folder: Path, number: int) -> dict[str, float]:
+    connection = sqlite3.connect(folder / "study.sqlite")
+    (text,) = connection.execute(
+        "SELECT figures FROM candidates JOIN numbers USING (key) WHERE number = ?", (number,)
+    ).fetchone()
+    connection.close()
+    return json.loads(text)
