@@ -1,7 +1,5 @@
 """Check the arguments of public functions against their type annotations."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import types

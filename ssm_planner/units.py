@@ -1,12 +1,12 @@
 """Convert quantities with units, such as `65 deg/s`, to numbers in SI units."""
 
-import csv
 import math
 import re
 from collections import Counter
 from functools import lru_cache
 from pathlib import Path
 
+from ssm_planner.package_table import package_table
 from ssm_planner.typing import frozen
 
 deg = math.pi / 180
@@ -23,47 +23,19 @@ ms = 1e-3
 Dimensions = tuple[tuple[str, int], ...]
 """Powers of the base dimensions in sorted order, empty for a dimensionless number."""
 
-_PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6}
-_PREFIXES |= {
-    "pico": 1e-12,
-    "nano": 1e-9,
-    "micro": 1e-6,
-    "milli": 1e-3,
-    "centi": 1e-2,
-    "kilo": 1e3,
-    "mega": 1e6,
-}
 LONGEST_SYMBOL = 3
 """Largest length of a unit without a plural form."""
-_BASES = {
-    "length": "m meter metre",
-    "time": "s second sec",
-    "mass": "kg kilogram",
-    "current": "A ampere",
-    "temperature": "K kelvin degC degree_Celsius",
-    "angle": "rad radian",
+_SYMBOLS: dict[str, dict[str, tuple[float, str]]] = {
+    "prefix": {"": (1.0, "")},
+    "base": {},
+    "derived": {},
 }
-"""Base units by dimension.
+"""Factor of each prefix, dimension of each base unit, and value of each derived unit.
 
 Angle is a separate dimension, so `5` and `5 mm` are not valid angles.
 """
-_DERIVED = {
-    "min minute": (60.0, "s"),
-    "h hour": (3600.0, "s"),
-    "g gram": (1e-3, "kg"),
-    "deg degree": (deg, "rad"),
-    "turn rev revolution": (2 * math.pi, "rad"),
-    "rpm revolutions_per_minute": (1.0, "turn/min"),
-    "N newton": (1.0, "kg*m/s^2"),
-    "Nm newton_meter": (1.0, "N*m"),
-    "J joule": (1.0, "N*m"),
-    "Hz hertz": (1.0, "1/s"),
-    "W watt": (1.0, "J/s"),
-    "V volt": (1.0, "W/A"),
-    "ohm": (1.0, "V/A"),
-    "in inch": (25.4e-3, "m"),
-}
-"""Other units as multiples of base units."""
+for _names, _kind, _factor, _unit in package_table(Path(__file__).with_name("symbols.csv")):
+    _SYMBOLS[_kind] |= dict.fromkeys(_names.split(), (float(_factor), _unit))
 _ZERO = {"degC": 273.15, "degree_Celsius": 273.15}
 """Zero of temperature scales in K. In a compound unit such as K/W, a degree is a kelvin."""
 
@@ -288,7 +260,7 @@ def _unit_by_name(name: str) -> tuple[float, Dimensions]:
     Raises KeyError if the unit is unknown.
     """
     for symbol in (name, name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name):
-        for prefix, factor in _PREFIXES.items():
+        for prefix, (factor, _) in _SYMBOLS["prefix"].items():
             unit = _plain(symbol.removeprefix(prefix)) if symbol.startswith(prefix) else None
             if unit is not None:
                 return factor * unit[0], unit[1]
@@ -297,14 +269,13 @@ def _unit_by_name(name: str) -> tuple[float, Dimensions]:
 
 def _plain(name: str) -> tuple[float, Dimensions] | None:
     """Return the factor and the dimensions of a unit without a prefix, or None if it is unknown."""
-    for dimension, names in _BASES.items():
-        if name in names.split():
-            return 1.0, ((dimension, 1),)
-    for names, (factor, unit) in _DERIVED.items():
-        if name in names.split():
-            scale, dimensions = _parsed(unit)
-            return factor * scale, dimensions
-    return None
+    if name in _SYMBOLS["base"]:
+        return 1.0, ((_SYMBOLS["base"][name][1], 1),)
+    if name not in _SYMBOLS["derived"]:
+        return None
+    factor, unit = _SYMBOLS["derived"][name]
+    scale, dimensions = _parsed(unit)
+    return factor * scale, dimensions
 
 
 def _name(dimensions: Dimensions) -> str:
@@ -363,13 +334,14 @@ class Kind:
 
 NUMBER = Kind("a number", "0.13", "")
 """Kind of dimensionless numbers. It is not in KINDS."""
-with Path(__file__).with_suffix(".csv").open(encoding="utf-8") as _table:
-    KINDS = {
-        key: Kind(
-            name, example, unit, tuple(others.split()), largest=float(largest or "inf"), slip=slip
-        )
-        for key, name, example, unit, others, largest, slip in list(csv.reader(_table))[1:]
-    }
+KINDS = {
+    key: Kind(
+        name, example, unit, tuple(others.split()), largest=float(largest or "inf"), slip=slip
+    )
+    for key, name, example, unit, others, largest, slip in package_table(
+        Path(__file__).with_suffix(".csv")
+    )
+}
 """Kinds of quantity by the name in the schema."""
 
 

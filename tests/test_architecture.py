@@ -19,6 +19,7 @@ ROOMS = (
         "typing",
         "representation",
         "progress",
+        "package_table",
         "units",
         "display",
         "atomic",

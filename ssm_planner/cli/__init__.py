@@ -18,6 +18,7 @@ from types import FrameType
 from typing import Any
 
 from ssm_planner.errors import ProblemError, SsmPlannerError, suggestion
+from ssm_planner.package_table import package_table
 
 BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 """Exit statuses that do not come from a command."""
@@ -34,9 +35,9 @@ RETRY_DELAY = 0.01
 STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 """Numbers of errors that mean that stdout cannot be written."""
 
-with Path(__file__).with_name("commands.csv").open(encoding="utf-8", newline="") as _table:
-    COMMANDS = {name: values for name, *values in csv.reader(_table)}
-del COMMANDS["command"]
+COMMANDS = {
+    name: values for name, *values in package_table(Path(__file__).with_name("commands.csv"))
+}
 """Module in ssm_planner.cli, help text, example and usage line (if it is special) of every command.
 
 A module is imported only if one of its commands is used. arguments.csv lists the arguments of a

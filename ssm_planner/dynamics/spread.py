@@ -14,23 +14,11 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior, unchecked
+from ssm_planner.problem import FRICTION_NAMES, LAW, LAWS, LOAD_OFFSET, Drive, Posterior, unchecked
 from ssm_planner.typing import Array, Arrays, Range, record
 
 LINEAR_DRAWS = 20_000
 """Number of draws for quantities that are cheap to evaluate."""
-VARIABLE = (
-    "mu",
-    "mu_static",
-    "mu_stribeck",
-    "stribeck_speed",
-    "b_c",
-    "b_v",
-    "b_oc",
-    "b_ov",
-    "preload",
-)
-"""Parameters that a covariance may contain."""
 SPREAD = ("mu", "b_c", "b_v", "b_oc", "b_ov")
 """Parameters to which a stated relative spread applies."""
 SEED = 20_210_521
@@ -100,13 +88,13 @@ class FrictionSpread:
         """Return the parameters by name, each (count,), for deviations (count, k)."""
         return {name: self.mean[i] + deviations[:, i] for i, name in enumerate(self.names)}
 
-    def within(self, share: float, count: int = 1000) -> Arrays:
+    def within(self, share: float) -> Arrays:
         """Return parameter sets by name, each (sets,), that represent a confidence region.
 
         The sets are the fraction `share` of the draws that is nearest to the mean by Mahalanobis
-        distance, combined with the ends of the ranges. Without a posterior, `count` draws are made.
+        distance, combined with the ends of the ranges. Without a posterior, 1000 draws are made.
         """
-        deviations = self.deviations(count if self.posterior is None else len(self.posterior.draws))
+        deviations = self.deviations(1000 if self.posterior is None else len(self.posterior.draws))
         if self.names:
             scaled = deviations / np.where(self.sigma > 0, self.sigma, 1.0)
             inverse = np.linalg.pinv(np.atleast_2d(np.cov(scaled, rowvar=False)), 1e-9)
@@ -188,9 +176,9 @@ def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array
     Raises ProblemError for an unknown parameter, a missing entry or an invalid matrix.
     """
     names = tuple(table)
-    unknown = [name for name in names if name not in VARIABLE]
+    unknown = [name for name in names if name not in FRICTION_NAMES]
     if unknown:
-        raise _not_one(drive, f"{unknown[0]} is not a parameter", allowed=", ".join(VARIABLE))
+        raise _not_one(drive, f"{unknown[0]} is not a parameter", allowed=", ".join(FRICTION_NAMES))
     try:
         rows = [[table[a][b] for b in names] for a in names]
     except KeyError as error:

@@ -145,14 +145,18 @@ def bytes_of(file: Path, largest: int = LARGEST_FILE) -> bytes:
         raise ProblemError(f"cannot be read: {reason}", file=file) from None
 
 
-def text_of(file: Path) -> str:
-    """Read a text file in UTF-8. Raises ProblemError if the file is empty or cannot be read."""
-    data = bytes_of(file)
+def decoded(file: Path, data: bytes) -> str:
+    """Return the content of a file as text. Raises ProblemError, with the line, if it is no UTF-8."""
     try:
-        text = data.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise ProblemError("not a text file in UTF-8", file=file, line=line) from None
+
+
+def text_of(file: Path) -> str:
+    """Read a text file in UTF-8. Raises ProblemError if the file is empty or cannot be read."""
+    text = decoded(file, bytes_of(file))
     if not text.strip():
         raise ProblemError("the file is empty", file=file, line=1)
     return text

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ssm_planner.errors import ProblemError, TrajectoryError
-from ssm_planner.loading.files import bytes_of
+from ssm_planner.loading.files import bytes_of, decoded
 from ssm_planner.typing import Array
 
 IN_PARTS = 20 * 2**20
@@ -163,12 +163,10 @@ def parse_json(path: Path, data: bytes) -> Any:
 
     decoder = _decoder(path)
     try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise TrajectoryError(f"{path}:{line}: not a text file in UTF-8") from error
-    try:
+        text = decoded(path, data)
         content = decoder.decode(text)
+    except ProblemError as error:
+        raise TrajectoryError(str(error)) from error
     except json.JSONDecodeError as error:
         is_truncated = error.pos >= len(text.rstrip())
         fault = "the file ends early: truncated" if is_truncated and text.strip() else "not JSON"

@@ -5,10 +5,9 @@ Figures of one datasheet follow from each other by physics: stall torque = k·U/
 motors.csv state these relations, and ranges for quantities that only experience limits.
 """
 
-import csv
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +24,7 @@ from ssm_planner.loading.schema import (
     validated,
 )
 from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.package_table import package_table
 from ssm_planner.problem import Bound, Motor
 
 
@@ -56,8 +56,7 @@ REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance and torque constant, K."""
 
 
-with Path(__file__).with_suffix(".csv").open(encoding="utf-8") as _table:
-    RULES = list(csv.DictReader(_table))
+RULES = package_table(Path(__file__).with_suffix(".csv"))
 """Ranges, from `low` to `high`, of products of powers of figures in SI units.
 
 `figure` is the name that messages contain, and `product` is a text such as `nominal_voltage
@@ -115,18 +114,21 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
         _check_rule(section, figures, rule)
 
 
-def _check_rule(section: Section, figures: Mapping[str, float], rule: Mapping[str, str]) -> None:
+def _check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[str]) -> None:
     """Raise ProblemError if figures violate a rule. A product of NaN violates none."""
-    factors = (factor.partition("^") for factor in rule["product"].split())
+    figure, product_text, *numbers, fault = rule
+    factors = (factor.partition("^") for factor in product_text.split())
     powers = {name: int(power or 1) for name, _, power in factors}
     product = math.prod(figures[name] ** power for name, power in powers.items())
-    low, high, scale = (float(rule[name]) for name in ("low", "high", "scale"))
+    low, high, scale = map(float, numbers)
     if not (product < low or product > high):
         return
-    figure = rule["figure"]
     expected, *ends = (
         figures[figure] * (end / product) ** (1 / powers.get(figure, 1)) for end in (1.0, low, high)
     )
-    fault = rule["fault"].format(value=scale * product, expected=scale * expected)
     allowed = "{:.3g} to {:.3g} in SI units: figures of one datasheet and one winding"
-    raise section.error(fault, figure, allowed=allowed.format(*sorted(ends)))
+    raise section.error(
+        fault.format(value=scale * product, expected=scale * expected),
+        figure,
+        allowed=allowed.format(*sorted(ends)),
+    )

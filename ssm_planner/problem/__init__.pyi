@@ -74,6 +74,7 @@ from .motion import (
 from .motor import Motor as Motor
 from .posterior import (
     CONFIDENCE as CONFIDENCE,
+    FRICTION_NAMES as FRICTION_NAMES,
     LAW as LAW,
     LAWS as LAWS,
     LOAD_OFFSET as LOAD_OFFSET,

@@ -7,10 +7,13 @@ from typing import Annotated
 from ssm_planner.problem.robot import JOINTS
 from ssm_planner.problem.value import (
     Bound,
+    Coefficient,
+    Current,
     Names,
     NotNegative,
     Positive,
     Quantity,
+    Time,
     Value,
     uncompared,
 )
@@ -42,7 +45,7 @@ class AxisController(Value):
     """Velocity feed-forward, A·s/rad."""
     ff_acceleration: Annotated[NotNegative, Quantity("acceleration_gain")] | None = None
     """Acceleration feed-forward, A·s²/rad."""
-    max_current: Annotated[Positive, Quantity("current")] | None = None
+    max_current: Current | None = None
     """Largest current, A.
 
     The default is the motor's largest torque divided by its torque constant.
@@ -72,7 +75,7 @@ class JointCompliance(Value):
 
     The default is 30 Hz, for joint 4 100 Hz.
     """
-    damping_ratio: Annotated[NotNegative, Quantity("number")] = 0.3
+    damping_ratio: Coefficient = 0.3
     """Damping ratio of the joint with its drive locked."""
     backlash: Annotated[NotNegative, Quantity("angle", "length")] | None = None
     """Free play between both flanks, rad or m. The default is 0.1 deg, for joint 4 0.02 mm."""
@@ -94,9 +97,9 @@ class Controller(Value):
 
     name: str = "EPOS4, tuned from the plant"
     """Name of the controller and its tuning."""
-    loop_period: Annotated[Positive, Quantity("time")] = 400e-6
+    loop_period: Time = 400e-6
     """Period of the position loop, s. An EPOS4 runs at 2.5 kHz (hardware reference, 50/5)."""
-    current_lag: Annotated[Positive, Quantity("time")] = 100e-6
+    current_lag: Time = 100e-6
     """Time constant of the closed current loop, s.
 
     The default is an assumption for 25 kHz current sampling.

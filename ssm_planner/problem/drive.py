@@ -8,11 +8,17 @@ from typing import Annotated, Literal
 from ssm_planner.problem.posterior import Posterior
 from ssm_planner.problem.transmissions import LARGEST_THREAD_ANGLE, TRANSMISSIONS, Transmission
 from ssm_planner.problem.value import (
+    Coefficient,
+    Delay,
+    Length,
+    Mass,
+    MotorSpeed,
     Names,
     NotNegative,
     Positive,
     Quantity,
     Sign,
+    Torque,
     Value,
     uncompared,
 )
@@ -45,11 +51,11 @@ class Rig(Value):
     -1
     """
 
-    payload_mass: Annotated[NotNegative, Quantity("mass")]
+    payload_mass: Mass
     """Mass that the output moves, kg. 0 without payload."""
-    motor_nominal_torque: Annotated[Positive, Quantity("torque")]
+    motor_nominal_torque: Torque
     """Nominal torque of the motor, N·m. Recorded torques are in percent of it."""
-    payload_arm: Annotated[Positive, Quantity("length")] | None = None
+    payload_arm: Length | None = None
     """Radius of the pulley that carries the payload of a worm, m.
 
     None if the payload hangs on the nut (screws).
@@ -112,9 +118,9 @@ class Friction(Value):
     'coulomb'
     """
 
-    mu: Annotated[NotNegative, Quantity("number")]
+    mu: Coefficient
     """Kinetic (Coulomb) coefficient of the mesh."""
-    mu_static: Annotated[NotNegative, Quantity("number")]
+    mu_static: Coefficient
     """Coefficient at breakaway."""
     b_c: Annotated[NotNegative, Quantity("torque")]
     """Bearing Coulomb torque, N·m."""
@@ -126,23 +132,23 @@ class Friction(Value):
     """Output viscous coefficient, N·m·s/rad or N·s/m."""
     law: FrictionLawName = "coulomb"
     """Dependence of the coefficient on speed."""
-    mu_stribeck: Annotated[NotNegative, Quantity("number")] = 0.0
+    mu_stribeck: Coefficient = 0.0
     """Increase of the coefficient above mu at low speed, in the Stribeck laws."""
-    stribeck_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
+    stribeck_speed: MotorSpeed | None = None
     """Motor speed w_s of the Stribeck term, rad/s."""
-    dwell_constant: Annotated[NotNegative, Quantity("time")] | None = None
+    dwell_constant: Delay | None = None
     """Constant c of mu_static, which grows as exp(−c / t_dwell), s.
 
     None if it reaches its full value at once.
     """
-    memory: Annotated[NotNegative, Quantity("time")] = 0.0
+    memory: Delay = 0.0
     """Frictional memory: delay of w in μ(w), s."""
-    mu_lowest: Annotated[NotNegative, Quantity("number")] | None = None
+    mu_lowest: Coefficient | None = None
     """Lowest plausible mu (lubrication, temperature).
 
     The self-locking margin is reported for it as well.
     """
-    identified_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
+    identified_speed: MotorSpeed | None = None
     """Largest motor speed in the identification data, rad/s. Friction is extrapolated beyond it."""
     covariance: Mapping[str, Mapping[str, float]] | None = None
     """Covariance of the parameters as stated by the user, in SI units."""
@@ -199,13 +205,13 @@ class Ratings(Value):
     """Largest continuous output effort, N·m (worm) or N (screws)."""
     peak_output: Annotated[Positive, Quantity("torque", "force")] | None = None
     """Largest output effort at any instant, N·m (worm) or N (screws)."""
-    input_speed: Annotated[Positive, Quantity("motor_speed")] | None = None
+    input_speed: MotorSpeed | None = None
     """Largest motor speed, rad/s."""
     duty: Annotated[Positive, Quantity("number")] | None = None
     """Largest share of time in motion."""
-    free_length: Annotated[Positive, Quantity("length")] | None = None
+    free_length: Length | None = None
     """Unsupported length of a screw, m."""
-    root_diameter: Annotated[Positive, Quantity("length")] | None = None
+    root_diameter: Length | None = None
     """Core diameter of a screw, m."""
     ends: ScrewEnds | None = None
     """Bearings of the screw, for buckling and critical speed."""
@@ -268,7 +274,7 @@ class Drive(Value):
     """
     preload: Annotated[NotNegative, Quantity("force")] = 0.0
     """Spring force between the half nuts of an antibacklash screw, N."""
-    second_nut_mass: Annotated[NotNegative, Quantity("mass")] = 0.0
+    second_nut_mass: Mass = 0.0
     """Mass of the half nut that the spring carries, kg."""
     self_locking: bool = True
     """True if the robot relies on this drive to hold without motor torque."""

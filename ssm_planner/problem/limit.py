@@ -191,6 +191,10 @@ class Symmetric(Limit):
     def relaxed(self, value: float) -> "Self | None":
         return replaced(self, largest=max(self.largest, abs(value)))
 
+    def doubled(self) -> tuple[float, ...]:
+        """Return twice the bound as the only result of `trials`."""
+        return (2 * self.largest,)
+
 
 class Between(Limit):
     """Base class of limits with lower ≤ value ≤ upper."""

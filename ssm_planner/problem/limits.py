@@ -1,5 +1,6 @@
 """Define a class for each kind of limit, on joints, motors, task coordinates, tool and path."""
 
+from abc import abstractmethod
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, ClassVar
@@ -15,7 +16,7 @@ from ssm_planner.problem.limit import (
     replaced,
 )
 from ssm_planner.problem.limit import Limit as Limit
-from ssm_planner.problem.value import NotNegative, Positive, unchecked
+from ssm_planner.problem.value import NotNegative, Positive, check_name, unchecked
 from ssm_planner.typing import Range, frozen
 from ssm_planner.units import display_unit
 
@@ -62,6 +63,9 @@ class JointLimit(Symmetric):
     def on(self, problem: P) -> P:
         return _with_joint(problem, self.of, **{self.field: self.largest})
 
+    def _with_reserve(self, needed: float) -> float:
+        return max(needed, self.largest) * (1 + RESERVE)
+
 
 @frozen
 class JointPosition(Between):
@@ -88,9 +92,7 @@ class JointVelocity(JointLimit):
 
     name = field = "velocity"
     order = 1
-
-    def trials(self) -> tuple[float, ...]:
-        return (2 * self.largest,)
+    trials = Symmetric.doubled
 
 
 class JointAcceleration(JointLimit):
@@ -98,9 +100,7 @@ class JointAcceleration(JointLimit):
 
     name = field = "acceleration"
     order = 2
-
-    def sufficient_bound(self, needed: float) -> float:
-        return max(needed, self.largest) * (1 + RESERVE)
+    sufficient_bound = JointLimit._with_reserve
 
 
 class JointJerk(JointLimit):
@@ -148,12 +148,8 @@ class MotorTorque(MotorLimit):
     field = "max_torque"
     order = 2
     unit = "N·m"
-
-    def sufficient_bound(self, needed: float) -> float:
-        return max(needed, self.largest) * (1 + RESERVE)
-
-    def trials(self) -> tuple[float, ...]:
-        return (2 * self.largest,)
+    sufficient_bound = JointLimit._with_reserve
+    trials = Symmetric.doubled
 
 
 @frozen
@@ -240,8 +236,43 @@ class SelfLocking(Limit):
         return _with_joint(problem, self.of, drive=replace(drive, friction=raised_friction))
 
 
+class OfCoordinate(Limit):
+    """Base class of limits on one task coordinate, which is one of TASK."""
+
+    coordinate: str
+    derivative: ClassVar[int]
+    """Order of the time derivative of the coordinate that is limited."""
+
+    def _check(self) -> None:
+        super()._check()
+        check_name(
+            self.coordinate,
+            TASK,
+            f"{type(self).__name__}.coordinate",
+            "unknown task coordinate",
+        )
+
+    @staticmethod
+    @abstractmethod
+    def name_of(coordinate: str) -> str:
+        """Return the name of the limit on a task coordinate."""
+
+    @property
+    def name(self) -> str:
+        """Name such as "tilt range" or "tilt rate"."""
+        return self.name_of(self.coordinate)
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the limited quantity, which is a length or its derivative for depth."""
+        return derived_unit(self.coordinate == "depth", self.derivative)
+
+    def on(self, problem: P) -> P:
+        return _with_own(problem, self)
+
+
 @frozen
-class TaskRange(Between):
+class TaskRange(OfCoordinate, Between):
     """Range of one task coordinate, rad or m.
 
     Examples
@@ -256,24 +287,12 @@ class TaskRange(Between):
     lower: float
     upper: float
 
-    def _check(self) -> None:
-        super()._check()
-        _coordinate(self, self.coordinate)
-
-    @property
-    def name(self) -> str:
-        """Name such as "tilt range"."""
-        return self.name_of(self.coordinate)
+    derivative = 0
 
     @staticmethod
     def name_of(coordinate: str) -> str:
         """Return the name of the limit on the range of a task coordinate, such as "tilt range"."""
         return f"{coordinate} range"
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the coordinate: rad, or m for depth."""
-        return derived_unit(self.coordinate == "depth", 0)
 
     @property
     def coupled(self) -> bool:
@@ -319,9 +338,7 @@ class TaskRange(Between):
             else robot_range
             for robot_range in current.robot.limits
         )
-        return _with_own(
-            replaced(problem, robot=replace(current.robot, limits=tuple(limits))), self
-        )
+        return super().on(replaced(problem, robot=replace(current.robot, limits=tuple(limits))))
 
 
 @frozen
@@ -342,14 +359,12 @@ class ToolLimit(Symmetric):
     """Key in a problem file and in plan.json."""
     largest: Positive
     unit = "m"
+    trials = Symmetric.doubled
 
     @classmethod
     def kinds(cls) -> "tuple[type[ToolLimit], ...]":
         """Return the classes of limits on the tool that a problem can have."""
         return (*SpeedLimit.__subclasses__(), StopTravel)
-
-    def trials(self) -> tuple[float, ...]:
-        return (2 * self.largest,)
 
     def on(self, problem: P) -> P:
         return _with_own(problem, self)
@@ -373,7 +388,7 @@ class SpeedLimit(ToolLimit):
 
 
 @frozen
-class TaskRate(Symmetric):
+class TaskRate(OfCoordinate, Symmetric):
     """Largest |rate| of one task coordinate, rad/s or m/s.
 
     Examples
@@ -384,18 +399,10 @@ class TaskRate(Symmetric):
     ('insertion speed', 'm/s')
     """
 
-    order = 1
+    order = derivative = 1
     coordinate: str
     """One of TASK."""
     largest: Positive
-
-    def _check(self) -> None:
-        _coordinate(self, self.coordinate)
-
-    @property
-    def name(self) -> str:
-        """Name such as "tilt rate", or "insertion speed" for depth."""
-        return self.name_of(self.coordinate)
 
     @staticmethod
     def name_of(coordinate: str) -> str:
@@ -406,14 +413,6 @@ class TaskRate(Symmetric):
     def field_of(coordinate: str) -> str:
         """Return the key of the limit on the rate of a task coordinate in a problem file."""
         return "insertion_speed" if coordinate == "depth" else f"{coordinate}_rate"
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the rate: rad/s, or m/s for depth."""
-        return derived_unit(self.coordinate == "depth", 1)
-
-    def on(self, problem: P) -> P:
-        return _with_own(problem, self)
 
 
 class TipSpeed(SpeedLimit):
@@ -773,17 +772,6 @@ def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limi
             )
     kinds = (TaskRange, TaskRate, *ToolLimit.kinds())
     return tuple(sorted(unique, key=lambda limit: kinds.index(type(limit))))
-
-
-def _coordinate(limit: Limit, name: str) -> None:
-    """Raise ProblemError if `name` is not a task coordinate. `limit` is the limit that has it."""
-    if name not in TASK:
-        raise ProblemError(
-            "unknown task coordinate",
-            key=f"{type(limit).__name__}.coordinate",
-            value=name,
-            allowed=", ".join(TASK),
-        )
 
 
 def _joint(problem: Any, name: str) -> Any:

@@ -8,9 +8,11 @@ from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.value import (
     Bound,
     Count,
-    NotNegative,
+    Delay,
+    Length,
     Positive,
     Quantity,
+    Time,
     Value,
     check_name,
     uncompared,
@@ -127,7 +129,7 @@ class Straight(Value):
     tilt: float | None = None
     spin: float | None = None
     depth: float | None = None
-    duration: Annotated[Positive, Quantity("time")] | None = None
+    duration: Time | None = None
     """Requested duration, s. The motion then minimises effort."""
     name: str = ""
     """Name of the motion.
@@ -135,7 +137,7 @@ class Straight(Value):
     The default is the coordinate that moves (insert for depth), or straight.
     """
     line: Line | None = uncompared()
-    blend: Annotated[Positive, Quantity("length")] | None = None
+    blend: Length | None = None
     """Tip distance from the end within which the corner to the next motion is rounded, m.
 
     At least 10 µm.
@@ -227,7 +229,7 @@ class Follow(Value):
     """Tip distance from the end of a line or arc within which the next corner is rounded, m."""
     constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
     """Speed of the tip along a line or arc, except for the ramps at its ends, m/s."""
-    distance: Annotated[Positive, Quantity("length")] | None = None
+    distance: Length | None = None
     """Distance of the tip from the retina, m. `to` then gives the final direction of the tool."""
 
     def _check(self) -> None:
@@ -311,7 +313,7 @@ class Dwell(Value):
     """
 
     kind: ClassVar[str] = "dwell"
-    duration: Annotated[Positive, Quantity("time")]
+    duration: Time
     """Duration of the pause, s."""
     name: str = "dwell"
     line: Line | None = uncompared()
@@ -334,7 +336,7 @@ class Scan(Value):
     kind: ClassVar[str] = "scan"
     at: Task
     """Direction of the tool to the centre of the pattern: tilt, and optionally roll and spin."""
-    distance: Annotated[Positive, Quantity("length")]
+    distance: Length
     """Distance of the tip from the retina, m."""
     diameters: tuple[Positive, ...] = ()
     """Increasing diameters of the rings, m. Empty for a raster."""
@@ -342,12 +344,12 @@ class Scan(Value):
     """Rows of a raster, or 0 for rings."""
     columns: Annotated[Count, Quantity("number")] = 0
     """Columns of a raster, or 0 for rings."""
-    spacing: Annotated[Positive, Quantity("length")] = 0.6e-3
+    spacing: Length = 0.6e-3
     """Distance between neighbouring spots, m.
 
     On a ring it is rounded to a whole number of spots.
     """
-    dwell: Annotated[NotNegative, Quantity("time")] = 0.0
+    dwell: Delay = 0.0
     """Pause at every spot, s. With 0 the tool passes the spots without stopping."""
     order: Literal["given", "fastest"] = "given"
     """Order of the spots: that of the pattern, or the fastest order of all spots of all rings."""

@@ -6,8 +6,12 @@ from typing import Annotated
 
 from ssm_planner.problem.value import (
     Bound,
+    Current,
+    MotorSpeed,
     Positive,
     Quantity,
+    Time,
+    Torque,
     Value,
     uncompared,
 )
@@ -31,17 +35,17 @@ class Motor(Value):
 
     name: str
     """Name such as the manufacturer's designation."""
-    nominal_torque: Annotated[Positive, Quantity("torque")]
+    nominal_torque: Torque
     """Continuous torque, N·m."""
-    max_torque: Annotated[Positive, Quantity("torque")]
+    max_torque: Torque
     """Largest torque that a plan may use at any instant, N·m."""
-    max_speed: Annotated[Positive, Quantity("motor_speed")]
+    max_speed: MotorSpeed
     """Largest permissible speed, rad/s."""
     nominal_voltage: Annotated[Positive, Quantity("voltage")] | None = None
     """Nominal voltage, V. It is the default supply of the controller."""
-    nominal_current: Annotated[Positive, Quantity("current")] | None = None
+    nominal_current: Current | None = None
     """Continuous current, A."""
-    no_load_current: Annotated[Positive, Quantity("current")] | None = None
+    no_load_current: Current | None = None
     """Current without a load at nominal voltage, A. It gives the friction torque of the motor."""
     torque_constant: Annotated[Positive, Quantity("torque_constant")] | None = None
     """Torque constant, N·m/A."""
@@ -53,9 +57,9 @@ class Motor(Value):
     """Thermal resistance from winding to housing, K/W."""
     resistance_housing_ambient: Annotated[Positive, Quantity("thermal_resistance")] | None = None
     """Thermal resistance from housing to ambient, K/W."""
-    time_constant_winding: Annotated[Positive, Quantity("time")] | None = None
+    time_constant_winding: Time | None = None
     """Thermal time constant of the winding, s."""
-    time_constant_motor: Annotated[Positive, Quantity("time")] | None = None
+    time_constant_motor: Time | None = None
     """Thermal time constant of the motor, s."""
     max_winding_temperature: Annotated[Positive, Quantity("temperature")] | None = None
     """Largest permissible temperature of the winding, K."""

@@ -33,14 +33,17 @@ from ssm_planner.problem.motion import (
 )
 from ssm_planner.problem.robot import Robot, check_rotation
 from ssm_planner.problem.value import (
+    Delay,
     Interval,
+    Length,
     Matrix,
     Names,
     NotNegative,
+    Position,
     Positive,
     Quantity,
+    Time,
     Value,
-    Vector,
     unchecked,
     uncompared,
 )
@@ -66,9 +69,9 @@ class Lens(Value):
     [0.0045, 0.0045, 0.002]
     """
 
-    centre: Annotated[Vector, Quantity("length")]
+    centre: Position
     """Centre in the base frame, m, (3,)."""
-    semi_axes: Annotated[Vector, Quantity("length")]
+    semi_axes: Position
     """Semi-axes along the columns of `frame`, m, (3,)."""
     frame: Matrix
     """Rotation base ← lens, (3, 3)."""
@@ -92,13 +95,13 @@ class Eye(Value):
     True
     """
 
-    centre: Annotated[Vector, Quantity("length")]
+    centre: Position
     """Centre in the base frame, m, (3,)."""
-    radius: Annotated[Positive, Quantity("length")]
+    radius: Length
     """Radius of the retina, m."""
     clearance: Annotated[NotNegative, Quantity("length")]
     """Smallest allowed distance of the tip from the retina, m."""
-    port: Annotated[Positive, Quantity("length")] = 3e-3
+    port: Length = 3e-3
     """Radius of the incision around the remote centre, m. The retina has a hole of this radius."""
     shaft_radius: Annotated[NotNegative, Quantity("length")] = 0.0
     """Distance that the axis of the shaft keeps from the lens, m."""
@@ -332,9 +335,9 @@ class Problem(Value, Limited):
     """Joint accelerations at the start of a free motion with jerk limits, rad/s² and m/s²."""
     end_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the end by name in TASK, 0 for missing names."""
-    duration: Annotated[Positive, Quantity("time")] | None = None
+    duration: Time | None = None
     """Requested duration of all motions together, s."""
-    duty: Annotated[NotNegative, Quantity("time")] | None = 0.0
+    duty: Delay | None = 0.0
     """Pause before the motion repeats, s. The motors cool during it.
 
     None means that the motion is done once, and the limits on continuous torque do not apply.

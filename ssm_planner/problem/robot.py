@@ -27,8 +27,9 @@ from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.transmissions import TRANSMISSIONS
 from ssm_planner.problem.value import (
     Interval,
+    Mass,
     Matrix,
-    NotNegative,
+    Position,
     Positive,
     Quantity,
     Sign,
@@ -125,9 +126,9 @@ class Body(Value):
 
     name: str
     """Name such as that of the CAD part."""
-    mass: Annotated[NotNegative, Quantity("mass")]
+    mass: Mass
     """Mass, kg. It is 0 if the mass of another body includes it."""
-    com: Annotated[Vector, Quantity("length")]
+    com: Position
     """Centre of mass in the body frame, m, (3,)."""
     inertia: Matrix
     """Inertia tensor about the origin of the body frame, kg·m², (3, 3).

@@ -15,12 +15,11 @@ from ssm_planner.problem.drive_geometry import (
     Family,
     resolve,
 )
-from ssm_planner.problem.value import Positive, Quantity
+from ssm_planner.problem.value import Length, Positive, Quantity
 from ssm_planner.registry import Registry
 from ssm_planner.typing import record
 
 _Number = Annotated[Positive, Quantity("number")]
-_Length = Annotated[Positive, Quantity("length")]
 _Angle = Annotated[Positive, Quantity("angle")]
 Dimensions = Mapping[str, float]
 """Dimensions in SI units by key."""
@@ -90,13 +89,13 @@ class _Thread(Transmission):
     threaded = True
     family: ClassVar[Family]
     """Equations between the dimensions."""
-    lead: _Length | None = None
+    lead: Length | None = None
     """Advance of the thread in one turn."""
     lead_angle: _Angle | None = None
     """Lead angle at the diameter at which friction acts: tan = lead / (π · diameter)."""
     starts: _Number | None = None
     """Number of parallel threads: lead = starts · pitch."""
-    pitch: _Length | None = None
+    pitch: Length | None = None
     """Distance between neighbouring threads."""
 
     @classmethod
@@ -132,9 +131,9 @@ class Worm(_Thread):
     distinctive = frozenset({"wheel_diameter", "worm_diameter", "ratio"})
     ratio: _Number | None = None
     """Turns of the worm per turn of the wheel."""
-    worm_diameter: _Length | None = None
+    worm_diameter: Length | None = None
     """Pitch diameter of the worm."""
-    wheel_diameter: _Length | None = None
+    wheel_diameter: Length | None = None
     """Pitch diameter of the wheel."""
     thread_angle: _Angle = field(kw_only=True)
     """Angle between both flanks in the axial section."""
@@ -156,13 +155,13 @@ class LeadScrew(_Thread):
     family = SCREW_FAMILY
     slides = True
     rotating_screw = True
-    diameter: _Length | None = None
+    diameter: Length | None = None
     """Diameter at which friction acts."""
-    effective_diameter: _Length | None = None
+    effective_diameter: Length | None = None
     """Synonym of diameter."""
     thread_angle: _Angle = field(kw_only=True)
     """Angle between both flanks in the axial section."""
-    outer_diameter: _Length | None = None
+    outer_diameter: Length | None = None
     """Outer diameter, for information. Friction acts at the effective diameter."""
 
 
@@ -211,7 +210,7 @@ class BallScrew(Transmission):
     name = "ball_screw"
     slides = True
     rotating_screw = True
-    lead: _Length
+    lead: Length
     """Advance of the nut in one turn."""
 
     @classmethod
@@ -226,7 +225,7 @@ class CableSlide(Transmission):
 
     name = "cable_slide"
     slides = True
-    pulley_diameter: _Length
+    pulley_diameter: Length
     """Diameter at which the belt or cable runs."""
     ratio: _Number | None = None
     """Turns of the motor per turn of the pulley. The default is 1."""

@@ -6,8 +6,6 @@ allowed values of each field, and the method `_check` rejects fields that contra
 Lists become tuples. Arrays are copied and made read-only.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import inspect
@@ -102,6 +100,24 @@ Interval = Annotated[Range, Ascending()]
 Vector = Annotated[Array, Shape((3,))]
 Matrix = Annotated[Array, Shape((3, 3))]
 Sign = Literal[-1, 1]
+Length = Annotated[Positive, Quantity("length")]
+"""Positive length, m."""
+Time = Annotated[Positive, Quantity("time")]
+"""Positive time, s."""
+Coefficient = Annotated[NotNegative, Quantity("number")]
+"""Number without a unit, at least 0."""
+Position = Annotated[Vector, Quantity("length")]
+"""Position or lengths along the axes, m, (3,)."""
+MotorSpeed = Annotated[Positive, Quantity("motor_speed")]
+"""Positive speed of a motor, rad/s."""
+Delay = Annotated[NotNegative, Quantity("time")]
+"""Time of at least 0, s."""
+Torque = Annotated[Positive, Quantity("torque")]
+"""Positive torque, N·m."""
+Current = Annotated[Positive, Quantity("current")]
+"""Positive current, A."""
+Mass = Annotated[NotNegative, Quantity("mass")]
+"""Mass of at least 0, kg."""
 
 
 class Value(ShortRepr):

@@ -11,7 +11,7 @@ import numpy as np
 from ssm_planner.dynamics import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import JOINTS, Motorisation, Problem, Robot, Stroke
-from ssm_planner.sizing.joint_load import RATE, JointLoad, joint_loads
+from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.trajectory import DEGREE, Span, Trajectory
 from ssm_planner.typing import Array, record
 
@@ -104,10 +104,10 @@ class DutyCycle:
         runs = tuple((back_and_forth(stroke), stroke.joint) for stroke in motorisation.strokes)
         return cls(motorisation.name, motorisation.robot, runs)
 
-    def loads(self, payload: float = 0.0, rate: float = RATE) -> tuple[JointLoad, ...]:
+    def loads(self, payload: float = 0.0) -> tuple[JointLoad, ...]:
         """Compute the loads of all joints with a point mass `payload` (kg) at the tool tip.
 
-        `rate` is the sampling rate, Hz. Raises ProblemError if a joint has a motor but no drive.
+        Raises ProblemError if a joint has a motor but no drive.
         """
         for joint in self.robot.joints:
             if joint.motor is not None and joint.drive is None:
@@ -116,7 +116,7 @@ class DutyCycle:
         return tuple(
             load
             for trajectory, joint in self.runs
-            for load in joint_loads(trajectory, robot, rate)
+            for load in joint_loads(trajectory, robot)
             if joint in (None, load.joint)
         )
 

@@ -1,7 +1,5 @@
 """Describe the program and the inputs that determine the results of a study."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
