@@ -45,6 +45,7 @@ from ssm_planner.sizing import (
     MotorRequirement,
     Sizing,
     TipError,
+    extrapolation,
     pause_of,
     size_motion,
     tip_error,
@@ -955,16 +956,4 @@ def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
             f"joint {requirement.joint}: a {drive.kind} drive does not lock itself: without power "
             "its load moves it"
         ]
-    identified_speed = drive.friction.identified_speed
-    if identified_speed is None:
-        return [
-            f"joint {requirement.joint}: the drive file does not say up to which speed "
-            "friction was identified"
-        ]
-    if requirement.peak_speed <= identified_speed:
-        return []
-    return [
-        f"joint {requirement.joint}: friction extrapolated "
-        f"{requirement.peak_speed / identified_speed:.1f}× beyond the identified speeds "
-        f"({identified_speed:.3g} rad/s, used up to {requirement.peak_speed:.3g} rad/s)"
-    ]
+    return extrapolation(requirement.joint, drive, requirement.peak_speed)

@@ -27,19 +27,9 @@ EXAMPLES = {
     "motor": "motors/maxon_ecx_speed_13_m",
     "motorisation": "motorisation/package",
     "controller": "controllers/epos4",
+    "study": "studies/geometry",
 }
 """Shipped files whose values appear in the templates."""
-TEMPLATES = (*EXAMPLES, "study")
-"""Kinds that have templates."""
-STUDY = {
-    "robot": "vitreoretinal",
-    "motions": ["tilt_insert"],
-    "vary": {"geometry.alpha": {"from": "28 deg", "to": "34 deg"}},
-    "require": {"reach": ["-135 deg", "-85 deg"], "self_locking": True},
-    "minimise": ["duration", "motor_margin"],
-    "search": {"method": "sobol", "points": 64},
-}
-"""Content of the template of a study."""
 REFERENCES = ("robot", "drive", "motor", "alternatives")
 """Keys whose values are names of files."""
 COLUMN, WIDTH = 44, 116
@@ -124,17 +114,15 @@ def template(kind: str, name: str) -> str:
     >>> print(ssm_planner.template("motor", "mine").splitlines()[3].split("#")[0].strip())
     name: mine
     """
-    _require(kind, TEMPLATES)
+    _require(kind, tuple(EXAMPLES))
     from ssm_planner.loading import read, shipped_folder
 
     keys = {key.path: key for key in file_keys(kind)}
-    data, figures = STUDY, "an example study"
-    if kind != "study":
-        data = read(shipped_folder() / f"{EXAMPLES[kind]}.yaml").value
-        figures = f"the figures of the shipped {EXAMPLES[kind]}"
+    example = EXAMPLES[kind]
+    data = read(shipped_folder() / f"{example}.yaml").value
     kind = "drive" if kind == "screw" else kind
     head = [
-        f"# A {kind} file with {figures}. Replace them with yours.",
+        f"# A {kind} file with the figures of the shipped {example}. Replace them with yours.",
         "# Text after # is a comment. Keys in comments are optional. Every figure has its unit.",
         f"# Editors can complete and check it with the output of `ssm-planner schema {kind}`.",
     ]

@@ -1,7 +1,6 @@
 """Command line: parse arguments, call the library, print results and return the exit status."""
 
 import argparse
-import csv
 import errno
 import gc
 import importlib

@@ -37,11 +37,8 @@ from .schema import (
     Model as Model,
     Reference as Reference,
     Text as Text,
-    Truth as Truth,
-    interval as interval,
     keys as keys,
     located as located,
-    quantity as quantity,
     validated as validated,
 )
 from .tables import table_rows as table_rows

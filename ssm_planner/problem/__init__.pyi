@@ -112,6 +112,7 @@ from .transmissions import TRANSMISSIONS as TRANSMISSIONS, Transmission as Trans
 from .value import (
     Ascending as Ascending,
     Bound as Bound,
+    Interval as Interval,
     NotNegative as NotNegative,
     Quantity as Quantity,
     Shape as Shape,

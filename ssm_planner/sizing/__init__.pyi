@@ -1,6 +1,6 @@
 """Names of the sizing that other packages use, by the module that defines them."""
 
-from .assess import MotorVerdict as MotorVerdict
+from .assess import MotorVerdict as MotorVerdict, extrapolation as extrapolation
 from .duty import DutyCycle as DutyCycle, pause_of as pause_of
 from .joint_load import JointLoad as JointLoad, joint_loads as joint_loads
 from .motor_limits import (

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.dynamics import FrictionSpread, friction_of, spread_of
-from ssm_planner.problem import Motor
+from ssm_planner.problem import Drive, Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.checks import (
     TOLERANCE,
@@ -377,23 +377,30 @@ def _joint_probability(demands: Demands, limits: dict[str, Limit]) -> float:
     return float(np.mean(np.all(np.broadcast_arrays(*is_satisfied), axis=0)))
 
 
+def extrapolation(joint: str, drive: Drive, peak_speed: float) -> list[str]:
+    """Return a remark if friction is used beyond the speeds at which it was identified.
+
+    `peak_speed` is the largest speed of the motor, rad/s.
+    """
+    identified_speed = friction_of(drive).identified_speed
+    if identified_speed is None:
+        reason = "the drive file does not say up to which speed friction was identified"
+    elif peak_speed <= identified_speed:
+        return []
+    else:
+        reason = (
+            f"friction extrapolated {peak_speed / identified_speed:.1f}× beyond the identified "
+            f"speeds ({identified_speed:.3g} rad/s, used up to {peak_speed:.3g} rad/s)"
+        )
+    return [f"joint {joint}: {reason}"]
+
+
 def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
     """Return remarks on assumptions and on extrapolated friction."""
     notes = []
     if motor.placeholder:
         notes.append(f"motor {motor.name}: placeholder figures ({', '.join(motor.placeholders)})")
-    identified_speed = friction_of(load.drive).identified_speed
-    peak = load.peak_speed
-    if identified_speed is None:
-        notes.append(
-            f"joint {load.joint}: the drive file does not say up to which speed friction was "
-            "identified"
-        )
-    elif peak > identified_speed:
-        notes.append(
-            f"joint {load.joint}: friction extrapolated {peak / identified_speed:.1f}× beyond the "
-            f"identified speeds ({identified_speed:.3g} rad/s, used up to {peak:.3g} rad/s)"
-        )
+    notes += extrapolation(load.joint, load.drive, load.peak_speed)
     if motor.torque_constant is not None and motor.torque_constant_per_kelvin is None:
         notes.append(f"assumed: the torque constant falls by {-100 * MAGNET:g} % per kelvin")
     if conditions.supply_voltage is None and motor.nominal_voltage is not None:

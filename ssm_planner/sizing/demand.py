@@ -9,18 +9,9 @@ import numpy as np
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics import LINEAR_DRAWS, SEED, FrictionSpread, drive_with, friction_of
-from ssm_planner.problem import Motor
 from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import JointLoad
-from ssm_planner.sizing.motor_limits import (
-    ELECTRICAL,
-    REFERENCE_TEMPERATURE,
-    missing,
-    require_value,
-    required_voltage,
-    resistance,
-    torque_constant,
-)
+from ssm_planner.sizing.motor_limits import voltage_factors
 from ssm_planner.typing import Array, record
 
 DemandName = Literal[
@@ -131,20 +122,13 @@ def demands(load: JointLoad) -> Demands:
 
 
 def _voltage(torque: Array, load: JointLoad) -> Array:
-    """Return the largest voltage that the cold or the hot motor needs, V.
-
-    The cold motor has a larger back-EMF. The hot motor has more resistance and needs more current.
-    """
-    motor = load.motor
+    """Return the largest voltage (draws,) that the cold or the hot motor needs, V."""
     speed = load.speed()
-    if motor is None or missing(motor, *ELECTRICAL):
-        return np.full(len(torque), np.nan)
-    hottest = require_value(motor, "max_winding_temperature")
-    cold, hot = (
-        required_voltage(torque, speed, motor, temperature).max(axis=1)
-        for temperature in (REFERENCE_TEMPERATURE, hottest)
-    )
-    return np.maximum(cold, hot)
+    volts = [
+        np.abs(per_torque * torque + per_speed * speed).max(axis=1)
+        for per_torque, per_speed in voltage_factors(load.motor)
+    ]
+    return np.max(volts, axis=0)
 
 
 def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
@@ -188,19 +172,8 @@ def _lowest(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
     wd = np.abs(load.acceleration())
     width = load.motor_friction[1] - load.motor_friction[0]
     peak, rms = ((high - low) / 2 * float(value) + width for value in (wd.max(), load.rms(wd)))
-    volts = peak * volts_per_torque(load.motor)
+    volts = peak * voltage_factors(load.motor)[1, 0]
     return Demands.from_table(np.maximum(lowest - [peak, rms, volts, 0.0, 0.0], 0.0))
-
-
-def volts_per_torque(motor: Motor | None) -> float:
-    """Return the additional voltage per additional torque of the hot motor, R/k in V/(N·m).
-
-    NaN if data are missing.
-    """
-    if motor is None or missing(motor, *ELECTRICAL):
-        return np.nan
-    hottest = require_value(motor, "max_winding_temperature")
-    return resistance(motor, hottest) / torque_constant(motor, hottest)
 
 
 def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
@@ -265,7 +238,7 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
         return smooth
     peak = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
     peak *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
-    voltage = smooth.peak_voltage + peak * volts_per_torque(load.motor)
+    voltage = smooth.peak_voltage + peak * voltage_factors(load.motor)[1, 0]
     return replace(smooth, peak_torque=smooth.peak_torque + peak, peak_voltage=voltage)
 
 

@@ -212,10 +212,20 @@ def operating_shares(
     }
 
 
-def required_voltage(torque: Array, speed: Array, motor: Motor, temperature: float) -> Array:
-    """Return |R·I + k·w| (V) for torques (n,) or (draws, n) at motor speeds (n,)."""
-    k = torque_constant(motor, temperature)
-    return np.abs(resistance(motor, temperature) / k * torque + k * speed)
+def voltage_factors(motor: Motor | None) -> Array:
+    """Return R/k in V/(N·m) and k in V·s/rad of the cold and of the hot motor, (2, 2).
+
+    A torque at a motor speed needs their scalar product with both. The cold motor has a larger
+    back-EMF. The hot motor has more resistance and needs more current. The values are NaN if data
+    are missing.
+    """
+    if motor is None or missing(motor, *ELECTRICAL):
+        return np.full((2, 2), np.nan)
+    hottest = require_value(motor, "max_winding_temperature")
+    constants = [
+        (resistance(motor, t), torque_constant(motor, t)) for t in (REFERENCE_TEMPERATURE, hottest)
+    ]
+    return np.array([(ohm / k, k) for ohm, k in constants])
 
 
 def supply(motor: Motor, conditions: Conditions) -> float | None:

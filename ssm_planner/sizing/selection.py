@@ -32,13 +32,12 @@ from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.heat_check import heat_of
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
-    ELECTRICAL,
-    REFERENCE_TEMPERATURE,
     Conditions,
     missing,
     require_value,
     resistance,
     torque_constant,
+    voltage_factors,
 )
 from ssm_planner.sizing.thermal_network import FIGURES, Modes, ThermalModel
 from ssm_planner.typing import Array, Arrays, JsonObject, Keywords, Mask, record
@@ -287,20 +286,6 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
     return float(load.duration * (load.weight @ np.maximum(-power, 0.0)))
 
 
-def _balance(motor: Motor) -> Array:
-    """Return R/k in V/(N·m) and k in N·m/A of the cold and of the hot motor, (2, 2).
-
-    The values are NaN if data are missing.
-    """
-    if missing(motor, *ELECTRICAL):
-        return np.full((2, 2), np.nan)
-    hottest = require_value(motor, "max_winding_temperature")
-    constants = [
-        (resistance(motor, t), torque_constant(motor, t)) for t in (REFERENCE_TEMPERATURE, hottest)
-    ]
-    return np.array([(ohm / k, k) for ohm, k in constants])
-
-
 def select_joint(
     load: JointLoad,
     motors: Sequence[Part[Motor]],
@@ -336,7 +321,7 @@ class _Fleet:
         self.motors = motors
         self.limits = [limits_of(motor, conditions, 1.0, None) for motor in motors]
         self.max_speed = np.array([motor.max_speed for motor in motors])
-        self.balance = np.array([_balance(motor) for motor in motors])
+        self.balance = np.array([voltage_factors(motor) for motor in motors])
         self.cool, self.hot = np.array([_certain(motor, conditions, period) for motor in motors]).T
 
     def limit(self, name: str) -> Array:

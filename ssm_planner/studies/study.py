@@ -6,16 +6,16 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading import number_or_text
-from ssm_planner.problem import NotNegative, Value
+from ssm_planner.problem import Interval, NotNegative, Quantity, Value
 from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, JsonObject, Range, frozen, record
+from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.units import BadQuantity, quantity
 
 Design = Mapping[str, str]
@@ -105,9 +105,9 @@ class Requirements(Value):
     False
     """
 
-    reach: Range | None = None
+    reach: Annotated[Interval, Quantity("angle")] | None = None
     """Range of signed tilts that the workspace must contain, rad."""
-    reach_margin: NotNegative = 0.0
+    reach_margin: Annotated[NotNegative, Quantity("angle")] = 0.0
     """Additional tilt at both ends of this range, rad."""
     self_locking: bool = False
     """True if every drive must hold its load without torque."""

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -18,21 +18,19 @@ from ssm_planner.loading import (
     Reference,
     Section,
     Text,
-    Truth,
     entries,
     find,
     follow,
-    interval,
     located,
     of_data,
-    quantity,
     read,
     robot_from,
     stated_beside,
     validated,
 )
 from ssm_planner.loading.missions import written_out
-from ssm_planner.problem import Bound
+from ssm_planner.loading.schema import Part as Keys
+from ssm_planner.loading.schema import model_of
 from ssm_planner.sizing import RANKS
 from ssm_planner.studies.study import (
     GEARS,
@@ -69,19 +67,8 @@ class SearchModel(Model):
     """The same seed gives the same candidates."""
 
 
-class RequirementsModel(Model):
-    """Conditions that a candidate must meet."""
-
-    reach: Annotated[tuple[float, float], interval("angle")] | None = None
-    """Tilts that the mechanism must reach."""
-    reach_margin: Annotated[float, quantity("angle", Bound(at_least=0.0))] = 0.0
-    """Additional tilt at both ends of reach."""
-    self_locking: Truth = False
-    """Every drive holds without torque."""
-    motor_margin: Annotated[
-        float, Share(_margin, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")
-    ] = 0.0
-    """Smallest permitted margin of torque, continuous torque, speed, heat and voltage."""
+_SHARE = Share(_margin, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")
+RequirementsModel = model_of(Requirements, {"motor_margin": (Annotated[float, _SHARE], 0.0)})
 
 
 class StudyModel(Model):
@@ -97,7 +84,7 @@ class StudyModel(Model):
     """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE,
     select: mass}; pace.
     """
-    require: RequirementsModel = RequirementsModel()
+    require: Annotated[Any, Keys(RequirementsModel)] = RequirementsModel()
     """Conditions that a candidate must meet."""
     minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]
     """Objectives; margins are maximised."""

@@ -40,13 +40,10 @@ class Workers(Executor):
         Number of processes.
     attempts
         Number of workers that one task may end before it fails.
-    timeout
-        Time after which the worker of a call is killed, s. None sets no limit.
     """
 
-    def __init__(self, count: int, attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
+    def __init__(self, count: int, attempts: int = ATTEMPTS) -> None:
         self._attempts = attempts
-        self._timeout = timeout
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
         self._closed = self._ended = False
         self._processes: dict[int, subprocess.Popen[bytes]] = {}
@@ -123,21 +120,15 @@ class Workers(Executor):
             _end(process)
 
     def _ask(self, process: subprocess.Popen[bytes], message: bytes) -> bytes | None:
-        """Return the worker's answer, or None if the worker died or exceeded the timeout."""
+        """Return the worker's answer, or None if the worker died."""
         assert process.stdin is not None
         assert process.stdout is not None
-        timer = None if self._timeout is None else threading.Timer(self._timeout, process.kill)
-        if timer is not None:
-            timer.start()
         try:
             _send(process.stdin, message)
             return _receive(process.stdout)
         except (OSError, EOFError):
             _end(process)
             return None
-        finally:
-            if timer is not None:
-                timer.cancel()
 
 
 def _resolve(future: Future[Any], answer: bytes | None, died: int) -> None:

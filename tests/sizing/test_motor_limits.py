@@ -15,7 +15,6 @@ from ssm_planner.sizing.motor_limits import (
     available_torque,
     continuous_torque,
     operating_shares,
-    required_voltage,
     resistance,
     torque_constant,
 )
@@ -32,7 +31,7 @@ def test_on_the_line_the_voltage_is_the_supply(
     torque = available_torque(COMPLETE, conditions, w, temperature)
     k = torque_constant(COMPLETE, temperature)
     assert torque[0] <= min(COMPLETE.max_torque, k * current) * (1 + 1e-12)
-    needed = required_voltage(torque, w, COMPLETE, temperature)[0]
+    needed = (resistance(COMPLETE, temperature) / k * torque + k * w)[0]
     if torque[0] == 0.0:
         assert k * speed >= supply * (1 - 1e-12)
     else:
