@@ -18,7 +18,7 @@ from ssm_planner.loading import Part, drive_from, motor_from, of_data, problem_f
 from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
-from ssm_planner.problem import Drive, Joint, Motor, Problem, unchecked
+from ssm_planner.problem import Joint, Motor, Problem, unchecked
 from ssm_planner.sizing import (
     MARGINS,
     Conditions,
@@ -365,11 +365,8 @@ def _selected_pair(
     loads
         Load of the joint in each motion, with the operating conditions.
     """
-    choices = {c.path: c for c in study.selected if c.path.startswith(f"joints.{joint}.")}
-    motor_choice = choices.pop(f"joints.{joint}.motor", None)
-    gear_choice = next(iter(choices.values()), None)
-    motors = _motors(study, joint)
-    gears = _gears(study, joint, gear_choice)
+    motor_choice, motors = _parts(study, joint, "motor")
+    gear_choice, gears = _parts(study, joint, "drive")
     selections = [select_joint(load, motors, gears, conditions) for load, conditions in loads]
     rank = (motor_choice or gear_choice or study.selected[0]).select or "mass"
     margin = study.require.motor_margin
@@ -406,38 +403,25 @@ def _checked_margins(verdict: MotorVerdict) -> list[float]:
 
 
 @lru_cache(maxsize=8)
-def _motors(study: Study, joint: str) -> list[Part[Motor]]:
-    """Return the motors from which the motor of a joint is selected.
+def _parts(study: Study, joint: str, component: str) -> tuple[Choice | None, list[Part[Any]]]:
+    """Return the choice of a joint's motor or drive (`component`), and the parts of the choice.
 
-    If only the gear is selected, this is the motor of the robot file.
+    Without a choice, the only part is that of the robot file.
     """
-    path = f"joints.{joint}.motor"
-    choice = next((choice for choice in study.selected if choice.path == path), None)
-    original = study.robot["joints"][joint].get("motor")
-    contents, sizes = ({"": original}, {}) if choice is None else (choice.contents, choice.beside)
-    motors = {label: motor_from(of_data(content)) for label, content in contents.items()}
-    return [
-        Part(label, motor, motor.mass, sizes.get(label, {}).get("length"))
-        for label, motor in motors.items()
-    ]
-
-
-def _gears(study: Study, joint: str, choice: Choice | None) -> list[Part[Drive]]:
-    """Return the drive of a joint with each gear of the choice.
-
-    Without a choice, this is the drive of the robot file.
-    """
-    designs: dict[str, Design] = (
-        {"": {}} if choice is None else {label: {choice.path: label} for label in choice.contents}
-    )
-    trees = {
-        label: study.resolved(design)["joints"][joint]["drive"] for label, design in designs.items()
-    }
-    sizes = {} if choice is None else choice.beside
-    return [
-        Part(label, drive_from(of_data(tree)), **sizes.get(label, {}))
-        for label, tree in trees.items()
-    ]
+    path = f"joints.{joint}.{component}"
+    choice = next((choice for choice in study.selected if choice.path.startswith(path)), None)
+    designs: dict[str, Design] = {"": {}}
+    sizes: Mapping[str, Mapping[str, float]] = {}
+    if choice is not None:
+        designs = {label: {choice.path: label} for label in choice.contents}
+        sizes = choice.beside
+    read_part = motor_from if component == "motor" else drive_from
+    parts = []
+    for label, design in designs.items():
+        part: Any = read_part(of_data(study.resolved(design)["joints"][joint].get(component)))
+        size = {"mass": getattr(part, "mass", None), **sizes.get(label, {})}
+        parts.append(Part(label, part, **size))
+    return choice, parts
 
 
 def _keeps_margin(results: Mapping[str, Any], margin: float) -> bool:
