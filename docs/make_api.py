@@ -21,7 +21,7 @@ HOMES = {
 """Modules that define the public names."""
 TARGET = Path(__file__).with_name("api.md")
 BAR = "\\|"  # within a table
-QUANTITY = r"Annotated\[(\w+), Quantity\([^)]*\)\]|(Annotated\[.*), Quantity\([^)]*\)(?=\])"  # of files, not of Python
+QUANTITY = r"Annotated\[(\w+), '[^']*'\]|(Annotated\[.*), '[^']*'(?=\])"  # of files, not of Python
 NO_SPACE = r"(?<=[\w\]])=(?=\S)"
 HEAD = """\
 # Public names

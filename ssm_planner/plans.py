@@ -34,13 +34,13 @@ from ssm_planner.problem import (
     TaskLimits,
     TaskRange,
     attributes,
-    built,
+    converted,
     in_words,
     plain,
     problem_from_plain,
 )
 from ssm_planner.publishing import check_generation, file_name
-from ssm_planner.representation import ShortRepr, html_table
+from ssm_planner.representation import html_table
 from ssm_planner.sizing import (
     MotorRequirement,
     Sizing,
@@ -105,7 +105,7 @@ def _version(package: str) -> str:
 
 
 @frozen
-class PhaseSummary(ShortRepr):
+class PhaseSummary:
     """Summary of one phase of a plan, with its duration and reference durations, in s, rad and m.
 
     A phase is an entry of the motion list of the problem.
@@ -262,7 +262,7 @@ BINDS = 0.01
 
 
 @record
-class Plan(ShortRepr):
+class Plan:
     """Planned motion with its certificate, or the reason for a failure, in SI units and radians.
 
     Further properties follow from the trajectory, the robot and the certificate. They are computed
@@ -732,17 +732,24 @@ class Plan(ShortRepr):
                 problem=problem,
                 status=str(document.get("status")),
                 trajectory=Trajectory.from_dict(_mapping(document, "trajectory", file)),
-                phases=_phases(document.get("phases") or [], file),
+                phases=converted(
+                    tuple[PhaseSummary, ...], document.get("phases") or [], "phases", build=True
+                ),
                 certificate=None
                 if certificate_data is None
                 else Certificate.from_dict(certificate_data),
-                nominal_duration=_number(document.get("nominal_duration"), path=file),
+                nominal_duration=converted(
+                    float | None, document.get("nominal_duration"), "nominal_duration"
+                ),
                 stopped=document.get("stopped") is True,
                 candidates=tuple(map(tuple, document.get("candidates") or ())),
                 software=document.get("software") or {},
             )
         except TrajectoryError as error:
             raise TrajectoryError(f"{file}: {error}") from error
+        except ProblemError as error:
+            error.file = str(file)
+            raise
         object.__setattr__(plan, "file", file)
         object.__setattr__(plan, "file_sha256", sha256)
         return plan
@@ -839,27 +846,6 @@ def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
     if not isinstance(value, dict):
         raise TrajectoryError(f"{path}: {key} is missing or not a mapping: incomplete plan.json")
     return value
-
-
-def _number(value: Any, path: Path) -> float | None:
-    """Return a value that must be a number or None. Raises TrajectoryError for others."""
-    if value is not None and (isinstance(value, bool) or not isinstance(value, (int, float))):
-        raise TrajectoryError(f"{path}: nominal_duration is not a number: incomplete plan.json")
-    return value
-
-
-def _phases(data: Any, path: Path) -> tuple[PhaseSummary, ...]:
-    """Build the phases of a plan from JSON types.
-
-    Raises TrajectoryError or ProblemError if the data are invalid.
-    """
-    if not isinstance(data, list):
-        raise TrajectoryError("phases is not a list: incomplete plan.json")
-    try:
-        return tuple(built(PhaseSummary, phase, f"phases[{i}]") for i, phase in enumerate(data))
-    except ProblemError as error:
-        error.file = str(path)
-        raise
 
 
 def _limits_of(robot: Robot) -> list[Limit]:

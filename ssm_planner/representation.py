@@ -16,25 +16,25 @@ LONGEST_FIELD = 60
 """Largest number of characters of the text of one field."""
 
 
-class ShortRepr:
-    """Base class of dataclasses whose repr names the fields and abbreviates their values.
+def short_repr(value: object) -> str:
+    """Return the text of a dataclass, which names the fields and abbreviates their values.
 
-    A large array is represented by its shape, and a long field by its type.
+    A large array is represented by its shape, and a long field by its type. The decorators in
+    `typing` give this text to their classes.
     """
+    cls: Any = type(value)
+    fields_text = [
+        f"{field.name}={_abbreviated(getattr(value, field.name))}"
+        for field in dataclasses.fields(cls)
+    ]
+    text = f"{cls.__name__}({', '.join(fields_text)})"
+    return text if len(text) <= LONGEST else text[: LONGEST - 2] + "…)"
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        # Dataclasses replace an inherited __repr__, but keep one that the class itself defines.
-        cls.__repr__ = ShortRepr.__repr__  # type: ignore[method-assign]
 
-    def __repr__(self) -> str:
-        cls: Any = type(self)
-        fields_text = [
-            f"{field.name}={_abbreviated(getattr(self, field.name))}"
-            for field in dataclasses.fields(cls)
-        ]
-        text = f"{cls.__name__}({', '.join(fields_text)})"
-        return text if len(text) <= LONGEST else text[: LONGEST - 2] + "…)"
+class ShortRepr:
+    """Base class of dataclasses with the text of `short_repr`."""
+
+    __repr__ = short_repr
 
 
 def _abbreviated(value: object) -> str:

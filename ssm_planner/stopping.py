@@ -3,7 +3,6 @@
 import numpy as np
 
 from ssm_planner.problem import Robot, TaskLimits
-from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification import Certificate, StopMotions, check_stops, quickest_stops
@@ -11,7 +10,7 @@ from ssm_planner.verification.stops import INSTANTS as INSTANTS
 
 
 @record
-class Stops(ShortRepr):
+class Stops:
     """Quickest controlled stops from n instants of a motion, with their certificate.
 
     Examples

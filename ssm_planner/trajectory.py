@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.representation import ShortRepr, data_frame, html_table
+from ssm_planner.representation import data_frame, html_table
 from ssm_planner.typing import Array, Indices, JsonObject, frozen, record
 
 DEGREE = 5
@@ -50,7 +50,7 @@ class Span:
 
 
 @record
-class Samples(ShortRepr):
+class Samples:
     """Motion that is sampled at n times: t (n,), q, qd, qdd and qddd (n, 4), in rad, m and s.
 
     Examples
@@ -81,7 +81,7 @@ class Samples(ShortRepr):
 
 
 @record
-class Trajectory(ShortRepr):
+class Trajectory:
     """Joint motion of m polynomial pieces: q(t) = Σ_k coefficients[i, k] (t − breaks[i])^k.
 
     Parameters

@@ -1,5 +1,6 @@
 """Define types that many modules share, and the decorators of immutable classes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -7,6 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import dataclass_transform
+
+from ssm_planner.representation import short_repr
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -22,7 +25,20 @@ Files = dict[str, Path]
 """Paths of written files by name."""
 Keywords = dict[str, Any]
 """Arguments of a function by name."""
+Fields = Mapping[str, Any]
+"""Values of any type by name."""
+Numbers = Mapping[str, float]
+"""Numbers by name."""
 C = TypeVar("C")
+
+
+def _immutable(cls: type[C], **options: bool) -> type[C]:
+    """Make a class an immutable dataclass whose values have short texts.
+
+    `options` are those of `dataclasses.dataclass`.
+    """
+    cls.__repr__ = short_repr  # type: ignore[method-assign]
+    return dataclass(frozen=True, repr=False, **options)(cls)
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(field,))
@@ -32,13 +48,13 @@ def record(cls: type[C]) -> type[C]:
     A comparison field by field is not possible for arrays. A record has the equality of its base
     class, which is that of `Value` or identity.
     """
-    return dataclass(frozen=True, eq=False)(cls)
+    return _immutable(cls, eq=False)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def frozen(cls: type[C]) -> type[C]:
     """Make a class an immutable dataclass that compares and hashes field by field."""
-    return dataclass(frozen=True)(cls)
+    return _immutable(cls)
 
 
 @dataclass_transform(
@@ -46,4 +62,4 @@ def frozen(cls: type[C]) -> type[C]:
 )
 def keyword_record(cls: type[C]) -> type[C]:
     """Make a class a record whose constructor accepts keyword arguments only."""
-    return dataclass(frozen=True, eq=False, kw_only=True)(cls)
+    return _immutable(cls, eq=False, kw_only=True)

@@ -206,9 +206,9 @@ def test_a_plan_without_a_passed_certificate_is_not_saved(plan: Plan, tmp_path: 
         ("format", "another", "not a plan.json"),
         ("problem", None, "problem is missing or not a mapping"),
         ("trajectory", [1], "trajectory is missing or not a mapping"),
-        ("nominal_duration", True, "nominal_duration is not a number"),
-        ("nominal_duration", "2", "nominal_duration is not a number"),
-        ("phases", {"a": 1}, "phases is not a list"),
+        ("nominal_duration", True, "nominal_duration = True: wrong type of value"),
+        ("nominal_duration", "2", "nominal_duration = 2: wrong type of value"),
+        ("phases", {"a": 1}, r"phases = .*wrong type of value .allowed: a list"),
         ("phases", [{"name": 3}], r"phases\[0\]"),
     ],
 )

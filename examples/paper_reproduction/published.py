@@ -4,13 +4,13 @@ The module also reads the problem files of the project. The drive files contain 
 parameters of the test rigs.
 """
 
+import csv
 import math
 from collections.abc import Mapping
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading import load_drive, load_motorisation, load_problem
-from ssm_planner.package_table import package_table
 from ssm_planner.problem import Drive, Eye, Motorisation, Problem, Robot, Task
 from ssm_planner.typing import Range, frozen, record
 
@@ -193,5 +193,6 @@ def _check(problem: Problem) -> None:
 
 BOUNDS: dict[str, dict[str, Range]] = {name: {} for name in RIGS}
 """Lower and upper bound in SI units, by rig and parameter (sd_1dof.m of the package)."""
-for _rig, _parameter, _low, _high in package_table(Path(__file__).with_name("bounds.csv")):
-    BOUNDS[_rig][_parameter] = float(_low), float(_high)
+with Path(__file__).with_name("bounds.csv").open(encoding="utf-8") as _table:
+    for _rig, _parameter, *_ends in list(csv.reader(_table))[1:]:
+        BOUNDS[_rig][_parameter] = float(_ends[0]), float(_ends[1])

@@ -8,7 +8,16 @@ from typing import Any
 from ssm_planner.atomic import write_text
 from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
-from ssm_planner.problem import LOAD_OFFSET, Drive, Friction, Posterior, Rig, Ripple, quantities
+from ssm_planner.problem import (
+    LOAD_OFFSET,
+    Drive,
+    Friction,
+    Posterior,
+    Rig,
+    Ripple,
+    quantities,
+    unit_kind,
+)
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import JsonObject
 from ssm_planner.units import KINDS
@@ -163,7 +172,7 @@ def _origin(name: str, estimate: Estimate | None) -> str:
 def unit_of(drive: Drive, name: str) -> str | None:
     """Return the SI unit of a parameter as text, or None for a dimensionless parameter."""
     of_field = {**quantities(Rig), **quantities(Drive), **quantities(Friction)}.get(name)
-    kind = of_field and KINDS.get(of_field.unit_kind(drive.slides))
+    kind = of_field and KINDS.get(unit_kind(of_field, drive.slides))
     return kind.unit if kind else None
 
 

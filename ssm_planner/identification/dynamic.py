@@ -16,7 +16,6 @@ from ssm_planner.identification.fit import Estimate
 from ssm_planner.identification.prediction import Motion, departure, predict_torque
 from ssm_planner.identification.recordings import Recording, rms
 from ssm_planner.problem import CONFIDENCE, Drive
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, record
 
 PARAMETERS = ("mu_static", "dwell_constant", "memory")
@@ -38,7 +37,7 @@ _SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 
 
 
 @record
-class DynamicFit(ShortRepr):
+class DynamicFit:
     """Result of `fit_dynamic`: the drive with the parameters of start–stop motion.
 
     Examples

@@ -7,7 +7,7 @@ posterior.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,8 +35,7 @@ from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, 
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, Arrays, frozen, record
+from ssm_planner.typing import Array, Arrays, Numbers, frozen, record
 
 DRAWS = 1000
 """Number of equally likely parameter sets in a posterior."""
@@ -54,6 +53,12 @@ _DIRECTIONS = ("forwards", "backwards")
 _STRIBECK = ("mu_stribeck", "stribeck_speed")
 _INITIAL_SCATTER = 0.1
 """Initial guess of the scatter between recordings, as a share of the deviation in a recording."""
+
+
+FittedModels = list[tuple[MapModel, Array]]
+"""Models with the most likely coordinates (k,) of their parameters."""
+PossibleLaws = list[tuple[Sample, float]]
+"""Samples and probabilities of the friction laws that are possible."""
 
 
 @frozen
@@ -85,7 +90,7 @@ class Estimate:
 
 
 @record
-class MapFit(ShortRepr):
+class MapFit:
     """Result of `fit_map`: the chosen friction law and its parameters.
 
     Examples
@@ -139,8 +144,8 @@ def fit_map(
     load: float,
     *,
     law: str = "auto",
-    fixed: Mapping[str, float] | None = None,
-    reference: Mapping[str, float] | None = None,
+    fixed: Numbers | None = None,
+    reference: Numbers | None = None,
     free: Sequence[str] = (),
     progress: Progress = silent,
 ) -> MapFit:
@@ -247,7 +252,7 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
 
 
 def _choose_model(
-    determined: list[tuple[MapModel, Array]],
+    determined: FittedModels,
 ) -> tuple[tuple[MapModel, Array], dict[str, float]]:
     """Select the simplest model that predicts well the recordings that its fit has not used.
 
@@ -274,7 +279,7 @@ def _choose_model(
     return determined[chosen], criterion
 
 
-def _check_fixed(fixed: Mapping[str, float], free: Sequence[str]) -> None:
+def _check_fixed(fixed: Numbers, free: Sequence[str]) -> None:
     """Raise RecordingError for an unknown parameter or an invalid value.
 
     `fixed` contains values by name, and `free` the names of parameters that are fitted in addition.
@@ -301,7 +306,7 @@ def _check_directions(data: TorqueMap) -> None:
         )
 
 
-def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Array]]:
+def _determined(fitted: FittedModels) -> FittedModels:
     """Return the models that have fewer parameters than points, each with its coordinates (k,).
 
     Raises RecordingError if no model is left.
@@ -317,7 +322,7 @@ def _determined(fitted: list[tuple[MapModel, Array]]) -> list[tuple[MapModel, Ar
     return determined
 
 
-def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[Sample, float]]:
+def _possible(fitted: FittedModels, chosen: str) -> PossibleLaws:
     """Sample the posterior of each law, and return the samples of all possible laws.
 
     A law is possible if its probability is at least SMALLEST_PROBABILITY. Laws with more parameters
@@ -347,7 +352,7 @@ def _possible(fitted: list[tuple[MapModel, Array]], chosen: str) -> list[tuple[S
     return [(law_sample, share) for law_sample, share in pairs if share]
 
 
-def _pooled(possible: list[tuple[Sample, float]], slow: Array) -> Arrays:
+def _pooled(possible: PossibleLaws, slow: Array) -> Arrays:
     """Combine the parameter sets of all possible laws to one table with columns (sets,) by name.
 
     The columns are the parameters, the torques at the slow speeds `slow` (2,) in rad/s, and the
@@ -391,9 +396,7 @@ def _draw_sets(pooled: Arrays) -> Arrays:
     return columns
 
 
-def _report(
-    model: MapModel, z: Array, data: TorqueMap, possible: list[tuple[Sample, float]]
-) -> MapFit:
+def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) -> MapFit:
     """Compute estimates, posterior, errors and remarks for the selected model.
 
     If the most likely friction coefficient of a self-locking drive is too small for self-locking,
@@ -454,7 +457,7 @@ def _report(
     )
 
 
-def _separable(possible: list[tuple[Sample, float]]) -> set[str]:
+def _separable(possible: PossibleLaws) -> set[str]:
     """Return the names of the parameters that the data determine under every possible law.
 
     `possible` contains the samples and the probabilities of the laws.
@@ -471,7 +474,7 @@ def _posterior(
     model: MapModel,
     predicted: Array,
     data: TorqueMap,
-    possible: list[tuple[Sample, float]],
+    possible: PossibleLaws,
     columns: Arrays,
 ) -> Posterior:
     """Build the posterior of the drive file, with six digits as in the file.
@@ -516,7 +519,7 @@ def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
     return Estimate(value, min(low, value), max(high, value))
 
 
-def _unreliable(possible: list[tuple[Sample, float]]) -> list[str]:
+def _unreliable(possible: PossibleLaws) -> list[str]:
     """Return a note if one parameter set has too much weight for reliable intervals.
 
     `possible` contains the samples and the probabilities of the laws.
@@ -583,9 +586,7 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
     return tuple(notes)
 
 
-def _identified(
-    model: MapModel, values: Mapping[str, float], posterior: Posterior, offset: float
-) -> Drive:
+def _identified(model: MapModel, values: Numbers, posterior: Posterior, offset: float) -> Drive:
     """Return the drive with its identified friction, and with the load offset of its test rig.
 
     Parameters

@@ -26,12 +26,11 @@ from ssm_planner.identification.torque_map import (
 from ssm_planner.loading import find, load_drive
 from ssm_planner.problem import Drive, Harmonics
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import JsonObject, Keywords, record
 
 
 @record
-class Identification(ShortRepr):
+class Identification:
     """Friction of a drive that was identified from recordings.
 
     Examples

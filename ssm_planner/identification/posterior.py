@@ -21,7 +21,6 @@ samples this posterior.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -31,7 +30,7 @@ import numpy as np
 from ssm_planner.dynamics import mesh_coefficients
 from ssm_planner.identification.parameters import TYPICAL_MU, map_torque, with_parameters
 from ssm_planner.problem import LOAD_OFFSET, Drive, Posterior
-from ssm_planner.typing import Array, Arrays, Indices, Keywords, Mask, record
+from ssm_planner.typing import Array, Arrays, Indices, Keywords, Mask, Numbers, record
 
 SPREADS = {
     "b_c": 1.0,
@@ -82,9 +81,9 @@ class MapModel:
     """Name of the friction law."""
     names: tuple[str, ...]
     """Names of the k parameters, in the order of the coordinates z."""
-    fixed: Mapping[str, float]
+    fixed: Numbers
     """Values of parameters that are not fitted, by name."""
-    reference: Mapping[str, float]
+    reference: Numbers
     """Expected values of parameters by name, which are the centres of the prior."""
     w: Array
     """Mean motor speeds, rad/s."""

@@ -25,7 +25,6 @@ from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_depar
 from ssm_planner.identification.recordings import Recording, rms, runs
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record
 
 START_LEAD = 0.05
@@ -47,7 +46,7 @@ LONG_REST = 10.0
 
 
 @record
-class PredictionBand(ShortRepr):
+class PredictionBand:
     """95 % band of the predicted motor torque of a recording, N·m.
 
     Arrays have the shape (samples,).
@@ -71,7 +70,7 @@ class PredictionBand(ShortRepr):
 
 
 @record
-class Prediction(ShortRepr):
+class Prediction:
     """Predicted and measured motor torque of one recording, N·m. Arrays have the shape (samples,).
 
     Examples

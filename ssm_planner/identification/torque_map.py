@@ -16,7 +16,6 @@ from ssm_planner.identification.harmonics import ripple_rms, travelled
 from ssm_planner.identification.recordings import Recording, runs
 from ssm_planner.loading import table_rows
 from ssm_planner.problem import Ripple
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Mask, frozen, record
 
 FIGURES_HEADER = (
@@ -67,7 +66,7 @@ TABLE = "rig_figures.csv"
 
 
 @record
-class TorqueMap(ShortRepr):
+class TorqueMap:
     """Points of a torque–velocity map, sorted by speed.
 
     Arrays have the shape (points,) and SI units at the motor.

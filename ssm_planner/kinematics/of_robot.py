@@ -13,7 +13,6 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import Extreme, boundary_distance, extremes, tilt_interval
 from ssm_planner.problem import Robot
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Mask, Range, record
 
 EQUAL_JOINTS = 1e-7
@@ -21,7 +20,7 @@ EQUAL_JOINTS = 1e-7
 
 
 @record
-class ToolPose(ShortRepr):
+class ToolPose:
     """Pose of the tool in the base frame, in one or in n configurations, rad and m.
 
     Examples
@@ -41,7 +40,7 @@ class ToolPose(ShortRepr):
 
 
 @record
-class JointSolutions(ShortRepr):
+class JointSolutions:
     """Joint solutions for one point in task coordinates, or for n points, rad and m.
 
     Solutions within the joint ranges come first. The arrays for n points have n as the first
@@ -82,7 +81,7 @@ class JointSolutions(ShortRepr):
 
 
 @record
-class Workspace(ShortRepr):
+class Workspace:
     """Range of the tilts that the tool of a robot reaches, and the angles that determine it, rad.
 
     Examples

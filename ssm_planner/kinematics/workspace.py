@@ -23,7 +23,6 @@ from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
 from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares
 from ssm_planner.problem import JOINTS
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Range, frozen, record
 
 GRID = 20001
@@ -31,7 +30,7 @@ GRID = 20001
 
 
 @record
-class Extreme(ShortRepr):
+class Extreme:
     """Configuration in which the tilt is smallest or largest (paper, eqs. 6–9).
 
     Examples
@@ -293,7 +292,7 @@ ROUNDING = 1e-12
 
 
 @record
-class DesignRegion(ShortRepr):
+class DesignRegion:
     """Region of all angles (α, β) of mechanisms that reach a tilt range with a margin, rad.
 
     Examples

@@ -17,7 +17,6 @@ from ssm_planner.loading.schema import (
     Field,
     Figure,
     Model,
-    Part,
     Text,
     interval,
     located,
@@ -52,8 +51,9 @@ from ssm_planner.problem import (
     Transmission,
     hints,
     quantities,
+    unit_kind,
 )
-from ssm_planner.typing import JsonObject, Keywords
+from ssm_planner.typing import JsonObject, Keywords, Numbers
 
 TO_IDENTIFY = "to_identify"
 LARGEST_MU = 1.5
@@ -83,27 +83,27 @@ HarmonicsModel = model_from(
 )
 
 
-class PosteriorModel(Model):
-    """Uncertainty of an identified drive in SI units (posterior.Posterior)."""
-
-    scatter: Annotated[float, quantity("torque", Bound(at_least=0.0))]
-    """Standard deviation of the mean torque between recordings."""
-    common: float = 0.0
-    """Share of this variance that recordings of similar speed have in common."""
-    speeds: _Numbers = ()
-    """Motor speeds of the recordings."""
-    departures: _Numbers = ()
-    """Differences between measured and modelled mean torque of these recordings."""
-    forwards: Annotated[Any, Part(RippleModel)] | None = None
-    """Ripple and noise in positive motion."""
-    backwards: Annotated[Any, Part(RippleModel)] | None = None
-    """Ripple and noise in negative motion."""
-    harmonics_forwards: Annotated[Any, Part(HarmonicsModel)] | None = None
-    """Periodic part of the ripple in positive motion."""
-    harmonics_backwards: Annotated[Any, Part(HarmonicsModel)] | None = None
-    """Periodic part of the ripple in negative motion."""
-    draws: dict[str, _Numbers] = PydanticField(min_length=1)
-    """Equally likely values of each parameter."""
+DIRECTION_TYPES = {
+    "forwards": Ripple,
+    "backwards": Ripple,
+    "harmonics_forwards": Harmonics,
+    "harmonics_backwards": Harmonics,
+}
+"""Parts of a posterior for each direction of motion, or None."""
+_PART_MODELS = {Ripple: nested(RippleModel), Harmonics: nested(HarmonicsModel)}
+PosteriorModel = model_of(
+    Posterior,
+    {
+        "scatter": (Annotated[float, quantity("torque", Bound(at_least=0.0))], ...),
+        "common": (float, 0.0),
+        **dict.fromkeys(("speeds", "departures"), (_Numbers, ())),
+        **{name: optional(_PART_MODELS[part_of]) for name, part_of in DIRECTION_TYPES.items()},
+        "draws": (
+            dict[str, _Numbers],
+            PydanticField(min_length=1, description="Equally likely values of each parameter."),
+        ),
+    },
+)
 
 
 class _ThreadModel(Model):
@@ -126,11 +126,12 @@ def _range(name: str, slides: bool) -> Any:
     The range covers lubrication, temperature and wear. It is in the units of a prismatic joint if
     `slides` is true.
     """
-    unit_kind = quantities(Friction)[name].unit_kind(slides)
+    quantity_kind = unit_kind(quantities(Friction)[name], slides)
     # the bounds of a dimensionless number may be equal
     return optional(
         Annotated[
-            Any, vector(unit_kind, unit_kind) if unit_kind == "number" else interval(unit_kind)
+            Any,
+            vector("number", "number") if quantity_kind == "number" else interval(quantity_kind),
         ]
     )
 
@@ -197,7 +198,7 @@ def _thread_keys(slides: bool) -> Keywords:
     friction = {
         "mu_static": optional(reading(Friction, "mu_static", sourced=True)),
         "covariance": optional(dict[str, dict[str, FiniteFloat]]),
-        "posterior": optional(PosteriorModel),
+        "posterior": optional(nested(PosteriorModel)),
     }
     ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
     published = {
@@ -292,7 +293,7 @@ def _dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
 
 
 def _thread_fields(
-    section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
+    section: Section, model: Any, kind: type[Transmission], dimensions: Numbers
 ) -> Keywords:
     """Return the fields of a worm or screw that follow from its geometry and friction.
 
@@ -320,7 +321,7 @@ def _thread_fields(
 
 
 def _efficiency_fields(
-    section: Section, model: Any, kind: type[Transmission], dimensions: Mapping[str, float]
+    section: Section, model: Any, kind: type[Transmission], dimensions: Numbers
 ) -> Keywords:
     """Return the fields of a drive with efficiencies.
 
@@ -375,16 +376,7 @@ def _friction(section: Section, model: Any) -> Friction:
         return Friction(**values)
 
 
-DIRECTION_TYPES = {
-    "forwards": Ripple,
-    "backwards": Ripple,
-    "harmonics_forwards": Harmonics,
-    "harmonics_backwards": Harmonics,
-}
-"""Parts of a posterior for each direction of motion, or None."""
-
-
-def _posterior(model: PosteriorModel) -> Posterior:
+def _posterior(model: Any) -> Posterior:
     """Build the posterior. Raises ProblemError if its columns have different lengths."""
     if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(

@@ -78,16 +78,8 @@ def problem_from_dict(data: Mapping[str, Any]) -> Problem:
     return problem_from(of_data(data))
 
 
-def _from_yaml(text: str) -> Problem:
-    """Build a problem from the text of a problem file.
-
-    Raises ProblemError if a value is invalid.
-    """
-    return problem_from(of_text(text))
-
-
 Problem.from_dict = problem_from_dict
-Problem.from_yaml = _from_yaml
+Problem.from_yaml = lambda text: problem_from(of_text(text))
 
 
 @checked

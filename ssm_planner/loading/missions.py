@@ -68,21 +68,17 @@ def _points(section: Section) -> Mapping[str | int, Node]:
 
     Raises ProblemError if the key `points` does not contain a mapping of mappings.
     """
-    point_section = section.sub("points")
     if not section.has_key("points"):
         return {}
-    if not isinstance(point_section.value, dict):
-        raise point_section.error(
-            "expected a mapping of names to points",
-            allowed="such as {above: {tilt: -110 deg, depth: 5 mm}}",
-        )
-    points = section.root.children["points"].children
-    for name, node in points.items():
+    root = section.root.children["points"]
+    for path, node in (((), root), *(((name,), node) for name, node in root.children.items())):
         if not isinstance(node.value, dict):
-            raise point_section.error(
-                "invalid point", name, allowed="such as {tilt: -110 deg, depth: 5 mm}"
+            raise section.sub("points").error(
+                "not a mapping of names to points",
+                *path,
+                allowed="such as {above: {tilt: -110 deg, depth: 5 mm}}",
             )
-    return points
+    return root.children
 
 
 def _with_points(part_section: Section, node: Node, points: Mapping[str | int, Node]) -> Node:

@@ -1,6 +1,6 @@
 """Build strict pydantic models of files from the classes of the values that the files describe.
 
-A field of a value that is also a key of a file states its kind of quantity (`value.Quantity`), its
+A field of a value that is also a key of a file states its kind of quantity (`value.unit_kind`), its
 bounds and its default in its annotation. The function `model_of` reads these annotations. The
 modules that read a file declare keys that have another form in the file. All faults of a file are
 collected in one ProblemError.
@@ -24,11 +24,11 @@ from ssm_planner.problem import (
     JOINTS,
     Ascending,
     Bound,
-    Quantity,
     Shape,
     descriptions,
     hints,
     strip_annotations,
+    unit_kind,
 )
 from ssm_planner.typing import JsonObject, Keywords, record
 from ssm_planner.units import KINDS, NUMBER
@@ -307,14 +307,14 @@ def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) ->
     if get_origin(hint_type) is Literal:
         return hint_type
     by_type = {type(mark): mark for mark in marks}
-    if Quantity not in by_type:
+    if str not in by_type:
         return {str: Text, bool: Truth}.get(hint_type)
-    unit_kind = by_type[Quantity].unit_kind(slides)
+    quantity_kind = unit_kind(by_type[str], slides)
     if Ascending in by_type:
-        return Annotated[Any, interval(unit_kind)]
+        return Annotated[Any, interval(quantity_kind)]
     if Shape in by_type:
-        return Annotated[Any, vector(*(unit_kind,) * by_type[Shape].shape[0])]
-    field = quantity(unit_kind, by_type.get(Bound, UNBOUND), hint_type is int)
+        return Annotated[Any, vector(*(quantity_kind,) * by_type[Shape].shape[0])]
+    field = quantity(quantity_kind, by_type.get(Bound, UNBOUND), hint_type is int)
     return Annotated[Any, sourced_field(field) if sourced else field]
 
 

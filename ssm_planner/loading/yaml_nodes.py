@@ -3,6 +3,7 @@
 A `Section` is a part of this tree. It builds error messages with file, line and key.
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import field
@@ -22,12 +23,16 @@ DEEPEST = 30
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
 _WORDS: dict[str, object] = {
-    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
-    **dict.fromkeys(("true", "True", "TRUE"), True),
-    **dict.fromkeys(("false", "False", "FALSE"), False),
-    **dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan")),
-    **dict.fromkeys((".inf", ".Inf", ".INF", "+.inf"), float("inf")),
-    "-.inf": float("-inf"),
+    spelling: value
+    for spellings, value in (
+        ("~ null Null NULL", None),
+        ("true True TRUE", True),
+        ("false False FALSE", False),
+        (".nan .NaN .NAN", math.nan),
+        (".inf .Inf .INF +.inf", math.inf),
+        ("-.inf", -math.inf),
+    )
+    for spelling in spellings.split()
 }
 _STRING_TAGS = (
     None,
@@ -216,8 +221,8 @@ def _scalar(event: Any) -> object:
     text: str = event.value
     if event.style or event.tag == "tag:yaml.org,2002:str":
         return text
-    if text in _WORDS:
-        return _WORDS[text]
+    if text in _WORDS or not text:
+        return _WORDS.get(text)
     if _INTEGER.fullmatch(text):
         return int(text)
     if _FLOAT.fullmatch(text):

@@ -12,7 +12,6 @@ from ssm_planner.problem.value import (
     Names,
     NotNegative,
     Positive,
-    Quantity,
     Time,
     Value,
     uncompared,
@@ -33,24 +32,24 @@ class AxisController(Value):
     200.0
     """
 
-    bandwidth: Annotated[Positive, Quantity("rate")] | None = None
+    bandwidth: Annotated[Positive, "rate"] | None = None
     """Bandwidth of the position loop, Hz, for which gains that are None are tuned."""
-    p: Annotated[NotNegative, Quantity("position_gain")] | None = None
+    p: Annotated[NotNegative, "position_gain"] | None = None
     """Position gain, A/rad at the motor."""
-    i: Annotated[NotNegative, Quantity("integral_gain")] | None = None
+    i: Annotated[NotNegative, "integral_gain"] | None = None
     """Integral gain, A/(rad·s)."""
-    d: Annotated[NotNegative, Quantity("derivative_gain")] | None = None
+    d: Annotated[NotNegative, "derivative_gain"] | None = None
     """Derivative gain, A·s/rad."""
-    ff_velocity: Annotated[NotNegative, Quantity("derivative_gain")] | None = None
+    ff_velocity: Annotated[NotNegative, "derivative_gain"] | None = None
     """Velocity feed-forward, A·s/rad."""
-    ff_acceleration: Annotated[NotNegative, Quantity("acceleration_gain")] | None = None
+    ff_acceleration: Annotated[NotNegative, "acceleration_gain"] | None = None
     """Acceleration feed-forward, A·s²/rad."""
     max_current: Current | None = None
     """Largest current, A.
 
     The default is the motor's largest torque divided by its torque constant.
     """
-    following_error: Annotated[Positive, Quantity("angle", "length")] | None = None
+    following_error: Annotated[Positive, "angle or length"] | None = None
     """Window of the following error, rad or m of the joint.
 
     The default is the value that `export --to epos4` writes.
@@ -70,14 +69,14 @@ class JointCompliance(Value):
     0.3
     """
 
-    frequency: Annotated[Positive, Quantity("rate")] | None = None
+    frequency: Annotated[Positive, "rate"] | None = None
     """Natural frequency of the joint with its drive locked, Hz.
 
     The default is 30 Hz, for joint 4 100 Hz.
     """
     damping_ratio: Coefficient = 0.3
     """Damping ratio of the joint with its drive locked."""
-    backlash: Annotated[NotNegative, Quantity("angle", "length")] | None = None
+    backlash: Annotated[NotNegative, "angle or length"] | None = None
     """Free play between both flanks, rad or m. The default is 0.1 deg, for joint 4 0.02 mm."""
     source: str | None = None
     """Source of the figures."""
@@ -104,14 +103,14 @@ class Controller(Value):
 
     The default is an assumption for 25 kHz current sampling.
     """
-    supply: Annotated[Positive, Quantity("voltage")] | None = None
+    supply: Annotated[Positive, "voltage"] | None = None
     """Supply voltage, V. The default is the motor's nominal voltage."""
-    output_share: Annotated[float, Bound(above=0.0), Quantity("number")] = 0.9
+    output_share: Annotated[float, Bound(above=0.0), "number"] = 0.9
     """Share of the supply voltage that reaches the motor.
 
     It is 0.9 in an EPOS4 (hardware reference, 50/5).
     """
-    counts_per_turn: Annotated[int, Bound(above=0), Quantity("number")] | None = None
+    counts_per_turn: Annotated[int, Bound(above=0), "number"] | None = None
     """Increments per motor turn if a motor file omits the encoder.
 
     The default is 4096, as on the authors' rigs.

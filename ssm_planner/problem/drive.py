@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated, Literal
 
-from ssm_planner.problem.posterior import Posterior
+from ssm_planner.problem.posterior import FRICTION_NAMES, Posterior
 from ssm_planner.problem.transmissions import LARGEST_THREAD_ANGLE, TRANSMISSIONS, Transmission
 from ssm_planner.problem.value import (
     Coefficient,
@@ -16,28 +16,17 @@ from ssm_planner.problem.value import (
     Names,
     NotNegative,
     Positive,
-    Quantity,
     Sign,
     Torque,
     Value,
     uncompared,
 )
-from ssm_planner.typing import Range, record
+from ssm_planner.typing import Numbers, Range, record
 
 LARGEST_LEAD_ANGLE = math.radians(60)
 RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
-PARAMETERS = (
-    "mu",
-    "mu_static",
-    "mu_stribeck",
-    "stribeck_speed",
-    "b_c",
-    "b_v",
-    "b_oc",
-    "b_ov",
-    "dwell_constant",
-    "memory",
-)
+PARAMETERS = (*FRICTION_NAMES[:-1], "dwell_constant", "memory")
+"""Parameters of Friction that are numbers."""
 
 
 @record
@@ -62,11 +51,11 @@ class Rig(Value):
     """
     payload_direction: Sign = 1
     """+1 if gravity pulls the output in the direction of positive motion."""
-    gravity: Annotated[Positive, Quantity("acceleration")] = 9.81
+    gravity: Annotated[Positive, "acceleration"] = 9.81
     """Acceleration of gravity, m/s², positive."""
     direction: Sign = 1
     """Sign of the rig's positive motion and torque relative to the recorded channels."""
-    load_offset: Annotated[float, Quantity("torque", "force")] = 0.0
+    load_offset: Annotated[float, "torque or force"] = 0.0
     """Identified constant effort in addition to the payload, N·m (worm) or N (screw).
 
     Positive values oppose positive motion.
@@ -122,13 +111,13 @@ class Friction(Value):
     """Kinetic (Coulomb) coefficient of the mesh."""
     mu_static: Coefficient
     """Coefficient at breakaway."""
-    b_c: Annotated[NotNegative, Quantity("torque")]
+    b_c: Annotated[NotNegative, "torque"]
     """Bearing Coulomb torque, N·m."""
-    b_v: Annotated[NotNegative, Quantity("rotary_viscosity")]
+    b_v: Annotated[NotNegative, "rotary_viscosity"]
     """Bearing viscous coefficient, N·m·s/rad."""
-    b_oc: Annotated[NotNegative, Quantity("torque", "force")] = 0.0
+    b_oc: Annotated[NotNegative, "torque or force"] = 0.0
     """Output Coulomb effort, N·m (worm) or N (screw)."""
-    b_ov: Annotated[NotNegative, Quantity("rotary_viscosity", "linear_viscosity")] = 0.0
+    b_ov: Annotated[NotNegative, "rotary_viscosity or linear_viscosity"] = 0.0
     """Output viscous coefficient, N·m·s/rad or N·s/m."""
     law: FrictionLawName = "coulomb"
     """Dependence of the coefficient on speed."""
@@ -150,7 +139,7 @@ class Friction(Value):
     """
     identified_speed: MotorSpeed | None = None
     """Largest motor speed in the identification data, rad/s. Friction is extrapolated beyond it."""
-    covariance: Mapping[str, Mapping[str, float]] | None = None
+    covariance: Mapping[str, Numbers] | None = None
     """Covariance of the parameters as stated by the user, in SI units."""
     posterior: Posterior | None = None
     """Uncertainty of the identified parameters. It excludes a covariance."""
@@ -180,8 +169,8 @@ class Friction(Value):
                 )
 
 
-DriveKind = Annotated[str, "a name in TRANSMISSIONS"]
-"""Name of a kind of drive."""
+DriveKind = str
+"""Name of a kind of drive, which is a name in TRANSMISSIONS."""
 WEDGE = math.radians(45)
 """Lead angle of the thread that represents a drive with efficiencies.
 
@@ -201,13 +190,13 @@ class Ratings(Value):
     True
     """
 
-    continuous_output: Annotated[Positive, Quantity("torque", "force")] | None = None
+    continuous_output: Annotated[Positive, "torque or force"] | None = None
     """Largest continuous output effort, N·m (worm) or N (screws)."""
-    peak_output: Annotated[Positive, Quantity("torque", "force")] | None = None
+    peak_output: Annotated[Positive, "torque or force"] | None = None
     """Largest output effort at any instant, N·m (worm) or N (screws)."""
     input_speed: MotorSpeed | None = None
     """Largest motor speed, rad/s."""
-    duty: Annotated[Positive, Quantity("number")] | None = None
+    duty: Annotated[Positive, "number"] | None = None
     """Largest share of time in motion."""
     free_length: Length | None = None
     """Unsupported length of a screw, m."""
@@ -263,22 +252,22 @@ class Drive(Value):
     """Lead angle λ, rad."""
     pressure_angle: Positive
     """Normal pressure angle θ_n, rad."""
-    input_inertia: Annotated[NotNegative, Quantity("inertia")]
+    input_inertia: Annotated[NotNegative, "inertia"]
     """Inertia on the motor shaft, rotor included, kg·m²."""
-    output_inertia: Annotated[NotNegative, Quantity("inertia", "mass")]
+    output_inertia: Annotated[NotNegative, "inertia or mass"]
     """Inertia of the output side that the bodies do not include, kg·m² (worm) or kg (screws)."""
     friction: Friction | None
     """Friction of the drive, or None before identification.
 
     Only a drive with a rig may have None. Drives of a robot always have friction.
     """
-    preload: Annotated[NotNegative, Quantity("force")] = 0.0
+    preload: Annotated[NotNegative, "force"] = 0.0
     """Spring force between the half nuts of an antibacklash screw, N."""
     second_nut_mass: Mass = 0.0
     """Mass of the half nut that the spring carries, kg."""
     self_locking: bool = True
     """True if the robot relies on this drive to hold without motor torque."""
-    dimensions: Mapping[str, float] = field(default_factory=dict)
+    dimensions: Numbers = field(default_factory=dict)
     """Geometry as stated in the file, in SI units, for reports."""
     sources: Mapping[str, str] = field(default_factory=dict)
     """Source of each figure, by its key in the file."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from ssm_planner.typing import record
+from ssm_planner.typing import Numbers, record
 
 TOLERANCE = 0.005
 """Largest relative difference between redundant dimensions."""
@@ -57,7 +57,7 @@ class BadGeometry(ValueError):
         self.allowed = allowed
 
 
-def resolve(family: Family, numbers: Mapping[str, float]) -> dict[str, float]:
+def resolve(family: Family, numbers: Numbers) -> dict[str, float]:
     """Compute all dimensions of a gear in SI units from those that a file states.
 
     The result has the keys of the file. The keys of a worm are ratio, worm_diameter,
@@ -93,7 +93,7 @@ def resolve(family: Family, numbers: Mapping[str, float]) -> dict[str, float]:
     return {family.diameter: diameter, "lead_angle": lead_angle, **dimensions}
 
 
-def _internal(dimensions: Mapping[str, float]) -> dict[str, tuple[str, float]]:
+def _internal(dimensions: Numbers) -> dict[str, tuple[str, float]]:
     """Return the stated dimensions by their names in the laws, each with its key in the file."""
     internal: dict[str, tuple[str, float]] = {}
     for key, value in dimensions.items():

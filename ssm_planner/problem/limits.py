@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limit import (
@@ -705,6 +705,9 @@ class FeedForward(FixedLimit):
         return "N·m" if self.of_torque else derived_unit(self.prismatic, 1)
 
 
+L = TypeVar("L", bound=Limit)
+
+
 class Limited:
     """Base class of values with a tuple of limits, which it sorts by kind."""
 
@@ -713,38 +716,36 @@ class Limited:
     @property
     def ranges(self) -> dict[str, Range]:
         """Ranges of task coordinates by name in TASK, rad or m."""
-        return {
-            limit.coordinate: (limit.low, limit.high)
-            for limit in self.limits
-            if isinstance(limit, TaskRange)
-        }
+        return {limit.coordinate: (limit.low, limit.high) for limit in self._of_type(TaskRange)}
 
     @property
     def rates(self) -> dict[str, float]:
         """Largest |rate| of task coordinates by name in TASK, rad/s or m/s."""
-        return {
-            limit.coordinate: limit.largest for limit in self.limits if isinstance(limit, TaskRate)
-        }
+        return {limit.coordinate: limit.largest for limit in self._of_type(TaskRate)}
 
     @property
     def of_tool(self) -> tuple[ToolLimit, ...]:
         """Limits on the tool: on its speeds and on the travel of stops."""
-        return tuple(limit for limit in self.limits if isinstance(limit, ToolLimit))
+        return self._of_type(ToolLimit)
 
     @property
     def speeds(self) -> tuple[SpeedLimit, ...]:
         """Limits on speeds of the tool."""
-        return tuple(limit for limit in self.limits if isinstance(limit, SpeedLimit))
+        return self._of_type(SpeedLimit)
 
     @property
     def stop_travel(self) -> StopTravel | None:
         """Limit on the travel of the tip during a stop, or None without this limit."""
-        return next((limit for limit in self.limits if isinstance(limit, StopTravel)), None)
+        return next(iter(self._of_type(StopTravel)), None)
 
     @property
     def tip_speed(self) -> float | None:
         """Largest permitted tip speed in m/s, or None without a limit."""
-        return next((limit.largest for limit in self.limits if isinstance(limit, TipSpeed)), None)
+        return next((limit.largest for limit in self._of_type(TipSpeed)), None)
+
+    def _of_type(self, limit_type: type[L]) -> tuple[L, ...]:
+        """Return the limits of one kind."""
+        return tuple(limit for limit in self.limits if isinstance(limit, limit_type))
 
 
 def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:

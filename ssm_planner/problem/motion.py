@@ -11,7 +11,6 @@ from ssm_planner.problem.value import (
     Delay,
     Length,
     Positive,
-    Quantity,
     Time,
     Value,
     check_name,
@@ -45,13 +44,13 @@ class Task(Value):
     ['depth', 'tilt']
     """
 
-    roll: Annotated[float, Quantity("angle")] | None = None
+    roll: Annotated[float, "angle"] | None = None
     """Rotation of the tilt plane about joint 1, rad."""
-    tilt: Annotated[float, Quantity("angle")] | None = None
+    tilt: Annotated[float, "angle"] | None = None
     """Signed angle from joint 1 to the tool about the tilt axis, rad."""
-    spin: Annotated[float, Quantity("angle")] | None = None
+    spin: Annotated[float, "angle"] | None = None
     """Rotation of the tool about its own axis, rad."""
-    depth: Annotated[float, Quantity("length")] | None = None
+    depth: Annotated[float, "length"] | None = None
     """Distance of the tip beyond the remote centre, m."""
     line: Line | None = uncompared()
     """Line of the problem file, for messages."""
@@ -227,7 +226,7 @@ class Follow(Value):
     """Requested duration, s. Not allowed for samples."""
     blend: Positive | None = None
     """Tip distance from the end of a line or arc within which the next corner is rounded, m."""
-    constant_speed: Annotated[Positive, Quantity("velocity")] | None = None
+    constant_speed: Annotated[Positive, "velocity"] | None = None
     """Speed of the tip along a line or arc, except for the ramps at its ends, m/s."""
     distance: Length | None = None
     """Distance of the tip from the retina, m. `to` then gives the final direction of the tool."""
@@ -340,9 +339,9 @@ class Scan(Value):
     """Distance of the tip from the retina, m."""
     diameters: tuple[Positive, ...] = ()
     """Increasing diameters of the rings, m. Empty for a raster."""
-    rows: Annotated[Count, Quantity("number")] = 0
+    rows: Annotated[Count, "number"] = 0
     """Rows of a raster, or 0 for rings."""
-    columns: Annotated[Count, Quantity("number")] = 0
+    columns: Annotated[Count, "number"] = 0
     """Columns of a raster, or 0 for rings."""
     spacing: Length = 0.6e-3
     """Distance between neighbouring spots, m.
@@ -399,13 +398,13 @@ class Stroke(Value):
     """
 
     joint: str
-    centre: Annotated[float, Quantity("angle", "length")]
+    centre: Annotated[float, "angle or length"]
     """Middle of the stroke."""
-    reach: Annotated[Positive, Quantity("angle", "length")]
+    reach: Annotated[Positive, "angle or length"]
     """Distance from the centre to either end."""
-    velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
+    velocity: Annotated[Positive, "angular_velocity or velocity"]
     """Velocity between the ramps."""
-    acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
+    acceleration: Annotated[Positive, "angular_acceleration or acceleration"]
     """Acceleration of the ramps."""
     home: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Positions of the other joints."""

@@ -9,7 +9,6 @@ from ssm_planner.problem.value import (
     Current,
     MotorSpeed,
     Positive,
-    Quantity,
     Time,
     Torque,
     Value,
@@ -41,33 +40,33 @@ class Motor(Value):
     """Largest torque that a plan may use at any instant, N·m."""
     max_speed: MotorSpeed
     """Largest permissible speed, rad/s."""
-    nominal_voltage: Annotated[Positive, Quantity("voltage")] | None = None
+    nominal_voltage: Annotated[Positive, "voltage"] | None = None
     """Nominal voltage, V. It is the default supply of the controller."""
     nominal_current: Current | None = None
     """Continuous current, A."""
     no_load_current: Current | None = None
     """Current without a load at nominal voltage, A. It gives the friction torque of the motor."""
-    torque_constant: Annotated[Positive, Quantity("torque_constant")] | None = None
+    torque_constant: Annotated[Positive, "torque_constant"] | None = None
     """Torque constant, N·m/A."""
-    terminal_resistance: Annotated[Positive, Quantity("resistance")] | None = None
+    terminal_resistance: Annotated[Positive, "resistance"] | None = None
     """Phase-to-phase resistance at 25 °C, Ω."""
-    rotor_inertia: Annotated[Positive, Quantity("inertia")] | None = None
+    rotor_inertia: Annotated[Positive, "inertia"] | None = None
     """Rotor inertia, kg·m²."""
-    resistance_winding_housing: Annotated[Positive, Quantity("thermal_resistance")] | None = None
+    resistance_winding_housing: Annotated[Positive, "thermal_resistance"] | None = None
     """Thermal resistance from winding to housing, K/W."""
-    resistance_housing_ambient: Annotated[Positive, Quantity("thermal_resistance")] | None = None
+    resistance_housing_ambient: Annotated[Positive, "thermal_resistance"] | None = None
     """Thermal resistance from housing to ambient, K/W."""
     time_constant_winding: Time | None = None
     """Thermal time constant of the winding, s."""
     time_constant_motor: Time | None = None
     """Thermal time constant of the motor, s."""
-    max_winding_temperature: Annotated[Positive, Quantity("temperature")] | None = None
+    max_winding_temperature: Annotated[Positive, "temperature"] | None = None
     """Largest permissible temperature of the winding, K."""
-    torque_constant_per_kelvin: Annotated[float, Quantity("number")] | None = None
+    torque_constant_per_kelvin: Annotated[float, "number"] | None = None
     """Relative change of the torque constant with magnet temperature, 1/K, negative."""
-    mass: Annotated[Positive, Quantity("mass")] | None = None
+    mass: Annotated[Positive, "mass"] | None = None
     """Mass, kg."""
-    encoder_counts: Annotated[int, Bound(above=0, at_most=1e8), Quantity("number")] | None = None
+    encoder_counts: Annotated[int, Bound(above=0, at_most=1e8), "number"] | None = None
     """Counts (lines) per turn. Each count has four increments of position."""
     sources: Mapping[str, str] = field(default_factory=dict)
     placeholders: tuple[str, ...] = ()

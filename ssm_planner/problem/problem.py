@@ -41,14 +41,12 @@ from ssm_planner.problem.value import (
     NotNegative,
     Position,
     Positive,
-    Quantity,
     Time,
     Value,
     unchecked,
     uncompared,
 )
-from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Range, record
+from ssm_planner.typing import Numbers, Range, record
 from ssm_planner.units import display_unit
 
 MOST_OF_SPLINE = 20
@@ -99,11 +97,11 @@ class Eye(Value):
     """Centre in the base frame, m, (3,)."""
     radius: Length
     """Radius of the retina, m."""
-    clearance: Annotated[NotNegative, Quantity("length")]
+    clearance: Annotated[NotNegative, "length"]
     """Smallest allowed distance of the tip from the retina, m."""
     port: Length = 3e-3
     """Radius of the incision around the remote centre, m. The retina has a hole of this radius."""
-    shaft_radius: Annotated[NotNegative, Quantity("length")] = 0.0
+    shaft_radius: Annotated[NotNegative, "length"] = 0.0
     """Distance that the axis of the shaft keeps from the lens, m."""
     lens: Lens | None = None
     """Lens that the shaft must not touch, or None."""
@@ -192,7 +190,7 @@ def _range(name: str, ends: Range) -> str:
 
 
 @record
-class TaskLimits(Limited, ShortRepr):
+class TaskLimits(Limited):
     """Limits on the pose and speed of the tool in addition to those of the joints.
 
     Examples
@@ -205,12 +203,12 @@ class TaskLimits(Limited, ShortRepr):
 
     limits: tuple[Limit, ...] = ()
     eye: Eye | None = None
-    start_rate: Mapping[str, float] | None = field(default_factory=dict)
+    start_rate: Numbers | None = field(default_factory=dict)
     """Rates of task coordinates at the start by name in TASK, 0 for missing names.
 
     None allows any rate.
     """
-    end_rate: Mapping[str, float] | None = field(default_factory=dict)
+    end_rate: Numbers | None = field(default_factory=dict)
     """Rates of task coordinates at the end, in the same form."""
     friction: float | None = None
     """Confidence level of the drives' friction at which motor torques must hold.
@@ -329,11 +327,11 @@ class Problem(Value, Limited):
     """
     eye: Eye | None = None
     """Retina and lens that the tool must not touch, or None."""
-    start_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
+    start_rate: Annotated[Numbers, Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the start by name in TASK, 0 for missing names."""
     start_acceleration: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Joint accelerations at the start of a free motion with jerk limits, rad/s² and m/s²."""
-    end_rate: Annotated[Mapping[str, float], Names(TASK)] = field(default_factory=dict)
+    end_rate: Annotated[Numbers, Names(TASK)] = field(default_factory=dict)
     """Rates of task coordinates at the end by name in TASK, 0 for missing names."""
     duration: Time | None = None
     """Requested duration of all motions together, s."""

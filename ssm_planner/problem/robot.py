@@ -31,7 +31,6 @@ from ssm_planner.problem.value import (
     Matrix,
     Position,
     Positive,
-    Quantity,
     Sign,
     Value,
     Vector,
@@ -180,13 +179,13 @@ class Joint(Value):
 
     name: str
     kind: Literal["revolute", "prismatic"]
-    position: Annotated[Interval, Quantity("angle", "length")]
+    position: Annotated[Interval, "angle or length"]
     """Range of the position."""
-    velocity: Annotated[Positive, Quantity("angular_velocity", "velocity")]
+    velocity: Annotated[Positive, "angular_velocity or velocity"]
     """Largest |velocity|."""
-    acceleration: Annotated[Positive, Quantity("angular_acceleration", "acceleration")]
+    acceleration: Annotated[Positive, "angular_acceleration or acceleration"]
     """Largest |acceleration|."""
-    jerk: Annotated[Positive, Quantity("angular_jerk", "jerk")] | None = None
+    jerk: Annotated[Positive, "angular_jerk or jerk"] | None = None
     """Largest |jerk|, or None if it is unlimited."""
     drive: Drive | None = None
     """Gear or screw with its friction.
@@ -311,7 +310,7 @@ class Robot(Value, Limited):
     geometry: Geometry
     bodies: tuple[Body, Body, Body, Body]
     joints: tuple[Joint, Joint, Joint, Joint]
-    gravity: Annotated[Vector, Quantity("acceleration")]
+    gravity: Annotated[Vector, "acceleration"]
     """Acceleration of gravity in the base frame, m/s², (3,)."""
     limits: tuple[Limit, ...] = ()
     """Ranges of task coordinates that the robot itself declares."""

@@ -39,7 +39,7 @@ from ssm_planner.problem.value import (
     converted,
     wrong,
 )
-from ssm_planner.typing import JsonObject
+from ssm_planner.typing import Fields, JsonObject
 
 PRIMITIVE = {type(None), bool, int, float, str}
 """Types that JSON represents directly."""
@@ -258,7 +258,7 @@ def _name_file(file: str | None) -> Iterator[None]:
         raise
 
 
-def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Problem:
+def problem_from_plain(data: Fields, file: str | None = None) -> Problem:
     """Build a problem from the JSON types that `plain` returned for it.
 
     The result is equal bit for bit.
@@ -295,7 +295,7 @@ def problem_from_plain(data: Mapping[str, Any], file: str | None = None) -> Prob
     return problem
 
 
-def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
+def robot_from_plain(data: Fields, file: str | None = None) -> Robot:
     """Build a robot from the JSON types that `plain` returned for it.
 
     The result is equal bit for bit.
@@ -319,7 +319,7 @@ def robot_from_plain(data: Mapping[str, Any], file: str | None = None) -> Robot:
     return robot
 
 
-def task_limits_from_plain(problem: Mapping[str, Any], file: str | None = None) -> TaskLimits:
+def task_limits_from_plain(problem: Fields, file: str | None = None) -> TaskLimits:
     """Build the limits of a task from the JSON types of its problem.
 
     Limits without a key in the data are absent from the result.

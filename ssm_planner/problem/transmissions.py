@@ -15,12 +15,12 @@ from ssm_planner.problem.drive_geometry import (
     Family,
     resolve,
 )
-from ssm_planner.problem.value import Length, Positive, Quantity
+from ssm_planner.problem.value import Length, Positive
 from ssm_planner.registry import Registry
 from ssm_planner.typing import record
 
-_Number = Annotated[Positive, Quantity("number")]
-_Angle = Annotated[Positive, Quantity("angle")]
+_Number = Annotated[Positive, "number"]
+_Angle = Annotated[Positive, "angle"]
 Dimensions = Mapping[str, float]
 """Dimensions in SI units by key."""
 LARGEST_THREAD_ANGLE = math.radians(120)

@@ -3,6 +3,7 @@
 A value is a frozen dataclass that derives from `Value`. Its constructor checks it, and it never
 changes. Two values with the same content are equal. The type annotations of the fields state the
 allowed values of each field, and the method `_check` rejects fields that contradict each other.
+A text in an annotation is the physical quantity, a key of `units.KINDS` such as "torque".
 Lists become tuples. Arrays are copied and made read-only.
 """
 
@@ -21,7 +22,6 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 import numpy as np
 
 from ssm_planner.errors import ProblemError, suggestion
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, Range, frozen
 
 V = TypeVar("V", bound="Value")
@@ -60,22 +60,6 @@ class Bound:
 
 
 @frozen
-class Quantity:
-    """Physical quantity of a number, which determines its units in files.
-
-    Both fields are keys of `units.KINDS`. `turning` is the quantity for revolute joints. `sliding`
-    is that for prismatic joints, if it differs.
-    """
-
-    turning: str
-    sliding: str = ""
-
-    def unit_kind(self, slides: bool = False) -> str:
-        """Return the key of `units.KINDS` for a prismatic (`slides`) or a revolute joint."""
-        return self.sliding if slides and self.sliding else self.turning
-
-
-@frozen
 class Shape:
     """Required shape of an array. The length −1 allows any length."""
 
@@ -100,27 +84,27 @@ Interval = Annotated[Range, Ascending()]
 Vector = Annotated[Array, Shape((3,))]
 Matrix = Annotated[Array, Shape((3, 3))]
 Sign = Literal[-1, 1]
-Length = Annotated[Positive, Quantity("length")]
+Length = Annotated[Positive, "length"]
 """Positive length, m."""
-Time = Annotated[Positive, Quantity("time")]
+Time = Annotated[Positive, "time"]
 """Positive time, s."""
-Coefficient = Annotated[NotNegative, Quantity("number")]
+Coefficient = Annotated[NotNegative, "number"]
 """Number without a unit, at least 0."""
-Position = Annotated[Vector, Quantity("length")]
+Position = Annotated[Vector, "length"]
 """Position or lengths along the axes, m, (3,)."""
-MotorSpeed = Annotated[Positive, Quantity("motor_speed")]
+MotorSpeed = Annotated[Positive, "motor_speed"]
 """Positive speed of a motor, rad/s."""
-Delay = Annotated[NotNegative, Quantity("time")]
+Delay = Annotated[NotNegative, "time"]
 """Time of at least 0, s."""
-Torque = Annotated[Positive, Quantity("torque")]
+Torque = Annotated[Positive, "torque"]
 """Positive torque, N·m."""
-Current = Annotated[Positive, Quantity("current")]
+Current = Annotated[Positive, "current"]
 """Positive current, A."""
-Mass = Annotated[NotNegative, Quantity("mass")]
+Mass = Annotated[NotNegative, "mass"]
 """Mass of at least 0, kg."""
 
 
-class Value(ShortRepr):
+class Value:
     """Base class of the public values.
 
     A constructor converts and checks its arguments.
@@ -212,10 +196,23 @@ def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
     return hint, ()
 
 
-def quantities(cls: Any) -> dict[str, Quantity]:
-    """Return the physical quantities of the numeric fields of a dataclass, by field name."""
+def unit_kind(quantity: str, slides: bool = False) -> str:
+    """Return the key of `units.KINDS` for a prismatic (`slides`) or a revolute joint.
+
+    `quantity` is such a key, or both of them for revolute and prismatic joints, such as
+    "angle or length".
+    """
+    turning, _, sliding = quantity.partition(" or ")
+    return sliding if slides and sliding else turning
+
+
+def quantities(cls: Any) -> dict[str, str]:
+    """Return the physical quantities of the numeric fields of a dataclass, by field name.
+
+    A field states its quantity as a text in its annotation, see `unit_kind`.
+    """
     marks = {name: strip_annotations(hint)[1] for name, hint in hints(cls).items()}
-    return {name: mark for name in marks for mark in marks[name] if isinstance(mark, Quantity)}
+    return {name: mark for name in marks for mark in marks[name] if isinstance(mark, str)}
 
 
 def descriptions(cls: type) -> dict[str, str]:

@@ -7,7 +7,6 @@ from ssm_planner.dynamics import drive_with, spread_of
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.plant import FRICTION, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledArm
 from ssm_planner.typing import Array, JsonObject, Keywords, Mask, record
@@ -21,7 +20,7 @@ PROGRESS_INTERVAL = 1000
 
 
 @record
-class Draws(ShortRepr):
+class Draws:
     """Results of n playbacks with random friction, in SI units.
 
     Examples

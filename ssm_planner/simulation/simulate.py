@@ -24,7 +24,6 @@ from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.representation import ShortRepr
 from ssm_planner.simulation.cascade import electrics_of
 from ssm_planner.simulation.draws import Draws, drawn_frictions, play_draws
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
@@ -179,7 +178,7 @@ class Scenario:
 
 
 @frozen
-class Tracking(ShortRepr):
+class Tracking:
     """Tracking error of one joint while the drives have power, rad or m.
 
     The error is the simulated position minus the planned position.
@@ -199,7 +198,7 @@ class Tracking(ShortRepr):
 
 
 @frozen
-class MotorUse(ShortRepr):
+class MotorUse:
     """Load of one motor and its drive in the simulation.
 
     Examples
@@ -237,7 +236,7 @@ class MotorUse(ShortRepr):
 
 
 @record
-class PowerLosses(ShortRepr):
+class PowerLosses:
     """Motion of the arm after all drives have lost their power, for n instants of the loss.
 
     Each instant is an independent simulation.
@@ -270,7 +269,7 @@ class PowerLosses(ShortRepr):
 
 
 @record
-class SimulationResult(ShortRepr):
+class SimulationResult:
     """Simulated playback at n instants, with the planned motion and the verdict.
 
     Arrays are (n, 4) unless stated otherwise, in SI units.

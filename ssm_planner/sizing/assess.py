@@ -11,7 +11,6 @@ import numpy as np
 
 from ssm_planner.dynamics import FrictionSpread, friction_of, spread_of
 from ssm_planner.problem import Drive, Motor
-from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.checks import (
     TOLERANCE,
     Case,
@@ -51,7 +50,7 @@ CONFIDENCE = "confidence"
 
 
 @record
-class MotorVerdict(ShortRepr):
+class MotorVerdict:
     """The assessment of one motor on one joint, in SI units.
 
     Examples

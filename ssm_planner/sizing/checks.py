@@ -12,7 +12,6 @@ import numpy as np
 
 from ssm_planner.dynamics import FrictionSpread, friction_of, self_locking_margin
 from ssm_planner.problem import Ratings, ScrewEnds, attributes
-from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
@@ -23,7 +22,7 @@ TOLERANCE = 1e-9
 
 
 @frozen
-class Check(ShortRepr):
+class Check:
     """The comparison of one demand with its limit, in SI units.
 
     The margin is (limit − worst)/limit, where `worst` is the demand at the required confidence. For

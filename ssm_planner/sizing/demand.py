@@ -9,7 +9,6 @@ import numpy as np
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics import LINEAR_DRAWS, SEED, FrictionSpread, drive_with, friction_of
-from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import voltage_factors
 from ssm_planner.typing import Array, record
@@ -28,7 +27,7 @@ BLOCK = 120_000
 
 
 @record
-class Demands(ShortRepr):
+class Demands:
     """Demands of one motion without its pause: scalars or arrays (draws,), in SI units.
 
     Examples
@@ -61,7 +60,7 @@ class Demands(ShortRepr):
 
 
 @record
-class Band(ShortRepr):
+class Band:
     """Demands at the stated friction, and their range if the friction is uncertain.
 
     `worst` and `best` contain one entry per draw of the friction. Parameters with a stated range

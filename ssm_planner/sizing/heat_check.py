@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.problem import Motor
-from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.demand import thinned
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions, missing, require_value
@@ -29,7 +28,7 @@ CLOSE = 1e-3
 
 
 @record
-class Heat(ShortRepr):
+class Heat:
     """Thermal steady state of the repeated motion, in K, N·m and s.
 
     Examples

@@ -17,7 +17,6 @@ from ssm_planner.dynamics import (
 )
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
-from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import DEGREE, Trajectory, blocks, parts_of
 from ssm_planner.typing import Array, Indices, Keywords, Mask, Range, record
 
@@ -39,7 +38,7 @@ COLUMNS = ("qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakawa
 
 
 @record
-class JointLoad(ShortRepr):
+class JointLoad:
     """Motion and load of one driven joint at n instants. All arrays are (n,), in SI units.
 
     The motion is divided wherever a joint reverses, and both ends of each part are instants. A

@@ -18,14 +18,13 @@ from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics import friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot, attributes, unchecked
-from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.joint_load import INSTANTS, RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, record
 
 
 @record
-class MotorRequirement(ShortRepr):
+class MotorRequirement:
     """Requirements of one motion on the motor of one joint, in SI units.
 
     The arrays t, speed and torque (n,), and `split`, are computed from `load` on each
@@ -158,7 +157,7 @@ def joule_power(motor: Motor | None, rms_torque: float) -> float | None:
 
 
 @record
-class TorqueBreakdown(ShortRepr):
+class TorqueBreakdown:
     """Components of the motor torque (n,), N·m. Their sum is the torque.
 
     Examples

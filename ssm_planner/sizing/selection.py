@@ -93,11 +93,7 @@ class JointSelection:
         is_stated = [not part.of.placeholder for part in self.motors]
         return np.minimum(answers, np.array(is_stated, np.int8))
 
-    def ruled_out_by(self, g: int, m: int) -> list[str]:
-        """Return the names of the checks that a pair fails."""
-        return self._checks_with(-1, g, m)
-
-    def _checks_with(self, answer: int, g: int, m: int) -> list[str]:
+    def checks_with(self, answer: int, g: int, m: int) -> list[str]:
         """Return the names of the checks of a pair that have an answer: 1, 0 or −1."""
         motor = [name for name, answers in self.answers.items() if answers[g, m] == answer]
         return motor + [c.name for c in self.of_gear[g] if ANSWERS[c.passed] == answer]
@@ -199,7 +195,7 @@ class JointSelection:
         adequate = self.adequate
         return [
             [
-                self._checks_with(answer, g, m) if adequate[g, m] == answer else []
+                self.checks_with(answer, g, m) if adequate[g, m] == answer else []
                 for m in range(len(self.motors))
             ]
             for g in range(len(self.gears))
@@ -359,8 +355,8 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
     # to a mean at the limit.
     rise = (allowed + NEAR) * lowest / float(shares.sum()) * np.linspace(0.01, 1.0, RISES)
     unit = np.ones(RISES)
-    passes = (allowed - NEAR) / (highest * model.power(unit, limit * unit)[0])
-    fails = 1.001 * np.max(rise / (lowest * model.power(unit, model.ambient + rise)))
+    passes = (allowed - NEAR) / (highest * model.power(unit, limit * unit)[0][0])
+    fails = 1.001 * np.max(rise / (lowest * model.power(unit, model.ambient + rise)[0]))
     return float(np.sqrt(passes)), float(np.sqrt(fails))
 
 

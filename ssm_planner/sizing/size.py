@@ -11,7 +11,6 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Motor, Robot
-from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, gear_case
 from ssm_planner.sizing.checks import Check, all_of, binding, gear_checks
 from ssm_planner.sizing.demand import Band, DemandName
@@ -24,7 +23,7 @@ from ssm_planner.typing import JsonObject, frozen, record
 
 
 @record
-class JointSizing(ShortRepr):
+class JointSizing:
     """The requirements on one joint, the checks of its gear, and its assessed candidates.
 
     The candidates are sorted by nominal torque.
@@ -89,7 +88,7 @@ class JointSizing(ShortRepr):
 
 
 @record
-class Sizing(ShortRepr):
+class Sizing:
     """The sizing result of a motion, with one entry for each driven joint that moves in it.
 
     Examples

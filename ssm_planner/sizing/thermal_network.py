@@ -15,7 +15,6 @@ import math
 import numpy as np
 
 from ssm_planner.problem import Motor
-from ssm_planner.representation import ShortRepr
 from ssm_planner.sizing.motor_limits import (
     COPPER,
     REFERENCE_TEMPERATURE,
@@ -144,7 +143,7 @@ STEP = 2.0
 
 
 @frozen
-class ThermalModel(ShortRepr):
+class ThermalModel:
     """Constants of the two bodies and of the loss, in SI units. Temperatures are in K.
 
     Examples
@@ -194,25 +193,21 @@ class ThermalModel(ShortRepr):
             magnet=magnet_drift(motor),
         )
 
-    def power(self, square: Array, winding: Array) -> Array:
-        """Return the heat in the winding (W) for tau² (n,) at winding temperatures (n,)."""
-        return self.loss * square * self._growth(winding)[0]
+    def power(self, square: Array, winding: Array) -> tuple[Array, Array]:
+        """Return the heat P in the winding (W), and its derivative dP/dT_w (W/K).
 
-    def slope(self, square: Array, winding: Array) -> Array:
-        """Return dP/dT_w (W/K) for squared torques and winding temperatures of any shape."""
-        return self.loss * square * self._growth(winding)[1]
-
-    def _growth(self, winding: Array) -> tuple[Array, Array]:
-        """Return R/k² divided by its value at 25 °C, and its derivative."""
+        `square` contains squared torques and `winding` winding temperatures of the same shape.
+        """
         warm = np.minimum(winding, HOTTEST) - REFERENCE_TEMPERATURE
         copper = 1 + self.copper * warm
         magnet = np.maximum(1 + self.magnet * warm, 0.05)
-        value = copper / magnet**2
-        return value, self.copper / magnet**2 - 2 * self.magnet * copper / magnet**3
+        growth = self.copper / magnet**2 - 2 * self.magnet * copper / magnet**3
+        cold = self.loss * square
+        return cold * (copper / magnet**2), cold * growth
 
 
 @record
-class Cycle(ShortRepr):
+class Cycle:
     """Motor torque over one repetition.
 
     `t` (n,) starts at 0, in s. `square` (n,) is tau², linear between the instants.
@@ -329,8 +324,7 @@ def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Mode
 
     Returns the modes, which include the mean slope of the loss, and the remaining power (n,), W.
     """
-    power = model.power(cycle.square, winding)
-    slope = model.slope(cycle.square, winding)
+    power, slope = model.power(cycle.square, winding)
     mean = cycle.mean(slope)
     modes = Modes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing, mean
@@ -344,12 +338,10 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
     total = model.r_winding_housing + model.r_housing_ambient
     temperature = np.array([model.ambient])
     for _ in range(PASSES):
-        slope = 1.0 - total * model.slope(square, temperature)[0]
-        if slope <= 0 or temperature[0] > HOTTEST:
+        power, growth = (total * value[0] for value in model.power(square, temperature))
+        if growth >= 1.0 or temperature[0] > HOTTEST:
             return None
-        step = (
-            model.ambient + total * model.power(square, temperature)[0] - temperature[0]
-        ) / slope
+        step = (model.ambient + power - temperature[0]) / (1.0 - growth)
         temperature = temperature + step
         if abs(step) < SETTLED:
             return float(temperature[0])

@@ -12,7 +12,6 @@ from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.representation import ShortRepr
 from ssm_planner.studies.provenance import context_of, description_of, differences, study_of
 from ssm_planner.studies.run import OWN, TABLE, StudyProgress, driver_of, existing_store
 from ssm_planner.studies.store import Candidate, pareto, write_table
@@ -21,7 +20,7 @@ from ssm_planner.typing import frozen
 
 
 @frozen
-class Audit(ShortRepr):
+class Audit:
     """The outcome of the audit of a study.
 
     Examples

@@ -35,7 +35,7 @@ from ssm_planner.studies.provenance import program
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study import PACE, Choice, Design, Study
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.typing import JsonObject, record
+from ssm_planner.typing import Fields, JsonObject, record
 from ssm_planner.verification.check import check
 
 CHECKED = (*MARGINS, "heat")
@@ -60,7 +60,7 @@ Problems = Mapping[str, Problem]
 class Rejected(Exception):
     """End of an evaluation that rejects a candidate, with the figures that were computed."""
 
-    def __init__(self, stage: str, reason: str, figures: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, stage: str, reason: str, figures: Fields | None = None) -> None:
         super().__init__(reason)
         self.stage = stage
         self.figures = figures or {}
@@ -424,7 +424,7 @@ def _parts(study: Study, joint: str, component: str) -> tuple[Choice | None, lis
     return choice, parts
 
 
-def _keeps_margin(results: Mapping[str, Any], margin: float) -> bool:
+def _keeps_margin(results: Fields, margin: float) -> bool:
     """Return True if the results keep the motor margin, or if the margin is unknown."""
     available = results["motor_margin"]
     return available is None or available >= margin

@@ -2,7 +2,6 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from ssm_planner.display import number, plain_words
 from ssm_planner.reporting import render
 from ssm_planner.studies.store import Candidate, Candidates, better
 from ssm_planner.studies.study import Study, Varied
-from ssm_planner.typing import Array, JsonObject
+from ssm_planner.typing import Array, Fields, JsonObject
 from ssm_planner.units import display_unit
 
 UNITS = {
@@ -271,12 +270,12 @@ def title_of(name: str) -> str:
     return f"{plain_words(name)} ({unit})" if unit else plain_words(name)
 
 
-def in_words(name: str, results: Mapping[str, Any]) -> str:
+def in_words(name: str, results: Fields) -> str:
     """Format a result with its name and unit, for example as "motor mass 0.239 kg"."""
     return f"{plain_words(name)} {number(scaled(name, results), 4)} {unit_of(name)[0]}".strip()
 
 
-def scaled(name: str, results: Mapping[str, Any]) -> float | None:
+def scaled(name: str, results: Fields) -> float | None:
     """Return a result in its display unit, or None if it is missing."""
     value = results.get(name)
     return None if value is None else float(value) * unit_of(name)[1]

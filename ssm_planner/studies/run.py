@@ -15,7 +15,6 @@ from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.representation import ShortRepr
 from ssm_planner.studies.evaluation import Evaluation, evaluate_and_describe
 from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
@@ -61,7 +60,7 @@ StudyProgress = Callable[[int, int, dict[str, int]], None]
 
 
 @frozen
-class StudyResult(ShortRepr):
+class StudyResult:
     """The results of a study, and the folder that contains them.
 
     Examples

@@ -16,7 +16,7 @@ from ssm_planner.studies.provenance import context_of, description_of, differenc
 from ssm_planner.studies.run import PAGE, existing_store
 from ssm_planner.studies.store import Candidate, pareto, refuse_link
 from ssm_planner.studies.study import Study
-from ssm_planner.typing import JsonObject
+from ssm_planner.typing import Fields, JsonObject
 
 
 def results(study: Study, folder: Path) -> dict[int, Candidate]:
@@ -99,6 +99,6 @@ def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int)
     }
 
 
-def _pairs(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+def _pairs(a: Fields, b: Fields) -> dict[str, tuple[Any, Any]]:
     """Return the values of both mappings by name, with None for missing values."""
     return {name: (a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b])}

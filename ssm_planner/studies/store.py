@@ -13,7 +13,7 @@ import math
 import operator
 import sqlite3
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import field
 from itertools import starmap
@@ -23,8 +23,7 @@ from typing import Any, Literal, get_args
 
 from ssm_planner.atomic import locked, replacing
 from ssm_planner.errors import ExportError, ProblemError
-from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import JsonObject, frozen
+from ssm_planner.typing import Fields, JsonObject, frozen
 
 State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
 """State of a candidate.
@@ -55,7 +54,7 @@ PRAGMA user_version = {FORMAT};
 
 
 @frozen
-class Candidate(ShortRepr):
+class Candidate:
     """A candidate and its results.
 
     Examples
@@ -67,13 +66,13 @@ class Candidate(ShortRepr):
 
     number: int
     state: State
-    design: Mapping[str, Any]
+    design: Fields
     """Values of the variables by path."""
     stage: str | None = None
     """Stage that rejected an infeasible candidate."""
     reason: str | None = None
     """Reason of the rejection or fault."""
-    figures: Mapping[str, Any] = field(default_factory=dict)
+    figures: Fields = field(default_factory=dict)
     """Results by name, in SI units."""
 
     @property
@@ -95,7 +94,7 @@ Candidates = Sequence[Candidate]
 """Results of several candidates."""
 
 
-def key_of(design: Mapping[str, Any], context: str) -> str:
+def key_of(design: Fields, context: str) -> str:
     """Return the key of a design in the store.
 
     `context` identifies the inputs of the study and the program.
@@ -195,7 +194,7 @@ class Store(AbstractContextManager["Store"]):
             raise ProblemError("the description of the study was changed", file=self.path)
         return {}
 
-    def add(self, designs: Iterable[tuple[int, str, Mapping[str, Any]]]) -> None:
+    def add(self, designs: Iterable[tuple[int, str, Fields]]) -> None:
         """Add candidates with the state "waiting". Existing candidates get the new number.
 
         `designs` contains the number, the key and the design of each candidate.

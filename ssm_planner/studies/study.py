@@ -13,9 +13,8 @@ import numpy as np
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading import number_or_text
-from ssm_planner.problem import Interval, NotNegative, Quantity, Value
-from ssm_planner.representation import ShortRepr
-from ssm_planner.typing import Array, JsonObject, frozen, record
+from ssm_planner.problem import Interval, NotNegative, Value
+from ssm_planner.typing import Array, Fields, JsonObject, frozen, record
 from ssm_planner.units import BadQuantity, quantity
 
 Design = Mapping[str, str]
@@ -60,7 +59,7 @@ class Varied:
 
 
 @frozen
-class Choice(ShortRepr):
+class Choice:
     """A choice among several entries, such as the motors of a catalogue.
 
     Examples
@@ -72,7 +71,7 @@ class Choice(ShortRepr):
     """
 
     path: str
-    contents: Mapping[str, Any]
+    contents: Fields
     """Content that an entry has in the robot file, by name of the entry."""
     select: str | None = None
     """Rank by which the first suitable entry is selected. None means that entries are searched."""
@@ -105,9 +104,9 @@ class Requirements(Value):
     False
     """
 
-    reach: Annotated[Interval, Quantity("angle")] | None = None
+    reach: Annotated[Interval, "angle"] | None = None
     """Range of signed tilts that the workspace must contain, rad."""
-    reach_margin: Annotated[NotNegative, Quantity("angle")] = 0.0
+    reach_margin: Annotated[NotNegative, "angle"] = 0.0
     """Additional tilt at both ends of this range, rad."""
     self_locking: bool = False
     """True if every drive must hold its load without torque."""
@@ -139,7 +138,7 @@ class Search:
 
 
 @record
-class Study(ShortRepr):
+class Study:
     """A comparison of many variants of a robot, the candidates, over a set of motions.
 
     Examples
@@ -151,9 +150,9 @@ class Study(ShortRepr):
     """
 
     name: str
-    robot: Mapping[str, Any]
+    robot: Fields
     """Content of the robot file, in which drives and motors replace the names of their files."""
-    motions: Mapping[str, Mapping[str, Any]]
+    motions: Mapping[str, Fields]
     """Contents of problem files without their robot, by name."""
     vary: tuple[Variable, ...]
     """Variables of the search."""
@@ -210,7 +209,7 @@ class Study(ShortRepr):
             return "The study's own robot with motors and gears selected in the same way, at pace 1"
         return "The study's own robot as it stands"
 
-    def complete_design(self, design: Design, figures: Mapping[str, Any]) -> dict[str, str]:
+    def complete_design(self, design: Design, figures: Fields) -> dict[str, str]:
         """Add the selected motors and gears to the design of a candidate.
 
         `figures` are the results of the candidate, which contain the names of the selected parts.
@@ -246,9 +245,7 @@ class Study(ShortRepr):
     whole = Renamed("complete_design")
 
 
-def changed_robot(
-    robot: Mapping[str, Any], contents: Mapping[str, Mapping[str, Any]], design: Design
-) -> JsonObject:
+def changed_robot(robot: Fields, contents: Mapping[str, Fields], design: Design) -> JsonObject:
     """Return the content of a robot file with the values of a design.
 
     `robot` is the original content, in which drives and motors replace the names of their files.
@@ -282,24 +279,21 @@ def _put(tree: JsonObject, path: str, content: Any) -> None:
 
     If the path ends with a gear, the content is merged into the existing drive.
     """
-    keys = path.split(".")
-    gear = keys.pop() if keys[-1] in GEARS else None
+    *keys, last = path.split(".")
     node: Any = tree
-    for name in keys[:-1]:
+    for name in keys:
         node = node[int(name)] if isinstance(node, list) else node.setdefault(name, {})
-    key: Any = int(keys[-1]) if isinstance(node, list) else keys[-1]
-    if gear is None:
-        node[key] = content
+    if last not in GEARS:
+        node[int(last) if isinstance(node, list) else last] = copy.deepcopy(content)
         return
-    drive = node[key] = dict(node[key])
     if any(key.startswith("geometry.") for key in content):
-        dimensions = drive["geometry"].items()
-        drive["geometry"] = {key: value for key, value in dimensions if key == "thread_angle"}
+        dimensions = node["geometry"].items()
+        node["geometry"] = {key: value for key, value in dimensions if key == "thread_angle"}
     for key, value in content.items():
-        _nested(drive, key.split("."), value)
+        _put(node, key, value)
 
 
-def _replace_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
+def _replace_rotor(joint: JsonObject, original: Fields) -> None:
     """Replace the rotor inertia that a drive's input inertia contains by that of the new motor.
 
     `original` is the joint of the study's own robot. If the file of its motor does not state the
@@ -316,7 +310,7 @@ def _replace_rotor(joint: JsonObject, original: Mapping[str, Any]) -> None:
     }
 
 
-def _inertia(mapping: Mapping[str, Any] | None, key: str) -> float:
+def _inertia(mapping: Fields | None, key: str) -> float:
     """Return the inertia that a drive or motor states under a key, kg·m².
 
     Missing and invalid values count as 0, because the loader of motors reports invalid values.
@@ -329,15 +323,7 @@ def _inertia(mapping: Mapping[str, Any] | None, key: str) -> float:
         return 0.0
 
 
-def _nested(tree: JsonObject, keys: list[str], value: Any) -> None:
-    """Set a value in nested mappings. Mappings below `tree` are copied before they are changed."""
-    for key in keys[:-1]:
-        tree[key] = dict(tree.get(key) or {})
-        tree = tree[key]
-    tree[keys[-1]] = value
-
-
-def path_exists(tree: Mapping[str, Any], path: str) -> bool:
+def path_exists(tree: Fields, path: str) -> bool:
     """Return True if a path leads to an existing mapping or list of a robot file.
 
     The last key of the path may be new.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated
 
 from ssm_planner.problem.transmissions import Transmission
-from ssm_planner.problem.value import Positive, Quantity
+from ssm_planner.problem.value import Positive
 from ssm_planner.typing import record
 
 
@@ -16,7 +16,7 @@ class Rack(Transmission):
 
     name = "rack"
     slides = True
-    pinion_diameter: Annotated[Positive, Quantity("length")]
+    pinion_diameter: Annotated[Positive, "length"]
     """Pitch diameter of the pinion."""
 
     @classmethod

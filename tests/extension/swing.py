@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from ssm_planner.loading.motions import MotionKey
 from ssm_planner.loading.schema import model_of, nested
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem import Bound, Quantity, Straight
+from ssm_planner.problem import Bound, Straight
 from ssm_planner.typing import record
 
 
@@ -16,11 +16,11 @@ from ssm_planner.typing import record
 class Swing:
     """Value of the key."""
 
-    low: Annotated[float, Quantity("angle")]
+    low: Annotated[float, "angle"]
     """Lower end."""
-    high: Annotated[float, Quantity("angle")]
+    high: Annotated[float, "angle"]
     """Upper end."""
-    times: Annotated[int, Bound(at_least=1, at_most=100), Quantity("number")] = 1
+    times: Annotated[int, Bound(at_least=1, at_most=100), "number"] = 1
     """Number of motions to and fro."""
 
 

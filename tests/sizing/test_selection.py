@@ -74,7 +74,7 @@ def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, condit
             answers.add(verdict.adequate)
             passed = {check.name: check.passed for check in (*verdict.checks, *verdict.gear)}
             fails = {name for name, answer in passed.items() if answer is False}
-            ruled_out = set(joint.ruled_out_by(g, m))
+            ruled_out = set(joint.checks_with(-1, g, m))
             assert ruled_out <= fails
             assert bool(ruled_out) == bool(fails)
             for check in verdict.checks:

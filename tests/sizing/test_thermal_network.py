@@ -77,7 +77,7 @@ def test_nonlinear_loss_against_an_ode_solver() -> None:
 
     def balance(t: float, state: np.ndarray) -> list[float]:
         square = np.interp(t, cycle.t, cycle.square)
-        heat = MODEL.power(square, state[0]) - (state[0] - state[1]) / MODEL.r_winding_housing
+        heat = MODEL.power(square, state[0])[0] - (state[0] - state[1]) / MODEL.r_winding_housing
         out = (state[0] - state[1]) / MODEL.r_winding_housing - (
             state[1] - 298.15
         ) / MODEL.r_housing_ambient
@@ -143,7 +143,7 @@ def test_steady_state_repeats_and_keeps_the_heat_balance(
     assert found.winding[-1] == pytest.approx(found.winding[0], abs=1e-5)
     # over one cycle all heat leaves through the housing
     mean = np.sum(np.diff(cycle.t) * (found.housing[1:] + found.housing[:-1])) / 2 / cycle.period
-    made = cycle.mean(MODEL.power(cycle.square, found.winding))
+    made = cycle.mean(MODEL.power(cycle.square, found.winding)[0])
     assert (mean - 298.15) / MODEL.r_housing_ambient == pytest.approx(made, rel=1e-3)
 
 
