@@ -20,7 +20,7 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-from ssm_planner.typing import JsonObject
+from ssm_planner.typing import JsonObject, Keywords
 
 if TYPE_CHECKING:
     from ssm_planner.formats import Reading
@@ -258,11 +258,11 @@ def _declared(options: Namespace, limits: "TaskLimits") -> "TaskLimits":
 
     Raises ProblemError if a rate is invalid.
     """
-    if options.start_rate is not None:
-        limits = replace(limits, start_rate=_rates("--start-rate", options.start_rate))
-    if options.end_rate is not None:
-        limits = replace(limits, end_rate=_rates("--end-rate", options.end_rate))
-    return limits
+    changes: Keywords = {}
+    for end in ("start", "end"):
+        if (text := getattr(options, f"{end}_rate")) is not None:
+            changes[f"{end}_rate"] = _rates(f"--{end}-rate", text)
+    return replace(limits, **changes)
 
 
 def _rates(option: str, text: str) -> dict[str, float] | None:

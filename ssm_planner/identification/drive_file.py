@@ -1,6 +1,5 @@
 """Write the file of a drive with its identified friction, intervals and sources, as YAML."""
 
-import dataclasses
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from ssm_planner.problem import (
     Friction,
     Posterior,
     Rig,
-    Ripple,
     quantities,
     unit_kind,
 )
@@ -130,18 +128,12 @@ def _posterior(posterior: Posterior) -> JsonObject:
             "speeds": _numbers(posterior.speeds),
             "departures": _numbers(posterior.departures),
         }
-    for direction, ripple in (("forwards", posterior.forwards), ("backwards", posterior.backwards)):
-        if ripple is not None:
-            table[direction] = {
-                field.name: _numbers(getattr(ripple, field.name))
-                for field in dataclasses.fields(Ripple)
+    for name in ("forwards", "backwards", "harmonics_forwards", "harmonics_backwards"):
+        if (part := getattr(posterior, name)) is not None:
+            table[name] = {
+                key: value if isinstance(value, bool) else _numbers(value)
+                for key, value in vars(part).items()
             }
-    for direction in ("harmonics_forwards", "harmonics_backwards"):
-        if (harmonics := getattr(posterior, direction)) is not None:
-            numbers = {
-                name: _numbers(getattr(harmonics, name)) for name in ("orders", "cosine", "sine")
-            }
-            table[direction] = {**numbers, "phased": harmonics.phased}
     return {**table, "draws": draws}
 
 

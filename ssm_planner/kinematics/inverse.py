@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism
+from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, tilt_magnitudes
 from ssm_planner.kinematics.rotations import batch, finite
 from ssm_planner.kinematics.solutions import OF_EACH, Solutions, select
 from ssm_planner.kinematics.task import joints_of_task, roll_and_tilt, task_batch, task_from_joints
-from ssm_planner.kinematics.workspace import tilt_magnitudes
 from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array, Mask
 

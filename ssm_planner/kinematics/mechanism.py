@@ -40,7 +40,7 @@ from ssm_planner.codegen import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.rotations import exponential_terms, rotation
 from ssm_planner.problem import Geometry, Robot, read_only_array
-from ssm_planner.typing import Array, record
+from ssm_planner.typing import Array, Range, record
 
 PARALLEL = 1e-9
 """Sine of the angle below which two axes count as parallel."""
@@ -133,8 +133,7 @@ class Mechanism:
             If an angle is out of range or the mechanism cannot reach `home_tilt`.
         """
         check_angles(alpha, beta)
-        low = abs(alpha - beta)
-        high = min(alpha + beta, 2.0 * math.pi - alpha - beta)
+        low, high = tilt_magnitudes(alpha, beta)
         tilt = -(low + high) / 2.0 if home_tilt is None else float(home_tilt)
         if not low - 1e-9 <= abs(tilt) <= high + 1e-9:
             raise GeometryError(
@@ -276,6 +275,15 @@ class Mechanism:
         return eta + math.remainder(
             self.side * math.pi / 2.0 + self.tool_angle - kappa - eta, 2.0 * math.pi
         )
+
+
+def tilt_magnitudes(alpha: float, beta: float) -> Range:
+    """Return the smallest and the largest magnitude of the tilt in [0, π] rad (paper, eq. 9).
+
+    They are |α − β| and α + β, or 2π − (α + β) if the sum exceeds π. `alpha` and `beta` are in [0,
+    π] rad. If one of them is 0 or π, both results are equal.
+    """
+    return abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - (alpha + beta))
 
 
 def check_angles(alpha: float, beta: float) -> None:

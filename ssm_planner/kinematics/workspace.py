@@ -21,7 +21,13 @@ from ssm_planner.arguments import checked
 from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
-from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, check_angles, elbow_squares
+from ssm_planner.kinematics.mechanism import (
+    PARALLEL,
+    Mechanism,
+    check_angles,
+    elbow_squares,
+    tilt_magnitudes,
+)
 from ssm_planner.problem import JOINTS
 from ssm_planner.typing import Array, Range, frozen, record
 
@@ -52,15 +58,6 @@ class Extreme:
     """Tool axis for θ1 = 0 and θ2 = θ_r, a unit vector (3,) in the base frame."""
     tilt: float
     """Magnitude of the tilt in [0, π] rad."""
-
-
-def tilt_magnitudes(alpha: float, beta: float) -> Range:
-    """Return the smallest and the largest magnitude of the tilt in [0, π] rad (paper, eq. 9).
-
-    They are |α − β| and α + β, or 2π − (α + β) if the sum exceeds π. `alpha` and `beta` are in [0,
-    π] rad. If one of them is 0 or π, both results are equal.
-    """
-    return abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - (alpha + beta))
 
 
 def tilt_interval(mechanism: Mechanism) -> Range:

@@ -23,7 +23,6 @@ from ssm_planner.problem.motion import (
     Dwell,
     Follow,
     Free,
-    Joints,
     Motion,
     Point,
     Scan,
@@ -222,7 +221,7 @@ class TaskLimits(Limited):
     """
     duty: float | None = 0.0
     """Pause before the motion repeats, s. None means that the motion is done once."""
-    motion: tuple[Straight | Free | Follow | Dwell | Scan, ...] = ()
+    motion: tuple[Motion, ...] = ()
     """Motions with lines, rounded corners and constant speeds that the check evaluates."""
 
     def within(self, robot: Robot) -> "TaskLimits":
@@ -285,6 +284,8 @@ class TaskLimits(Limited):
         return self.limits if self.eye is None else (*self.limits, *self.eye.limits)
 
 
+Rates = Annotated[Numbers, Names(TASK)]
+"""Rates of task coordinates by name in TASK."""
 Objective = Literal["time", "time then heat", "effort"]
 Planner = Literal["optimal", "fast", "ipopt", "toppra"]
 
@@ -310,9 +311,9 @@ class Problem(Value, Limited):
 
     robot: Robot
     """Geometry, bodies, joint limits, drives and motors."""
-    start: Task | Joints | Tip
+    start: Point
     """Start point. Missing task coordinates are 0."""
-    motion: tuple[Straight | Free | Follow | Dwell | Scan, ...]
+    motion: tuple[Motion, ...]
     """Motions in order."""
     limits: tuple[Limit, ...] = ()
     """Limits of the task: ranges, rates and speeds. The limits of the joints are in `robot`.
@@ -327,11 +328,11 @@ class Problem(Value, Limited):
     """
     eye: Eye | None = None
     """Retina and lens that the tool must not touch, or None."""
-    start_rate: Annotated[Numbers, Names(TASK)] = field(default_factory=dict)
+    start_rate: Rates = field(default_factory=dict)
     """Rates of task coordinates at the start by name in TASK, 0 for missing names."""
     start_acceleration: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Joint accelerations at the start of a free motion with jerk limits, rad/s² and m/s²."""
-    end_rate: Annotated[Numbers, Names(TASK)] = field(default_factory=dict)
+    end_rate: Rates = field(default_factory=dict)
     """Rates of task coordinates at the end by name in TASK, 0 for missing names."""
     duration: Time | None = None
     """Requested duration of all motions together, s."""
@@ -536,9 +537,7 @@ class Problem(Value, Limited):
         """
         eye = self.eye
         if eye is None:
-            reason = "a curve along the retina needs an eye"
-            if isinstance(scan, Scan):
-                reason = "a scan of the retina needs an eye"
+            reason = "a motion along the retina needs an eye"
             raise self._wrong(key, reason, "a problem with an eye", scan.name)
         if scan.distance is not None and scan.distance < eye.clearance:
             allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"

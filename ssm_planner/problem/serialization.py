@@ -243,7 +243,7 @@ _SPECIAL: dict[type, Callable[[Any], JsonObject]] = {
     Problem: _problem,
     TaskLimits: limits_to_plain,
     **dict.fromkeys((Task, Joints, Tip), _point),
-    **dict.fromkeys((Straight, Free, Follow, Dwell, Scan), _motion),
+    **dict.fromkeys(_KINDS.values(), _motion),
 }
 """Conversions of the values whose keys in plan.json differ from their fields."""
 

@@ -170,7 +170,7 @@ def _slower_figures(
 
 def evaluate_batch(
     pickled: bytes, candidates: Sequence[tuple[int, Design]]
-) -> tuple[list[Candidate], float]:
+) -> tuple[list[Candidate], float, dict[str, str]]:
     """Evaluate a batch of candidates in a worker process.
 
     Parameters
@@ -186,6 +186,8 @@ def evaluate_batch(
         Results of the candidates.
     seconds
         Duration of the evaluation, s.
+    worker_program
+        Description of the worker's program.
     """
     evaluation = _read(pickled)
     start = time.monotonic()
@@ -195,12 +197,7 @@ def evaluate_batch(
         if _memory() > max(MEMORY, _memory_after_release[0] + GROWTH):
             _release_memory()
             _memory_after_release[0] = _memory()
-    return rows, time.monotonic() - start
-
-
-def evaluate_and_describe(*arguments: Any) -> tuple[Any, dict[str, str]]:
-    """Return the result of `evaluate_batch`, and the description of the worker's program."""
-    return evaluate_batch(*arguments), program()
+    return rows, time.monotonic() - start, program()
 
 
 def _memory() -> int:

@@ -259,9 +259,7 @@ def unit_of(name: str) -> tuple[str, float]:
     quantity_name = name.split(".")[0]
     if quantity_name == "motor_margin":
         return ("%", 100.0)
-    if quantity_name in UNITS:
-        return display_unit(UNITS[quantity_name])
-    return ("", 1.0)
+    return display_unit(UNITS.get(quantity_name, ""))
 
 
 def title_of(name: str) -> str:

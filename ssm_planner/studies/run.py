@@ -15,7 +15,7 @@ from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError, SsmPlannerError
-from ssm_planner.studies.evaluation import Evaluation, evaluate_and_describe
+from ssm_planner.studies.evaluation import Evaluation, evaluate_batch
 from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.provenance import context_of, description_of, differences, program
@@ -328,7 +328,7 @@ class Driver:
     def _submit(self, batch: Sequence[Task]) -> None:
         """Send a batch to the next free worker."""
         candidates = [(number, design) for _, number, design in batch]
-        future = self._pool.submit(evaluate_and_describe, self._evaluation, candidates)
+        future = self._pool.submit(evaluate_batch, self._evaluation, candidates)
         self._pending[future] = batch
 
     def _drain(self) -> None:
@@ -347,7 +347,7 @@ class Driver:
         for future in wait(self._pending, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
             batch = self._pending.pop(future)
             try:
-                (rows, seconds), workers_program = future.result()
+                rows, seconds, workers_program = future.result()
                 if differing := differences(workers_program, program()):
                     names = ", ".join(differing)
                     raise StudyError(f"a worker has another program than the driver: {names}")

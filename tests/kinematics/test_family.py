@@ -6,9 +6,9 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.kinematics.family import Family
-from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.mechanism import Mechanism, tilt_magnitudes
 from ssm_planner.kinematics.task import joints_of_task
-from ssm_planner.kinematics.workspace import boundary_distance, tilt_magnitudes
+from ssm_planner.kinematics.workspace import boundary_distance
 from ssm_planner.problem.robot import Geometry
 
 

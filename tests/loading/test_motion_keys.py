@@ -371,7 +371,7 @@ def test_a_scan_needs_an_eye(files: Any) -> None:
     text = path.read_text(encoding="utf-8")
     path.write_text(text[: text.index("eye:\n")] + "# eye:\n", encoding="utf-8")
     message = files.rejection(SCAN, "# eye:", "name: without eye", at="- scan:")
-    assert "a scan of the retina needs an eye (allowed: a problem with an eye)" in message
+    assert "a motion along the retina needs an eye (allowed: a problem with an eye)" in message
 
 
 def test_durations_that_contradict_each_other(files: Any) -> None:

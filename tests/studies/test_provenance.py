@@ -213,12 +213,12 @@ class Elsewhere(Here):
 
     def submit(self, fn, /, *args, **kwargs):
         future = super().submit(fn, *args, **kwargs)
-        answer, program = future.result()
+        *answer, program = future.result()
         if self.left > 0:
             self.left -= 1
             return future
         changed: Here.submit = type(future)()  # type: ignore[valid-type]
-        changed.set_result((answer, {**program, **self.change}))
+        changed.set_result((*answer, {**program, **self.change}))
         return changed
 
 

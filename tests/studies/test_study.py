@@ -600,11 +600,11 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     # Ipopt's programs are what takes memory
     monkeypatch.setattr("ssm_planner.studies.evaluation.quickly", lambda problem: problem)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", math.inf)
-    ((kept,), _) = evaluate_batch(pickled, asked)
+    ((kept,), *_) = evaluate_batch(pickled, asked)
     assert Transcription.build.cache_info().currsize > 0
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", 0)
     monkeypatch.setattr("ssm_planner.studies.evaluation.GROWTH", -math.inf)
-    ((forgotten,), _) = evaluate_batch(pickled, asked)
+    ((forgotten,), *_) = evaluate_batch(pickled, asked)
     assert Transcription.build.cache_info().currsize == 0
     assert kept == forgotten
 

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.inverse import BLOCK, BRANCHES, _refuse_parallel, _solutions
-from ssm_planner.kinematics.mechanism import Mechanism, elbow_squares
+from ssm_planner.kinematics.mechanism import Mechanism, elbow_squares, tilt_magnitudes
 from ssm_planner.kinematics.rotations import batch, rotation
 from ssm_planner.kinematics.solutions import Solutions
-from ssm_planner.kinematics.workspace import tilt_magnitudes
 from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array
 
