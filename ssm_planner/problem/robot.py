@@ -29,6 +29,7 @@ from ssm_planner.problem.value import (
     Interval,
     Mass,
     Matrix,
+    NotNegative,
     Position,
     Positive,
     Sign,
@@ -198,13 +199,13 @@ class Joint(Value):
     """Other motors that the robot may have at this joint. `size` checks them as well."""
     motor_direction: Sign = 1
     """Sign of the motor controller's position relative to the joint."""
-    backlash: Annotated[NotNegative, Quantity("angle", "length")] | None = None
+    backlash: Annotated[NotNegative, "angle or length"] | None = None
     """Play of the joint while its motor stands. None if it is unknown."""
-    stiffness: Annotated[Positive, Quantity("rotary_stiffness", "linear_stiffness")] | None = None
+    stiffness: Annotated[Positive, "rotary_stiffness or linear_stiffness"] | None = None
     """Effort per displacement of the joint while its motor stands. None if it is unknown."""
-    homing_error: Annotated[NotNegative, Quantity("angle", "length")] | None = None
+    homing_error: Annotated[NotNegative, "angle or length"] | None = None
     """Largest error of the joint's zero position. None if it is unknown."""
-    tracking_error: Annotated[NotNegative, Quantity("angle", "length")] | None = None
+    tracking_error: Annotated[NotNegative, "angle or length"] | None = None
     """Largest difference between the set point and the encoder. None if it is unknown."""
 
     def _check(self) -> None:
