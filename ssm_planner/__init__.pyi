@@ -114,17 +114,27 @@ from .problem.problem import (
     Lens as Lens,
     Objective as Objective,
     Planner as Planner,
+    Rates as Rates,
     TaskLimits as TaskLimits,
 )
 from .problem.robot import Body as Body, Geometry as Geometry, Joint as Joint, Robot as Robot
 from .problem.transmissions import Dimensions as Dimensions, Transmission as Transmission
 from .problem.value import (
+    Coefficient as Coefficient,
     Count as Count,
+    Current as Current,
+    Delay as Delay,
     Interval as Interval,
+    Length as Length,
+    Mass as Mass,
     Matrix as Matrix,
     NotNegative as NotNegative,
+    Position as Position,
     Positive as Positive,
     Sign as Sign,
+    Speed as Speed,
+    Time as Time,
+    Torque as Torque,
     Vector as Vector,
 )
 from .progress import Progress as Progress, Step as Step
@@ -169,9 +179,11 @@ from .templates import schema as schema, template as template
 from .trajectory import Samples as Samples, Side as Side, Span as Span, Trajectory as Trajectory
 from .typing import (
     Array as Array,
+    Fields as Fields,
     Indices as Indices,
     JsonObject as JsonObject,
     Mask as Mask,
+    Numbers as Numbers,
     Range as Range,
 )
 from .units import deg as deg, mm as mm, mNm as mNm, ms as ms, rpm as rpm

@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from textwrap import wrap
-from typing import NoReturn, TextIO
+from typing import NoReturn
 
 from ssm_planner.display import columns
 from ssm_planner.errors import SsmPlannerError, suggestion
@@ -84,17 +84,18 @@ def shorten(lines: Iterable[str]) -> list[str]:
     return [*screen[: SHORT - LAST - 1], "… (-v prints all)", *screen[-LAST:]]
 
 
-def print_lines(lines: Iterable[str], stream: TextIO | None = None) -> None:
+def print_lines(lines: Iterable[str]) -> None:
     """Print lines, wrapped to the width of the terminal and with coloured verdicts.
 
-    `stream` is the destination, by default stdout. Colours are omitted if it is not a terminal.
+    Colours are omitted if stdout is not a terminal.
     """
-    stream = sys.stdout if stream is None else stream
-    colour = stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    colour = (
+        sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    )
     for block in lines:
         for line in block.splitlines() or [""]:
             for part in wrap_line(line, columns()):
-                print(VERDICT.sub(_coloured, part) if colour else part, file=stream)
+                print(VERDICT.sub(_coloured, part) if colour else part)
 
 
 def _coloured(match: re.Match[str]) -> str:

@@ -146,7 +146,7 @@ def bytes_of(file: Path, largest: int = LARGEST_FILE) -> bytes:
 
 
 def decoded(file: Path, data: bytes) -> str:
-    """Return the content of a file as text. Raises ProblemError, with the line, if it is no UTF-8."""
+    """Return the content of a file as text. Raises ProblemError if it is not UTF-8."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -12,11 +12,11 @@ from ssm_planner.problem.value import (
     Delay,
     Length,
     Mass,
-    MotorSpeed,
     Names,
     NotNegative,
     Positive,
     Sign,
+    Speed,
     Torque,
     Value,
     uncompared,
@@ -123,7 +123,7 @@ class Friction(Value):
     """Dependence of the coefficient on speed."""
     mu_stribeck: Coefficient = 0.0
     """Increase of the coefficient above mu at low speed, in the Stribeck laws."""
-    stribeck_speed: MotorSpeed | None = None
+    stribeck_speed: Speed | None = None
     """Motor speed w_s of the Stribeck term, rad/s."""
     dwell_constant: Delay | None = None
     """Constant c of mu_static, which grows as exp(−c / t_dwell), s.
@@ -137,7 +137,7 @@ class Friction(Value):
 
     The self-locking margin is reported for it as well.
     """
-    identified_speed: MotorSpeed | None = None
+    identified_speed: Speed | None = None
     """Largest motor speed in the identification data, rad/s. Friction is extrapolated beyond it."""
     covariance: Mapping[str, Numbers] | None = None
     """Covariance of the parameters as stated by the user, in SI units."""
@@ -194,7 +194,7 @@ class Ratings(Value):
     """Largest continuous output effort, N·m (worm) or N (screws)."""
     peak_output: Annotated[Positive, "torque or force"] | None = None
     """Largest output effort at any instant, N·m (worm) or N (screws)."""
-    input_speed: MotorSpeed | None = None
+    input_speed: Speed | None = None
     """Largest motor speed, rad/s."""
     duty: Annotated[Positive, "number"] | None = None
     """Largest share of time in motion."""

@@ -7,8 +7,8 @@ from typing import Annotated
 from ssm_planner.problem.value import (
     Bound,
     Current,
-    MotorSpeed,
     Positive,
+    Speed,
     Time,
     Torque,
     Value,
@@ -38,7 +38,7 @@ class Motor(Value):
     """Continuous torque, N·m."""
     max_torque: Torque
     """Largest torque that a plan may use at any instant, N·m."""
-    max_speed: MotorSpeed
+    max_speed: Speed
     """Largest permissible speed, rad/s."""
     nominal_voltage: Annotated[Positive, "voltage"] | None = None
     """Nominal voltage, V. It is the default supply of the controller."""

@@ -92,7 +92,7 @@ Coefficient = Annotated[NotNegative, "number"]
 """Number without a unit, at least 0."""
 Position = Annotated[Vector, "length"]
 """Position or lengths along the axes, m, (3,)."""
-MotorSpeed = Annotated[Positive, "motor_speed"]
+Speed = Annotated[Positive, "motor_speed"]
 """Positive speed of a motor, rad/s."""
 Delay = Annotated[NotNegative, "time"]
 """Time of at least 0, s."""

@@ -53,13 +53,6 @@ class Workers(Executor):
         for thread in self._threads:
             thread.start()
 
-    @property
-    def pids(self) -> tuple[int, ...]:
-        """Process identifiers of the running workers."""
-        return tuple(
-            process.pid for process in list(self._processes.values()) if process.poll() is None
-        )
-
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Schedule a call of fn(*args, **kwargs) on the next free worker, and return its future.
 

@@ -27,6 +27,7 @@ from ssm_planner.studies.store import Store
 from ssm_planner.studies.study import Search, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
+from tests.studies.support import pids
 from tests.support.paths import ROOT
 
 FILE = ROOT / "problems" / "studies" / "vitreoretinal.yaml"
@@ -162,7 +163,7 @@ def resumed(folder: Path, table: bytes, what: str, executor: Executor) -> None:
 
 
 def local(folder: Path, table: bytes) -> None:
-    with Workers(2) as workers, killing(lambda: list(workers.pids)) as killed:
+    with Workers(2) as workers, killing(lambda: pids(workers)) as killed:
         result = study(problem(), folder / "killed", executor=workers)
         states = result.states
     same = (folder / "killed" / "table.csv").read_bytes() == table

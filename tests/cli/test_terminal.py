@@ -208,14 +208,16 @@ def test_colours_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
     plain, shown, refused = io.StringIO(), Terminal(), Terminal()
-    print_lines(["check: PASSED", "motor BEYOND", "nothing"], plain)
-    print_lines(["check: PASSED", "motor BEYOND", "nothing"], shown)
+    for stream in (plain, shown):
+        monkeypatch.setattr("sys.stdout", stream)
+        print_lines(["check: PASSED", "motor BEYOND", "nothing"])
     assert plain.getvalue() == "check: PASSED\nmotor BEYOND\nnothing\n"
     assert (
         shown.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
     )
     monkeypatch.setenv("NO_COLOR", "1")
-    print_lines(["check: PASSED"], refused)
+    monkeypatch.setattr("sys.stdout", refused)
+    print_lines(["check: PASSED"])
     assert refused.getvalue() == "check: PASSED\n"
 
 

@@ -14,6 +14,7 @@ from ssm_planner.loading.files import of_data
 from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.store import Candidate, hash_of
 from ssm_planner.studies.study_file import study_from
+from ssm_planner.studies.workers import Workers
 
 FILE = {
     "robot": "vitreoretinal",
@@ -25,6 +26,12 @@ FILE = {
     "minimise": ["duration", "peak_torque"],
     "search": {"points": 16, "seed": 3},
 }
+
+
+def pids(workers: Workers) -> list[int]:
+    """Process identifiers of the running workers."""
+    processes = list(workers._processes.values())
+    return [process.pid for process in processes if process.poll() is None]
 
 
 def study(**changes):

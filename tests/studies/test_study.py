@@ -34,6 +34,7 @@ from ssm_planner.studies.store import Candidate, Store, pareto
 from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
 from ssm_planner.studies.workers import WorkerDied
+from tests.studies.support import pids
 from tests.support.once import made_once
 from tests.support.paths import PROBLEMS, ROOT
 
@@ -182,8 +183,8 @@ def test_killed_workers_change_nothing(tmp_path, table):
     with Workers(2, attempts=100) as workers:
 
         def kill(done: int, count: int, states: object) -> None:
-            if done % 3 == 0 and workers.pids:
-                os.kill(random.choice(workers.pids), signal.SIGKILL)
+            if done % 3 == 0 and pids(workers):
+                os.kill(random.choice(pids(workers)), signal.SIGKILL)
 
         run_study(of, tmp_path / "killed", executor=workers, progress=kill)
     assert (tmp_path / "killed" / "table.csv").read_bytes() == table

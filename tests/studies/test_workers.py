@@ -12,6 +12,7 @@ from concurrent.futures import wait
 import pytest
 
 from ssm_planner.studies.workers import WorkerDied, Workers, _start_worker
+from tests.studies.support import pids
 
 
 def test_tasks_come_back_in_their_futures():
@@ -47,8 +48,8 @@ def test_kills_lose_nothing():
 
         def kill() -> None:
             while not done.wait(0.4):
-                if workers.pids:
-                    os.kill(random.choice(workers.pids), signal.SIGKILL)
+                if pids(workers):
+                    os.kill(random.choice(pids(workers)), signal.SIGKILL)
 
         killer = threading.Thread(target=kill)
         killer.start()
@@ -61,9 +62,10 @@ def test_kills_lose_nothing():
 def test_workers_are_gone_after_shutdown():
     workers = Workers(2)
     wait([workers.submit(abs, -1) for _ in range(4)])
-    pids = workers.pids
+    ended = pids(workers)
     workers.shutdown()
-    for pid in pids:
+    assert ended
+    for pid in ended:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
 
