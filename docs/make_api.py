@@ -40,7 +40,7 @@ def page() -> str:
     classes = [
         name
         for name, value in values.items()
-        if inspect.isclass(value) and get_origin(value) is None
+        if inspect.isclass(value) and get_origin(value) is None and value is not str
     ]
     constants = [name for name in values if name not in {*functions, *classes}]
     parts = [HEAD]

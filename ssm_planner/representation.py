@@ -31,12 +31,6 @@ def short_repr(value: object) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 2] + "…)"
 
 
-class ShortRepr:
-    """Base class of dataclasses with the text of `short_repr`."""
-
-    __repr__ = short_repr
-
-
 def _abbreviated(value: object) -> str:
     """Format the value of a field as a short text."""
     if isinstance(value, np.ndarray):

@@ -10,7 +10,6 @@ from pathlib import Path
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import frozen
 
 PROGRAM = "paper_reproduction"
@@ -19,7 +18,7 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 
 
 @frozen
-class Reproduction(ShortRepr):
+class Reproduction:
     """Outcome of a reproduction of the paper.
 
     Attributes

@@ -11,7 +11,7 @@ import numpy as np
 import ssm_planner
 from ssm_planner import Problem, Robot
 from ssm_planner.plans import load_plan
-from ssm_planner.representation import LONGEST, ShortRepr, short_repr
+from ssm_planner.representation import LONGEST, short_repr
 from ssm_planner.typing import record
 from tests.support.paths import ROOT
 
@@ -23,7 +23,7 @@ def test_public_values_that_hold_arrays_or_other_values_have_short_texts() -> No
             continue
         types = " ".join(str(field.type) for field in dataclasses.fields(value))
         if re.search(r"Array|Mapping|\bdict|\blist|tuple.*\.\.\.|Problem|Robot", types):
-            assert value.__repr__ is short_repr or issubclass(value, ShortRepr), name
+            assert value.__repr__ is short_repr, name
 
 
 def test_values_of_a_plan_show_themselves_in_400_characters(
@@ -44,8 +44,6 @@ def test_a_text_that_is_too_long_is_cut() -> None:
         first: tuple[float, ...]
         second: np.ndarray
 
-    kind = dataclasses.make_dataclass(
-        "Wider", [(f"a{k}", float) for k in range(100)], bases=(ShortRepr,), repr=False
-    )
-    assert len(repr(kind(*range(100)))) == LONGEST
+    kind = dataclasses.make_dataclass("Wider", [(f"a{k}", float) for k in range(100)])
+    assert len(short_repr(kind(*range(100)))) == LONGEST
     assert repr(Wide((1.0,), np.zeros((3, 4)))).endswith("first=(1.0,), second=<array (3, 4)>)")

@@ -6,7 +6,6 @@ import numpy as np
 
 from ssm_planner.comparison.noise import CERTAIN
 from ssm_planner.deprecation import Renamed
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, frozen
 
 SAMPLES = 4000
@@ -26,7 +25,7 @@ SPEEDS = np.union1d(np.arange(5, 126) / 100, np.geomspace(0.05, 1.25, 80))
 
 
 @frozen
-class Alignment(ShortRepr):
+class Alignment:
     """The position of a planned motion in the recording of one axis.
 
     Examples
@@ -65,7 +64,7 @@ class Alignment(ShortRepr):
 
 
 @frozen
-class Clock(ShortRepr):
+class Clock:
     """Common clock of all recordings: planned time = rate · (time of the recordings − delay).
 
     Examples

@@ -29,7 +29,6 @@ from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification import rms
 from ssm_planner.problem import Robot
-from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.verification import Certificate
@@ -66,7 +65,7 @@ class Difference:
 
 
 @record
-class AxisComparison(ShortRepr):
+class AxisComparison:
     """The comparison of one axis with its plan.
 
     Examples
@@ -129,7 +128,7 @@ class AxisComparison(ShortRepr):
 
 
 @record
-class Comparison(ShortRepr):
+class Comparison:
     """The comparison of a plan with recordings of its axes. Iteration yields the axes.
 
     Examples

@@ -36,7 +36,6 @@ from ssm_planner.problem import (
     MotorSpeed,
     MotorTorque,
 )
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Mask, frozen, record
 from ssm_planner.verification import Certificate
 
@@ -99,7 +98,7 @@ def worst_of(*groups: Iterable[Judged]) -> Verdict:
 
 
 @frozen
-class Finding(ShortRepr):
+class Finding:
     """A fault of the execution, or a remark if the verdict is "held".
 
     Examples

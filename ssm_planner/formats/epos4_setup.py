@@ -14,7 +14,6 @@ import numpy as np
 
 from ssm_planner.errors import ExportError
 from ssm_planner.problem import JOINTS, Joint, Robot, check_mapping
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.units import rpm
 
@@ -26,7 +25,7 @@ QUADRATURE = 4
 
 
 @frozen
-class Axis(ShortRepr):
+class Axis:
     """A driven joint and the units of its drive.
 
     Examples

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from ssm_planner.registry import Registry
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import record
 
 _STOPS = "add controlled stops from N instants"
@@ -15,7 +14,7 @@ _COUNTS = "increments per motor turn (4 × encoder counts) if the motor file has
 
 
 @record
-class Format(ShortRepr):
+class Format:
     """Export format.
 
     It names its functions. They are loaded on first use, so that other commands start quickly.

@@ -19,7 +19,6 @@ from ssm_planner.identification.recorder_csv import (
     parse_table,
 )
 from ssm_planner.loading.files import bytes_of
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, Indices, Mask, record
 
 MAX_BYTES = 32_000_000
@@ -48,7 +47,7 @@ SPIKE_GAP = 3.0
 
 
 @record
-class Recording(ShortRepr):
+class Recording:
     """Speed and torque of one motor over time, in the drive's positive direction.
 
     Arrays have the shape (samples,) and SI units.

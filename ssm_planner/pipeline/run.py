@@ -49,7 +49,6 @@ from ssm_planner.problem import (
 )
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.reporting.figures.process import FigureProcess
-from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.limits import JUMP
@@ -197,7 +196,7 @@ def _with_relaxation(
 
 
 @frozen
-class Replanner(ShortRepr):
+class Replanner:
     """Planner for one problem with changing starts and targets, for control loops and studies.
 
     It uses the structured solver without Ipopt's confirmation, as `planner: fast` does, unless the

@@ -7,12 +7,11 @@ requires and the value that is available.
 from typing import Any
 
 from ssm_planner.problem import ConstantSpeed, Duration, Limit, in_words
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import frozen
 
 
 @frozen
-class Reason(ShortRepr):
+class Reason:
     """The limit that prevents a motion, with the required and the available value in SI units.
 
     Examples

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated, Literal
 
-from ssm_planner.problem.posterior import FRICTION_NAMES, Posterior
+from ssm_planner.problem.posterior import LAW_NAMES, Posterior
 from ssm_planner.problem.transmissions import LARGEST_THREAD_ANGLE, TRANSMISSIONS, Transmission
 from ssm_planner.problem.value import (
     Coefficient,
@@ -25,7 +25,7 @@ from ssm_planner.typing import Numbers, Range, record
 
 LARGEST_LEAD_ANGLE = math.radians(60)
 RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
-PARAMETERS = (*FRICTION_NAMES[:-1], "dwell_constant", "memory")
+PARAMETERS = (*LAW_NAMES, "dwell_constant", "memory")
 """Parameters of Friction that are numbers."""
 
 

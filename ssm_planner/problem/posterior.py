@@ -27,7 +27,7 @@ LAW = "law"
 The column exists only if several laws are possible.
 """
 LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
-FRICTION_NAMES = (
+LAW_NAMES = (
     "mu",
     "mu_static",
     "mu_stribeck",
@@ -36,8 +36,9 @@ FRICTION_NAMES = (
     "b_v",
     "b_oc",
     "b_ov",
-    "preload",
 )
+"""Coefficients of the friction law that are fields of Friction."""
+FRICTION_NAMES = (*LAW_NAMES, "preload")
 """Parameters of a drive that may be uncertain, by their names in Friction (and preload)."""
 
 

@@ -270,9 +270,10 @@ class Joint(Value):
         if drive is None:
             return tuple(limits)
         if motor is not None:
-            limits.append(_cached_limit(MotorSpeed, name, motor.max_speed))
-            limits.append(_cached_limit(MotorTorque, name, motor.max_torque))
-            limits.append(_cached_limit(ContinuousTorque, name, motor.nominal_torque))
+            limits += [
+                _cached_limit(kind, name, getattr(motor, kind.field))
+                for kind in (MotorSpeed, MotorTorque, ContinuousTorque)
+            ]
         if drive.two_nuts:
             limits.append(_cached_limit(NutContact, name, drive.preload))
         if drive.self_locking and drive.friction is not None:

@@ -25,7 +25,6 @@ import numpy as np
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.kinematics import jacobian
 from ssm_planner.problem import Joint, Robot
-from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen
 
@@ -42,7 +41,7 @@ STATED = ("backlash", "homing_error", "tracking_error", "stiffness")
 
 
 @frozen
-class ErrorSource(ShortRepr):
+class ErrorSource:
     """One error of a joint, and the tip error that it causes alone.
 
     Examples
@@ -62,7 +61,7 @@ class ErrorSource(ShortRepr):
 
 
 @frozen
-class TipError(ShortRepr):
+class TipError:
     """Bound on the tip error of a motion.
 
     Examples

@@ -25,7 +25,7 @@ from ssm_planner.problem import (
     plain,
     robot_text,
 )
-from ssm_planner.representation import ShortRepr, data_frame, html_table
+from ssm_planner.representation import data_frame, html_table
 from ssm_planner.trajectory import BLOCK, Trajectory, blocks
 from ssm_planner.typing import JsonObject, frozen
 
@@ -36,7 +36,7 @@ KEPT, VIOLATED, NOT_JUDGED = "kept", "violated", "not judged"
 
 
 @frozen
-class LimitCheck(ShortRepr):
+class LimitCheck:
     """The result of checking one limit over a whole motion, in SI units.
 
     The margin is (limit − worst)/limit. For a range, it is the distance to the nearer end divided
@@ -145,7 +145,7 @@ class LimitCheck(ShortRepr):
 
 
 @frozen
-class Unjudged(ShortRepr):
+class Unjudged:
     """A limit that the motion may violate, although the check found no violation.
 
     Attributes
@@ -170,7 +170,7 @@ class Unjudged(ShortRepr):
 
 
 @frozen
-class Certificate(ShortRepr):
+class Certificate:
     """The result of checking one trajectory.
 
     Attributes

@@ -47,7 +47,6 @@ import numpy as np
 
 from ssm_planner.dynamics import friction_coefficient, friction_of, motorised
 from ssm_planner.problem import JointAcceleration, MotorTorque, Robot, TaskLimits
-from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, frozen, record
 from ssm_planner.verification.path_rows import LimitName, PathRows, coefficients
@@ -89,7 +88,7 @@ PERCENT = 0.01
 
 
 @frozen
-class Sensitivity(ShortRepr):
+class Sensitivity:
     """Change of the duration of a motion with one of its limits, to first order.
 
     Examples

@@ -22,7 +22,6 @@ import numpy as np
 
 from ssm_planner.dynamics import STILL, friction_coefficient, friction_of, motorised
 from ssm_planner.problem import Dwell, Problem, Robot, TaskLimits
-from ssm_planner.representation import ShortRepr
 from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
@@ -54,7 +53,7 @@ TINY = 1e-9
 
 
 @record
-class Opinion(ShortRepr):
+class Opinion:
     """Result of the cross-check of one phase: two durations in s, or a reason for their absence.
 
     Examples

@@ -11,7 +11,6 @@ import numpy as np
 from ssm_planner.dynamics import RigidBody, directions, motor_motion, motorised
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import ContinuousTorque, MotorTorque, Robot, TaskLimits
-from ssm_planner.representation import ShortRepr
 from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck
@@ -30,7 +29,7 @@ JUDGED = (MotorTorque.name, ContinuousTorque.name)
 
 
 @frozen
-class WorstSpeed(ShortRepr):
+class WorstSpeed:
     """The speed at which a limit has its smallest margin, and the result of the check there.
 
     Examples
@@ -48,7 +47,7 @@ class WorstSpeed(ShortRepr):
 
 
 @record
-class SpeedRange(ShortRepr):
+class SpeedRange:
     """The result of checking all speeds from `slowest` to 1.
 
     Examples

@@ -92,8 +92,8 @@ def test_the_robot_of_one_problem() -> None:
             "motion[0].free.to = abve: unknown name of a point",
         ),
         ({"free": {"to": "above"}}, {}, "a text instead of a mapping"),
-        ({"dwell": "1 s"}, {"points": {"above": 3}}, "points.above = 3: invalid point"),
-        ({"dwell": "1 s"}, {"points": [1]}, "expected a mapping of names"),
+        ({"dwell": "1 s"}, {"points": {"above": 3}}, "points.above = 3: not a mapping of names"),
+        ({"dwell": "1 s"}, {"points": [1]}, "points = [1]: not a mapping of names to points"),
         (
             {"repeat": {"times": 0, "motion": [{"dwell": "1 s"}]}},
             {},
