@@ -30,6 +30,10 @@ from .errors import (
 from .formats.epos4_setup import Axis as Axis
 from .formats.export import export as export
 from .formats.format import Format as Format
+from .identification.design import (
+    SessionDesign as SessionDesign,
+    design_session as design_session,
+)
 from .identification.dynamic import DynamicFit as DynamicFit
 from .identification.fit import Estimate as Estimate, MapFit as MapFit
 from .identification.identify import (

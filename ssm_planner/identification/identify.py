@@ -182,9 +182,9 @@ def identify(
     template = load_drive(drive)
     recorded, repeated = distinct(_read(template, recordings))
     steady, moving = _sorted_by_kind(recorded)
-    data, evidence = _map(drive, steady, moving)
+    data, evidence = map_of(drive, steady, moving)
     data = replace(data, repairs=(*repeated, *data.repairs))
-    load, inertia = _load(template)
+    load, inertia = load_of(template)
     progress(Step(f"fitting the map of {len(data.w)} points"))
     fit = fit_map(
         template,
@@ -192,7 +192,7 @@ def identify(
         load,
         law=law,
         fixed=fixed,
-        reference=_reference(template),
+        reference=reference_of(template),
         free=free,
         progress=progress,
     )
@@ -272,11 +272,11 @@ def predict(
     if not recordings:
         raise RecordingError("no recording to predict: name files or folders")
     recorded = _read(predicting, recordings)
-    load, inertia = _load(predicting)
+    load, inertia = load_of(predicting)
     if predicting.friction is None:
         progress(Step("identifying from the table of figures"))
-        data = _map(drive, [], [])[0]
-        predicting = fit_map(predicting, data, load, reference=_reference(predicting)).drive
+        data = map_of(drive, [], [])[0]
+        predicting = fit_map(predicting, data, load, reference=reference_of(predicting)).drive
     if predicting.rig is not None:
         load = predicting.rig.load
     predictions = []
@@ -288,7 +288,7 @@ def predict(
 
 def friction_origin(drive: str | Path) -> str:
     """Describe where `predict` finds the friction: in the drive file or in a table."""
-    return "the drive file" if load_drive(drive).friction is not None else _map(drive, [], [])[1]
+    return "the drive file" if load_drive(drive).friction is not None else map_of(drive, [], [])[1]
 
 
 def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
@@ -306,7 +306,7 @@ def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[
     return kinds["steady"], kinds["start_stop"]
 
 
-def _load(drive: Drive) -> tuple[float, float]:
+def load_of(drive: Drive) -> tuple[float, float]:
     """Return the effort (N·m or N) and the inertia (kg·m² or kg) of the payload on the test rig.
 
     Both are 0 for a drive without a test rig.
@@ -314,7 +314,7 @@ def _load(drive: Drive) -> tuple[float, float]:
     return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
 
 
-def _reference(drive: Drive) -> dict[str, float]:
+def reference_of(drive: Drive) -> dict[str, float]:
     """Return the centres of the prior, which are expected friction parameters, by name.
 
     They are the values published for the test rig or, without these, the friction in the drive
@@ -326,7 +326,7 @@ def _reference(drive: Drive) -> dict[str, float]:
     return {} if f is None else {"mu": f.mu, "b_c": f.b_c, "b_v": f.b_v, "b_oc": f.b_oc}
 
 
-def _map(
+def map_of(
     drive_path: str | Path, steady: list[Recording], moving: list[Recording]
 ) -> tuple[TorqueMap, str]:
     """Compute or read the torque–velocity map that is fitted.

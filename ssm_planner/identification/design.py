@@ -1,0 +1,176 @@
+"""Design the next recording session of a drive, and estimate what it will determine.
+
+Speeds are spaced logarithmically, in both directions and in random order, so that a change of
+friction during the session does not look like a dependence on speed. The middle speed is recorded
+at the beginning, in the middle and at the end, so that such a change is visible. Every recording
+lasts whole turns of the motor, so that ripple does not change its mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from ssm_planner.arguments import checked
+from ssm_planner.atomic import write_text
+from ssm_planner.errors import RecordingError
+from ssm_planner.identification.fit import Estimate, fit_map
+from ssm_planner.identification.identify import load_of, map_of, reference_of
+from ssm_planner.identification.parameters import map_torque
+from ssm_planner.identification.torque_map import TorqueMap
+from ssm_planner.loading import load_drive
+from ssm_planner.representation import ShortRepr
+from ssm_planner.typing import Array, JsonObject, record
+from ssm_planner.units import RPM
+
+FEWEST = 12
+"""Smallest number of recordings of a session."""
+REPEATS = 3
+"""Number of recordings of the middle speed in each direction."""
+SLOWEST = 0.01
+"""Smallest speed of a session, divided by its largest speed."""
+SHORTEST = 10.0
+"""Shortest recording, s."""
+TURNS = 3
+"""Smallest number of motor turns in a recording."""
+SCATTER = 0.01
+"""Standard deviation of the mean torque from recording to recording, as a share of the torque.
+
+It is 0.3 to 2 % on the rigs of the paper.
+"""
+
+
+@record
+class SessionDesign(ShortRepr):
+    """Recordings of a session in their order, and the intervals that they are expected to give.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> session = ssm.design_session("rig3_worm", count=16)
+    >>> session.speeds.shape, bool(session.durations.min() >= 10)
+    ((16,), True)
+    """
+
+    speeds: Array
+    """Motor speeds, (count,), rad/s."""
+    durations: Array
+    """Durations at constant speed, (count,), s."""
+    law: str
+    """Friction law that the simulated session gives."""
+    expected: Mapping[str, Estimate]
+    """Parameters with the 95 % intervals that a simulated session gives."""
+
+    def to_dict(self) -> JsonObject:
+        """Return the output of `identify --design --json`, in SI units."""
+        return {
+            "recordings": [
+                {"speed": speed, "duration": duration}
+                for speed, duration in zip(
+                    self.speeds.tolist(), self.durations.tolist(), strict=True
+                )
+            ],
+            "law": self.law,
+            "parameters": {name: asdict(value) for name, value in self.expected.items()},
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write the recordings as CSV in their order, and return the path.
+
+        Raises ExportError if the file cannot be written.
+        """
+        lines = ["recording,speed_rpm,duration_s,motor_turns"]
+        rows = zip((RPM * self.speeds).tolist(), self.durations.tolist(), strict=True)
+        for k, (speed, duration) in enumerate(rows, start=1):
+            turns = round(abs(speed) / 60 * duration)
+            lines.append(f"{k},{speed:.6g},{duration:.6g},{turns}")
+        write_text(Path(path), "\n".join(lines) + "\n")
+        return Path(path)
+
+
+@checked
+def design_session(
+    drive: str | Path, count: int = 24, top_speed: float | None = None
+) -> SessionDesign:
+    """Design a session of recordings at constant speed, and simulate its identification.
+
+    Parameters
+    ----------
+    drive : str or Path
+        Drive file, or the name of a shipped drive. Its friction, or else the friction that the
+        table of its figures gives, is used for the simulation.
+    count : int
+        Number of recordings, an even number of at least 12.
+    top_speed : float, optional
+        Largest speed of the motor, rad/s. The default is that of the table of figures.
+
+    Returns
+    -------
+    SessionDesign
+        Recordings and expected intervals.
+
+    Raises
+    ------
+    RecordingError
+        If the number of recordings is not permitted, or if neither `top_speed` nor a table is
+        given.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.design_session("rig3_worm").save("session.csv")  # doctest: +SKIP
+    """
+    if count < FEWEST or count % 2:
+        raise RecordingError(f"{count} recordings (allowed: an even number of at least {FEWEST})")
+    template = load_drive(drive)
+    load, _ = load_of(template)
+    known = template
+    if template.friction is None or top_speed is None:
+        table = map_of(drive, [], [])[0]
+        top_speed = top_speed or float(np.abs(table.w).max())
+        if template.friction is None:
+            known = fit_map(template, table, load, reference=reference_of(template)).drive
+    speeds = _ordered(top_speed, count)
+    turns = np.maximum(TURNS, np.ceil(SHORTEST * np.abs(speeds) / (2 * np.pi)))
+    tau = np.asarray(map_torque(known, speeds, load))
+    noise = np.random.default_rng(0).standard_normal(count)
+    order = np.argsort(speeds)
+    data = TorqueMap(
+        tuple(f"{k + 1}" for k in order),
+        speeds[order],
+        (tau * (1 + SCATTER * noise))[order],
+        w_deviation=np.zeros(count),
+        tau_deviation=(SCATTER * np.abs(tau))[order],
+        samples=np.full(count, 500.0),
+    )
+    fit = fit_map(known, data, load, reference=reference_of(template))
+    return SessionDesign(
+        speeds, 2 * np.pi * turns / np.abs(speeds), fit.law, expected=dict(fit.estimates)
+    )
+
+
+def _ordered(top_speed: float, count: int) -> Array:
+    """Return the speeds of a session in their order, (count,), rad/s.
+
+    Parameters
+    ----------
+    top_speed : float
+        Largest speed, rad/s.
+    count : int
+        Number of recordings.
+    """
+    half = count // 2
+    different = np.geomspace(SLOWEST, 1.0, half - REPEATS + 1) * top_speed
+    middle = len(different) // 2
+    others = np.delete(different, middle)
+    rng = np.random.default_rng(0)
+    rest = rng.permutation(np.concatenate([others, -others]))
+    blocks = np.array_split(rest, REPEATS - 1)
+    pair = different[middle] * np.array([1.0, -1.0])
+    parts = [pair]
+    for block in blocks:
+        parts += [block, pair]
+    return np.concatenate(parts)
