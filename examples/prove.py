@@ -579,8 +579,9 @@ def finite(text: str) -> float:
     return float(text)
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        print("usage: python prove.py plan.json", file=sys.stderr)
+    as_json = sys.argv[2:] == ["--json"]
+    if len(sys.argv) != 2 + as_json:
+        print("usage: python prove.py plan.json [--json]", file=sys.stderr)
         sys.exit(2)
     try:
         with open(sys.argv[1], encoding="utf-8") as file:
@@ -589,6 +590,9 @@ if __name__ == "__main__":
         reason = f"{type(error).__name__}: {error}"
         print(f"{sys.argv[1]} cannot be read as a plan ({reason})", file=sys.stderr)
         sys.exit(2)
-    print(*table(claims), sep="\n")
+    if as_json:
+        print(json.dumps([c._asdict() for c in claims]))
+    else:
+        print(*table(claims), sep="\n")
     verdicts = {c.verdict for c in claims}
     sys.exit(1 if "REFUTED" in verdicts else 0 if verdicts == {"PROVEN"} else 4)

@@ -197,6 +197,7 @@ from .verification.certificate import (
     Unjudged as Unjudged,
 )
 from .verification.path_bound import Sensitivity as Sensitivity
+from .verification.proof import Proof as Proof, prove as prove
 from .verification.second_opinion import Opinion as Opinion
 from .verification.slower import SpeedRange as SpeedRange, WorstSpeed as WorstSpeed
 from .view.server import ViewServer as ViewServer, serve_view as serve_view
