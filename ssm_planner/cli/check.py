@@ -4,6 +4,7 @@ This module never imports the planner.
 """
 
 from argparse import Namespace
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 PLAN_FILE = "plan.json"
 STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
+PROVEN_STATUS = {"PROVEN": OK, "REFUTED": FAILED, "OPEN": UNJUDGED}
+"""Exit status of each verdict of a proof."""
 
 
 def run_check(options: Namespace) -> int:
@@ -58,10 +61,59 @@ def run_check(options: Namespace) -> int:
     if problem is not None:
         certificate = with_task(certificate, reading.trajectory, replace(problem, robot=robot))
     certificate = _allowing(certificate, options.allow_unjudged or "")
-    progress(Step("done"))
     document |= certificate.to_dict()
-    show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
-    return STATUS[certificate.verdict]
+    if not options.proof:
+        progress(Step("done"))
+        show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
+        return STATUS[certificate.verdict]
+    progress(Step("proving"))
+    proofs = _proofs(options)
+    progress(Step("done"))
+    document["proof"] = [proof.to_dict() for proof in proofs]
+    show(
+        options.json,
+        document,
+        lambda: [*certificate_lines(certificate, reading.notes, robot), "", *proof_lines(proofs)],
+    )
+    verdicts = {STATUS[certificate.verdict], *(PROVEN_STATUS[proof.verdict] for proof in proofs)}
+    return next(status for status in (FAILED, UNJUDGED, OK) if status in verdicts)
+
+
+def _proofs(options: Namespace) -> tuple[ssm.Proof, ...]:
+    """Run the separate program on a plan.json, whose robot and limits it uses.
+
+    Raises ProblemError if an option asks for others.
+    """
+    others = ("robot", "problem", "tip_speed", "start_rate", "end_rate")
+    given = [f"--{name.replace('_', '-')}" for name in others if getattr(options, name)]
+    if given:
+        raise ProblemError(
+            f"the proof concerns the robot and the limits in plan.json, so {given[0]} cannot hold",
+            key="--proof",
+            allowed=f"without {', '.join(given)}",
+        )
+    return ssm.prove(options.trajectory, options.checker)
+
+
+def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
+    """Return a table of the bounds of all limits, and the verdict, as lines of text."""
+    from ssm_planner.display import number
+    from ssm_planner.reporting import Table
+
+    rows = [
+        (
+            proof.name,
+            proof.joint or "",
+            *(number(value, 10) for value in (proof.low, proof.high, proof.limit)),
+            number(proof.time, 6),
+            proof.verdict,
+        )
+        for proof in proofs
+    ]
+    header = "limit, joint, worst from, to, limit, at s, "
+    counts = {name: sum(proof.verdict == name for proof in proofs) for name in PROVEN_STATUS}
+    words = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    return [*Table(header, rows, (2, 3, 4, 5)).lines(), "", f"proof for all times: {words}"]
 
 
 def _signature_fault(folder: Path, key: Path) -> str | None:

@@ -4,7 +4,14 @@ from argparse import Namespace
 from pathlib import Path
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import OK, output_file, progress_reporter, show_with_page, text_lines
+from ssm_planner.cli.shared import (
+    OK,
+    output_file,
+    progress_reporter,
+    show,
+    show_with_page,
+    text_lines,
+)
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
@@ -12,6 +19,8 @@ from ssm_planner.typing import Files, JsonObject
 
 def run_identify(options: Namespace) -> int:
     """Identify the friction of a drive, write its file, and return the exit status."""
+    if options.design:
+        return _design(options)
     fixed = dict(_fixed_parameter(text) for text in options.fix)
     progress = progress_reporter(f"identifying {options.drive}")
     identification = ssm.identify(
@@ -30,6 +39,30 @@ def run_identify(options: Namespace) -> int:
     table = _parameter_lines(result, identification.drive)
     lines = text_lines("identified.txt", result=result, table=table)
     show_with_page(options, options.drive.stem, result, lines, result["files"].values())
+    return OK
+
+
+def _design(options: Namespace) -> int:
+    """Design a recording session, write it as CSV, and return the exit status."""
+    progress = progress_reporter(f"designing a session for {options.drive}")
+    session = ssm.design_session(options.drive, options.count, options.top_speed)
+    name = f"{options.drive.stem}_session.csv"
+    path = output_file(options.output, ".csv", Path("results") / options.drive.stem / name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    result: JsonObject = {**session.to_dict(), "files": {"session": session.save(path)}}
+    progress(Step("done"))
+    minutes = session.durations.sum() / 60
+    show(
+        options.json,
+        result,
+        lambda: [
+            *_parameter_lines(result, ssm.load_drive(options.drive)),
+            "",
+            f"session: {path}",
+            f"{options.count} recordings in {minutes:.1f} min of motion; the table shows what a "
+            f"simulated session determines (law {session.law})",
+        ],
+    )
     return OK
 
 
