@@ -17,7 +17,8 @@ N, U, UP, TINY = 5, 2.0**-53, 1 + 1e-13, 1e-290  # degree; rounding error; see a
 TOLERANCE, JUMP, SHARE = 1e-6, 1e-6, 1e-3  # relative rounding; largest jump; share of jumps per s
 STILL, SLOW = 1e-9, 1e-6  # shares of the largest speed at which a joint rests, and may start
 TURN, SPAN, SHORT = 0.06, 0.05, 1e-8  # largest box in rad and s; smallest one at a reversal in s
-Claim = namedtuple("Claim", "name joint low high limit time excess verdict")
+FIELDS = ("name", "joint", "low", "high", "limit", "time", "excess", "verdict")
+Claim = namedtuple("Claim", FIELDS)
 
 class Model:
     """Taylor models: coefficients c (≤ N + 1, …), errors r (…). The last axis counts boxes."""
@@ -591,7 +592,7 @@ if __name__ == "__main__":
         print(f"{sys.argv[1]} cannot be read as a plan ({reason})", file=sys.stderr)
         sys.exit(2)
     if as_json:
-        print(json.dumps([c._asdict() for c in claims]))
+        print(json.dumps([dict(zip(FIELDS, c, strict=True)) for c in claims]))
     else:
         print(*table(claims), sep="\n")
     verdicts = {c.verdict for c in claims}

@@ -22,7 +22,6 @@ from ssm_planner.identification.identify import load_of, map_of, reference_of
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.torque_map import TorqueMap
 from ssm_planner.loading import load_drive
-from ssm_planner.representation import ShortRepr
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.units import RPM
 
@@ -44,7 +43,7 @@ It is 0.3 to 2 % on the rigs of the paper.
 
 
 @record
-class SessionDesign(ShortRepr):
+class SessionDesign:
     """Recordings of a session in their order, and the intervals that they are expected to give.
 
     Examples

@@ -4,6 +4,8 @@ The program is one file that needs only NumPy and shares no code with this packa
 (docs/trust.md). It runs in a process of its own.
 """
 
+from __future__ import annotations
+
 import json
 import shutil
 import subprocess
@@ -13,6 +15,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Literal
 
+from ssm_planner.arguments import checked
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.typing import JsonObject, frozen
 
@@ -54,6 +57,7 @@ class Proof:
         }
 
 
+@checked
 def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, ...]:
     """Bound every limit of a plan over continuous time by the separate program prove.py.
 
@@ -73,6 +77,13 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
     ------
     TrajectoryError
         If the file is not a plan.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> proofs = ssm.prove("results/tilt_insert")
+    >>> len(proofs), all(proof.high <= abs(proof.limit) for proof in proofs[:2])
+    (46, True)
     """
     file = Path(plan) / "plan.json" if Path(plan).is_dir() else Path(plan)
     source = next(path for path in PROGRAMS if path.is_file())

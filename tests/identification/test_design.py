@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import spearmanr
 
+from ssm_planner.cli import main
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.design import REPEATS, _ordered, design_session
 from ssm_planner.identification.session import ORDERED
@@ -55,3 +56,15 @@ def test_a_simulated_session_gives_intervals_that_hold_the_friction_it_was_simul
 def test_a_session_needs_enough_recordings_in_both_directions(count: int) -> None:
     with pytest.raises(RecordingError, match="even number of at least 12"):
         design_session(IDENTIFIED, count=count, top_speed=20.0)
+
+
+def test_the_command_writes_the_session(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "next" / "session.csv"
+    words = ["identify", str(IDENTIFIED), "--design", "--count", "12", "--top-speed", "200rpm"]
+    assert main([*words, "-o", str(file)]) == 0
+    shown = capsys.readouterr().out
+    assert "95 % low" in shown
+    assert "12 recordings in" in shown
+    assert len(file.read_text(encoding="utf-8").splitlines()) == 13
+    assert main([*words, "--count", "13"]) == 2
+    assert "even number" in capsys.readouterr().err

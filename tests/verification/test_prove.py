@@ -16,7 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import ssm_planner
 from examples import prove
+from ssm_planner.cli import main
+from ssm_planner.errors import TrajectoryError
 from ssm_planner.pipeline.run import plan as plan_of
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.value import unchecked
@@ -387,3 +390,53 @@ def test_plans_of_random_problems_are_proven(seed: int, tilt_insert: Problem) ->
 def test_mutants_of_the_proof_are_found() -> None:
     found = [found for *_, found in survivors(12, seed=5)]
     assert sum(found) >= 10
+
+
+def test_check_runs_the_separate_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = ROOT / "results/tilt_insert"
+    copy = tmp_path / "prove.py"
+    assert main(["check", str(plan), "--proof", "--checker", str(copy), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert {entry["verdict"] for entry in document["proof"]} == {"PROVEN"}
+    limits = {(entry["name"], entry["joint"]) for entry in document["limits"]}
+    assert limits <= {(entry["name"], entry["joint"]) for entry in document["proof"]}
+    assert copy.read_bytes() == (ROOT / "examples/prove.py").read_bytes()
+    assert main(["check", str(plan), "--proof"]) == 0
+    assert "proof for all times: 46 PROVEN" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "status"),
+    [(("PROVEN", "OPEN"), 4), (("OPEN", "REFUTED"), 1), (("PROVEN",), 0)],
+)
+def test_a_limit_that_is_not_proven_is_not_kept(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    verdicts: tuple[str, ...],
+    status: int,
+) -> None:
+    ends = {"PROVEN": (0.0, 0.5), "OPEN": (-math.inf, math.inf), "REFUTED": (2.0, 2.0)}
+    proofs = tuple(
+        ssm_planner.Proof("velocity", "roll", *ends[verdict], 1.0, 0.0, 0.0, verdict)
+        for verdict in verdicts
+    )
+    monkeypatch.setattr(ssm_planner, "prove", lambda *_: proofs, raising=False)
+    assert main(["check", str(ROOT / "results/tilt_insert"), "--proof", "--json"]) == status
+    entries = json.loads(capsys.readouterr().out)["proof"]
+    assert [entry["low"] for entry in entries] == [
+        None if verdict == "OPEN" else ends[verdict][0] for verdict in verdicts
+    ]
+
+
+def test_a_proof_uses_the_robot_in_the_plan(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["check", str(ROOT / "results/tilt_insert"), "--proof", "--robot", "vitreoretinal"]
+    assert main(words) == 2
+    assert "--proof" in capsys.readouterr().err
+
+
+def test_a_file_that_is_no_plan_has_no_proof(tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(TrajectoryError, match="cannot be read as a plan"):
+        ssm_planner.prove(tmp_path)
