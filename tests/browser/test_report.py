@@ -715,3 +715,22 @@ def test_the_study_names_the_candidate_under_the_pointer(visit: Open, study: Pat
     assert page.inner_text("#chosen").startswith(f"Candidate {number}:")
     assert f"study show {number} " in page.inner_text("header code")
     assert opened.said == []
+
+
+def test_nothing_covers_the_tables(visit: Open, report: Path) -> None:
+    """The mechanism stays in view beside the plots, and must not lie on or behind the tables."""
+    page = visit(report.as_uri(), width=1280, height=900).page
+    covered = page.evaluate(
+        """() => [...document.querySelectorAll(".tables td:first-child, .tables h2")].filter((cell) => {
+          if (!cell.checkVisibility()) return false;  // folded
+          cell.scrollIntoView({block: "center"});
+          const box = cell.getBoundingClientRect();
+          const x = box.left + Math.min(10, box.width / 2), y = box.top + box.height / 2;
+          const stack = document.elementsFromPoint(x, y), top = stack[0];
+          const paper = stack.findIndex((item) => item.classList.contains("tables"));
+          const stage = stack.findIndex((item) => item.classList.contains("stage"));
+          const solid = getComputedStyle(stack[paper]).backgroundColor !== "rgba(0, 0, 0, 0)";
+          return !cell.contains(top) || (stage >= 0 && (stage < paper || !solid));
+        }).map((cell) => cell.innerText)"""
+    )
+    assert covered == []
