@@ -48,10 +48,11 @@ class SessionDesign:
 
     Examples
     --------
+    >>> import numpy as np
     >>> import ssm_planner as ssm
-    >>> session = ssm.design_session("rig3_worm", count=16)
-    >>> session.speeds.shape, bool(session.durations.min() >= 10)
-    ((16,), True)
+    >>> session = ssm.SessionDesign(np.array([20.0, -20.0]), np.full(2, 10.0), "coulomb", {})
+    >>> session.to_dict()["recordings"][1]
+    {'speed': -20.0, 'duration': 10.0}
     """
 
     speeds: Array

@@ -20,8 +20,11 @@ from ssm_planner.errors import TrajectoryError
 from ssm_planner.typing import JsonObject, frozen
 
 PACKAGE = Path(__file__).resolve().parents[1]
-PROGRAMS = (PACKAGE / "prove.py", PACKAGE.parent / "examples" / "prove.py")
-"""Possible paths of the program: in an installed package, and in the source tree."""
+PROGRAMS = (PACKAGE / "checker/prove.py", PACKAGE.parent / "examples" / "prove.py")
+"""Possible paths of the program: in an installed package, and in the source tree.
+
+Python searches the folder of a program for modules first, so this folder contains no others.
+"""
 
 
 @frozen
@@ -92,6 +95,7 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
         source = Path(program)
     command = [sys.executable, str(source), str(file), "--json"]
     outcome = subprocess.run(command, capture_output=True, text=True, encoding="utf-8")
-    if outcome.returncode not in (0, 1, 4):
-        raise TrajectoryError(outcome.stderr.strip().splitlines()[-1])
+    # An exception of Python has the status of a refuted limit, but prints no result.
+    if not outcome.stdout:
+        raise TrajectoryError(f"{source}: {outcome.stderr.strip().splitlines()[-1]}")
     return tuple(Proof(**claim) for claim in json.loads(outcome.stdout))

@@ -97,7 +97,7 @@ def test_a_wheel_carries_them(tmp_path: Path) -> None:
     empty.mkdir()
     for name in ("pyproject.toml", "README.md", "LICENSE", ".hatch_build.py", ".native_build.py"):
         shutil.copy(ROOT / name, source)
-    for name in ("ssm_planner", "problems"):
+    for name in ("ssm_planner", "problems", "examples"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 
@@ -115,3 +115,6 @@ def test_a_wheel_carries_them(tmp_path: Path) -> None:
         sysconfig.get_path("purelib") + "\n", encoding="utf-8"
     )
     run(python, "-I", "-c", EVERYTHING)
+    run(python, "-I", "-m", "ssm_planner", "check", ROOT / "results/tilt_insert", "--proof")
+    assert (packages / "ssm_planner/checker/prove.py").is_file()
+    assert not (packages / "ssm_planner/paper_reproduction").exists()
