@@ -15,6 +15,7 @@ from ssm_planner.errors import RecordingError
 from ssm_planner.plans import load_plan
 from ssm_planner.simulation.recorder import write_recordings
 from ssm_planner.simulation.simulate import Scenario, simulate
+from tests.support.cases import selected
 from tests.support.executions import (
     COUNTS,
     FAULTS,
@@ -442,7 +443,7 @@ def test_limits_that_are_not_judged_are_listed(shipped: Executions) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("speed", [1.0, 0.5, 0.1, 0.05])
+@pytest.mark.parametrize("speed", selected([1.0, 0.1], every=[1.0, 0.5, 0.1, 0.05]))
 def test_a_simulated_run_is_held_at_any_rate(
     shipped: Executions, tmp_path: Path, speed: float
 ) -> None:
