@@ -39,6 +39,7 @@ def run_check(options: Namespace) -> int:
     document: JsonObject
     from ssm_planner.verification import with_task
 
+    _check_proof_options(options)
     if options.key is not None and (fault := _signature_fault(options.trajectory, options.key)):
         refused = {"passed": False, "verdict": "violated", "reason": fault, "limits": []}
         document = {"trajectory": options.trajectory, **refused}
@@ -67,7 +68,7 @@ def run_check(options: Namespace) -> int:
         show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
         return STATUS[certificate.verdict]
     progress(Step("proving"))
-    proofs = _proofs(options)
+    proofs = ssm.prove(options.trajectory, options.checker)
     progress(Step("done"))
     document["proof"] = [proof.to_dict() for proof in proofs]
     show(
@@ -79,20 +80,23 @@ def run_check(options: Namespace) -> int:
     return next(status for status in (FAILED, UNJUDGED, OK) if status in verdicts)
 
 
-def _proofs(options: Namespace) -> tuple[ssm.Proof, ...]:
-    """Run the separate program on a plan.json, whose robot and limits it uses.
+def _check_proof_options(options: Namespace) -> None:
+    """Raise ProblemError if an option contradicts --proof, or if --checker is given without it.
 
-    Raises ProblemError if an option asks for others.
+    The proof uses the robot, the limits and the speed of a plan.json.
     """
-    others = ("robot", "problem", "tip_speed", "start_rate", "end_rate")
+    if not options.proof:
+        if options.checker is not None:
+            raise ProblemError("--checker needs --proof", key="--checker")
+        return
+    others = ("robot", "problem", "tip_speed", "start_rate", "end_rate", "speed")
     given = [f"--{name.replace('_', '-')}" for name in others if getattr(options, name)]
     if given:
         raise ProblemError(
-            f"the proof concerns the robot and the limits in plan.json, so {given[0]} cannot hold",
+            "the proof uses the robot, the limits and the speed of the plan.json",
             key="--proof",
             allowed=f"without {', '.join(given)}",
         )
-    return ssm.prove(options.trajectory, options.checker)
 
 
 def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:

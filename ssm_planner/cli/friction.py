@@ -19,6 +19,7 @@ from ssm_planner.typing import Files, JsonObject
 
 def run_identify(options: Namespace) -> int:
     """Identify the friction of a drive, write its file, and return the exit status."""
+    _check_design_options(options)
     if options.design:
         return _design(options)
     fixed = dict(_fixed_parameter(text) for text in options.fix)
@@ -40,6 +41,18 @@ def run_identify(options: Namespace) -> int:
     lines = text_lines("identified.txt", result=result, table=table)
     show_with_page(options, options.drive.stem, result, lines, result["files"].values())
     return OK
+
+
+def _check_design_options(options: Namespace) -> None:
+    """Raise ProblemError if an option has no effect because --design is given or is missing."""
+    if options.design:
+        unused = {"a recording": options.recordings, "--fix": options.fix, "--free": options.free}
+        hint = "without --design"
+    else:
+        unused, hint = {"--top-speed": options.top_speed}, "with --design"
+    for name, value in unused.items():
+        if value not in (None, []):
+            raise ProblemError(f"{name} has no effect here", key=name, allowed=hint)
 
 
 def _design(options: Namespace) -> int:

@@ -599,11 +599,11 @@ def position_of(axis: AlignedAxis) -> Kept:
     """Compare the measured position with its limits."""
     position = axis.plan.joint.limit(JointPosition)
     ends = position.low, position.high
-    room = np.minimum(axis.q - position.low, position.high - axis.q)
-    k = int(np.argmin(room))
+    distance = np.minimum(axis.q - position.low, position.high - axis.q)
+    k = int(np.argmin(distance))
     value = float(axis.q[k])
     bound = min(ends, key=lambda end: abs(value - end))
-    return _limit_result(position, bound, value, float(room[k]), noise=position_noise(axis))
+    return _limit_result(position, bound, value, float(distance[k]), noise=position_noise(axis))
 
 
 def channel_limit(
@@ -670,7 +670,7 @@ def _limit_result(
     limit: Limit,
     bound: float,
     value: float,
-    room: float,
+    distance: float,
     *,
     noise: float,
     window: float = 0.0,
@@ -678,20 +678,20 @@ def _limit_result(
 ) -> Kept:
     """Build the result of one limit from the worst measured value and its possible noise.
 
-    `room` is the distance from the value to the bound. It is negative if the value exceeds the
+    `distance` is that from the value to the bound. It is negative if the value exceeds the
     bound. The permitted `ripple` is added to the noise.
     """
     verdict: Verdict = "cannot tell"
-    if room < -noise - ripple:
+    if distance < -noise - ripple:
         verdict = "not held"
-    elif noise <= max(UNRESOLVED * limit.half_width, room):
+    elif noise <= max(UNRESOLVED * limit.half_width, distance):
         verdict = "held"
     return Kept(
         limit.name,
         bound,
         planned_margin=None,
         measured=value,
-        margin=room / limit.half_width,
+        margin=distance / limit.half_width,
         held=verdict == "held",
         unit=limit.unit,
         noise=noise + ripple,

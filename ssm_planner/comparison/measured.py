@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.formats import QUADRATURE
 from ssm_planner.identification import quantum, read_recording
 from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, Files, record
@@ -73,8 +72,8 @@ def read_measured(
             f"{path}: the robot file states no drive for joint {joint}, so its motor is unknown"
         )
     motor = axis.motor
-    if counts_per_turn is None and motor and motor.encoder_known and motor.encoder_counts:
-        counts_per_turn = QUADRATURE * motor.encoder_counts
+    if counts_per_turn is None and motor and motor.encoder_known:
+        counts_per_turn = motor.increments
     recording = read_recording(
         path,
         nominal_torque=None if motor is None else motor.nominal_torque,

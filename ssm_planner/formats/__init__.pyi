@@ -3,7 +3,6 @@
 from .epos4 import Stream as Stream, setpoint_times as setpoint_times, setpoints as setpoints
 from .epos4_setup import (
     Axis as Axis,
-    QUADRATURE as QUADRATURE,
     axes_of as axes_of,
     following_error_window as following_error_window,
 )

@@ -20,8 +20,6 @@ from ssm_planner.units import rpm
 INT16 = 2**15 - 1
 INT32 = 2**31 - 1
 PLACEHOLDER = "PLACEHOLDER: "
-QUADRATURE = 4
-"""Increments (quadcounts) per encoder count."""
 
 
 @frozen
@@ -164,11 +162,9 @@ def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
         counts_per_turn.get(joint.name) if isinstance(counts_per_turn, Mapping) else counts_per_turn
     )
     motor = joint.motor
-    if counts is None and motor is not None and motor.encoder_counts is not None:
+    if counts is None and motor is not None and motor.increments is not None:
         mark = PLACEHOLDER if "encoder_counts" in motor.placeholders else ""
-        return QUADRATURE * motor.encoder_counts, mark + motor.sources.get(
-            "encoder_counts", "the motor's file"
-        )
+        return motor.increments, mark + motor.sources.get("encoder_counts", "the motor's file")
     if counts is None:
         file = "the motor's file" if motor is None else motor.file
         raise ExportError(

@@ -1,4 +1,4 @@
-"""Design the next recording session of a drive, and estimate what it will determine.
+"""Design the next recording session of a drive, and estimate the intervals that it will give.
 
 Speeds are spaced logarithmically, in both directions and in random order, so that a change of
 friction during the session does not look like a dependence on speed. The middle speed is recorded
@@ -115,8 +115,8 @@ def design_session(
     Raises
     ------
     RecordingError
-        If the number of recordings is not permitted, or if neither `top_speed` nor a table is
-        given.
+        If the number of recordings or the speed is out of range, or if neither `top_speed` nor a
+        table is given.
 
     Examples
     --------
@@ -125,12 +125,16 @@ def design_session(
     """
     if count < FEWEST or count % 2:
         raise RecordingError(f"{count} recordings (allowed: an even number of at least {FEWEST})")
+    if top_speed is not None and not 0 < top_speed < np.inf:
+        raise RecordingError(
+            f"the top speed {RPM * top_speed:g} rpm is out of range (allowed: > 0)"
+        )
     template = load_drive(drive)
     load, _ = load_of(template)
     known = template
     if template.friction is None or top_speed is None:
         table = map_of(drive, [], [])[0]
-        top_speed = top_speed or float(np.abs(table.w).max())
+        top_speed = float(np.abs(table.w).max()) if top_speed is None else top_speed
         if template.friction is None:
             known = fit_map(template, table, load, reference=reference_of(template)).drive
     speeds = _ordered(top_speed, count)

@@ -335,8 +335,8 @@ def _in_si(
         needed = {
             "torque": "the motor's nominal torque is needed (nominal_torque in the drive file's "
             "rig)",
-            "position": "the increments per motor turn are needed, but the motor file states no "
-            "encoder_counts or a placeholder: give --counts-per-turn",
+            "position": "the increments per motor turn are needed, but encoder_counts is missing from "
+            "the motor file or a placeholder: give --counts-per-turn",
         }[quantity]
         raise RecordingError(f"{path}: {quantity} is in {column.unit}, so {needed}")
     return table.values[:, column.index] * (column.factor * reference)

@@ -5,7 +5,7 @@ for example) cannot be told from a dependence of friction on speed.
 """
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timezone
 from itertools import pairwise
 
 import numpy as np
@@ -65,7 +65,8 @@ def _time(recording: Recording) -> float | None:
     """Return the time of the recording's date in s. None without a valid date."""
     date = recording.header.get("date", "")[: len("2020-07-06 15:29:47")]
     try:
-        return datetime.fromisoformat(date).timestamp()
+        # The drive states no time zone. UTC makes the differences the same on every computer.
+        return datetime.fromisoformat(date).replace(tzinfo=timezone.utc).timestamp()
     except ValueError:
         return None
 

@@ -85,6 +85,14 @@ class Motor(Value):
         return any(name != "encoder_counts" for name in self.placeholders)
 
     @property
+    def increments(self) -> int | None:
+        """Increments of the position per turn, four for each line of the encoder.
+
+        None if the file does not state the lines.
+        """
+        return None if self.encoder_counts is None else 4 * self.encoder_counts
+
+    @property
     def encoder_known(self) -> bool:
         """True if the file states encoder_counts and the value is not a placeholder."""
         return self.encoder_counts is not None and "encoder_counts" not in self.placeholders

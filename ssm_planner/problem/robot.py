@@ -200,9 +200,9 @@ class Joint(Value):
     motor_direction: Sign = 1
     """Sign of the motor controller's position relative to the joint."""
     backlash: Annotated[NotNegative, "angle or length"] | None = None
-    """Play of the joint while its motor stands. None if it is unknown."""
+    """Total play of the joint with the motor locked. None if it is unknown."""
     stiffness: Annotated[Positive, "rotary_stiffness or linear_stiffness"] | None = None
-    """Effort per displacement of the joint while its motor stands. None if it is unknown."""
+    """Effort per deflection of the joint with the motor locked. None if it is unknown."""
     homing_error: Annotated[NotNegative, "angle or length"] | None = None
     """Largest error of the joint's zero position. None if it is unknown."""
     tracking_error: Annotated[NotNegative, "angle or length"] | None = None

@@ -554,9 +554,10 @@ def cross_check_lines(plan: "Plan") -> list[str]:
         lines.append(f"proven       no motion along this path is more than {share:.3f} % shorter")
     if plan.tip_error is not None and plan.tip_error.bound is not None:
         source = plan.tip_error.sources[0]
+        bound = number(1e3 * plan.tip_error.bound, 3)
         lines.append(
-            f"tip error    {number(1e3 * plan.tip_error.bound, 3)} mm at most (99 %); the largest "
-            f"source is the {source.name} of {source.joint}"
+            f"tip error    {bound} mm or less with 99 % probability; the largest source is the "
+            f"{source.name} of {source.joint}"
         )
     if plan.sensitivities:
         rows = sensitivities_table(plan).rows[:SHOWN_SENSITIVITIES]

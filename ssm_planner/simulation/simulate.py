@@ -12,7 +12,6 @@ from ssm_planner.arguments import checked
 from ssm_planner.dynamics import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats import (
-    QUADRATURE,
     Axis,
     at_times,
     axes_of,
@@ -746,8 +745,8 @@ def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
     counts = {}
     for joint in robot.joints:
         counts[joint.name] = controller.counts_per_turn or COUNTS
-        if joint.motor is not None and joint.motor.encoder_counts:
-            counts[joint.name] = QUADRATURE * joint.motor.encoder_counts
+        if joint.motor is not None and joint.motor.increments is not None:
+            counts[joint.name] = joint.motor.increments
     return counts
 
 

@@ -88,7 +88,7 @@ class MotorRequirement:
         return self.motor is None or self.motor.placeholder
 
     def shown(self) -> Any:
-        """Return the attributes SHOWN for a figure, as a namespace that needs no import of sizing.
+        """Return the attributes SHOWN for a figure, as a namespace without classes of sizing.
 
         The smallest and the largest torque of consecutive instants remain. A motion of at most
         INSTANTS instants keeps them all.

@@ -14,8 +14,9 @@ where J is the geometric Jacobian of the tip. Each joint has five errors:
 * the largest tracking error,
 * the deflection under load, effort / stiffness, which the dynamics determine.
 
-The first four are unknown within their limits. They are independent and uniformly distributed, and
-constant during the motion. The bound is a quantile of the largest error over many draws.
+The first four are independent and do not change during the motion. The joint touches one flank of
+the backlash or the other. The other three are uniformly distributed within their limits. The bound
+is a quantile, over many draws, of the largest error during the motion.
 """
 
 from collections.abc import Iterator
@@ -34,8 +35,6 @@ DRAWS = 4000
 """Number of draws of the errors."""
 QUANTILE = 0.995
 """Share of the draws below the bound. The bound holds with 99 %, since the draws are finite."""
-INCREMENTS = 4
-"""Increments of the position for each line of an encoder."""
 STATED = ("backlash", "homing_error", "tracking_error", "stiffness")
 """Figures of a joint in the robot file that the tip error needs."""
 
@@ -145,8 +144,11 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
             sources.append(ErrorSource(joint.name, "deflection", float(sizes.max()), tip))
     draws = np.zeros((4, DRAWS))
     rng = np.random.default_rng(0)
-    for i, _, largest in errors:
-        draws[i] += rng.uniform(-largest, largest, DRAWS)
+    for i, name, largest in errors:
+        # The load presses the joint against one of both flanks.
+        is_play = name == "backlash"
+        shares = rng.choice([-1.0, 1.0], DRAWS) if is_play else rng.uniform(-1.0, 1.0, DRAWS)
+        draws[i] += largest * shares
     return TipError(
         _quantile(jacobians[:, :3], deflections, draws),
         _quantile(jacobians[:, 3:], deflections, draws),
@@ -178,8 +180,8 @@ def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:
     """Yield the name and the largest value of each stated error of a joint, rad or m."""
     motor = joint.motor
     if motor is not None and joint.drive is not None and motor.encoder_known:
-        assert motor.encoder_counts is not None
-        increment = 2 * np.pi / (INCREMENTS * motor.encoder_counts) / joint.drive.ratio
+        assert motor.increments is not None
+        increment = 2 * np.pi / motor.increments / joint.drive.ratio
         yield "encoder", increment / 2
     if joint.backlash is not None:
         yield "backlash", joint.backlash / 2

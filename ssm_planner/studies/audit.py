@@ -137,7 +137,7 @@ def _faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[t
         elif design not in (None, row.design):
             yield number, "the search of the study gives another design"
     for number in entries.keys() - range(study.count):
-        yield number, "the search of the study gives no such candidate"
+        yield number, "the search of the study does not give this candidate"
 
 
 def _differences(stored: Candidate, planned: Candidate, tolerance: float) -> Iterator[Any]:

@@ -7,7 +7,6 @@ The program is one file that needs only NumPy and shares no code with this packa
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 import sys
 from math import isfinite
@@ -16,6 +15,7 @@ from types import NoneType
 from typing import Literal
 
 from ssm_planner.arguments import checked
+from ssm_planner.atomic import write_text
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.typing import JsonObject, frozen
 
@@ -80,6 +80,8 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
     ------
     TrajectoryError
         If the file is not a plan.
+    ExportError
+        If the program cannot be written.
 
     Examples
     --------
@@ -91,7 +93,7 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
     file = Path(plan) / "plan.json" if Path(plan).is_dir() else Path(plan)
     source = next(path for path in PROGRAMS if path.is_file())
     if program is not None:
-        shutil.copyfile(source, program)
+        write_text(Path(program), source.read_text(encoding="utf-8"))
         source = Path(program)
     command = [sys.executable, str(source), str(file), "--json"]
     outcome = subprocess.run(command, capture_output=True, text=True, encoding="utf-8")

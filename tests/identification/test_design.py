@@ -68,3 +68,20 @@ def test_the_command_writes_the_session(tmp_path: Path, capsys: pytest.CaptureFi
     assert len(file.read_text(encoding="utf-8").splitlines()) == 13
     assert main([*words, "--count", "13"]) == 2
     assert "even number" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["--design", "--top-speed", "0rpm"], "0 rpm is out of range"),
+        (["--design", "--top-speed", "-5rpm"], "-5 rpm is out of range"),
+        (["recording.csv", "--design"], "a recording has no effect"),
+        (["--design", "--fix", "mu=0.1"], "--fix has no effect"),
+        (["--top-speed", "10rpm"], "--top-speed has no effect"),
+    ],
+)
+def test_an_option_without_effect_is_refused(
+    capsys: pytest.CaptureFixture[str], words: list[str], fault: str
+) -> None:
+    assert main(["identify", str(IDENTIFIED), *words]) == 2
+    assert fault in capsys.readouterr().err

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -22,12 +24,12 @@ SPEEDS = np.array([200.0, 150.0, 100.0, 70.0, 40.0, 20.0, 10.0, 5.0])
 
 def recording(speed: float, minute: float | None, tau: float = 0.0) -> Recording:
     """Return a steady recording that was made some minutes after START."""
-    time = np.arange(20) * 1e-3
+    instants = np.arange(20) * 1e-3
     header = {}
     if minute is not None:
         header["date"] = (START + timedelta(minutes=minute)).isoformat(sep=" ")
-    w, torque = np.full(20, speed), tau + 1e-6 * np.cos(time)
-    return Recording(f"{speed:g}", time, w=w, tau=torque, header=header)
+    w, torque = np.full(20, speed), tau + 1e-6 * np.cos(instants)
+    return Recording(f"{speed:g}", instants, w=w, tau=torque, header=header)
 
 
 @pytest.mark.parametrize(("sign", "word"), [(1, "fall"), (-1, "rise")])
@@ -80,3 +82,20 @@ def test_the_sessions_of_the_paper_went_from_fast_to_slow(rig: int) -> None:
     folder = RECORDINGS / f"drive{rig}_{name}" / "steady_state"
     result = identify(f"rig{rig}_{name}", [folder], law="coulomb")
     assert any("speeds of the recordings fall with time" in note for note in result.fit.notes)
+
+
+@pytest.mark.skipif(not hasattr(time, "tzset"), reason="the system has no time zones to set")
+def test_pauses_do_not_depend_on_the_time_zone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Clocks in Berlin went forward by an hour at 2:00 on 29 March 2020."""
+    before = Recording("a", np.arange(20.0), w=np.ones(20), tau=np.ones(20))
+    dates = ("2020-03-29 01:50:00", "2020-03-29 03:30:00")
+    pair = [replace(before, name=date, header={"date": date}) for date in dates]
+    notes = []
+    for zone in ("UTC", "Europe/Berlin"):
+        monkeypatch.setenv("TZ", zone)
+        time.tzset()
+        notes.append(session_notes(pair, []))
+    monkeypatch.undo()
+    time.tzset()
+    assert notes[0] == notes[1]
+    assert "100 minutes" in notes[0][0]

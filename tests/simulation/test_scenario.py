@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.formats.epos4_setup import QUADRATURE, axes_of
+from ssm_planner.formats.epos4_setup import axes_of
 from ssm_planner.problem.controller import Controller, JointCompliance
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation import simulate as module
@@ -206,7 +206,7 @@ def test_increments_come_from_the_motor_then_the_controller(robot: Robot) -> Non
     joints[1] = replace(joints[1], motor=replace(joints[1].motor, encoder_counts=None))
     robot = replace(robot, joints=tuple(joints))
     counts = module._counts(robot, Controller())
-    assert counts["roll"] == 500 * QUADRATURE == 2000
+    assert counts["roll"] == 2000
     assert counts["tilt"] == counts["spin"] == COUNTS
     assert module._counts(robot, Controller(counts_per_turn=777))["tilt"] == 777
 

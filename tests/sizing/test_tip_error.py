@@ -58,10 +58,11 @@ def monte_carlo(robot: Robot, count: int) -> tuple[np.ndarray, np.ndarray]:
     for k in range(count):
         error = np.zeros(4)
         for i, joint in enumerate(robot.joints):
-            halves = [joint.backlash / 2, joint.homing_error, joint.tracking_error]
+            halves = [joint.homing_error, joint.tracking_error]
             if joint.motor is not None:
                 halves.append(np.pi / (4 * joint.motor.encoder_counts) / joint.drive.ratio)
             error[i] = sum(rng.uniform(-half, half) for half in halves)
+            error[i] += joint.backlash / 2 * rng.choice([-1.0, 1.0])
         pose = fk(robot, bent + error)
         turned, moved = pose.rotation, pose.position
         largest[0, k] = np.linalg.norm(moved - tips, axis=1).max()

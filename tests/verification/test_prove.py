@@ -430,10 +430,28 @@ def test_a_limit_that_is_not_proven_is_not_kept(
     ]
 
 
-def test_a_proof_uses_the_robot_in_the_plan(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["check", str(ROOT / "results/tilt_insert"), "--proof", "--robot", "vitreoretinal"]
-    assert main(words) == 2
-    assert "--proof" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["--proof", "--robot", "vitreoretinal"], "without --robot"),
+        (["--proof", "--speed", "10%"], "without --speed"),
+        (["--proof", "--tip-speed", "25mm/s"], "without --tip-speed"),
+        (["--checker", "prove.py"], "--checker needs --proof"),
+        (["--proof", "--checker", "missing/folder/prove.py/x"], "missing"),
+    ],
+)
+def test_a_proof_is_never_left_out_in_silence(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    fault: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "missing").write_text("a file in place of the folder", encoding="utf-8")
+    assert main(["check", str(ROOT / "results/tilt_insert"), *words]) == 2
+    assert fault in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["missing"]
 
 
 def test_a_file_that_is_no_plan_has_no_proof(tmp_path: Path) -> None:

@@ -249,7 +249,7 @@ class SegmentChain:
         """
         sizes = tuple(sum(guess.arcs) for guess in self.guesses)
         arcs = [count for guess in self.guesses for count in guess.arcs]
-        # The program has no unknowns for joints that rest in all segments.
+        # Joints that rest in all segments are not unknowns of the program.
         moves = self.directions[:, np.any(self.directions != 0, axis=0)] != 0
         return NlpStructure(
             moves=tuple(map(tuple, moves.tolist())),
