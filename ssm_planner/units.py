@@ -216,9 +216,12 @@ def _convert(magnitude: float, unit: str, target: "Kind") -> float:
         return _plausible(
             magnitude * factor + _ZERO.get(unit, 0.0), target, f"{magnitude:g} {unit}"
         )
-    raise BadQuantity(
-        f"{magnitude:g} {unit} is {_name(dimensions)}, not {target.name}", target.expected
-    )
+    # Speeds of turning and of sliding joints, for example, have the same name.
+    name = _name(dimensions)
+    fault = f"{name}, not {target.name}"
+    if name == target.name:
+        fault = f"not {target.name} in {target.unit}"
+    raise BadQuantity(f"{magnitude:g} {unit} is {fault}", target.expected)
 
 
 def _plausible(value: float, target: "Kind", text: str) -> float:
