@@ -179,8 +179,14 @@ class Boxes:
         f = m (−g + s̈ + ω̇×p + ω×(ω×p)) and M = I ω̇ + ω×(I ω) + p×f, I about the centre of mass.
         """
         (q, v, a, _), (self.sine, self.cosine) = self.motion, sin_cos(self.motion[0])
-        self.axes = [unit(given(self.robot["geometry"][f"omega{i}"])) for i in (1, 2, 3)]
-        self.tool = self.turned(0, self.turned(1, self.axes[2]))  # u
+        first, second, third = (unit(given(self.robot["geometry"][f"omega{i}"])) for i in (1, 2, 3))
+        self.axes = [first, second, third]
+        self.across = unit(second - first * dot(first, second))  # t
+        self.normal = cross(first, self.across)  # n
+        to_n, to_t = (float(dot(third, x).c[0, 0]) for x in (self.normal, self.across))
+        sense = -to_n if abs(to_n) > 1e-9 else to_t if to_t > 1e-9 else -1.0
+        self.side = math.copysign(1.0, sense)  # sign of φ
+        self.tool = self.turned(0, self.turned(1, third))  # u
         self.omega = self.axes[0] * v[0] + self.turned(0, self.axes[1]) * v[1]  # u̇ = Ω×u
         w, dw, base, moments = given([0] * 3), given([0] * 3), -given(self.robot["gravity"]), []
         for k, body in enumerate(self.robot["bodies"]):
@@ -201,6 +207,23 @@ class Boxes:
         first = moments[0] + self.turned(1, second)
         loads = (first, second, total, force)
         return [dot(x, y) for x, y in zip([*self.axes, axis], loads, strict=True)]
+    def joint_rates(self, rates):
+        """Return q̇ for rates of roll ψ, tilt φ, spin σ and depth, which are 0 if not given.
+
+        Let ω = ω₁ ψ̇ + m φ̇ + u σ̇ = ω₁ q̇₁ + ω₂ q̇₂ + u q̇₃ with the unit vector m along ω₁×u sgn φ.
+        The inner products of ω with ω₂×u, ω₁×u and ω₁×ω₂ each contain one of the rates q̇.
+        """
+        self.efforts()
+        first, second, u = self.axes[0], self.turned(0, self.axes[1]), self.tool
+        turns = {"roll": first, "tilt": unit(cross(first, u)) * self.side, "spin": u}
+        omega = first * 0.0
+        for name, axis in turns.items():
+            omega = omega + axis * rates.get(name, 0.0)
+        speeds = []
+        for axis, a, b in ((first, second, u), (second, first, u), (u, first, second)):
+            speeds.append(dot(cross(a, b), omega) * power(dot(cross(a, b), axis), -1))
+        slide = rates.get("depth", 0.0) * self.robot["geometry"]["insertion_sign"]
+        return [*speeds, constant(slide)]
 def cut(plan):
     """Return boxes in which joints turn little, keep their direction, and μ is nearly a polynomial.
 
@@ -398,12 +421,8 @@ class Proof:
         Ω + u q̇₃ = ω₁ ψ̇ + (⊥ u) φ̇ + u σ̇ follows σ̇ = Ω·u + q̇₃ − ψ̇ cos φ.
         """
         boxes, geometry, (q, v, _, _) = self.boxes, self.robot["geometry"], self.boxes.motion
-        (first, second, third), u = boxes.axes, boxes.tool
-        t = unit(second - first * dot(first, second))
-        n = cross(first, t)
-        to_n, to_t = (float(dot(third, x).c[0, 0]) for x in (n, t))
-        sense = -to_n if abs(to_n) > 1e-9 else to_t if to_t > 1e-9 else -1.0
-        side, axial, rate = math.copysign(1.0, sense), dot(u, first), cross(boxes.omega, u)
+        (first, _, third), u, side = boxes.axes, boxes.tool, boxes.side
+        t, n, axial, rate = boxes.across, boxes.normal, dot(u, first), cross(boxes.omega, u)
         c, s = dot(u, n) * -side, dot(u, t) * side
         inverse = power(c * c + s * s, -0.5)  # 1/|sin φ|
         roll = (c * dot(rate, t) + s * dot(rate, n)) * inverse * inverse * side
@@ -433,33 +452,47 @@ class Proof:
         # where boxes begin
         *first, third, depths = (bernstein(x)[0][0] for x in (s, c, axial, depth))
         tilts = side * np.arccos(np.clip(third, -1, 1))
-        return ranges, {"roll": np.arctan2(*first), "tilt": tilts, "depth": depths}
+        now = {"roll": np.arctan2(*first), "tilt": tilts, "depth": depths}
+        return ranges, now, {**rates, "depth": v[3] * float(geometry["insertion_sign"])}
     def promises(self, task):
-        """Bound the distance of the tip from straight motions of one task coordinate.
-
-        The tip is at most d (|Δψ| + |Δφ|) + |Δd| from the point with coordinates in their ranges:
-        between start and target, or that of the start. This file does not prove other prescribed paths.
-        """
-        (ranges, now), boxes, (low, high) = task, self.boxes, bounds(self.boxes.motion[0][3])
+        """Bound the distance of the tip from straight motions. Other prescribed paths stay open."""
         motions, phases = self.problem["motion"], self.plan["trajectory"].get("phases", [])
         plain = [m["name"] for m in motions] == [phase["name"] for phase in phases]
-        plain = plain and not any(m.get("blend") for m in motions)
         for k, motion in enumerate(motions):
-            target = motion["target"]["task"] if plain and motion["kind"] == "straight" else {}
             if motion["kind"] == "straight" or motion.get("curve", "samples") != "samples":
-                most = math.inf
-                if target and len(target) == 1:
-                    middle = (boxes.start + boxes.stop) / 2
-                    at = (phases[k]["start_s"] < middle) & (middle < phases[k]["end_s"])
-                    off = {}
-                    for name, values in now.items():
-                        first = values[at][boxes.start[at].argmin()]
-                        ends = sorted((first, target.get(name, first)))
-                        off[name] = max(0, *(self.largest(f, at, True, value)[0][1] - limit
-                                             for f, limit, _, value in ranges[name](*ends)))
-                    far = np.maximum(high, -low)[at].max()
-                    most = far * (off["roll"] + off["tilt"]) + off["depth"] + 1e-11
+                most, name = math.inf, motion["name"]
+                spans = [phases[k]] if plain else [p for p in phases if p["name"] == name]
+                if motion["kind"] == "straight" and not motion.get("blend") and len(spans) == 1:
+                    most = self.straight(task, spans[0], motion["target"]["task"] or {})
                 self.add(("path departure", None), (0.0, most), 1e-6)
+    def straight(self, task, span, target):
+        """Bound the distance of the tip from the line to a target in roll ψ, tilt φ and depth.
+
+        The coordinate m that changes most is between start and target. Every other coordinate i
+        departs from its line by at most ∫ |ẋ_i − (Δ_i/Δ_m) ẋ_m| dt. The tip is then at most
+        d (|Δψ| + |Δφ|) + |Δd| from the line.
+        """
+        (ranges, now, rates), boxes = task, self.boxes
+        middle = boxes.start + boxes.half
+        at = (span["start_s"] < middle) & (middle < span["end_s"])
+        if not at.any() or not target:
+            return math.inf
+        far = max(map(abs, self.largest([boxes.motion[0][3]], at)[0] +
+                      self.largest([-boxes.motion[0][3]], at)[0]))
+        weights = {"roll": far, "tilt": far, "depth": 1.0}
+        first = {name: x[at][boxes.start[at].argmin()] for name, x in now.items()}
+        change = {name: target.get(name, x) - x for name, x in first.items()}
+        main = max(change, key=lambda name: weights[name] * abs(change[name]))
+        ends = sorted((first[main], target.get(main, first[main])))
+        beyond = max(self.largest(f, at, True, value)[0][1] - limit
+                     for f, limit, _, value in ranges[main](*ends))
+        total = weights[main] * max(beyond, 0.0) + 1e-11
+        for name in set(change) - {main}:
+            slope = change[name] / change[main] if change[main] else 0.0
+            low, high = bounds(rates[name] - rates[main] * slope)
+            steps = np.maximum(high, -low) * (boxes.stop - boxes.start)
+            total += weights[name] * math.fsum(steps[at]) * UP if weights[name] else 0.0
+        return total
     def eye(self, eye, tip, depth):
         """Bound the distance from the retina and the scale at which the lens touches the shaft.
 
@@ -509,12 +542,12 @@ class Proof:
                 key, top = (f"{kind} jump", joint["name"]), JUMP * levels[order]
                 self.add(key, (least, worst[0]), top, time=worst[1])
             for kind, boxes, k in (("start", starts, 0), ("end", ends, -1)):
-                low, high = (float(x[k]) for x in bounds(boxes.motion[1][j]))
                 declared = self.problem[f"{kind}_rate"]
-                span = max(low, -high, 0.0), max(high, -low)
-                if declared != {}:  # None: any speed. Other speeds stay open.
-                    span = (0.0, math.inf if declared else 0.0)
-                top = JUMP * joint["velocity"]
+                low, high = 0.0, 0.0
+                if declared is not None:  # None: any speed
+                    speed = boxes.joint_rates(declared)[j] if declared else constant(0.0)
+                    low, high = (float(x[k]) for x in bounds(boxes.motion[1][j] - speed))
+                span, top = (max(low, -high, 0.0), max(high, -low)), JUMP * joint["velocity"]
                 self.add((f"{kind} velocity", joint["name"]), span, top, time=boxes.start[k])
 
 def both(x, low, high):

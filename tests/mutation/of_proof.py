@@ -16,12 +16,14 @@ import math
 import signal
 import types
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import ssm_planner as ssm
 from tests.support.paths import ROOT
 
 FILE = ROOT / "examples/prove.py"
@@ -85,14 +87,20 @@ def load(source: str) -> types.ModuleType:
 
 @cache
 def plans() -> tuple[dict[str, Any], ...]:
-    """Two plans that use every branch: Stribeck friction, a preloaded screw, a drive that must hold, wide ranges."""
+    """Three plans that use every branch: Stribeck friction, a preloaded screw, holding by a motor, wide ranges, a line."""
     first, second = (
         json.loads((ROOT / f"results/{name}/plan.json").read_text(encoding="utf-8"))
         for name in ("eye_approach", "tilt_insert")
     )
     one, two, _, four = first["problem"]["robot"]["joints"]
     for joint, law in ((one, "stribeck_gaussian"), (two, "stribeck_exponential")):
-        joint["drive"]["friction"] |= {"law": law, "mu_stribeck": 0.05, "stribeck_speed": 30.0}
+        joint["drive"]["friction"] |= {
+            "law": law,
+            "mu_stribeck": 0.05,
+            "stribeck_speed": 30.0,
+            "b_oc": 0.002,
+            "b_ov": 0.003,
+        }
     four["drive"] |= {"kind": "antibacklash_screw", "preload": 6.0, "second_nut_mass": 0.05}
     first["problem"] |= {"tip_speed": 0.03}
     first["problem"]["limits"] |= {"spin": [-1.0, 1.5], "roll": [-2.0, 2.5]}
@@ -101,7 +109,29 @@ def plans() -> tuple[dict[str, Any], ...]:
             joint["drive"] |= {"self_locking": False}
             joint["drive"]["friction"] |= {"mu": 0.01, "mu_static": 0.02}
         joint["jerk"] = 1e4
-    return first, second
+    return first, second, bent_line()
+
+
+def bent_line() -> dict[str, Any]:
+    """A plan that begins in motion, whose problem then gets another target of its line, and another first rate."""
+    task = ssm.Task(roll=0.0, tilt=-100 * ssm.deg, spin=0.0, depth=0.01)
+    motion = (
+        ssm.Free(ssm.Task(roll=5 * ssm.deg, tilt=-115 * ssm.deg, depth=0.012)),
+        ssm.Straight(roll=-8 * ssm.deg, tilt=-100 * ssm.deg, depth=0.02),
+    )
+    rate = {"roll": 0.05, "tilt": -0.1, "spin": 0.02, "depth": 0.002}
+    problem = replace(
+        ssm.load_problem("tilt_insert"),
+        start=task,
+        motion=motion,
+        start_rate=rate,
+        planner="fast",
+        eye=None,
+    )
+    document: dict[str, Any] = json.loads(ssm.plan(problem).to_json())
+    document["problem"]["motion"][1]["target"]["task"] |= {"roll": -0.2, "depth": 0.019}
+    document["problem"]["start_rate"] |= {"roll": 0.06, "tilt": -0.12, "spin": 0.01, "depth": 0.003}
+    return document
 
 
 def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
@@ -152,7 +182,7 @@ def survivors(count: int, seed: int) -> Iterator[tuple[int, str, bool]]:
         try:
             with np.errstate(all="ignore"):
                 found = differs(truth, answers(load(text)))
-        except Exception:  # noqa: BLE001 a mutant may raise anything
+        except (Exception, SystemExit):  # noqa: BLE001 a mutant may raise anything
             found = True
         finally:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
