@@ -57,7 +57,8 @@ from ssm_planner.units import display_unit
 from ssm_planner.verification import Certificate, broken_seal
 from ssm_planner.verification.check import check
 from ssm_planner.verification.path_bound import Sensitivity
-from ssm_planner.verification.second_opinion import Opinion, second_opinions
+from ssm_planner.verification.proof import Proof, unproven_limits
+from ssm_planner.verification.second_opinion import Opinion, second_opinions_and_proofs
 
 if TYPE_CHECKING:  # the check reads plans and must not load the planner
     from matplotlib.axes import Axes
@@ -300,6 +301,8 @@ class Plan:
     """True if the user ended the search for a faster motion."""
     candidates: tuple[tuple[Mapping[str, Any], ...], ...] = ()
     """Tried candidates of each phase: kind, bound, estimate, duration (s), outcome and effort."""
+    proof: tuple[Proof, ...] = ()
+    """Bounds of each limit over continuous time. Empty if the motion was not judged."""
     software: Mapping[str, str] = field(default_factory=software)
     """Versions of the software that made the plan."""
     file: Path | None = field(default=None, init=False)
@@ -414,12 +417,15 @@ class Plan:
 
     @property
     def passed(self) -> bool:
-        """True if the motion passed the check and is not faster than toppra considers possible."""
+        """True if the motion passed the check, and neither proof nor cross-check contradicts."""
         certified = self.certificate is not None and self.certificate.passed
         return certified and not self.disagreements
 
-    def cross_checked(self, ask: Callable[[], Sequence[Opinion] | None] = lambda: None) -> Plan:
-        """Return the plan with the durations that the package toppra computes along its paths.
+    def cross_checked(
+        self,
+        ask: Callable[[], tuple[Sequence[Opinion], tuple[Proof, ...]] | None] = lambda: None,
+    ) -> Plan:
+        """Return the plan with toppra's durations along its paths, and the proof of its limits.
 
         The command `plan` and the method `save` call this method, but the function `plan` does not.
         Plans that did not pass the check, and plans by another planner than `optimal`, are returned
@@ -428,17 +434,17 @@ class Plan:
         Parameters
         ----------
         ask : callable
-            Function that returns the result of `second_opinions` from a second process, or None. If
-            it returns None, toppra is called in this process.
+            Function that returns the result of `second_opinions_and_proofs` from a second process,
+            or None. If it returns None, this process does the work.
         """
         is_requested = self.problem.planner == "optimal" and "toppra" not in self.software
         if not (is_requested and self.passed and self.phases):
             return self
         results = {"sizing": self.sizing, "stops": self.stops}  # while the second process works
-        opinions = ask() or second_opinions(self.motion, self.problem)
+        opinions, proof = ask() or second_opinions_and_proofs(self.motion, self.problem)
         phases = map(PhaseSummary.with_opinion, self.phases, opinions)
         versions = {**self.software, "toppra": _version("toppra")}
-        judged_plan = replace(self, phases=tuple(phases), software=versions)
+        judged_plan = replace(self, phases=tuple(phases), software=versions, proof=proof)
         if judged_plan.disagreements:
             from ssm_planner.planning.reason import Reason
 
@@ -569,7 +575,16 @@ class Plan:
             notes.append("the search was stopped: other joints may be faster")
         if self.certificate is not None:
             notes += [f"not checked: {subject}" for subject in self.certificate.unchecked]
+        if self.unproven:
+            names = (f"{name} of {joint}" if joint else name for name, joint in self.unproven)
+            notes.append(f"checked by samples, but not proven at every instant: {', '.join(names)}")
         return tuple(notes)
+
+    @property
+    def unproven(self) -> list[tuple[str, str | None]]:
+        """Names and joints of the limits that the proof does not cover. Empty without a proof."""
+        limits = self.certificate.limits if self.certificate and self.proof else ()
+        return unproven_limits(self.proof, ((limit.name, limit.joint) for limit in limits))
 
     @cached_property
     def tip_error(self) -> TipError | None:
@@ -599,8 +614,13 @@ class Plan:
 
     @property
     def disagreements(self) -> tuple[str, ...]:
-        """Remarks on phases that are faster than toppra considers possible along their paths."""
-        return tuple(
+        """Remarks on limits that the proof refutes, and on phases that are too fast for toppra."""
+        refuted = tuple(
+            f"the proof refutes a limit: {proof.name} {proof.joint or ''} at {proof.time:.4f} s"
+            for proof in self.proof
+            if proof.verdict == "REFUTED"
+        )
+        return refuted + tuple(
             f"the cross-check failed: {phase.name} takes {phase.duration:.5f} s, and toppra finds "
             f"no motion of less than {phase.toppra_duration:.5f} s along its path"
             for phase in self.phases
@@ -644,6 +664,7 @@ class Plan:
             "phases": [phase.to_dict() for phase in self.phases],
             **({"stopped": True} if self.stopped else {}),
             **({"candidates": plain(self.candidates)} if self.candidates else {}),
+            **({"proof": [proof.to_dict() for proof in self.proof]} if self.proof else {}),
         }
 
     def to_dict(self) -> JsonObject:
@@ -743,6 +764,9 @@ class Plan:
                 ),
                 stopped=document.get("stopped") is True,
                 candidates=tuple(map(tuple, document.get("candidates") or ())),
+                proof=converted(
+                    tuple[Proof, ...], document.get("proof") or [], "proof", build=True
+                ),
                 software=document.get("software") or {},
             )
         except TrajectoryError as error:

@@ -101,23 +101,11 @@ def _check_proof_options(options: Namespace) -> None:
 
 def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
     """Return a table of the bounds of all limits, and the verdict, as lines of text."""
-    from ssm_planner.display import number
-    from ssm_planner.reporting import Table
+    from ssm_planner.reporting import proof_table
 
-    rows = [
-        (
-            proof.name,
-            proof.joint or "",
-            *(number(value, 10) for value in (proof.low, proof.high, proof.limit)),
-            number(proof.time, 6),
-            proof.verdict,
-        )
-        for proof in proofs
-    ]
-    header = "limit, joint, worst from, to, limit, at s, "
     counts = {name: sum(proof.verdict == name for proof in proofs) for name in PROVEN_STATUS}
     words = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
-    return [*Table(header, rows, (2, 3, 4, 5)).lines(), "", f"proof for all times: {words}"]
+    return [*proof_table(proofs).lines(), "", f"proof for all times: {words}"]
 
 
 def _signature_fault(folder: Path, key: Path) -> str | None:

@@ -484,7 +484,7 @@ def plan_to_folder(
     if drawer is not None and result.passed and result.requirements:
         shown = [requirement.shown() for requirement in result.requirements]
         drawer.draw("motors", result.motion, problem.robot, shown)
-    result = result.cross_checked() if drawer is None else result.cross_checked(drawer.opinions)
+    result = result.cross_checked() if drawer is None else result.cross_checked(drawer.judgement)
     if not result.passed:
         from ssm_planner.reporting.html.report import write_no_plan
 

@@ -51,6 +51,7 @@ from .text import (
     explanation as explanation,
     limit_cells as limit_cells,
     limits_table as limits_table,
+    proof_table as proof_table,
     selection_lines as selection_lines,
     simulation_tables as simulation_tables,
     sizing_lines as sizing_lines,

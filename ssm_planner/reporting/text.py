@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # `check` prints tables without loading the planner.
     from ssm_planner.comparison.findings import Kept
     from ssm_planner.plans import PhaseSummary, Plan
     from ssm_planner.simulation.simulate import SimulationResult
+    from ssm_planner.verification.proof import Proof
 
 SizingObject = Mapping[str, Any]
 """JSON object that `size --json` prints and that plan.json contains."""
@@ -397,7 +398,8 @@ def answers(plan: "Plan", folder: Path | None = None) -> list[str]:
     else:
         limits, violations = certificate.limits, certificate.violations
         binding = sum(limit.margin <= BINDING for limit in limits)
-        verdict = f"PASSED: {len(limits)} limits kept; {binding} of them bind by design"
+        kept = f"{len(limits)} limits kept{proof_words(plan)}"
+        verdict = f"PASSED: {kept}; {binding} bind by design"
         if violations:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
         lines.append(f"check    {verdict}")
@@ -514,6 +516,31 @@ def path_lines(plan: "Plan") -> list[str]:
         if phase.constant_speed is not None
     ]
     return corners + constant
+
+
+def proof_words(plan: "Plan") -> str:
+    """Return the share of the limits that are proven, as an addition to "limits kept"."""
+    if not plan.proof or plan.certificate is None:
+        return ""
+    unproven = len(plan.unproven)
+    if not unproven:
+        return ", proven at every instant"
+    return f", {len(plan.certificate.limits) - unproven} of them proven at every instant"
+
+
+def proof_table(proofs: Sequence["Proof"]) -> Table:
+    """Build the table of the proven bounds of all limits, in SI units."""
+    rows = [
+        (
+            proof.name,
+            proof.joint or "",
+            *(number(value, 10) for value in (proof.low, proof.high, proof.limit)),
+            number(proof.time, 6),
+            proof.verdict,
+        )
+        for proof in proofs
+    ]
+    return Table("limit, joint, worst from, to, limit, at s, ", rows, (2, 3, 4, 5))
 
 
 def conditions(plan: "Plan") -> list[str]:

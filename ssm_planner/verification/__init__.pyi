@@ -10,7 +10,7 @@ from .certificate import (
 from .check import check_stops as check_stops
 from .ends import end_velocities as end_velocities
 from .limits import DYNAMIC as DYNAMIC
-from .second_opinion import second_opinions as second_opinions
+from .second_opinion import second_opinions_and_proofs as second_opinions_and_proofs
 from .slower import (
     SLOWEST as SLOWEST,
     SpeedRange as SpeedRange,

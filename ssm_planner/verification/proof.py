@@ -1,22 +1,26 @@
-"""Run the program prove.py, which bounds every limit of a plan.json over continuous time.
+"""Run the program prove.py, which bounds every limit of a plan over continuous time.
 
 The program is one file that needs only NumPy and shares no code with this package
-(docs/trust.md). It runs in a process of its own.
+(docs/trust.md). `prove` runs it in a separate process on a plan.json. `prove_motion` runs it in
+this process on a motion that has not been written yet.
 """
 
 from __future__ import annotations
 
 import json
+import runpy
 import subprocess
 import sys
+from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
-from types import NoneType
-from typing import Literal
+from typing import Any, Literal
 
 from ssm_planner.arguments import checked
 from ssm_planner.atomic import write_text
 from ssm_planner.errors import TrajectoryError
+from ssm_planner.problem import Problem, plain
+from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject, frozen
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -25,6 +29,9 @@ PROGRAMS = (PACKAGE / "checker/prove.py", PACKAGE.parent / "examples" / "prove.p
 
 Python searches the folder of a program for modules first, so this folder contains no others.
 """
+
+LimitName = tuple[str, str | None]
+"""Name of a limit in the certificate, and its joint."""
 
 
 @frozen
@@ -42,22 +49,64 @@ class Proof:
     name: str
     """Name of the limit, as in the certificate."""
     joint: str | None
-    low: float
-    high: float
-    """Ends of an interval that contains the worst value, in SI units."""
+    low: float | None
+    high: float | None
+    """Ends of an interval that contains the worst value, in SI units. None if it has no end."""
     limit: float
     time: float
     """Time of the worst value, s."""
-    excess: float
-    """Upper bound of the excess over the limit, as a share of the limit."""
+    excess: float | None
+    """Upper bound of the excess over the limit, as a share of the limit. None without a bound."""
     verdict: Literal["PROVEN", "REFUTED", "OPEN"]
 
     def to_dict(self) -> JsonObject:
-        """Return the entry of `proof` in the output of `check --json`. Infinite ends are None."""
-        return {
-            name: value if isinstance(value, (str, NoneType)) or isfinite(value) else None
-            for name, value in vars(self).items()
-        }
+        """Return the entry of `proof` in plan.json and in the output of `check --json`."""
+        return dict(vars(self))
+
+
+def _proof(claim: dict[str, Any]) -> Proof:
+    """Build a proof from a claim of the program, which contains infinite numbers."""
+    unbounded = {
+        name: None
+        for name, value in claim.items()
+        if isinstance(value, float) and not isfinite(value)
+    }
+    return Proof(**{**claim, **unbounded})
+
+
+def _program() -> Path:
+    """Return the path of the program in the package, or in the source tree."""
+    return next(path for path in PROGRAMS if path.is_file())
+
+
+def prove_motion(trajectory: Trajectory, problem: Problem) -> tuple[Proof, ...]:
+    """Bound every limit of a motion over continuous time by the program prove.py.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    problem : Problem
+        The problem with robot and limits.
+
+    Returns
+    -------
+    tuple of Proof
+        One value for each limit that the program knows.
+    """
+    document = {
+        "problem": plain(problem),
+        "trajectory": trajectory.to_dict(),
+        "certificate": {"limits": []},
+    }
+    program = runpy.run_path(str(_program()))
+    return tuple(_proof(claim._asdict()) for claim in program["prove"](document))
+
+
+def unproven_limits(proofs: Iterable[Proof], names: Iterable[LimitName]) -> list[LimitName]:
+    """Return the names of the limits that were not proven, in the order of `names`."""
+    proven = {(proof.name, proof.joint) for proof in proofs if proof.verdict == "PROVEN"}
+    return [name for name in names if name not in proven]
 
 
 @checked
@@ -91,7 +140,7 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
     (46, True)
     """
     file = Path(plan) / "plan.json" if Path(plan).is_dir() else Path(plan)
-    source = next(path for path in PROGRAMS if path.is_file())
+    source = _program()
     if program is not None:
         write_text(Path(program), source.read_text(encoding="utf-8"))
         source = Path(program)
@@ -100,4 +149,4 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
     # An exception of Python has the status of a refuted limit, but prints no result.
     if not outcome.stdout:
         raise TrajectoryError(f"{source}: {outcome.stderr.strip().splitlines()[-1]}")
-    return tuple(Proof(**claim) for claim in json.loads(outcome.stdout))
+    return tuple(map(_proof, json.loads(outcome.stdout)))

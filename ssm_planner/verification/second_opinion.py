@@ -27,6 +27,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 from ssm_planner.verification.path_bound import Sensitivity, path_bound
 from ssm_planner.verification.path_rows import PathRows, coefficients
+from ssm_planner.verification.proof import Proof, prove_motion
 
 ENDS = (0.0, 1.0)
 """Positions in a grid interval at which the rows hold, as fractions."""
@@ -104,6 +105,13 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
             path = trajectory, problem.robot, problem.task_limits, (span.start, span.end)
             opinions.append(judge_path(*path))
     return tuple(opinions)
+
+
+def second_opinions_and_proofs(
+    trajectory: Trajectory, problem: Problem
+) -> tuple[tuple[Opinion, ...], tuple[Proof, ...]]:
+    """Return the results of `second_opinions` and of `prove_motion` for a motion."""
+    return second_opinions(trajectory, problem), prove_motion(trajectory, problem)
 
 
 def judge_path(

@@ -53,7 +53,7 @@ def judged(made: Plan, robot: Robot | None = None) -> Plan:
     software = {name: text for name, text in made.software.items() if name != "toppra"}
     asked = replace(made, problem=unchecked(made.problem, planner="optimal"), software=software)
     opinions = second_opinions(made.motion, problem)
-    return asked.cross_checked(lambda: opinions)
+    return asked.cross_checked(lambda: (opinions, ()))
 
 
 def disagreement(result: Plan) -> str | None:

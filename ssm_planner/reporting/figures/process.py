@@ -1,7 +1,7 @@
-"""Draw figures and compute second opinions in a child process while the planner works.
+"""Draw figures, and judge and prove motions, in a child process while the planner works.
 
 The child imports matplotlib and toppra during the planning, and works during the check. It reads
-requests from its standard input. It writes every opinion to its standard output at once, and the
+requests from its standard input. It writes every judgement to its standard output at once, and the
 content of the image files at the end. It opens no files and is not connected to a terminal, so
 it can be killed at any time.
 """
@@ -33,23 +33,26 @@ if TYPE_CHECKING:
     from ssm_planner.plans import Plan
     from ssm_planner.problem import Problem
     from ssm_planner.trajectory import Trajectory
+    from ssm_planner.verification.proof import Proof
     from ssm_planner.verification.second_opinion import Opinion
 
 TIMEOUT = 60.0
 """Time for which the caller waits before it does the work of the child itself, s."""
-OPINION = "opinion"
-"""Name of the request for a second opinion."""
+JUDGEMENT = "judgement"
+"""Name of the request for a second opinion and a proof."""
 _START = "from ssm_planner.reporting.figures.process import serve; serve()"
 """Program of the child process."""
 
 Contents = dict[str, dict[str, bytes]]
 """Content by figure and file extension."""
+Judgement = tuple["tuple[Opinion, ...]", "tuple[Proof, ...]"]
+"""Second opinions on the phases of a motion, and proofs of its limits."""
 
 
 class FigureProcess:
-    """A child process that draws the figures of one plan and judges its duration.
+    """A child process that draws the figures of a plan, judges its duration and proves its limits.
 
-    If the process cannot start or fails, `result` returns an empty dict and `opinions` returns
+    If the process cannot start or fails, `result` returns an empty dict and `judgement` returns
     None. The caller then does the work. On exit from the context, the process is killed.
     """
 
@@ -61,26 +64,26 @@ class FigureProcess:
         self._questions = 0
 
     def judge(self, trajectory: "Trajectory", problem: "Problem") -> None:
-        """Request the result of `second_opinions` for a motion, and return immediately."""
+        """Request opinions and proofs for a motion, and return immediately."""
         self._questions += 1
-        self.draw(OPINION, trajectory, problem)
+        self.draw(JUDGEMENT, trajectory, problem)
 
-    def opinions(self) -> "tuple[Opinion, ...] | None":
+    def judgement(self) -> Judgement | None:
         """Wait for the answer to the last request of `judge`, and return it.
 
         Returns
         -------
-        tuple of Opinion or None
-            One opinion for each phase. None if `judge` was not called, or if the process failed or
-            took longer than TIMEOUT.
+        tuple or None
+            The result of `second_opinions_and_proofs`. None if `judge` was not called, or if the
+            process failed or took longer than TIMEOUT.
         """
-        opinions = None
+        judgement = None
         try:
             for _ in range(self._questions):
-                opinions = self._pipe.submit(self._read).result(TIMEOUT)
+                judgement = self._pipe.submit(self._read).result(TIMEOUT)
         except (OSError, ValueError, TookTooLong, EOFError):
             return None
-        return opinions
+        return judgement
 
     def draw(self, name: str, *arguments: object) -> None:
         """Request a figure and return immediately.
@@ -88,7 +91,7 @@ class FigureProcess:
         Parameters
         ----------
         name : str
-            Key of `PLAN_FIGURES`, or OPINION. A new request for the same figure replaces the
+            Key of `PLAN_FIGURES`, or JUDGEMENT. A new request for the same figure replaces the
             earlier one.
         *arguments
             Arguments of the function that draws the figure.
@@ -115,8 +118,8 @@ class FigureProcess:
             return {}
         return files
 
-    def _read(self) -> "tuple[Opinion, ...] | None":
-        """Read the next opinion from the standard output of the child."""
+    def _read(self) -> Judgement | None:
+        """Read the next judgement from the standard output of the child."""
         if self._process is None or self._process.stdout is None:
             return None
         return pickle.load(self._process.stdout)
@@ -161,7 +164,7 @@ def _start_process() -> subprocess.Popen[bytes] | None:
 def serve() -> None:
     """Run the child process.
 
-    It answers requests for opinions at once. When its standard input is closed, it writes all
+    It answers requests for judgements at once. When its standard input is closed, it writes all
     figures and ends.
     """
     gc.disable()  # Garbage collection would take a tenth of the time of this short process.
@@ -172,7 +175,7 @@ def serve() -> None:
     panels[0, 0].plot([0, 1], label="dummy")
     dummy.legend()
     render_figure(dummy, pdf=False)
-    from ssm_planner.verification import second_opinions
+    from ssm_planner.verification import second_opinions_and_proofs
 
     import_module("toppra")
     files: Contents = {}
@@ -181,8 +184,8 @@ def serve() -> None:
             name, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             break
-        if name == OPINION:
-            pickle.dump(second_opinions(*arguments), answer)
+        if name == JUDGEMENT:
+            pickle.dump(second_opinions_and_proofs(*arguments), answer)
             answer.flush()
         else:
             files[name] = render_figure(PLAN_FIGURES[name](*arguments), pdf=False)

@@ -48,6 +48,8 @@ from ssm_planner.reporting.text import (
     motors_table,
     motors_verdict,
     phases_table,
+    proof_table,
+    proof_words,
     range_lines,
     rate_words,
     sensitivities_table,
@@ -113,6 +115,7 @@ def report_page(plan: Plan) -> str:
         ranges=range_lines(plan),
         closest=plan.certificate and closest_limit(plan.certificate.limits),
         tiers=_tiers(plan.certificate),
+        proof=proof_table(plan.proof),
         phases=phases_table(plan),
         sensitivities=sensitivities_table(plan),
         tip_errors=tip_error_table(plan),
@@ -384,7 +387,7 @@ def _certification(plan: Plan) -> Mark:
         return "bad", "Not certified", f"{tightest.name}{joint} exceeded at {tightest.time:.3f} s"
     if plan.disagreements:
         return "bad", "Not certified", plan.disagreements[0]
-    return "good", "Certified", f"{len(certificate.limits)} limits kept"
+    return "good", "Certified", f"{len(certificate.limits)} limits kept{proof_words(plan)}"
 
 
 def _stops(plan: Plan) -> JsonObject | None:
