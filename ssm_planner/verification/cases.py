@@ -16,12 +16,13 @@ from ssm_planner.dynamics import (
     RigidBody,
     drive_torque,
     drive_with,
+    motorised,
     spread_of,
     with_payload,
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import LAW, LAWS, Drive, MotorTorque, Robot, TaskLimits
-from ssm_planner.trajectory import Trajectory
+from ssm_planner.trajectory import Trajectory, blocks
 from ssm_planner.typing import Array, Arrays, Indices
 from ssm_planner.verification.limits import Case, Quantity
 from ssm_planner.verification.pieces import pieces_of
@@ -67,53 +68,56 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
     masses = sorted({0.0, *(limits.payload or ())})
     motion = _Motion(trajectory, robot, masses)
     quantities: list[Quantity] = []
-    for i, joint in enumerate(robot.joints):
-        if joint.drive is None or joint.motor is None:
-            continue
-        sets = (
-            {"mu": np.array([joint.drive.friction.mu])} if joint.drive.friction is not None else {}
-        )
+    for i, drive, _ in motorised(robot.joints):
+        joint = robot.joints[i]
+        sets = {} if drive.friction is None else {"mu": np.array([drive.friction.mu])}
         if limits.friction is not None:
-            uncertain = spread_of(joint.drive).within(limits.friction)
+            uncertain = spread_of(drive).within(limits.friction)
             if not uncertain:
                 raise ProblemError(
-                    f"the friction of {joint.drive.name} (joint {joint.name}) has no uncertainty",
+                    f"the friction of {drive.name} (joint {joint.name}) has no uncertainty",
                     key="friction",
                     value=limits.friction,
                     allowed="drives with posterior, covariance or friction_ranges",
                 )
             sets = _outermost(uncertain)
-        for k, mass in sorted(
-            {
-                case
-                for load in range(len(masses))
-                for case in motion.extreme_sets(i, joint.drive, sets, load)
-            }
-        ):
+        extreme_sets: set[tuple[int, int]] = set()
+        for load in range(len(masses)):
+            extreme_sets |= motion.extreme_sets(i, drive, sets, load)
+        for k, load in sorted(extreme_sets):
+            mass = masses[load]
             values = {name: float(column[k]) for name, column in sets.items()}
-            text = ", ".join(starmap(_case_text, values.items())) if limits.friction else ""
-            payload = f"payload {1e3 * masses[mass]:g} g" if limits.payload else ""
-            case = Case(
-                drive_with(joint.drive, values),
-                masses[mass],
-                "; ".join(filter(None, (text, payload))),
-            )
+            texts = list(starmap(_parameter_text, values.items())) if limits.friction else []
+            descriptions = [", ".join(texts)] if texts else []
+            if limits.payload:
+                descriptions.append(f"payload {1e3 * mass:g} g")
+            case = Case(drive_with(drive, values), mass, "; ".join(descriptions))
             quantities.append(Quantity(joint.limit(MotorTorque), i, case=case))
     return quantities
 
 
-def _case_text(name: str, value: float) -> str:
+def _parameter_text(name: str, value: float) -> str:
     """Describe the value of a friction parameter, such as “mu 0.12”."""
     return f"{name} {LAWS[int(value)]}" if name == LAW else f"{name} {value:.4g}"
 
 
 def _outermost(sets: Arrays) -> Arrays:
-    """Return the parameter sets (sets,) that no other set dominates.
+    """Select the sets of friction parameters that can cause the largest or the smallest torque.
 
     The torque in the direction of motion grows with every parameter. A set can therefore have the
     largest torque only if no other set is larger in every parameter, and the smallest torque only
-    if no other set is smaller in every parameter. Both kinds of sets are kept. Sets with different
-    friction laws are not compared.
+    if no other set is smaller in every parameter. The function keeps both kinds of sets. It does
+    not compare sets with different friction laws.
+
+    Parameters
+    ----------
+    sets : dict of (n,) arrays
+        Values of each friction parameter in n sets, by name of the parameter.
+
+    Returns
+    -------
+    dict of (k,) arrays
+        The values in the selected sets.
     """
     values = np.unique(np.column_stack(list(sets.values())), axis=0)
     dominates = np.ones((len(values), len(values)), dtype=bool)
@@ -125,7 +129,9 @@ def _outermost(sets: Arrays) -> Arrays:
 
 
 class _Motion:
-    """A motion at instants that include both ends of every piece.
+    """A motion that is sampled at n instants, to compare the torques of many friction sets.
+
+    The instants include both ends of every piece.
 
     Attributes
     ----------
@@ -148,13 +154,10 @@ class _Motion:
                 pieces, robot, *pieces.segments(robot), rate=RATE, max_intervals=max_intervals
             )
             s = intervals.begin + SHARES * intervals.width
+            q, qd, qdd = pieces.evaluate(intervals.piece, s)
             starting = intervals.starting * (SHARES[:, :, None] == 0)
             direction = np.broadcast_to(intervals.direction, starting.shape)
-            blocks.append(
-                np.stack([*pieces.evaluate(intervals.piece, s), direction, starting]).reshape(
-                    5, -1, 4
-                )
-            )
+            blocks.append(np.stack([q, qd, qdd, direction, starting]).reshape(5, -1, 4))
         q, self.qd, self.qdd, self.direction, start = np.concatenate(blocks, axis=1)
         self.start = start > 0
         bodies = (RigidBody.from_robot(with_payload(robot, mass)) for mass in masses)
@@ -201,26 +204,18 @@ class _Motion:
         load : int
             Index of the payload.
         """
-        everywhere = np.arange(len(self.qd))
-        nominal = np.abs(self.torque(i, drive, load, everywhere)[0])
-        step = max(len(everywhere) // INSTANTS, 1)
-        instants = np.unique(
-            np.concatenate(
-                [
-                    everywhere[::step],
-                    np.argsort(nominal)[-INSTANTS:],
-                    np.flatnonzero(self.start[:, i]),
-                ]
-            )
-        )
-        rows = max(BLOCK // len(instants), 1)
+        all_instants = np.arange(len(self.qd))
+        nominal = np.abs(self.torque(i, drive, load, all_instants)[0])
+        evenly_spaced = all_instants[:: max(len(all_instants) // INSTANTS, 1)]
+        largest_torques = np.argsort(nominal)[-INSTANTS:]
+        starts = np.flatnonzero(self.start[:, i])
+        instants = np.unique(np.concatenate([evenly_spaced, largest_torques, starts]))
+        block_size = max(BLOCK // len(instants), 1)
+        set_count = len(next(iter(sets.values())))
         tables = []
-        for start in range(0, len(next(iter(sets.values()))), rows):
-            columns = {name: column[start : start + rows, None] for name, column in sets.items()}
+        for block in blocks(set_count, block_size):
+            columns = {name: column[block, None] for name, column in sets.items()}
             torque = self.torque(i, drive_with(drive, columns), load, instants)
-            tables.append(
-                np.column_stack(
-                    [torque.max(axis=1), -torque.min(axis=1), np.square(torque).mean(axis=1)]
-                )
-            )
+            mean_square = np.square(torque).mean(axis=1)
+            tables.append(np.stack([torque.max(axis=1), -torque.min(axis=1), mean_square], axis=1))
         return {(int(k), load) for k in np.argmax(np.concatenate(tables), axis=0)}

@@ -233,15 +233,11 @@ class Certificate:
         Such limits move from `unjudged` to `unchecked`. A last word such as "torque" stands for all
         names that end with it.
         """
-        allowed = [u for u in self.unjudged if any(f" {u.name}".endswith(f" {n}") for n in names)]
-        return replace(
-            self,
-            unjudged=tuple(u for u in self.unjudged if u not in allowed),
-            unchecked=(
-                *self.unchecked,
-                *(f"{subject}: {reason} (allowed)" for subject, reason in subjects(allowed)),
-            ),
-        )
+        endings = tuple(f" {name}" for name in names)
+        allowed = [item for item in self.unjudged if f" {item.name}".endswith(endings)]
+        remaining = tuple(item for item in self.unjudged if item not in allowed)
+        remarks = [f"{subject}: {reason} (allowed)" for subject, reason in subjects(allowed)]
+        return replace(self, unjudged=remaining, unchecked=self.unchecked + tuple(remarks))
 
     @property
     def verdict(self) -> str:
@@ -258,8 +254,9 @@ class Certificate:
         """Return the verdict on one limit: "kept", "violated" or "not judged"."""
         if not limit.passed:
             return VIOLATED
-        unjudged = [u for u in self.unjudged if (u.name, u.joint) == (limit.name, limit.joint)]
-        return NOT_JUDGED if unjudged else KEPT
+        key = (limit.name, limit.joint)
+        is_unjudged = any((item.name, item.joint) == key for item in self.unjudged)
+        return NOT_JUDGED if is_unjudged else KEPT
 
     @property
     def passed(self) -> bool:
@@ -326,13 +323,11 @@ class Certificate:
             certificate = cls(
                 limits, str(data["interpolation"]), instants, unchecked, unjudged=unjudged
             )
+            seal = data.get("sha256")
             # A certificate that contradicts itself loses its seal.
-            seal = (
-                str(data["sha256"])
-                if data.get("sha256") and data.get("passed") is certificate.passed
-                else None
-            )
-            return replace(certificate, sha256=seal)
+            if seal and data.get("passed") is certificate.passed:
+                certificate = replace(certificate, sha256=str(seal))
+            return certificate
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not a certificate: {error!r}") from error
 
@@ -343,10 +338,10 @@ def worst_of_each(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
     The results keep the order in which the pairs first occur.
     """
     tightest: dict[tuple[str, str | None], LimitCheck] = {}
-    for check_ in checks:
-        key = check_.name, check_.joint
-        if key not in tightest or check_.margin < tightest[key].margin:
-            tightest[key] = check_
+    for result in checks:
+        key = result.name, result.joint
+        if key not in tightest or result.margin < tightest[key].margin:
+            tightest[key] = result
     return tuple(tightest.values())
 
 
@@ -364,18 +359,25 @@ def subjects(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
         pair of name and reason occurs once.
     """
     joints: dict[tuple[str, str], list[str]] = {}
-    for u in unjudged:
-        joints.setdefault((u.name, u.reason), []).extend([u.joint] if u.joint else [])
-    return [
-        (f"{name} of {', '.join(owners)}" if owners else name, reason)
-        for (name, reason), owners in joints.items()
-    ]
+    for item in unjudged:
+        owners = joints.setdefault((item.name, item.reason), [])
+        if item.joint:
+            owners.append(item.joint)
+    pairs = []
+    for (name, reason), owners in joints.items():
+        subject = f"{name} of {', '.join(owners)}" if owners else name
+        pairs.append((subject, reason))
+    return pairs
 
 
 def sealed(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> Certificate:
-    """Return the certificate with its seal for this trajectory, robot and limits."""
+    """Return the certificate with a seal.
+
+    The seal is the hash of the certificate and of its input: the trajectory, the robot and the
+    limits that the check received.
+    """
     global _recent_seal
     result = replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
     _recent_seal = tuple(map(ref, (result, trajectory, robot, limits)))

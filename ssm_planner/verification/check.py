@@ -206,7 +206,10 @@ def _dynamics_of_table(
         bands, unjudged = torque_bands(trajectory, robot, limits, resolution, UNDEFINED)
     judged_limits = {(band.name, band.joint) for band in bands}
     judged_limits |= {(item.name, item.joint) for item in unjudged}
-    for limit in (limit for owner in (*robot.joints, limits) for limit in owner.limits):
+    all_limits = list(limits.limits)
+    for joint in robot.joints:
+        all_limits += joint.limits
+    for limit in all_limits:
         is_limited = limits.duty is not None or type(limit) is not ContinuousTorque
         if limit.order > 1 and is_limited and (limit.name, limit.joint) not in judged_limits:
             unjudged.append(Unjudged(limit.name, limit.joint, UNDEFINED))
@@ -270,20 +273,21 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
         drive = joint.drive
         if limit is None or drive is None:
             continue
-        lowest = limit.friction
+        mu = limit.friction
         case = None
         if share is not None:
-            minimum = float(spread_of(drive).within(share).get("mu", np.array([lowest])).min())
-            lowest, case = (minimum, f"mu {minimum:.4g}") if minimum < lowest else (lowest, None)
-        mu_margin = float(self_locking_margin(drive, lowest)[0])
-        locking_mu = lowest - mu_margin
-        margin = mu_margin / locking_mu
+            coefficients = spread_of(drive).within(share).get("mu")
+            if coefficients is not None and coefficients.min() < mu:
+                mu = float(coefficients.min())
+                case = f"mu {mu:.4g}"
+        mu_margin = float(self_locking_margin(drive, mu)[0])
+        locking_mu = mu - mu_margin
         result = LimitCheck(
             limit.name,
             limit.joint,
-            lowest,
-            locking_mu,
-            margin,
+            worst=mu,
+            limit=locking_mu,
+            margin=mu_margin / locking_mu,
             time=0.0,
             unit=limit.unit,
             case=case,
@@ -320,11 +324,9 @@ def check_stops(
     remaining = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
     limits = replace(limits, limits=remaining, motion=())
     certificate = check(motion if joined is None else joined, robot, limits, rate=RATE_OF_STOPS)
-    excluded = (*JUMPS, ContinuousTorque.name, *ENDS)
-    stop_checks = tuple(
-        limit_check for limit_check in certificate.limits if limit_check.name not in excluded
-    )
-    return replace(certificate, limits=stop_checks)
+    excluded = JUMPS + ENDS + (ContinuousTorque.name,)
+    remaining_checks = tuple(item for item in certificate.limits if item.name not in excluded)
+    return replace(certificate, limits=remaining_checks)
 
 
 def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
@@ -349,10 +351,9 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
         return []
     stops = quickest_stops(motion, robot)
     k = int(np.argmax(stops.travel))
-    neighbourhood = np.linspace(
-        stops.time[max(k - 1, 0)], stops.time[min(k + 1, len(stops.time) - 1)], CLOSER
-    )
-    closer = quickest_stops(motion, robot, neighbourhood)
+    previous = stops.time[max(k - 1, 0)]
+    following = stops.time[min(k + 1, len(stops.time) - 1)]
+    closer = quickest_stops(motion, robot, np.linspace(previous, following, CLOSER))
     travel = np.append(stops.travel, closer.travel)
     time = np.append(stops.time, closer.time)
     k = int(np.argmax(travel))
@@ -360,15 +361,9 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
     tightest = check_stops(stops, motion, robot, limits).worst
     if tightest.passed and stops.ends:
         return [result]
-    reason = (
-        f"a stop exceeds {tightest.name} of {tightest.joint or 'the tool'}"
-        if stops.ends
-        else "the motion does not end at rest"
-    )
-    return [
-        replace(
-            result,
-            margin=min(result.margin, tightest.margin, 0.0 if stops.ends else -1.0),
-            case=reason,
-        )
-    ]
+    reason = f"a stop exceeds {tightest.name} of {tightest.joint or 'the tool'}"
+    margin = min(result.margin, tightest.margin)
+    if not stops.ends:
+        reason = "the motion does not end at rest"
+        margin = min(margin, -1.0)
+    return [replace(result, margin=min(margin, 0.0), case=reason)]

@@ -37,14 +37,13 @@ class Jumps:
         self.robot = robot
         self.worst = np.zeros((3, 4))
         self.time = np.zeros((3, 4))
-        self._last: Array | None = None
-        v, a, jerk = (
-            np.array([getattr(joint, name) for joint in robot.joints], dtype=float)
-            for name in ("velocity", "acceleration", "jerk")
-        )
-        self._tolerance = JUMP * np.array([np.ones(4), v, a])
+        self._previous_end: Array | None = None
+        velocity = robot.velocities
+        acceleration = robot.accelerations
         # Without a jerk limit, jumps of the acceleration may add up to any value.
-        self._excused = JUMP_RATE * np.array([v, a, np.nan_to_num(jerk, nan=1e100)])
+        jerk = np.array([1e100 if joint.jerk is None else joint.jerk for joint in robot.joints])
+        self._tolerance = JUMP * np.array([np.ones(4), velocity, acceleration])
+        self._excused = JUMP_RATE * np.array([velocity, acceleration, jerk])
         self._level = np.zeros((3, 4))
         self._level_time = 0.0
 
@@ -52,11 +51,9 @@ class Jumps:
         """Update the worst jumps with the next pieces of the motion."""
         starts, ends = pieces.ends
         # The first piece of the motion is compared with itself.
-        previous = np.concatenate(
-            [(starts[0] if self._last is None else self._last)[None], ends[:-1]]
-        )
-        self._last = ends[-1]
-        jump = np.abs(starts - previous)
+        previous_end = starts[0] if self._previous_end is None else self._previous_end
+        self._previous_end = ends[-1]
+        jump = np.abs(starts - np.concatenate([previous_end[None], ends[:-1]]))
         level = self._accumulated(jump, pieces.start)
         # If a single jump exceeds its tolerance, the result is this jump and not the sum.
         added_up = (level > self._tolerance) & (jump <= self._tolerance)
@@ -94,7 +91,7 @@ class Jumps:
         return level
 
     def checks(self, straight: bool = False) -> list[LimitCheck]:
-        """Return the results of each joint.
+        """Return the checks of the largest jumps of each joint.
 
         Jumps of the acceleration count only if the jerk is limited.
 
@@ -114,19 +111,20 @@ class Jumps:
                     _jump(joint.name, JUMP * joint.acceleration, joint.slides, derivative=2)
                 )
             for limit in limits:
-                worst, time = (
-                    float(values[limit.derivative, i]) for values in (self.worst, self.time)
-                )
-                checks.append(LimitCheck.from_extreme(limit, worst, time))
+                jump = float(self.worst[limit.derivative, i])
+                time = float(self.time[limit.derivative, i])
+                checks.append(LimitCheck.from_extreme(limit, jump, time))
         return checks
 
 
 def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
     """Return q̇ (4,) in rad/s and m/s at the start and at the end of a trajectory."""
-    start, end = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
+    first_piece, last_piece = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     length = trajectory.breaks[-1] - trajectory.breaks[-2]
-    orders = np.arange(1, len(end))
-    return start[1], (end[1:] * (orders * length ** (orders - 1))[:, None]).sum(axis=0)
+    orders = np.arange(1, len(last_piece))
+    # The derivative of Σ a_k t^k at t = length is Σ k length^(k − 1) a_k.
+    end_velocity = (orders * length ** (orders - 1)) @ last_piece[1:]
+    return first_piece[1], end_velocity
 
 
 def declared_velocities(
@@ -136,13 +134,12 @@ def declared_velocities(
 
     If a task declares no rate at an end, the result there is the velocity of the trajectory itself.
     """
-    velocities = []
-    actual = end_velocities(trajectory)
-    for velocity, rate, t in zip(
-        actual, (limits.start_rate, limits.end_rate), trajectory.breaks[[0, -1]], strict=True
-    ):
-        velocities.append(velocity if rate is None else _joint_velocity(trajectory, robot, rate, t))
-    return velocities[0], velocities[1]
+    start, end = end_velocities(trajectory)
+    if limits.start_rate is not None:
+        start = _joint_velocity(trajectory, robot, limits.start_rate, trajectory.breaks[0])
+    if limits.end_rate is not None:
+        end = _joint_velocity(trajectory, robot, limits.end_rate, trajectory.breaks[-1])
+    return start, end
 
 
 def end_checks(
@@ -184,8 +181,10 @@ def end_checks(
 def _joint_velocity(
     trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float
 ) -> Array:
-    """Return the q̇ (4,) at time t for the rates of task coordinates. Missing rates are 0."""
-    q = trajectory.sample(np.array([t]), "left" if t == trajectory.breaks[-1] else "right").q[0]
-    return joint_rates(
-        Mechanism.from_robot(robot), q, np.array([rate.get(name, 0.0) for name in TASK])
-    )
+    """Convert rates of task coordinates at time t (s) into joint velocities q̇ (4,).
+
+    A coordinate that `rate` does not name has the rate 0.
+    """
+    q = trajectory.positions(np.array([t]))[0]
+    task_rate = np.array([rate.get(name, 0.0) for name in TASK])
+    return joint_rates(Mechanism.from_robot(robot), q, task_rate)

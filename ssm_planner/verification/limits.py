@@ -56,13 +56,13 @@ class Case:
         The drive with the friction parameters of the case.
     payload : float
         Mass at the tip, kg.
-    words : str
-        Description of friction and payload for the result.
+    description : str
+        Friction and payload as a text for the result.
     """
 
     drive: Drive
     payload: float
-    words: str
+    description: str
 
 
 @frozen
@@ -144,7 +144,7 @@ class Worst:
             margin=-self.excess,
             time=self.time,
             unit=limit.unit,
-            case=None if self.quantity.case is None else self.quantity.case.words,
+            case=None if self.quantity.case is None else self.quantity.case.description,
         )
 
 

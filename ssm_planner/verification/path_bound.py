@@ -69,7 +69,7 @@ DERIVATIVES = (
 )
 """Matrix from the values of a quartic at the points to its derivatives there, times the length."""
 NEAR = 0.1
-"""Share of a limit below which a row, or the speed, may bind."""
+"""Largest distance from a limit, as a share of the limit, at which the limit may bind."""
 PENALTIES = ((0.02, 0.1), (0.3, None))
 """Pieces (rate, length) of the cost of δ = |2p y₀³ + κ y₀² − 1|.
 
@@ -140,8 +140,9 @@ def path_bound(
     path = PathRows.from_trajectory(trajectory, robot, span, SHARES)
     max_speed = np.where(path.moves, 1 / path.speed_use(limits), 1.0)
     squares = np.ones(len(path.width) + 1) if squares is None else squares
-    names, rows = zip(*_rows(path), strict=True)
-    program = _Program.from_rows(path, rows, max_speed, squares)
+    named_rows = _rows(path)
+    names = [name for name, _ in named_rows]
+    program = _Program.from_rows(path, [row for _, row in named_rows], max_speed, squares)
     multipliers = program.multipliers()
     if multipliers is None:
         return None, None
@@ -269,9 +270,11 @@ class _Program:
         # is the multiplier of the speed limit.
         limit_cost = np.clip((max_speed - y) / y**2, 0.0, 1 / y)
         terms: list[tuple[int, Array, float | None]] = [(1, limit_cost, None)]
-        terms += [(sign, rate / y, end) for rate, end in PENALTIES for sign in (1, -1)]
+        for rate, end in PENALTIES:
+            terms += [(1, rate / y, end), (-1, rate / y, end)]
         bounds: list[tuple[int, float | None]] = [(0, None)] * (p.shape[1] + 2 * jumps)
-        bounds += [(0, end) for _, _, end in terms for _ in range(size)]
+        for _, _, end in terms:
+            bounds += [(0, end)] * size
         costs = [weights * cost for _, cost, _ in terms]
         signed = [sign * identity for sign, _, _ in terms]
         optimality = diags(2 * y**3) @ p + diags(y**2) @ kappa
@@ -281,16 +284,15 @@ class _Program:
         lowered = [diags(-threshold) if sign > 0 else 0 * identity for sign, _, _ in terms]
         at_max_speed = p + diags(1 / (y + max_speed)) @ kappa
         jump_cost = self.max_speed_squared[self.at_limit] - limit_squares
+        cost = [self.slack[used].T @ weights, jump_cost, limit_squares]
+        optimality_rows = [optimality, None, None] + signed
+        jump_rows = [self.jump[self.at_limit], -step, step] + [None] * len(terms)
+        inequality = [-at_max_speed, csr_matrix((size, 2 * jumps))] + lowered
         result = linprog(
-            np.concatenate([self.slack[used].T @ weights, jump_cost, limit_squares, *costs]),
-            A_eq=bmat(
-                [
-                    [optimality, None, None, *signed],
-                    [self.jump[self.at_limit], -step, step, *[None] * len(terms)],
-                ]
-            ),
+            np.concatenate(cost + costs),
+            A_eq=bmat([optimality_rows, jump_rows]),
             b_eq=np.append(np.ones(size), np.zeros(jumps)),
-            A_ub=hstack([-at_max_speed, csr_matrix((size, 2 * jumps)), *lowered]),
+            A_ub=hstack(inequality),
             b_ub=-threshold,
             bounds=bounds,
         )
@@ -349,8 +351,10 @@ def _rows(path: PathRows) -> list[tuple[LimitName, Array]]:
     Each row contains its values at the PROBES, (4, points). Torque rows use the smallest friction
     coefficient. They are 0 in an interval in which the joint reverses.
     """
-    names = [(JointAcceleration.name, joint.name) for joint in path.robot.joints for _ in "+-"]
-    rows: list[tuple[LimitName, Array]] = list(zip(names, path.accelerations(), strict=True))
+    rows: list[tuple[LimitName, Array]] = []
+    for k, row in enumerate(path.accelerations()):
+        joint = path.robot.joints[k // 2]  # each joint has two rows, one for either direction
+        rows.append(((JointAcceleration.name, joint.name), row))
     for i, drive, motor in motorised(path.robot.joints):
         speeds = 0.0, drive.ratio * path.robot.joints[i].velocity
         smallest = min(float(friction_coefficient(friction_of(drive), w)) for w in speeds)
@@ -431,10 +435,13 @@ def _smallest_values(p: Array, kappa: Array, max_speed: Array) -> Array:
     All arrays have the shape (points,).
     """
     end_of_convex_part = np.minimum(max_speed, np.cbrt(1 / np.maximum(-p, TINY)))
-    low, high = np.zeros_like(p), np.where(p < 0, end_of_convex_part, max_speed)
+    low = np.zeros_like(p)
+    high = np.where(p < 0, end_of_convex_part, max_speed)
     for _ in range(BISECTIONS):
         y = (low + high) / 2
         rises = 2 * p * y**3 + kappa * y**2 > 1
-        low, high = np.where(rises, low, y), np.where(rises, y, high)
-    values = [1 / y + p * y**2 + kappa * y for y in (high, max_speed)]
-    return np.asarray(np.minimum(*values))
+        low = np.where(rises, low, y)
+        high = np.where(rises, y, high)
+    inner_value = 1 / high + p * high**2 + kappa * high
+    end_value = 1 / max_speed + p * max_speed**2 + kappa * max_speed
+    return np.minimum(inner_value, end_value)

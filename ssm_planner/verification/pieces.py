@@ -45,16 +45,17 @@ class Pieces:
     @property
     def ends(self) -> tuple[Array, Array]:
         """q, qd and qdd at the start and at the end of every piece, (m, 3, 4) each."""
-        starts, ends = (
-            np.stack([b[:, k].T for b in self.bernstein[:3]]).transpose(2, 0, 1) for k in (0, -1)
-        )
+        # A polynomial starts at its first Bernstein coefficient and ends at its last.
+        starts = np.stack([coefficients[:, 0] for coefficients in self.bernstein[:3]], axis=1)
+        ends = np.stack([coefficients[:, -1] for coefficients in self.bernstein[:3]], axis=1)
         return starts, ends
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values (4, 4) of q, qd, qdd, qddd (rows) of the four joints."""
-        lowest = np.stack([b.min(axis=0).min(axis=0) for b in self.bernstein])
-        return lowest, np.stack([b.max(axis=0).max(axis=0) for b in self.bernstein])
+        lowest = np.stack([coefficients.min(axis=(0, 1)) for coefficients in self.bernstein])
+        highest = np.stack([coefficients.max(axis=(0, 1)) for coefficients in self.bernstein])
+        return lowest, highest
 
     def evaluate(
         self, index: Indices | slice, s: Array, results: Sequence[Array] | Array = ()
@@ -74,10 +75,10 @@ class Pieces:
         -------
         tuple of three (…, n, 4) arrays
         """
-        q, qd, qdd = (
+        q, qd, qdd = [
             _horner(powers.T[..., index], s, values)
             for powers, values in zip_longest(self.powers[:3], results)
-        )
+        ]
         return q, qd, qdd
 
     def speeds(self, index: Indices, s: Array) -> Array:
@@ -133,14 +134,12 @@ def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
 
     The coefficients are those of powers of the time since the start of the piece.
     """
+    scales = (length ** np.arange(DEGREE + 1)[:, None]).T
     # In Fortran order, the values of one coefficient of one joint are adjacent in memory.
-    powers = [
-        np.asfortranarray(coefficients) * (length ** np.arange(DEGREE + 1)[:, None]).T[:, :, None]
-    ]
+    powers = [np.asfortranarray(coefficients) * scales[:, :, None]]
     for order in range(3):
-        powers.append(
-            powers[-1][:, 1:] * np.arange(1, DEGREE + 1 - order)[:, None] / length[:, None, None]
-        )
+        exponents = np.arange(1, DEGREE + 1 - order)
+        powers.append(powers[-1][:, 1:] * exponents[:, None] / length[:, None, None])
     return Pieces(start, length, tuple(powers))
 
 
@@ -161,11 +160,14 @@ def _horner(powers: Array, s: Array, result: Array | None = None) -> Array:
     result : (4, … n) array, optional
         Array that receives the result.
     """
-    shape = (4, *(1,) * (s.ndim - 1), powers.shape[-1])
-    leading, *lower = (coefficient.reshape(shape) for coefficient in powers.swapaxes(0, 1)[::-1])
-    value = np.multiply(leading, s, out=None if result is None else result.reshape(4, *s.shape))
-    value += lower[0]
-    for coefficient in lower[1:]:
+    # Additional axes of length 1 let NumPy broadcast the coefficients along those of s.
+    shape = (4,) + (1,) * (s.ndim - 1) + powers.shape[-1:]
+    descending = [powers[:, k].reshape(shape) for k in reversed(range(powers.shape[1]))]
+    value = np.multiply(
+        descending[0], s, out=None if result is None else result.reshape((4,) + s.shape)
+    )
+    value += descending[1]
+    for coefficient in descending[2:]:
         value *= s
         value += coefficient
     return np.moveaxis(value, 0, -1)

@@ -106,9 +106,10 @@ class _Speeds:
         self.fastest = np.zeros(4)
         self.fastest_time = np.zeros(4)
         self.share = np.full(4, -np.inf)
-        """Worst ratio of a jump to the allowed jump, (4,). Below: jump, allowed jump and time."""
-        self.worst = np.zeros((3, 4))
-        self._before = start
+        """Largest ratio of a jump to the allowed jump, (4,)."""
+        self.worst_jump = np.zeros((3, 4))
+        """Jump, allowed jump and time (rows) of this ratio."""
+        self._previous_velocity = start
         self._length = 0.0
         self._time = 0.0
 
@@ -132,21 +133,19 @@ class _Speeds:
         self.fastest_time = np.where(maximum > self.fastest, breaks[k], self.fastest_time)
         self.fastest = np.maximum(maximum, self.fastest)
         orders = np.arange(1, DEGREE + 1)
-        ends = np.einsum(
-            "mk,mkj->mj", orders * length[:, None] ** (orders - 1), coefficients[:, 1:]
-        )
-        previous = np.concatenate([self._before[None], ends[:-1]])
-        self._jumps(
-            breaks[:-1], np.append(self._length, length[:-1]), length, coefficients[:, 1] - previous
-        )
-        self._before = ends[-1]
+        powers = orders * length[:, None] ** (orders - 1)
+        end_velocities = np.einsum("mk,mkj->mj", powers, coefficients[:, 1:])
+        jumps = coefficients[:, 1] - np.vstack([self._previous_velocity, end_velocities[:-1]])
+        self._jumps(breaks[:-1], np.append(self._length, length[:-1]), length, jumps)
+        self._previous_velocity = end_velocities[-1]
         self._length = float(length[-1])
         self._time = float(breaks[-1])
 
     def end(self, velocity: Array) -> None:
         """Add the jump from the last piece to the velocity q̇ (4,) at the end of the motion."""
-        time, length = np.array([[self._time], [self._length]])
-        self._jumps(time, length, np.zeros(1), (velocity - self._before)[None])
+        time = np.array([self._time])
+        length = np.array([self._length])
+        self._jumps(time, length, np.zeros(1), (velocity - self._previous_velocity)[None])
 
     def _jumps(self, time: Array, length_before: Array, length_after: Array, jump: Array) -> None:
         """Add jumps of the velocity at n instants.
@@ -160,29 +159,27 @@ class _Speeds:
         jump : (n, 4) array
             Jumps of the joint velocities.
         """
-        inverse_before, inverse_after = (
-            np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
-            for x in (length_before, length_after)
-        )
-        inverse = inverse_before + inverse_after
+        # The inverse of a missing interval, which has the length 0, counts as 0.
+        inverse = np.zeros(len(time))
+        for length in (length_before, length_after):
+            inverse += np.divide(1.0, length, out=np.zeros_like(length), where=length > 0)
         jump = np.maximum(np.abs(jump) - 2 * self.resolution * inverse[:, None], 0.0)
         allowed = self.allowed * ((length_before + length_after) / 2)[:, None]
         share = jump / allowed
         k = share.argmax(axis=0)
         joints = np.arange(4)
-        worse = share[k, joints] > self.share
-        self.worst = np.where(
-            worse, np.array([jump[k, joints], allowed[k, joints], time[k]]), self.worst
-        )
-        self.share = np.where(worse, share[k, joints], self.share)
+        is_worse = share[k, joints] > self.share
+        candidate = np.array([jump[k, joints], allowed[k, joints], time[k]])
+        self.worst_jump = np.where(is_worse, candidate, self.worst_jump)
+        self.share = np.where(is_worse, share[k, joints], self.share)
 
     def checks(self) -> list[LimitCheck]:
         """Return the worst jump of the velocity of each joint."""
         checks = []
         for i, joint in enumerate(self.robot.joints):
-            worst, allowed, time = self.worst[:, i].tolist()
+            jump, allowed, time = self.worst_jump[:, i].tolist()
             limit = Jump(joint.name, allowed, joint.slides, derivative=1)
-            checks.append(LimitCheck.from_extreme(limit, worst, time))
+            checks.append(LimitCheck.from_extreme(limit, jump, time))
         return checks
 
 
@@ -238,18 +235,20 @@ def _longer_windows(
     """
     t = trajectory.breaks
     q = np.concatenate([trajectory.positions(t[block])[:, i] for block in blocks(len(t), BLOCK)])
-    worst_window = (0.0, 0.0, 0.0)
+    largest_rise = 0.0
+    speed = 0.0
+    start = 0.0
     for direction in (1.0, -1.0):
         advance = direction * q - bound * (t - t[0])
         rise = advance - np.minimum.accumulate(advance)
         end_index = int(rise.argmax())
         start_index = int(advance[: end_index + 1].argmin())
-        if rise[end_index] > worst_window[0]:
-            speed = (abs(q[end_index] - q[start_index]) - 2 * resolution) / (
-                t[end_index] - t[start_index]
-            )
-            worst_window = float(rise[end_index]), float(speed), float(t[start_index])
-    return worst_window[1:]
+        if rise[end_index] > largest_rise:
+            largest_rise = rise[end_index]
+            travel = abs(q[end_index] - q[start_index]) - 2 * resolution
+            speed = float(travel / (t[end_index] - t[start_index]))
+            start = float(t[start_index])
+    return speed, start
 
 
 def _of_tool(
@@ -282,8 +281,9 @@ def _of_tool(
 
     def unexplained(q: Array, speeds: Array, index: Indices) -> Array:
         """Return the tool speeds (n,) without the largest effect of rounding."""
-        wrong = 2 * resolution / (trajectory.breaks[index + 1] - trajectory.breaks[index])[:, None]
-        rounding = sum(values(q, np.eye(4)[i] * wrong) for i in range(4))
+        length = trajectory.breaks[index + 1] - trajectory.breaks[index]
+        speed_error = 2 * resolution / length[:, None]
+        rounding = sum(values(q, np.eye(4)[i] * speed_error) for i in range(4))
         return np.maximum(values(q, speeds) - rounding, 0.0)
 
     pieces = _meeting_at(trajectory, limit.time)

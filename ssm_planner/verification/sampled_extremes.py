@@ -474,7 +474,7 @@ class RmsTorques:
             checks.append(
                 replace(
                     LimitCheck.from_extreme(limit, rms, end),
-                    case=None if case is None else case.words,
+                    case=None if case is None else case.description,
                 )
             )
         return checks

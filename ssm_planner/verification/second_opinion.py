@@ -165,7 +165,7 @@ def _not_judged(problem: Problem) -> str:
 
 
 def _request(entry: Any) -> str:
-    """Return the reason why toppra cannot judge an entry, or an empty text."""
+    """Return the reason why toppra cannot judge one motion of a problem, or an empty text."""
     if getattr(entry, "constant_speed", None) is not None:
         return "a constant speed is requested"
     timed = entry.duration is not None and not isinstance(entry, Dwell)
@@ -196,8 +196,10 @@ def _timing(path: PathRows, use: Array) -> Array | None:
     squares, grid = np.ones(len(path.width) + 1), np.append(0.0, np.cumsum(path.width))
     duration = path.width.sum()
     for _ in range(PASSES):
-        previous, rows = duration, _rows(path, squares)
-        start_rows, end_rows = zip(*(np.split(values, 2) for values in rows), strict=True)
+        previous = duration
+        rows = _rows(path, squares)
+        start_rows = tuple(values[: len(path.width)] for values in rows)
+        end_rows = tuple(values[len(path.width) :] for values in rows)
         result = largest_speeds(
             grid, start_rows, end_rows, ceiling, speeds=(start_speed, end_speed), exact_ends=False
         )
@@ -244,7 +246,8 @@ def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
             a, b, c, k = coefficients(side)
             shares.append(a * u + b * x + c + k * root)
         # The larger side is the torque, and the torque is at least −1.
-        rows += [*sides, -np.where(shares[0] > shares[1], *sides)]
+        rows += sides
+        rows.append(-np.where(shares[0] > shares[1], sides[0], sides[1]))
     a, b, c, k = coefficients(np.stack(rows, axis=2))
     root = root[:, None]
     return a, b + k / (2 * root), c + k * root / 2

@@ -6,6 +6,8 @@ do not scale like this. Friction may grow towards low speed (Stribeck effect), a
 the arm carries less of the load.
 """
 
+from itertools import product
+
 import numpy as np
 
 from ssm_planner.dynamics import RigidBody, directions, motor_motion, motorised
@@ -149,7 +151,7 @@ def check_speeds(
             "invalid speed", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
         )
     driven = [i for i, *_ in motorised(robot.joints)]
-    columns = [(row, i) for row in range(len(JUDGED)) for i in driven]
+    columns = list(product(range(len(JUDGED)), driven))
     factors = np.geomspace(slowest, 1.0, FACTORS)
     pause = limits.duty or 0.0
     torques = _torques(motion, robot, factors, pause)
@@ -157,7 +159,7 @@ def check_speeds(
         _worst_speed(motion, robot, factors, torques[row][:, i], (row, i), pause=pause)
         for row, i in columns
     ]
-    tested = sorted({slowest, 1.0, *speeds})
+    tested = sorted({slowest, 1.0}.union(speeds))
     certificates = {speed: check_slower(motion, robot, limits, speed) for speed in tested}
     worst_speeds = []
     for (row, i), speed in zip(columns, speeds, strict=True):
@@ -216,25 +218,28 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> 
     pause : float
         Time before the motion repeats, s. It counts as time without torque.
     """
-    ends = np.linspace(motion.breaks[0], motion.breaks[-1], INSTANTS + 1)
+    evenly_spaced = motion.sample(np.linspace(motion.breaks[0], motion.breaks[-1], INSTANTS + 1))
     samples_by_side = [
-        (motion.sample(ends), 1),
+        (evenly_spaced, 1),
         (motion.sample(motion.breaks[:-1]), 1),
         (motion.sample(motion.breaks[1:], "left"), -1),
     ]
     body = RigidBody.from_robot(robot)
     peak = np.zeros((len(factors), 4))
     rms = np.zeros((len(factors), 4))
+    speed = factors[:, None, None]
     for samples, side in samples_by_side:
-        k = factors[:, None, None]
-        many = [
-            (k**order * getattr(samples, name)[None]).reshape(-1, 4)
-            for order, name in enumerate(("q", "qd", "qdd", "qddd"))
-        ]
-        slow = Samples(np.tile(samples.t, len(factors)), *many)
+        slow = Samples(
+            np.tile(samples.t, len(factors)),
+            np.tile(samples.q, (len(factors), 1)),
+            (speed * samples.qd).reshape(-1, 4),
+            (speed**2 * samples.qdd).reshape(-1, 4),
+            (speed**3 * samples.qddd).reshape(-1, 4),
+        )
         sign, away = directions(robot, slow, side)
         torque = motor_motion(robot, body, slow, sign, away).torque.reshape(len(factors), -1, 4)
-        peak = np.fmax(peak, np.nanmax(np.abs(np.nan_to_num(torque)), axis=1))
-        if samples is samples_by_side[0][0]:
-            rms = np.sqrt(np.mean(np.nan_to_num(torque) ** 2, axis=1))
+        torque = np.nan_to_num(torque)  # joints without a drive
+        peak = np.maximum(peak, np.abs(torque).max(axis=1))
+        if samples is evenly_spaced:
+            rms = np.sqrt(np.mean(torque**2, axis=1))
     return peak, rms * np.sqrt(motion.duration / (motion.duration + factors * pause))[:, None]

@@ -71,19 +71,22 @@ def torque_bands(
     # Acceleration and torque that occur at least at some instant, torque that no instant exceeds.
     extremes = np.array([robot.accelerations * (1 + TOLERANCE), np.zeros(4), np.full(4, np.inf)])
     extreme_times = np.zeros((3, 4))
-    for width in (width for width in WIDTHS if 2 * width < len(t)):
+    for width in WIDTHS:
+        if 2 * width >= len(t):
+            break
         centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
-        largest = np.full((3, 4), -np.inf)
+        maxima = np.full((3, 4), -np.inf)
         times = np.zeros((3, 4))
         for block in blocks(len(centres), BLOCK):
             rows = centres[block] + [[-width], [0], [width]]
             at_rest = moves[rows[0]] == moves[rows[2]]
-            values = _of_windows(t[rows][..., None], q[rows], at_rest, robot, resolution)
-            larger = values.max(axis=1) > largest
-            largest = np.where(larger, values.max(axis=1), largest)
-            times = np.where(larger, t[rows[1, values.argmax(axis=1)]], times)
-        better = largest * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
-        extremes = np.where(better, largest, extremes)
+            values = _window_bounds(t[rows][..., None], q[rows], at_rest, robot, resolution)
+            is_larger = values.max(axis=1) > maxima
+            maxima = np.where(is_larger, values.max(axis=1), maxima)
+            times = np.where(is_larger, t[rows[1, values.argmax(axis=1)]], times)
+        # The third row contains upper bounds, of which the smallest counts.
+        better = maxima * [[1], [1], [-1]] > extremes * [[1], [1], [-1]]
+        extremes = np.where(better, maxima, extremes)
         extreme_times = np.where(better, times, extreme_times)
     checks, unjudged = [], []
     for i, joint in enumerate(robot.joints):
@@ -96,18 +99,18 @@ def torque_bands(
     for i, *_ in motorised(robot.joints):
         limit = robot.joints[i].limit(MotorTorque)
         low, high = extremes[1:, i].tolist()
-        violated = low > limit.high * (1 + TOLERANCE)
-        if violated or (certain and high <= limit.high):
-            worst, time = (low, extreme_times[1, i]) if violated else (high, extreme_times[2, i])
-            checks.append(LimitCheck.from_extreme(limit, worst, float(time)))
+        if low > limit.high * (1 + TOLERANCE):
+            checks.append(LimitCheck.from_extreme(limit, low, float(extreme_times[1, i])))
+        elif certain and high <= limit.high:
+            checks.append(LimitCheck.from_extreme(limit, high, float(extreme_times[2, i])))
         else:
             band = f"{undefined}; the largest is from {low:.3g} to {high:.3g} {limit.unit}"
             unjudged.append(Unjudged(limit.name, limit.joint, band))
     return checks, unjudged
 
 
-def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Array) -> Array:
-    """Evaluate n windows of three rows.
+def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Array) -> Array:
+    """Bound the accelerations and the motor torques within n windows of three rows.
 
     Parameters
     ----------
@@ -128,22 +131,24 @@ def _of_windows(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Arr
         instant exceeds.
     """
     time_before, time_after = np.diff(t, axis=0)
-    span, inverse = time_before + time_after, 1 / time_before + 1 / time_after
+    span = time_before + time_after
     largest_qdd = robot.accelerations
     jump = (q[2] - q[1]) / time_after - (q[1] - q[0]) / time_before
-    mean, error = 2 * jump / span, 4 * resolution * inverse / span
+    mean = 2 * jump / span
+    error = 4 * resolution * (1 / time_before + 1 / time_after) / span
     qd = (q[2] - q[0]) / span
     qd_error = np.where(at_rest, 0.0, largest_qdd * span / 2 + 2 * resolution / span)
     q_error = (np.abs(qd) + qd_error) * np.maximum(time_before, time_after) + resolution
     jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
-    ends = [
-        np.clip(mean + side * (error + jerk * span), -largest_qdd, largest_qdd) * ~at_rest
-        for side in (-1, 1)
-    ]
+    deviation = error + jerk * span
+    lowest_qdd = np.clip(mean - deviation, -largest_qdd, largest_qdd) * ~at_rest
+    highest_qdd = np.clip(mean + deviation, -largest_qdd, largest_qdd) * ~at_rest
     body = RigidBody.from_robot(robot)
     still = np.zeros_like(qd)
-    mass, load_at_rest = body.mass_matrix(q[1]), body.inverse_dynamics(q[1], qd, still)
-    middle, half = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
+    mass = body.mass_matrix(q[1])
+    load_at_rest = body.inverse_dynamics(q[1], qd, still)
+    middle = (lowest_qdd + highest_qdd) / 2
+    half = (highest_qdd - lowest_qdd) / 2
     values = np.array([np.abs(mean) - error, still, still])
     slack = _load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
     for i, drive, _ in motorised(robot.joints):
@@ -246,7 +251,7 @@ def _band(
     """
     values = []
     for corner in CORNERS:
-        load, qd, qdd = (x + side * e for x, side, e in zip(state, corner, errors, strict=True))
+        load, qd, qdd = [x + side * e for x, side, e in zip(state, corner, errors, strict=True)]
         carried = output_effort(drive, load, qd, qdd, direction)
         motor = drive.ratio * qd, drive.ratio * qdd
         values.append(direction * moving_torque(drive, carried, *motor, direction=direction, mu=mu))

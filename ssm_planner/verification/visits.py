@@ -232,8 +232,8 @@ class _Path:
         """
         displacement = (self.tasks[first_index:] - self.tasks[first_index]) / NEAR
         has_moved = np.linalg.norm(displacement, axis=1) > 2 * STILL
-        rest_index = (
-            first_index + int(has_moved.argmax()) - 1 if has_moved.any() else len(self.t) - 1
-        )
+        rest_index = len(self.t) - 1
+        if has_moved.any():
+            rest_index = first_index + int(has_moved.argmax()) - 1
         end_index = int(np.searchsorted(self.t, self.t[first_index] + duration))
         return float(self.t[rest_index] - self.t[first_index]) + 2 * ROW, min(end_index, rest_index)

@@ -96,9 +96,9 @@ def test_friction_at_a_start_with_a_small_jump_is_a_case(robot: Robot) -> None:
 
 
 def test_cases_are_named_by_their_parameters() -> None:
-    assert cases._case_text("mu", 0.123456) == "mu 0.1235"
+    assert cases._parameter_text("mu", 0.123456) == "mu 0.1235"
     for k, law in enumerate(LAWS):
-        assert cases._case_text(LAW, float(k)) == f"{LAW} {law}"
+        assert cases._parameter_text(LAW, float(k)) == f"{LAW} {law}"
 
 
 def test_without_a_range_there_are_no_cases(robot: Robot) -> None:
@@ -115,7 +115,7 @@ def test_payloads_alone_are_named_and_keep_the_stated_friction(robot: Robot) -> 
         drive = robot.joints[quantity.index].drive
         assert drive is not None
         assert case.drive.friction.mu == pytest.approx(drive.friction.mu)  # type: ignore[union-attr]
-        assert case.words == f"payload {1e3 * case.payload:g} g"
+        assert case.description == f"payload {1e3 * case.payload:g} g"
         masses.add(case.payload)
     assert masses == {0.0, 0.01, 0.05}
 
