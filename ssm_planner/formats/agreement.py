@@ -25,7 +25,7 @@ NOT_COMPARED = frozenset(
     ("note", "notes", "known", "reason", "encoder", "convention", "form", "not_verified")
     + ("certificate", "deviation", "spline")
 )
-"""Keys and columns with explanations. Controllers ignore them."""
+"""Keys and columns that only explain the export to a reader. Controllers ignore them."""
 RELATIVE = 1e-10
 ABSOLUTE = 1e-11
 """Differences up to which two numbers count as equal, because machines round differently."""
@@ -37,9 +37,14 @@ DURATION_TOLERANCE = 1e-8
 
 @record
 class Content:
-    """Entries of a manifest and texts of files that follow from a motion."""
+    """The part of an export folder that follows from its motion.
+
+    An export writes it. A reader derives it again from the motion that it has read, and compares it
+    with the folder (`require_agreement`).
+    """
 
     entries: JsonObject
+    """Entries of the manifest."""
     files: Mapping[str, Iterable[str] | None]
     """Text of each file by name, possibly in parts, which are used once.
 
@@ -74,7 +79,8 @@ def stated_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
 def require_robot(folder: Path, manifest: JsonObject, robot: Robot) -> None:
     """Raise TrajectoryError if a folder was exported for another robot."""
     expected = {"name": robot.name, "sha256": robot_hash(robot)}
-    if fault := difference(manifest.get("robot"), expected, "robot"):
+    fault = difference(manifest.get("robot"), expected, "robot")
+    if fault:
         raise TrajectoryError(f"{folder / MANIFEST}: it was exported for another robot: {fault}")
 
 
@@ -107,12 +113,13 @@ def require_agreement(
     fault = fault or difference(
         sorted(manifest["files"]), sorted(content.files), f"{MANIFEST}.files"
     )
-    for name, parts in content.files.items():
-        if fault is None and parts is not None:
-            text = "".join(parts)
-            read = (folder / name).read_bytes().decode("utf-8", "replace")
-            if read != text:
-                fault = difference(_without_explanations(read), _without_explanations(text), name)
+    for name, lines in content.files.items():
+        if fault is None and lines is not None:
+            derived = "".join(lines)
+            text = (folder / name).read_bytes().decode("utf-8", "replace")
+            if text != derived:
+                rows = _without_explanations(text)
+                fault = difference(rows, _without_explanations(derived), name)
     if fault:
         raise TrajectoryError(f"{folder}: changed after the export: {fault}")
 
@@ -143,20 +150,18 @@ def difference(actual: Any, derived: Any, location: str) -> str | None:
     elif _equal(actual, derived):
         return None
     else:
-        excerpts = [repr(value)[:80] for value in (actual, derived)]
-        return f"{location} is {excerpts[0]}, but the motion gives {excerpts[1]}"
+        return f"{location} is {actual!r:.80}, but the motion gives {derived!r:.80}"
     return next(filter(None, starmap(difference, pairs)), None)
 
 
 def _equal(actual: Any, derived: Any) -> bool:
     """Return True if two values are equal, with tolerances for numbers and numbers in texts."""
     if isinstance(actual, str) and isinstance(derived, str):
-        texts = actual, derived
-        numbers, derived_numbers = (
-            [float(number) for number in DECIMAL.findall(text)] for text in texts
-        )
-        remainder, derived_remainder = (DECIMAL.sub("", text) for text in texts)
-        return remainder == derived_remainder and difference(numbers, derived_numbers, "") is None
+        if DECIMAL.sub("", actual) != DECIMAL.sub("", derived):
+            return False
+        numbers = list(map(float, DECIMAL.findall(actual)))
+        derived_numbers = list(map(float, DECIMAL.findall(derived)))
+        return difference(numbers, derived_numbers, "") is None
     if type(actual) in (int, float) and type(derived) in (int, float):
         return math.isclose(actual, derived, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
     return type(actual) is type(derived) and bool(actual == derived)

@@ -31,7 +31,7 @@ from ssm_planner.problem import (
     robot_hash,
 )
 from ssm_planner.publishing import one_line
-from ssm_planner.typing import JsonObject, record
+from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification import Certificate, end_velocities
 
 PACKAGE = "ssm_planner.formats"
@@ -85,16 +85,20 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
     suffix : str
         Text that marks unverified files, before the extension.
     """
-    mark = ["UNVERIFIED: the plan has no passed certificate."] if suffix else []
-    remarks = [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}.", *mark]
-    texts = (c_code(plan.robot, remarks, suffix), c_trajectory(plan, remarks, suffix))
-    for name, pair in zip((ROBOT, TRAJECTORY), texts, strict=True):
-        for ending, text in zip("hc", pair, strict=True):
-            (folder / f"{name}{suffix}.{ending}").write_text(text, encoding="utf-8")
+    remarks = [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}."]
+    if suffix:
+        remarks.append("UNVERIFIED: the plan has no passed certificate.")
+    texts = {
+        ROBOT: c_code(plan.robot, remarks, suffix),
+        TRAJECTORY: c_trajectory(plan, remarks, suffix),
+    }
+    for name, (header, source) in texts.items():
+        (folder / f"{name}{suffix}.h").write_text(header, encoding="utf-8")
+        (folder / f"{name}{suffix}.c").write_text(source, encoding="utf-8")
     notes = [
-        f"joint {j.name} has no drive: its motor torque is 0"
-        for j in plan.robot.joints
-        if j.drive is None
+        f"joint {joint.name} has no drive: its motor torque is 0"
+        for joint in plan.robot.joints
+        if joint.drive is None
     ]
     return {"units": {"all": UNITS}, "rate_hz": None, "notes": notes}
 
@@ -116,19 +120,20 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
     """
     functions = c_functions(robot)
     limits = joint_limits(robot)
-    bodies = "\n".join(
-        write_function(_declaration(f), f.function, f.inputs, f.outputs) for f in functions
-    )
+    declarations = [_declaration(function) for function in functions]
+    definitions = [
+        write_function(declaration, function.function, function.inputs, function.outputs)
+        for declaration, function in zip(declarations, functions, strict=True)
+    ]
+    bodies = "\n".join(definitions)
+    comments = [function.comment for function in functions]
     values = {
         "comment": _comment(robot, remarks),
         "header": f"{ROBOT}{suffix}.h",
         "real": REAL,
-        "names": [*limits, *(f.name for f in functions)],
-        "limits": [
-            (name, [literal(value) for value in joint_values])
-            for name, joint_values in limits.items()
-        ],
-        "functions": [(_declaration(f), f.comment) for f in functions],
+        "names": list(limits) + [function.name for function in functions],
+        "limits": [(name, list(map(literal, bounds))) for name, bounds in limits.items()],
+        "functions": list(zip(declarations, comments, strict=True)),
         "sign": SIGN if "sign_of(" in bodies else "",
         "bodies": bodies,
     }
@@ -153,19 +158,21 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
     header, source : str
     """
     motion = plan.motion
+    moves = np.abs(end_velocities(motion)) > REST
     values = {
         "comment": _comment(plan.robot, remarks),
         "robot": f"{ROBOT}{suffix}.h",
         "header": f"{TRAJECTORY}{suffix}.h",
-        "breaks": [literal(t) for t in motion.breaks - motion.breaks[0]],
-        "pieces": [
-            [[literal(x) for x in row] for row in rows] for rows in motion.coefficients.tolist()
-        ],
-        "moves": [
-            (np.abs(velocity) > REST).astype(int).tolist() for velocity in end_velocities(motion)
-        ],
+        "breaks": _literals(motion.breaks - motion.breaks[0]),
+        "pieces": _literals(motion.coefficients),
+        "moves": moves.astype(int).tolist(),
     }
     return _render("trajectory", values)
+
+
+def _literals(values: Array) -> Any:
+    """Return the numbers of an array of any shape as C literals, in lists of the same shape."""
+    return np.vectorize(literal, otypes=[object])(values).tolist()
 
 
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
@@ -179,23 +186,21 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
         joint_limit = joint.find_limit(limit_type)
         return math.inf if joint_limit is None else joint_limit.high
 
-    joints = robot.joints
-    return {
-        "ssm_position_min": [joint.position[0] for joint in joints],
-        "ssm_position_max": [joint.position[1] for joint in joints],
-        **{
-            f"ssm_{name}_max": [limit(joint, type_) for joint in joints]
-            for name, type_ in LIMITS.items()
-        },
+    limits = {
+        "ssm_position_min": [joint.position[0] for joint in robot.joints],
+        "ssm_position_max": [joint.position[1] for joint in robot.joints],
     }
+    for name, limit_type in LIMITS.items():
+        limits[f"ssm_{name}_max"] = [limit(joint, limit_type) for joint in robot.joints]
+    return limits
 
 
 def _render(template: str, values: dict[str, Any]) -> tuple[str, str]:
     """Return the header and the source file of a template."""
     templates = environment(PACKAGE, escape=False)
-    return render_template(templates, f"{template}.h", **values), render_template(
-        templates, f"{template}.c", **values
-    )
+    header = render_template(templates, f"{template}.h", **values)
+    source = render_template(templates, f"{template}.c", **values)
+    return header, source
 
 
 def _comment(robot: Robot, remarks: Sequence[str]) -> str:
@@ -223,16 +228,18 @@ def c_functions(robot: Robot) -> list[CFunction]:
     """
     mechanism = Mechanism.from_robot(robot)
     body = RigidBody.from_robot(robot)
-    q, qd, qdd, qddd, task, guess = (
-        ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "task", "near")
-    )
+    q, qd, qdd, qddd = [ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd")]
+    task = ca.SX.sym("task", 4)
+    guess = ca.SX.sym("near", 4)
     branch = ca.SX.sym("branch")
     rotation, tip = forward_symbolic(mechanism, q)
     # The closed form needs a numeric branch, so the code contains both branches and selects one.
-    ahead, behind = (joints_from_task_symbolic(mechanism, task, k, guess) for k in (1, -1))
+    positive_branch = joints_from_task_symbolic(mechanism, task, 1, guess)
+    negative_branch = joints_from_task_symbolic(mechanism, task, -1, guess)
+    joints = ca.if_else(branch > 0, positive_branch, negative_branch)
     direction, breakaway = directions_law(robot, qd, qdd, qddd, 1)
     _, torque, _ = motor_law(robot, q, qd, qdd, direction, breakaway=breakaway)
-    four = (Argument("q", 4), Argument("qd", 4), Argument("qdd", 4))
+    motion = (Argument("q", 4), Argument("qd", 4), Argument("qdd", 4))
     return [
         CFunction(
             "ssm_forward",
@@ -250,12 +257,12 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "   `near`. Joints are NaN outside the workspace.",
             (Argument("task", 4), Argument("branch", 0), Argument("near", 4)),
             (Argument("q", 4),),
-            dense("inverse", [task, branch, guess], [ca.if_else(branch > 0, ahead, behind)]),
+            dense("inverse", [task, branch, guess], [joints]),
         ),
         CFunction(
             "ssm_inverse_dynamics",
             "Computes the joint efforts of the rigid bodies at q, qd, qdd in N*m and N.",
-            four,
+            motion,
             (Argument("tau", 4),),
             dense("inverse_dynamics", [q, qd, qdd], [body.symbolic(q, qd, qdd)]),
         ),
@@ -266,18 +273,21 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "friction.\n"
             "   If both are zero, the joint is held. Self-locking drives hold it without torque.\n"
             "   The torque is 0 for a joint without a drive. qddd may be zeros.",
-            (*four, Argument("qddd", 4)),
+            motion + (Argument("qddd", 4),),
             (Argument("tau_motor", 4),),
             dense("motor_torque", [q, qd, qdd, qddd], [torque]),
         ),
     ]
 
 
-def _declaration(f: CFunction) -> str:
+def _declaration(function: CFunction) -> str:
     """Return the declaration of a C function, without its semicolon."""
-    inputs = [
-        f"ssm_real {a.name}" if a.size == 0 else f"const ssm_real {a.name}[{a.size}]"
-        for a in f.inputs
-    ]
-    outputs = [f"ssm_real {argument.name}[{argument.size}]" for argument in f.outputs]
-    return f"void {f.name}({', '.join([*inputs, *outputs])})"
+    parameters = []
+    for argument in function.inputs:
+        if argument.size == 0:
+            parameters.append(f"ssm_real {argument.name}")
+        else:
+            parameters.append(f"const ssm_real {argument.name}[{argument.size}]")
+    for argument in function.outputs:
+        parameters.append(f"ssm_real {argument.name}[{argument.size}]")
+    return f"void {function.name}({', '.join(parameters)})"

@@ -35,7 +35,7 @@ from ssm_planner.formats.spline_points import ROUNDED, spline_points
 from ssm_planner.formats.trajectory_csv import Heading, headings
 from ssm_planner.kinematics import Mechanism, task_from_joints, tip_position
 from ssm_planner.plans import Plan
-from ssm_planner.problem import JOINTS, TASK, Robot
+from ssm_planner.problem import JOINTS, Robot
 from ssm_planner.trajectory import BLOCK, Samples, Trajectory, blocks
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.verification import Certificate
@@ -95,26 +95,24 @@ def table(
             header += [f"{symbol}{name}{per}" for name in names]
             values += list(getattr(samples, symbol).T)
     if any(group in columns for group in MOTORS):
-        forwards, backwards = (directions(robot, samples, side) for side in (1, -1))
-        ending = (samples.t == samples.t[-1])[:, None]
-        direction = np.where(ending, backwards[0], forwards[0])
-        motor = motor_motion(
-            robot,
-            RigidBody.from_robot(robot),
-            samples,
-            direction,
-            forwards[1].astype(bool) & ~ending,
-        )
+        direction_after, breakaway = directions(robot, samples, 1)
+        direction_before, _ = directions(robot, samples, -1)
+        is_end = (samples.t == samples.t[-1])[:, None]
+        direction = np.where(is_end, direction_before, direction_after)
+        breaks_away = breakaway.astype(bool) & ~is_end
+        body = RigidBody.from_robot(robot)
+        motor = motor_motion(robot, body, samples, direction, breaks_away)
+        driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
         for group, unit in MOTORS.items():
             if group in columns:
-                driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
                 header += [f"motor{i + 1}_{group}_{unit}" for i in driven]
                 values += [getattr(motor, group)[:, i] for i in driven]
     if "task" in columns:
-        header += [f"task_{name}_{'m' if name == 'depth' else 'rad'}" for name in TASK]
         mechanism = Mechanism.from_robot(robot)
-        header += [f"tip_{axis}_m" for axis in "xyz"]
-        values += [*task_from_joints(mechanism, samples.q).T, *tip_position(mechanism, samples.q).T]
+        header += ["task_roll_rad", "task_tilt_rad", "task_spin_rad", "task_depth_m"]
+        values += list(task_from_joints(mechanism, samples.q).T)
+        header += ["tip_x_m", "tip_y_m", "tip_z_m"]
+        values += list(tip_position(mechanism, samples.q).T)
     return header, np.stack(values, axis=1)
 
 
@@ -133,8 +131,9 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
     """
     if rate is None:
         rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
+    header, rows = table(trajectory.uniform(rate), robot)
     with replacing(path) as temporary:
-        _write(temporary, *table(trajectory.uniform(rate), robot), form="%.12g")
+        _write(temporary, header, rows, form="%.12g")
     return path
 
 
@@ -200,10 +199,10 @@ def export_csv(
         count_files = _counts(motion, axes, count_rate, suffix)
         entries |= count_files.write(folder)
         count = int(np.ceil(motion.duration * count_rate - 1e-9)) + 1
-        notes += [
-            f"time,position in increments of {', '.join(axes)}: {count} rows at {count_rate:g} Hz",
-            *encoder_notes(axes),
-        ]
+        notes.append(
+            f"time,position in increments of {', '.join(axes)}: {count} rows at {count_rate:g} Hz"
+        )
+        notes += encoder_notes(axes)
     return {**entries, "notes": notes}
 
 
@@ -295,11 +294,10 @@ def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
     """
     names = layout_of(path).names
     values = read_columns(path, names)
-    groups = [
-        group
-        for group in COLUMNS
-        if any(re.match(rf"(motor\d_)?{group}\d?_", name) for name in names)
-    ]
+    # A name such as motor2_torque_Nm or q1_rad contains its group, here torque or q.
+    pattern = re.compile(rf"(?:motor\d_)?({'|'.join(COLUMNS)})\d?_")
+    present = {match.group(1) for match in map(pattern.match, names) if match}
+    groups = [group for group in COLUMNS if group in present]
     states = [symbol for symbol in STATES if symbol in groups]
     blocks = np.split(values[:, 1:], np.arange(4, 4 * len(states) + 1, 4), axis=1)
     samples = replace(motion.sample(values[:, 0]), **dict(zip(states, blocks, strict=False)))
@@ -308,10 +306,12 @@ def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
         raise TrajectoryError(f"{path}: the columns are {names}, but an export has {header}")
     wrong = np.abs(values - expected) > SAME * np.abs(expected).max(axis=0) + 1e-12
     for i, joint in enumerate(robot.joints):
-        if (torque := f"motor{i + 1}_torque_Nm") in names:
+        torque = f"motor{i + 1}_torque_Nm"
+        speed = f"motor{i + 1}_speed_rad_per_s"
+        if torque in names:
             moving = np.abs(samples.qd[:, i]) > 1e-6 * joint.velocity
             wrong[:, names.index(torque)] &= moving & ("qdd" in groups)
-        if (speed := f"motor{i + 1}_speed_rad_per_s") in names:
+        if speed in names:
             wrong[:, names.index(speed)] &= "qd" in groups
     for row, k in np.argwhere(wrong)[:1].tolist():
         raise TrajectoryError(
@@ -384,17 +384,17 @@ def table_text(
     """
     yield ",".join(columns) + "\n"
     values = list(columns.values())
-    formats = [forms[0], *forms[1:] * (len(values) - 1)]
-    row = ",".join(formats) + "\n"
+    formats = [forms[0]] + [forms[1]] * (len(values) - 1)
+    row_format = ",".join(formats) + "\n"
     for block in blocks(len(values[0]), BLOCK):
-        part = [column[block] for column in values]
-        characters = [_characters(*column) for column in zip(part, formats, strict=True)]
-        known = [column for column in characters if column is not None]
-        if len(known) == len(part):
-            yield _joined(known)
+        numbers = [column[block] for column in values]
+        characters = list(map(_characters, numbers, formats))
+        formatted = [column for column in characters if column is not None]
+        if len(formatted) == len(numbers):
+            yield _joined(formatted)
         else:
-            rows = np.column_stack(part)
-            yield row * len(rows) % tuple(rows.ravel().tolist())
+            rows = np.column_stack(numbers)
+            yield row_format * len(rows) % tuple(rows.ravel().tolist())
 
 
 def _characters(values: Array, form: str) -> list[Bytes] | None:
@@ -411,22 +411,28 @@ def _characters(values: Array, form: str) -> list[Bytes] | None:
     if not (np.abs(np.abs(scaled) - size) <= 1e-6 * decimals).all() or size.max() >= 2**53:
         return None
     is_negative = np.signbit(scaled) if decimals else scaled < 0  # "%d" writes −0 as 0
-    rest: Any = size.astype(np.uint32 if size.max() < 2**32 else np.uint64)
-    result: list[Bytes] = []
-    while rest.any() or len(result) <= decimals:
-        before, rest = rest, rest // 10
-        digit = (before - 10 * rest + ord("0")).astype(np.uint8)
-        result.append(digit if len(result) <= decimals else np.where(before > 0, digit, 0))
+    remainder: Any = size.astype(np.uint32 if size.max() < 2**32 else np.uint64)
+    result: list[Bytes] = []  # from the last digit to the first
+    while remainder.any() or len(result) <= decimals:
+        quotient = remainder // 10
+        digit = (remainder - 10 * quotient + ord("0")).astype(np.uint8)
+        is_leading_zero = (remainder == 0) & (len(result) > decimals)
+        result.append(np.where(is_leading_zero, np.uint8(0), digit))
+        remainder = quotient
     if decimals:
         result.insert(decimals, np.full(len(values), ord("."), np.uint8))
-    return [is_negative * np.uint8(ord("-")), *reversed(result)]
+    result.append(is_negative * np.uint8(ord("-")))
+    return result[::-1]
 
 
 def _joined(columns: list[list[Bytes]]) -> str:
     """Return the text of rows from the characters of their columns, see `_characters`."""
-    comma, end = (np.full(len(columns[0][0]), ord(sign), np.uint8) for sign in ",\n")
-    characters = [array for column in columns for array in (*column, comma)][:-1]
-    table = np.stack([*characters, end], axis=1)
+    comma = np.full(len(columns[0][0]), ord(","), np.uint8)
+    characters: list[Bytes] = []
+    for column in columns:
+        characters += column + [comma]
+    characters[-1] = np.full_like(comma, ord("\n"))  # instead of the last comma
+    table = np.stack(characters, axis=1)
     return table[table > 0].tobytes().decode("ascii")
 
 
@@ -434,11 +440,11 @@ def _as_read(reading: Reading, plan: Plan) -> list[str]:
     """Check the rows as a controller interpolates them, and return a note with the result."""
     certificate = reading.check(plan.robot, plan.limits)
     if not certificate.violations:
-        unjudged = ", ".join(dict.fromkeys(line.name for line in certificate.unjudged))
-        return [
-            "the rows keep every limit in a controller that interpolates them "
-            f"({reading.interpolation}{f'; not judged: {unjudged}' if unjudged else ''})"
-        ]
+        details = reading.interpolation
+        if certificate.unjudged:
+            names = dict.fromkeys(limit.name for limit in certificate.unjudged)
+            details += f"; not judged: {', '.join(names)}"
+        return [f"the rows keep every limit in a controller that interpolates them ({details})"]
     return [
         f"in a controller that interpolates them ({reading.interpolation}), the rows exceed "
         f"{certificate.worst.excess}: rows at a fixed rate miss the instants at which the plan's "
@@ -462,20 +468,14 @@ FINEST_DIGIT = 400
 
 @frozen
 class Layout:
-    """The layout of a table.
-
-    Attributes
-    ----------
-    separator : str
-        Character between columns.
-    names : list of str
-        Names of the columns.
-    """
+    """The layout of a table, which `layout_of` determines from its first lines."""
 
     header: int
     """Index of the line with the header."""
     separator: str
+    """Character between columns."""
     names: list[str]
+    """Names of the columns."""
 
 
 def read_csv(path: Path, robot: Robot) -> Reading:
@@ -504,14 +504,15 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     # The sorted keys begin with the time. Positions, velocities and accelerations follow.
     selected = [columns[key] for key in sorted(columns)]
     rows = data_rows(path, layout, selected)
-    t, q = rows[:, 0].copy(), rows[:, 1:5]
-    qd, qdd = (
-        rows[:, 1 + 4 * order : 5 + 4 * order] if (order, 0) in columns else None
-        for order in (1, 2)
-    )
-    resolution = None if qd is not None else _resolution(path, layout, selected[1:])
+    has_velocities = (1, 0) in columns
+    has_accelerations = (2, 0) in columns
     points = Points(
-        t, q, qd, qdd, resolution=resolution, place=lambda k: f"{path}:{_line_of(path, layout, k)}"
+        rows[:, 0].copy(),
+        rows[:, 1:5],
+        rows[:, 5:9] if has_velocities else None,
+        rows[:, 9:13] if has_accelerations else None,
+        resolution=None if has_velocities else _resolution(path, layout, selected[1:]),
+        place=lambda k: f"{path}:{_line_of(path, layout, k)}",
     )
     notes = (f"columns not used: {', '.join(ignored)}",) if ignored else ()
     return join_points(points, robot, notes)
@@ -714,9 +715,5 @@ def _opened(path: Path) -> Iterator[TextIO]:
 
 def _number(text: str) -> bool:
     """Return True if a text is a decimal number, NaN or infinity."""
-    return (
-        re.fullmatch(
-            r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)", text.strip(), re.I | re.A
-        )
-        is not None
-    )
+    pattern = r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)"
+    return re.fullmatch(pattern, text.strip(), re.I | re.A) is not None

@@ -99,7 +99,7 @@ def export_epos4(
         streams=_streams(axes, motion, mode),
         limits=plan.limits.slower(stretch),
     )
-    del motion  # of a long motion, the check needs this memory
+    del motion  # The check of a long motion needs this memory.
     if mode == "csp" and certificate.passed:
         _require_accepted(plan, points)
     entries = points.content(suffix).write(folder)
@@ -107,7 +107,7 @@ def export_epos4(
         **entries,
         "stretch": stretch,
         "not_verified": list(NOT_VERIFIED),
-        "notes": [*_notes(plan, axes, t, entries["axes"]), *_moving_notes(plan)],
+        "notes": _notes(plan, axes, t, entries["axes"]) + _moving_notes(plan),
     }
 
 
@@ -195,9 +195,8 @@ class Setpoints:
         messages.
         """
         q, resolution, offsets = self.joint_side()
-        reading = join_points(
-            Points(self.t, q, resolution=resolution, place=place.format), self.robot
-        )
+        points = Points(self.t, q, resolution=resolution, place=place.format)
+        reading = join_points(points, self.robot)
         checks = offset_checks(self.robot, self.t, q, resolution, offsets)
         return replace(reading, checks=tuple(checks))
 
@@ -236,8 +235,10 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
     """
     count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
     t = np.arange(count, dtype=float) * (period / 1000)
-    moving = bool(np.abs(end_velocities(plan.motion)[1]).max() > REST)
-    return t, float(t[-1]) / plan.motion.duration if moving else 1.0
+    _, end_velocity = end_velocities(plan.motion)
+    if np.abs(end_velocity).max() <= REST:
+        return t, 1.0
+    return t, float(t[-1]) / plan.motion.duration
 
 
 def _require_accepted(plan: Plan, points: Setpoints) -> None:
@@ -257,7 +258,8 @@ def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, St
     `axes` contains the axes of the driven joints, and `period` is the interval between setpoints
     in ms.
     """
-    return _streams(axes, _motion(plan, *setpoint_times(plan, period)), "csp")
+    t, stretch = setpoint_times(plan, period)
+    return _streams(axes, _motion(plan, t, stretch), "csp")
 
 
 def period_ms(rate: float) -> int:
@@ -266,11 +268,8 @@ def period_ms(rate: float) -> int:
     Raises ExportError if the period is not an integer from 1 to `LARGEST_PERIOD`.
     """
     period = 1000 / rate if rate > 0 else 0.0
-    if not (
-        np.isfinite(period)
-        and 1 <= round(period) <= LARGEST_PERIOD
-        and abs(period - round(period)) < 1e-9
-    ):
+    is_integer = np.isfinite(period) and abs(period - np.rint(period)) < 1e-9
+    if not is_integer or not 1 <= np.rint(period) <= LARGEST_PERIOD:
         raise ExportError(
             f"the rate {rate:g} Hz has a period of {period:.6g} ms, but object 0x60C2 needs whole "
             f"ms from 1 to {LARGEST_PERIOD} (allowed: 1000, 500, 250, 200, 125, 100 Hz and so on)"
@@ -279,6 +278,7 @@ def period_ms(rate: float) -> int:
 
 
 def _moving_notes(plan: Plan) -> list[str]:
+    """Return a note for the user if the plan does not end at rest, or an empty list."""
     velocities = end_velocities(plan.motion)[1]
     if np.abs(velocities).max() <= REST:
         return []
@@ -303,39 +303,59 @@ def _motion(plan: Plan, t: Array, stretch: float) -> Arrays:
     motion = {name: np.empty((len(t), 4)) for name in ("q", "speed", "torque")}
     for block in blocks(len(t), BLOCK):
         samples = at_times(plan, plan.motion.breaks[0] + t[block], stretch)
-        ended = (t[block] >= plan.motion.duration * stretch * (1 - 1e-12))[:, None] & ~moving
-        samples.qd[ended], samples.qdd[ended] = 0.0, 0.0
+        is_at_end = t[block] >= plan.motion.duration * stretch * (1 - 1e-12)
+        ended = is_at_end[:, None] & ~moving
+        samples.qd[ended] = 0.0
+        samples.qdd[ended] = 0.0
         direction, breakaway = directions(plan.robot, samples, 1)
-        starting = np.where(ended, 0.0, breakaway)
-        motor = motor_motion(plan.robot, body, samples, np.where(ended, 0.0, direction), starting)
+        direction[ended] = 0.0
+        breakaway[ended] = 0.0
+        motor = motor_motion(plan.robot, body, samples, direction, breakaway)
         motion["q"][block] = samples.q
-        motion["speed"][block], motion["torque"][block] = motor.speed, motor.torque
+        motion["speed"][block] = motor.speed
+        motion["torque"][block] = motor.torque
     return motion
 
 
 def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, Stream]:
+    """Convert a motion to the integers of the streams, by joint.
+
+    Parameters
+    ----------
+    axes : mapping of str to Axis
+        Axes of the driven joints.
+    motion : dict of (n, 4) arrays
+        Result of `_motion`.
+    mode : str
+        Key of MODES, which determines the columns.
+
+    Raises
+    ------
+    ExportError
+        If a number does not fit its object.
+    """
     streams = {}
     for name, axis in axes.items():
         i = JOINTS.index(name)
+        position = axis.increments(motion["q"][:, i])
         speed = np.round(axis.direction * motion["speed"][:, i] / rpm * 1000)
         torque = np.round(axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000)
-        require_range(
-            position := axis.increments(motion["q"][:, i]),
-            INT32,
-            name,
-            "target position",
-            "increments",
-        )
-        require_range(speed, INT32, name, "velocity", "mrpm")
-        require_range(torque, INT16, name, "torque", "per mille of rated torque (INT16)")
-        columns = (position, speed, torque)[3 - len(COLUMNS[mode]) :]
-        streams[name] = {
-            column: values + 0.0 for column, values in zip(COLUMNS[mode], columns, strict=True)
-        }
+        values = [
+            require_range(position, INT32, name, "target position", "increments"),
+            require_range(speed, INT32, name, "velocity", "mrpm"),
+            require_range(torque, INT16, name, "torque", "per mille of rated torque (INT16)"),
+        ]
+        # csv needs the last two of these columns, and cst only the last one.
+        names = COLUMNS[mode]
+        streams[name] = dict(zip(names, values[-len(names) :], strict=True))
     return streams
 
 
 def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> list[str]:
+    """Return the notes of the manifest on the setpoints at times t (n,) s and on each joint.
+
+    `entries` contains the entries of the manifest by joint, with the effects of rounding.
+    """
     notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
     for joint, distance in zip(plan.robot.joints, travel.tolist(), strict=True):
@@ -354,16 +374,14 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> 
                 "torque"
             )
         effects = entries[joint.name]["rounding"]
-        position, speed, difference = (
-            number(scale * effects[name], 2) for name in ("position", "speed", "acceleration")
-        )
+        texts = {name: number(scale * effect, 2) for name, effect in effects.items()}
         notes.append(
-            f"joint {joint.name}: rounding to increments moves setpoints by up to {position} "
-            f"{unit}, the speed between setpoints by {speed} {unit}/s "
+            f"joint {joint.name}: rounding to increments moves setpoints by up to "
+            f"{texts['position']} {unit}, the speed between setpoints by {texts['speed']} {unit}/s "
             f"({100 * effects['speed'] / joint.velocity:.2g} % of its limit), and the acceleration "
-            f"by {difference} {unit}/s²; the errors do not accumulate"
+            f"by {texts['acceleration']} {unit}/s²; the errors do not accumulate"
         )
-    return [*notes, *encoder_notes(axes)]
+    return notes + encoder_notes(axes)
 
 
 TIME = "time_s"
@@ -422,12 +440,11 @@ def rates_of_rows(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> Task
     An end without a declared rate remains unchanged.
     """
     rates = task_rates(Mechanism.from_robot(robot), q[[0, -1]], qd[[0, -1]]).tolist()
-    start, end = (dict(zip(TASK, rate, strict=True)) for rate in rates)
-    return replace(
-        limits,
-        start_rate=start if limits.start_rate else limits.start_rate,
-        end_rate=end if limits.end_rate else limits.end_rate,
-    )
+    if limits.start_rate:
+        limits = replace(limits, start_rate=dict(zip(TASK, rates[0], strict=True)))
+    if limits.end_rate:
+        limits = replace(limits, end_rate=dict(zip(TASK, rates[1], strict=True)))
+    return limits
 
 
 def scale(axes: Mapping[str, Axis], name: str) -> float:
@@ -436,6 +453,7 @@ def scale(axes: Mapping[str, Axis], name: str) -> float:
 
 
 def _columns(joint: Joint, driven: bool) -> tuple[str, ...]:
+    """Return the columns of a joint's file besides the time: its stream, or its position."""
     return COLUMNS["csp"] if driven else (f"position_{joint.unit}",)
 
 
@@ -476,14 +494,15 @@ def read_tables(
     tables = {}
     for joint in robot.joints:
         path = folder / f"{joint.name}{suffix_of(manifest)}.csv"
-        names = time, *columns(joint, joint.name in axes)
-        t, *tables[joint.name] = rows = read_columns(path, names).T
-        if len(t) < 2 or not np.isfinite(rows).all():
+        names = [time] + list(columns(joint, joint.name in axes))
+        rows = read_columns(path, names)
+        if len(rows) < 2 or not np.isfinite(rows).all():
             raise TrajectoryError(
                 f"{path}: the file has fewer than two rows or contains numbers that are not finite"
             )
-        times.append(t)
-        if not np.array_equal(t, times[0]):
+        times.append(rows[:, 0])
+        tables[joint.name] = list(rows[:, 1:].T)
+        if not np.array_equal(times[-1], times[0]):
             raise TrajectoryError(f"{folder}: the tables of the axes have different times")
     return axes, times[0], tables
 

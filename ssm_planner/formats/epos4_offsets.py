@@ -63,9 +63,8 @@ def offset_checks(
     checks = []
     for i, offset in offsets.items():
         joint = robot.joints[i]
-        checks.append(
-            _velocity_check(joint, t, slopes[:, i], offset, rounding=float(resolution[i]))
-        )
+        rounding = float(resolution[i])
+        checks.append(_velocity_check(joint, t, slopes[:, i], offset, rounding))
     low, high = _torque_range(robot, t, q, qd, offsets)
     for i, offset in offsets.items():
         joint = robot.joints[i]
@@ -76,25 +75,38 @@ def offset_checks(
         checks.append(LimitCheck.from_extreme(limit, max(float(beyond[k]), 0.0), float(t[k])))
         torque = np.maximum(np.abs(offset.torque) - offset.torque_rounding, 0.0)
         k = int(np.argmax(torque))
-        checks.append(
-            LimitCheck.from_extreme(joint.limit(MotorTorque), float(torque[k]), float(t[k]))
-        )
+        torque_limit = joint.limit(MotorTorque)
+        checks.append(LimitCheck.from_extreme(torque_limit, float(torque[k]), float(t[k])))
     return checks
 
 
 def _velocity_check(
     joint: Joint, t: Array, slope: Array, offset: Offsets, rounding: float
 ) -> LimitCheck:
-    """Check that |q̇(t) − mean of q̇ over an adjacent interval| ≤ q̈_max h / 2."""
+    """Check that each velocity offset is possible beside the slopes of the positions.
+
+    The mean velocity over an interval of length h differs from the velocity at its ends by at most
+    q̈_max h / 2, apart from rounding.
+
+    Parameters
+    ----------
+    joint : Joint
+    t : (n,) array
+        Times of the setpoints, s.
+    slope : (n − 1,) array
+        Slopes of the positions between the setpoints.
+    offset : Offsets
+    rounding : float
+        Largest rounding error of a position, rad or m.
+    """
     h = np.diff(t)
     allowed = joint.acceleration * (1 + 1e-6) * h / 2 + 2 * rounding / h + offset.velocity_rounding
-    beyond = (
-        np.maximum(np.abs(offset.velocity[1:] - slope), np.abs(offset.velocity[:-1] - slope))
-        / allowed
-    )
-    k = int(np.argmax(beyond))
+    start_error = np.abs(offset.velocity[:-1] - slope)
+    end_error = np.abs(offset.velocity[1:] - slope)
+    errors = np.maximum(start_error, end_error)
+    k = int(np.argmax(errors / allowed))
     limit = FeedForward(joint.name, float(allowed[k]), prismatic=joint.slides)
-    return LimitCheck.from_extreme(limit, float(beyond[k] * allowed[k]), float(t[k]))
+    return LimitCheck.from_extreme(limit, float(errors[k]), float(t[k]))
 
 
 def _torque_range(
@@ -117,20 +129,25 @@ def _torque_range(
         # The load is affine in the accelerations.
         load = body.inverse_dynamics(*motion, still).T
         inertia = [body.inverse_dynamics(*motion, still + unit).T - load for unit in np.eye(4)]
-        speed, at_rest = (np.ascontiguousarray(x[block].T) for x in (qd, standing))
-        least, most = (np.ascontiguousarray(x[block].T) for x in (lowest, highest))
+        speed = np.ascontiguousarray(qd[block].T)
+        at_rest = np.ascontiguousarray(standing[block].T)
+        low_qdd = np.ascontiguousarray(lowest[block].T)
+        high_qdd = np.ascontiguousarray(highest[block].T)
         resting = np.flatnonzero(at_rest.any(axis=0))
         cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
-        cases += [(resting, *case) for case in AT_REST]
+        for sign, breaking in AT_REST:
+            cases.append((resting, sign, breaking))
         # The motor torque is monotonic in each acceleration, except where its effort changes sign.
-        for share in (*product((0.0, 1.0), repeat=4), (0.5,) * 4):
-            qdd = least + np.array(share)[:, None] * (most - least)
+        corners = list(product((0.0, 1.0), repeat=4))
+        for share in corners + [(0.5, 0.5, 0.5, 0.5)]:
+            qdd = low_qdd + np.array(share)[:, None] * (high_qdd - low_qdd)
             tau = load + sum(column * qdd[k] for k, column in enumerate(inertia))
             for rows, sign, breaking in cases:
                 for i in offsets:
                     drive = robot.joints[i].drive
                     assert drive is not None
-                    stands, velocity = at_rest[i, rows], speed[i, rows]
+                    stands = at_rest[i, rows]
+                    velocity = speed[i, rows]
                     torque, _ = drive_torque(
                         drive,
                         tau[i, rows],
@@ -139,18 +156,34 @@ def _torque_range(
                         np.where(stands, sign, np.sign(velocity)),
                         breakaway=stands & breaking,
                     )
-                    ends = low[i, block], high[i, block]
-                    for end, farther in zip(ends, (np.fmin, np.fmax), strict=True):
-                        end[rows] = farther(end[rows], torque)
+                    block_low = low[i, block]
+                    block_high = high[i, block]
+                    block_low[rows] = np.fmin(block_low[rows], torque)
+                    block_high[rows] = np.fmax(block_high[rows], torque)
     return low.T, high.T
 
 
 def _accelerations(
     robot: Robot, t: Array, qd: Array, rounding: Array, *, standing: Mask
 ) -> tuple[Array, Array]:
-    """Return the extreme accelerations (n, 4) near each setpoint, within the limits.
+    """Bound the accelerations near each setpoint, within the limits of the robot.
 
-    rounding (4,): largest error of a velocity; standing (n, 4): mask of the joints at rest.
+    Parameters
+    ----------
+    robot : Robot
+    t : (n,) array
+        Times of the setpoints, s.
+    qd : (n, 4) array
+        Velocities of the joints.
+    rounding : (4,) array
+        Largest errors of these velocities.
+    standing : (n, 4) array of bool
+        True for joints at rest.
+
+    Returns
+    -------
+    lowest, highest : (n, 4) arrays
+        Accelerations, rad/s² and m/s².
     """
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]
@@ -166,7 +199,7 @@ def _accelerations(
     limit = robot.accelerations
     share = np.where(near_rest, 1.0, min(1.0, float(h.max()) / FULL))
     pad = limit * share + 2 * rounding / h.min()
-    # A drive that holds its position needs no acceleration.
-    return np.maximum(np.minimum(low - pad, 0.0), -limit), np.minimum(
-        np.maximum(high + pad, 0.0), limit
-    )
+    # A drive that holds its position needs no acceleration, so the range always includes 0.
+    lowest = np.clip(low - pad, -limit, 0.0)
+    highest = np.clip(high + pad, 0.0, limit)
+    return lowest, highest

@@ -157,10 +157,13 @@ def following_error_window(axis: Axis, period: int) -> int:
 
 
 def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
-    """Return the increments per motor turn, and their source."""
-    counts = (
-        counts_per_turn.get(joint.name) if isinstance(counts_per_turn, Mapping) else counts_per_turn
-    )
+    """Return the increments per motor turn of a joint, and the source of this number.
+
+    Raises ExportError if neither the caller nor the motor file gives it.
+    """
+    if isinstance(counts_per_turn, Mapping):
+        counts_per_turn = counts_per_turn.get(joint.name)
+    counts = counts_per_turn
     motor = joint.motor
     if counts is None and motor is not None and motor.increments is not None:
         mark = PLACEHOLDER if "encoder_counts" in motor.placeholders else ""
@@ -232,34 +235,46 @@ def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
     Commands and status have separate PDOs, so that the drive can be switched on before the first
     SYNC.
     """
-    return {
-        "receive": [
-            _pdo(0x1600 + k, 0x1400 + k, 0x200 + 0x100 * k, objects)
-            for k, objects in enumerate((COMMANDS, *STREAMED[mode]))
-        ],
-        "transmit": [
-            _pdo(0x1A00 + k, 0x1800 + k, 0x180 + 0x100 * k, objects)
-            for k, objects in enumerate(RETURNED)
-        ],
-    }
+    receive = [
+        _pdo(0x1600 + k, 0x1400 + k, 0x200 + 0x100 * k, objects)
+        for k, objects in enumerate((COMMANDS,) + STREAMED[mode])
+    ]
+    transmit = [
+        _pdo(0x1A00 + k, 0x1800 + k, 0x180 + 0x100 * k, objects)
+        for k, objects in enumerate(RETURNED)
+    ]
+    return {"receive": receive, "transmit": transmit}
 
 
-def _pdo(mapping: int, communication: int, cob_id: int, objects: tuple[str, ...]) -> JsonObject:
-    sizes = [BITS.get(key, 16) for key in objects]
-    return {
-        "mapping": f"0x{mapping:04X}",
-        "communication": f"0x{communication:04X}",
-        "cob_id": f"0x{cob_id:03X} + node ID",
-        "transmission_type": AT_ONCE if objects in (COMMANDS, RETURNED[0]) else AT_SYNC,
-        "objects": [
+def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -> JsonObject:
+    """Describe one PDO (process data object) for the manifest.
+
+    Parameters
+    ----------
+    mapping, communication : int
+        Indices of the objects that configure the content and the transmission of the PDO.
+    cob_id : int
+        CAN identifier without the node ID.
+    keys : tuple of str
+        Objects in the PDO, such as "0x607A:00".
+    """
+    objects = []
+    for key in keys:
+        bits = BITS.get(key, 16)
+        objects.append(
             {
                 "object": key,
                 "bits": bits,
                 "value": f"0x{key[2:6]}{key[7:]}{bits:02X}",
                 "known": UNVERIFIED if key in DOUBTFUL else QUOTED,
             }
-            for key, bits in zip(objects, sizes, strict=True)
-        ],
+        )
+    return {
+        "mapping": f"0x{mapping:04X}",
+        "communication": f"0x{communication:04X}",
+        "cob_id": f"0x{cob_id:03X} + node ID",
+        "transmission_type": AT_ONCE if keys in (COMMANDS, RETURNED[0]) else AT_SYNC,
+        "objects": objects,
     }
 
 
@@ -341,7 +356,8 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     motor = axis.joint.motor
     assert motor is not None
     # Motor speed in rpm at a joint speed of 1 rad/s or 1 m/s.
-    turns = 60 * abs(axis.increments_per_unit) / axis.counts_per_turn
+    rpm_per_unit = 60 * abs(axis.increments_per_unit) / axis.counts_per_turn
+    max_speed = joint.velocity + rounding_bounds(axis, period)["speed"]
     low, high = sorted(axis.increments_per_unit * position for position in joint.position)
     values = {
         "0x6060:00": MODES[mode],
@@ -352,23 +368,21 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
         "0x607D:01": math.floor(low + 1e-6),
         "0x607D:02": math.ceil(high - 1e-6),
         "0x6065:00": following_error_window(axis, period),
-        "0x607F:00": math.ceil(
-            (joint.velocity + rounding_bounds(axis, period)["speed"]) * turns * 1000
-        ),
+        "0x607F:00": math.ceil(max_speed * rpm_per_unit * 1000),
         "0x6080:00": math.ceil(motor.max_speed / rpm),
-        "0x60C5:00": math.ceil(joint.acceleration * turns),
+        "0x60C5:00": math.ceil(joint.acceleration * rpm_per_unit),
     }
     if motor.torque_constant is not None:
         values["0x3001:02"] = math.floor(motor.max_torque / motor.torque_constant * 1000)
     rows = []
-    for key, name, unit, largest, reason in OBJECTS:
+    for key, name, unit, maximum, reason in OBJECTS:
         value = values.get(key)
         if value is None:
             continue
-        if abs(value) > int(largest):
+        if abs(value) > int(maximum):
             raise ExportError(
                 f"joint {axis.name}: {name} ({key}) = {value} does not fit (allowed: up to "
-                f"{largest})"
+                f"{maximum})"
             )
         text = f"0x{value:08X}" if name == "velocity unit" else str(value)
         row = {"object": key, "name": name, "value": text, "unit": unit, "reason": reason}

@@ -97,9 +97,10 @@ def export(
         raise ExportError(f"unknown export format {to!r} (allowed: {', '.join(FORMATS)})")
     form = FORMATS[to]
     if stops is not None and ("stops" not in form.options or stops < 1):
+        with_stops = [name for name, entry in FORMATS.items() if "stops" in entry.options]
         raise ExportError(
             f"stops = {stops!r} is not allowed for {to} (allowed: 1 or more, for "
-            f"{', '.join(name for name, entry in FORMATS.items() if 'stops' in entry.options)})"
+            f"{', '.join(with_stops)})"
         )
     for name in options:
         if name not in form.options:
@@ -156,14 +157,10 @@ def slower(plan: Plan, speed: float, is_verified: bool) -> Plan:
     motion = plan.motion.slower(speed)
     rates: Keywords = limits.declared_rates
     problem = replace(plan.problem, motion=limits.motion, **rates)
-    slowed = replace(
-        plan,
-        problem=problem,
-        trajectory=motion,
-        certificate=sealed(certificate, motion, plan.robot, problem.task_limits)
-        if is_verified
-        else None,
-    )
+    seal = None
+    if is_verified:
+        seal = sealed(certificate, motion, plan.robot, problem.task_limits)
+    slowed = replace(plan, problem=problem, trajectory=motion, certificate=seal)
     object.__setattr__(slowed, "file", plan.file)
     object.__setattr__(slowed, "file_sha256", plan.file_sha256)
     return slowed
@@ -196,7 +193,8 @@ def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject)
         If a stop exceeds a limit.
     """
     stretch = details.get("stretch", 1.0)
-    motion, limits = plan.motion.slower(1 / stretch), plan.limits.slower(stretch)
+    motion = plan.motion.slower(1 / stretch)
+    limits = plan.limits.slower(stretch)
     table = folder / details.get("trajectory", "")
     if table.is_file() and "q1_rad" in layout_of(table).names:
         reading = read_csv(table, plan.robot)
@@ -240,19 +238,18 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
         return certificate, True
     if force:
         return certificate, False
-    if certificate.passed:
-        reason = (
-            "the plan has no certificate"
-            if stored is None
-            else "the plan has a certificate that did not pass"
-        )
+    if not certificate.passed:
         raise ExportError(
-            f"{plan.path}: {plan.uncertified_reason or reason}: plan again, or use --force to "
-            "export files that are marked unverified"
+            f"{plan.path}: the plan does not pass the check: it exceeds "
+            f"{certificate.worst.excess}; not exported (use --force to export files that are "
+            "marked unverified)"
         )
+    reason = plan.uncertified_reason
+    if not reason and stored is None:
+        reason = "the plan has no certificate"
     raise ExportError(
-        f"{plan.path}: the plan does not pass the check: it exceeds {certificate.worst.excess}; "
-        "not exported (use --force to export files that are marked unverified)"
+        f"{plan.path}: {reason or 'the plan has a certificate that did not pass'}: plan again, or "
+        "use --force to export files that are marked unverified"
     )
 
 

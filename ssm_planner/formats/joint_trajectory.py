@@ -68,23 +68,26 @@ def trajectory_message(
     and N. They include the exact friction. A joint without a drive has its rigid-body effort. If
     `rigid` is true, the message contains the rigid-body efforts of all joints.
     """
-    s = points.samples
-    empty: list[Sequence[float]] = [[] for _ in s.t]
+    samples = points.samples
+    empty: list[Sequence[float]] = [[] for _ in samples.t]
     efforts = empty
     if effort or rigid:
-        values = RigidBody.from_robot(plan.robot).inverse_dynamics(s.q, s.qd, s.qdd)
+        body = RigidBody.from_robot(plan.robot)
+        values = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
         if not rigid:
-            _, torques = table(s, plan.robot, ("torque",))
-            joints = enumerate(plan.robot.joints)
-            ratios = {i: joint.drive.ratio for i, joint in joints if joint.drive is not None}
-            values[:, [*ratios]] = torques[:, 1:] * [*ratios.values()]
+            _, torques = table(samples, plan.robot, ("torque",))
+            column = 1  # after the time, the table has one column for each drive
+            for i, joint in enumerate(plan.robot.joints):
+                if joint.drive is not None:
+                    values[:, i] = torques[:, column] * joint.drive.ratio
+                    column += 1
         efforts = values.tolist()
     return Message(
         tuple(joint.name for joint in plan.robot.joints),
-        s.t,
-        positions=s.q.tolist(),
-        velocities=s.qd.tolist(),
-        accelerations=s.qdd.tolist() if points.with_acceleration else empty,
+        samples.t,
+        positions=samples.q.tolist(),
+        velocities=samples.qd.tolist(),
+        accelerations=samples.qdd.tolist() if points.with_acceleration else empty,
         effort=efforts,
     )
 
@@ -195,16 +198,12 @@ def message_from(data: Any, location: str) -> Message:
     TrajectoryError
         If a key is missing or has a wrong type.
     """
-    if (
-        not isinstance(data, dict)
-        or not isinstance(data.get("points"), list)
-        or "joint_names" not in data
-    ):
+    points = data.get("points") if isinstance(data, dict) else None
+    if not isinstance(points, list) or "joint_names" not in data:
         raise TrajectoryError(
             f"{location}: not a JointTrajectory (it needs joint_names and points)"
         )
     names = data["joint_names"]
-    points = data["points"]
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise TrajectoryError(f"{location}: joint_names is not a list of names")
     time = np.array([_time(point, k, location) for k, point in enumerate(points)])
@@ -240,10 +239,8 @@ def read_message(
     """
     faults, remarks = controller_faults(message, [joint.name for joint in robot.joints])
     if faults:
-        raise TrajectoryError(
-            f"{location}: {faults[0]}"
-            + (f" (and {len(faults) - 1} more)" if len(faults) > 1 else "")
-        )
+        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        raise TrajectoryError(f"{location}: {faults[0]}{more}")
     order = [message.names.index(joint.name) for joint in robot.joints]
     q, _ = _table(message.positions, order)
     qd, has_qd = _table(message.velocities, order)
@@ -257,7 +254,7 @@ def read_message(
         has_qdd=None if has_qdd.all() else has_qdd,
         place=lambda k: f"{location}: point {k}",
     )
-    return join_points(points, robot, (*notes, *remarks))
+    return join_points(points, robot, notes + tuple(remarks))
 
 
 def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -278,15 +275,13 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
     """
     names = message.names
     time = message.time
-    faults = [
-        f"joint {name!r} is not one of {', '.join(joints)}" for name in names if name not in joints
-    ]
-    faults += [
-        f"joint {name!r} is named twice" for name in sorted(set(names)) if names.count(name) > 1
-    ]
+    known_names = ", ".join(joints)
+    faults = [f"joint {name!r} is not one of {known_names}" for name in names if name not in joints]
+    repeated = [name for name in sorted(set(names)) if names.count(name) > 1]
+    faults += [f"joint {name!r} is named twice" for name in repeated]
     faults += [f"joint {name!r} is missing" for name in joints if name not in names]
     if not len(time):
-        return [*faults, "no points"], []
+        return faults + ["no points"], []
     if time[0] < 0:
         faults.append(f"point 0: time_from_start is negative: {time[0]:.12g} s")
     for k in np.flatnonzero(np.diff(time) <= 0)[:1]:
@@ -295,8 +290,9 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
             f"{time[k]:.12g} s)"
         )
     for field in FIELDS:
+        may_be_empty = field != "positions"
         for k, values in enumerate(getattr(message, field)):
-            if len(values) not in ({len(names)} if field == "positions" else {0, len(names)}):
+            if len(values) != len(names) and not (may_be_empty and not len(values)):
                 faults.append(f"point {k}: {len(values)} {field} for {len(names)} joints")
                 break
     remarks = []
@@ -336,8 +332,9 @@ def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
         True for points with values.
     """
     has_values = np.array([len(row) > 0 for row in rows])
-    table = np.array([row if len(row) else [0.0] * len(order) for row in rows], dtype=float)
-    return table[:, order], has_values
+    values = np.zeros((len(rows), len(order)))
+    values[has_values] = [row for row in rows if len(row)]
+    return values[:, order], has_values
 
 
 def _time(point: Any, k: int, location: str) -> float:

@@ -100,18 +100,17 @@ class Reading:
             interpolation=self.interpolation,
             resolution=self.resolution,
         )
-        # A stop begins in motion, and ends at rest unless the motion itself ends moving.
-        alone = replace(limits, start_rate=None, end_rate=limits.end_rate and None, motion=())
-        certificates = [
-            check(stop, robot, alone, resolution=self.resolution) for stop in self.stops
-        ]
-        of_stops = [
-            replace(tightest, name="controlled stop", case=tightest.name)
-            for tightest in sorted(
-                (result.worst for result in certificates), key=lambda line: line.margin
-            )[:1]
-        ]
-        return certificate.with_more((*self.checks, *of_stops))
+        checks = self.checks
+        if self.stops:
+            # A stop begins in motion, and ends at rest unless the motion itself ends moving.
+            end_rate = None if limits.end_rate else limits.end_rate
+            alone = replace(limits, start_rate=None, end_rate=end_rate, motion=())
+            results = [
+                check(stop, robot, alone, resolution=self.resolution).worst for stop in self.stops
+            ]
+            tightest = min(results, key=lambda result: result.margin)
+            checks += (replace(tightest, name="controlled stop", case=tightest.name),)
+        return certificate.with_more(checks)
 
     def ends_on(self, limits: TaskLimits) -> TaskLimits:
         """Return limits with the rates that the file declares at the start and the end.
@@ -188,10 +187,13 @@ def describe(cubic: Mask, quintic: Mask) -> str:
         return "cubic between points (positions and velocities given)"
     if not cubic.any():
         return "linear between points (only positions given)"
-    counts = (("linear", ~cubic), ("cubic", cubic & ~quintic), ("quintic", quintic))
-    return "mixed between points: " + ", ".join(
-        f"{int(flags.sum())} {name}" for name, flags in counts if flags.any()
-    )
+    counts = {
+        "linear": np.count_nonzero(~cubic),
+        "cubic": np.count_nonzero(cubic & ~quintic),
+        "quintic": np.count_nonzero(quintic),
+    }
+    texts = [f"{count} {name}" for name, count in counts.items() if count]
+    return f"mixed between points: {', '.join(texts)}"
 
 
 def check_points(points: Points, robot: Robot) -> None:
@@ -253,16 +255,20 @@ class _Pieces:
         points = self.points
         start = np.arange(len(self.cubic))[index]
         tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
-        ends = [[table[side] for table in tables] for side in (start, start + 1)]
+        starts = [table[start] for table in tables]
+        ends = [table[start + 1] for table in tables]
         length = points.t[start + 1] - points.t[start]
-        cubic, quintic = self.cubic[start], self.quintic[start]
+        is_cubic = self.cubic[start] & ~self.quintic[start]
+        is_quintic = self.quintic[start]
         coefficients = np.zeros((len(length), DEGREE + 1, 4))
-        coefficients[:, 0] = ends[0][0]
-        coefficients[:, 1] = (ends[1][0] - ends[0][0]) / length[:, None]
-        for flags, count, curves in ((cubic & ~quintic, 2, cubics), (quintic, 3, quintics)):
-            if flags.any():
-                states = (tuple(end[:count]) for end in ends)
-                coefficients[flags] = curves(length, *states)[flags]
+        coefficients[:, 0] = starts[0]
+        coefficients[:, 1] = (ends[0] - starts[0]) / length[:, None]
+        if is_cubic.any():
+            curves = cubics(length, tuple(starts[:2]), tuple(ends[:2]))
+            coefficients[is_cubic] = curves[is_cubic]
+        if is_quintic.any():
+            curves = quintics(length, tuple(starts), tuple(ends))
+            coefficients[is_quintic] = curves[is_quintic]
         return coefficients
 
 
@@ -340,20 +346,19 @@ def check_derivatives(
         if _same(factor, residual) or (residual < ALIKE and 1 / UNLIKE < factor < UNLIKE):
             continue
         for k, neighbour in enumerate(robot.joints):
-            if _same(*_compare(slopes[:, i], means[:, k])):
+            swapped_factor, swapped_residual = _compare(slopes[:, i], means[:, k])
+            if _same(swapped_factor, swapped_residual):
                 raise TrajectoryError(
                     f"the {names[1]} given for joint {neighbour.name} are those of joint "
                     f"{joint.name}: swapped columns?"
                 )
         if residual < ALIKE:
-            sides = (("", factor), (f" in the {names[0]}", 1 / factor))
-            hints = (
-                f": {text}{side}?"
-                for scale, text in FACTORS
-                for side, ratio in sides
-                if 1 / UNLIKE < ratio / scale < UNLIKE
-            )
-            hint = next(hints, "")
+            hint = ""
+            for scale, text in FACTORS:
+                if 1 / UNLIKE < factor / scale < UNLIKE:
+                    hint = f": {text}?"
+                elif 1 / UNLIKE < 1 / factor / scale < UNLIKE:
+                    hint = f": {text} in the {names[0]}?"
             raise TrajectoryError(
                 f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its "
                 f"{names[0]}{hint}"

@@ -125,8 +125,7 @@ def export_pvt(
     """
     axes = axes_of(plan.robot, counts_per_turn)
     table = _table(plan, certificate, axes)
-    t, rows = table.t, table.rows
-    files = content(plan.robot, axes, t, rows, limits=table.limits, suffix=suffix)
+    files = content(plan.robot, axes, table.t, table.rows, limits=table.limits, suffix=suffix)
     entries = files.write(folder)
     notes = [
         f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; "
@@ -150,7 +149,7 @@ def export_pvt(
         "form": FORM,
         "stretch": table.stretch,
         "not_verified": list(NOT_VERIFIED),
-        "notes": [*notes, *encoder_notes(axes)],
+        "notes": notes + encoder_notes(axes),
     }
 
 
@@ -189,7 +188,8 @@ def content(
     times = np.round(np.diff(t, prepend=t[0]) * 1000)
     for joint in robot.joints:
         name = f"{joint.name}{suffix}.csv"
-        axis, (position, velocity) = axes.get(joint.name), rows[joint.name]
+        axis = axes.get(joint.name)
+        position, velocity = rows[joint.name]
         form = "%.17g" if axis is None else "%d"
         columns = dict(zip(_columns(joint, axis is not None), (position, velocity), strict=True))
         entries[joint.name] = {
@@ -254,11 +254,11 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
         )
     t = np.cumsum(steps) / 1000
     scales = [scale(axes, name) for name in tables]
-    state = np.stack(list(tables.values()), axis=2) / scales
-    reading = join_points(Points(t, state[0], state[1], place=f"{folder}: row {{}}".format), robot)
+    q, qd = np.stack(list(tables.values()), axis=2) / scales
+    reading = join_points(Points(t, q, qd, place=f"{folder}: row {{}}".format), robot)
     declared = TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate"))
     rows = {name: (table[0], table[1]) for name, table in tables.items()}
-    limits = rates_of_rows(declared, robot, *state)
+    limits = rates_of_rows(declared, robot, q, qd)
     suffix = suffix_of(manifest)
     derived = content(robot, axes, t, rows, limits=limits, suffix=suffix)
     return replace(reading, content=derived)
@@ -317,24 +317,24 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
     for slowdown in stretches:
         for interval in INTERVALS:
             total = int(np.ceil(plan.motion.duration * (1 + slowdown) * 1000 - 1e-6))
-            t = np.round(np.linspace(0, total, max(int(np.ceil(total / interval)), 2) + 1)) / 1000
-            if total < len(t) - 1:
+            intervals = max(int(np.ceil(total / interval)), 2)
+            if total < intervals:
                 raise ExportError(f"{plan.path}: the motion of {total} ms is too short for a table")
+            t = np.round(np.linspace(0, total, intervals + 1)) / 1000
             stretch = total / 1000 / plan.motion.duration
             rows = {}
-            state = np.empty((2, len(t), 4))
+            q = np.empty((len(t), 4))
+            qd = np.empty((len(t), 4))
             for i, joint in enumerate(plan.robot.joints):
                 axis = axes.get(joint.name)
                 unit = FREE if axis is None else axis.increments_per_unit
-                position, velocity = _Fit(plan, i, t, stretch, unit).rows(
-                    is_complete=axis is not None
-                )
-                state[:, :, i] = position / unit, velocity / unit
-                rows[joint.name] = (
-                    (position, velocity) if axis is not None else (state[0, :, i], state[1, :, i])
-                )
-            reading = join_points(Points(t, *state), plan.robot)
-            limits = rates_of_rows(plan.limits.slower(stretch), plan.robot, *state)
+                fit = _Fit(plan, i, t, stretch, unit)
+                position, velocity = fit.rows(round_to_units=axis is not None)
+                q[:, i] = position / unit
+                qd[:, i] = velocity / unit
+                rows[joint.name] = (q[:, i], qd[:, i]) if axis is None else (position, velocity)
+            reading = join_points(Points(t, q, qd), plan.robot)
+            limits = rates_of_rows(plan.limits.slower(stretch), plan.robot, q, qd)
             yield Table(t, rows, stretch, limits, reading.check(plan.robot, limits))
 
 
@@ -387,16 +387,14 @@ class _Fit:
         breaks = (motion.breaks - motion.breaks[0]) * stretch
         self._dense = np.unique(np.concatenate([t, breaks, np.linspace(0, t[-1], FINE * n)]))
         self._where = np.searchsorted(self._dense, t[:-1])
-        sides = [
-            motion.sample(motion.breaks[0] + self._dense / stretch, side)
-            for side in ("left", "right")
-        ]
-        accelerations = np.array(
-            [s.qdd[:, i] * unit * tau**2 * factor for s in sides for factor in (1, stretch**-2)]
-        )
+        instants = motion.breaks[0] + self._dense / stretch
+        sides = [motion.sample(instants, "left"), motion.sample(instants, "right")]
+        planned = np.array([samples.qdd[:, i] for samples in sides]) * unit * tau**2
+        # The bounds include the accelerations of the plan and those of the slower plan.
+        accelerations = np.concatenate([planned, planned / stretch**2])
         a = self._nearby(accelerations)
-        v = self._nearby(np.array([s.qd[:, i] * unit * tau for s in sides]))
-        p = self._nearby(np.array([s.q[:, i] * unit for s in sides]))
+        v = self._nearby(np.array([samples.qd[:, i] for samples in sides]) * unit * tau)
+        p = self._nearby(np.array([samples.q[:, i] for samples in sides]) * unit)
         limit = abs(joint.acceleration * unit * tau**2)
         h = np.diff(t) / tau
         # Rounding both positions by half an increment changes an acceleration by at most
@@ -428,18 +426,18 @@ class _Fit:
         """
         low = np.pad(np.minimum.reduceat(values.min(axis=0), self._where), 1, mode="edge")
         high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")
-        return np.min([low[:-2], low[1:-1], low[2:]], axis=0), np.max(
-            [high[:-2], high[1:-1], high[2:]], axis=0
-        )
+        lowest = np.min([low[:-2], low[1:-1], low[2:]], axis=0)
+        highest = np.max([high[:-2], high[1:-1], high[2:]], axis=0)
+        return lowest, highest
 
-    def rows(self, is_complete: bool) -> tuple[Array, Array]:
+    def rows(self, round_to_units: bool) -> tuple[Array, Array]:
         """Solve the program.
 
         Parameters
         ----------
-        is_complete : bool
-            Round the results to integers. The positions are rounded first, and the velocities are
-            then fitted again.
+        round_to_units : bool
+            Round the results to integers. The method first rounds the positions, and then fits the
+            velocities again.
 
         Returns
         -------
@@ -447,7 +445,7 @@ class _Fit:
             Rows in increments and increments/s.
         """
         free = np.pad(np.ones(len(self.positions) - 2), 1)
-        if not is_complete:
+        if not round_to_units:
             d, w = self._solve(np.zeros(len(self.positions)), free)
             return self.positions + d, (self.velocities + w) * self.rate
         ends = np.clip(np.round(self.positions), *self.range) - self.positions
@@ -501,15 +499,15 @@ class _Fit:
         velocity_range = np.pad(np.full(n - 2, np.inf), 1)
         low = np.where(is_fixed, d, -np.inf)
         high = np.where(is_fixed, d, np.inf)
+        # The unknowns are d, w and e with n entries each, and then ε.
+        costs = np.r_[np.zeros(2 * n), np.ones(n), EXCESS]
+        matrix = sparse.bmat(blocks, format="csr")
+        lowest = np.r_[low, -velocity_range, np.zeros(n + 1)]
+        highest = np.r_[high, velocity_range, np.full(n + 1, np.inf)]
         solution = milp(
-            np.r_[np.zeros(2 * n), np.ones(n), EXCESS],
-            constraints=LinearConstraint(
-                sparse.bmat(blocks, format="csr"), -np.inf, np.concatenate(upper)
-            ),
-            bounds=Bounds(
-                np.r_[low, -velocity_range, np.zeros(n + 1)],
-                np.r_[high, velocity_range, np.full(n + 1, np.inf)],
-            ),
+            costs,
+            constraints=LinearConstraint(matrix, -np.inf, np.concatenate(upper)),
+            bounds=Bounds(lowest, highest),
         )
         x = np.zeros(3 * n + 1) if solution.x is None else solution.x
         return x[:n], x[n : 2 * n]

@@ -90,7 +90,8 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
     manifest = read_manifest(folder)
     intact = _check_hashes(folder, manifest)
     require_robot(folder, manifest, robot)
-    start, end = (_declared(folder, manifest, key) for key in ("start_rate", "end_rate"))
+    start = _declared(folder, manifest, "start_rate")
+    end = _declared(folder, manifest, "end_rate")
     format_name = str(manifest.get("kind"))
     form = FORMATS.get(format_name)
     if form is None:

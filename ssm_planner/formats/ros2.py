@@ -32,7 +32,7 @@ from ssm_planner.formats.joint_trajectory import (
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.formats.urdf import LINKS, TOOL, urdf
-from ssm_planner.kinematics import rotation
+from ssm_planner.kinematics import rotation as rotation_matrix
 from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Robot, plain
@@ -106,31 +106,38 @@ def export_ros2(
             f"{plan.path}: joint_trajectory_controller would reject the trajectory: {faults[0]}"
         )
     if bag is None and find_spec("rosbags") is None:
-        remarks = [*remarks, f"no rosbag2 was written: {INSTALL}"]
+        remarks.append(f"no rosbag2 was written: {INSTALL}")
     elif bag is not False:
         write_bag(folder / f"bag{suffix}", plan.robot, message, rate)
-    marks = (
-        ["UNVERIFIED: the plan has no passed certificate; do not run it on a machine."]
-        if suffix
-        else []
-    )
-    marks += [
-        f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.",
-        points.note + ".",
-    ]
+    marks = []
+    if suffix:
+        marks.append("UNVERIFIED: the plan has no passed certificate; do not run it on a machine.")
+    marks.append(f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.")
+    marks.append(f"{points.note}.")
     return {
-        **_content(message, rate, suffix, marks).write(folder),
+        **_content(message, rate, suffix, tuple(marks)).write(folder),
         "stretch": points.stretch,
         "spline": {
             "interpolation": points.certificate.interpolation,
             "certificate": points.certificate.to_dict(),
         },
-        "notes": [points.note, *remarks],
+        "notes": [points.note] + remarks,
     }
 
 
-def _content(message: Message, rate: float, suffix: str, marks: Sequence[str] = ()) -> Content:
-    """Return the YAML files, which begin with marks, and the entries of the manifest."""
+def _content(message: Message, rate: float, suffix: str, marks: tuple[str, ...] = ()) -> Content:
+    """Return the YAML files and the entries of the manifest.
+
+    Parameters
+    ----------
+    message : Message
+    rate : float
+        Rate of the joint states in the bag, Hz.
+    suffix : str
+        Text that marks unverified files, before the extension.
+    marks : tuple of str
+        Comments at the beginning of each file.
+    """
     name = f"joint_trajectory{suffix}.yaml"
     return Content(
         {
@@ -139,8 +146,8 @@ def _content(message: Message, rate: float, suffix: str, marks: Sequence[str] = 
             "units": {"revolute": "rad", "prismatic": "m", "effort": "N*m, N", "time": "s and ns"},
         },
         {
-            name: yaml_text(message, (*marks, *PUBLISH), ""),
-            f"goal{suffix}.yaml": yaml_text(message, (*marks, GOAL), "trajectory"),
+            name: yaml_text(message, marks + PUBLISH, ""),
+            f"goal{suffix}.yaml": yaml_text(message, marks + (GOAL,), "trajectory"),
         },
     )
 
@@ -217,12 +224,14 @@ def write_bag(folder: Path, robot: Robot, message: Message, rate: float) -> None
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
 
         def topic(name: str, message_type: str, latched: bool = False) -> Any:
+            """Add a topic to the bag, and return its connection."""
             profiles = [_latched()] if latched else []
             return writer.add_connection(
                 name, message_type, typestore=store, offered_qos_profiles=profiles
             )
 
         def put(connection: Any, t: float, content: Any) -> None:
+            """Write a message at time t, s."""
             sec, nanosec = split_time(t)
             data = store.serialize_cdr(content, connection.msgtype)
             writer.write(connection, sec * TICKS + nanosec, data)
@@ -238,44 +247,52 @@ def write_bag(folder: Path, robot: Robot, message: Message, rate: float) -> None
 
 
 def _trajectory(message: Message) -> Any:
-    points = [
-        SimpleNamespace(
-            time_from_start=_stamp(float(t)),
-            **{field: np.array(getattr(message, field)[k], dtype=float) for field in FIELDS},
-        )
-        for k, t in enumerate(message.time)
-    ]
+    """Convert a message to the fields of a JointTrajectory in ROS 2."""
+    points = []
+    for k, t in enumerate(message.time):
+        point = SimpleNamespace(time_from_start=_stamp(float(t)))
+        for field in FIELDS:
+            setattr(point, field, np.array(getattr(message, field)[k], dtype=float))
+        points.append(point)
     names = list(message.names)
     return SimpleNamespace(header=_header(0.0, "base"), joint_names=names, points=points)
 
 
 def _state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any:
-    moving = {"position": np.array(q), "velocity": np.array(qd), "effort": np.zeros(0)}
-    return SimpleNamespace(header=_header(t, "base"), name=list(names), **moving)
+    """Build the JointState at time t (s) with positions q and velocities qd, (4,) each."""
+    return SimpleNamespace(
+        header=_header(t, "base"),
+        name=list(names),
+        position=np.array(q),
+        velocity=np.array(qd),
+        effort=np.zeros(0),
+    )
 
 
 def _stamp(t: float) -> Any:
+    """Convert a time in s to the fields of a Time or Duration in ROS 2."""
     sec, nanosec = split_time(t)
     return SimpleNamespace(sec=sec, nanosec=nanosec)
 
 
 def _header(t: float, frame: str) -> Any:
+    """Build the header of a message at time t (s) in a coordinate frame."""
     return SimpleNamespace(stamp=_stamp(t), frame_id=frame)
 
 
 def _transforms(t: float, poses: list[tuple[str, str, Array, Array]]) -> Any:
-    """Return poses of links, see `link_poses`, as a TFMessage at a time t, s."""
-    transforms = [
-        SimpleNamespace(
-            header=_header(t, parent),
-            child_frame_id=child,
-            transform=SimpleNamespace(
-                translation=SimpleNamespace(**dict(zip("xyz", shift, strict=True))),
-                rotation=SimpleNamespace(**dict(zip("xyzw", quaternion(turn), strict=True))),
-            ),
+    """Build the TFMessage at time t (s) with the poses that `link_poses` returns."""
+    transforms = []
+    for parent, child, turn, shift in poses:
+        translation = SimpleNamespace(**dict(zip("xyz", shift, strict=True)))
+        rotation = SimpleNamespace(**dict(zip("xyzw", quaternion(turn), strict=True)))
+        transforms.append(
+            SimpleNamespace(
+                header=_header(t, parent),
+                child_frame_id=child,
+                transform=SimpleNamespace(translation=translation, rotation=rotation),
+            )
         )
-        for parent, child, turn, shift in poses
-    ]
     return SimpleNamespace(transforms=transforms)
 
 
@@ -297,7 +314,7 @@ def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
     poses = []
     for i, (link, body) in enumerate(zip(LINKS, robot.bodies, strict=True)):
         # parent ← child = (parent frame)ᵀ e^{ξ̂ q} (child frame), both frames as placed at q = 0
-        turn = rotation(geometry.axes[i], q[i]) if i < 3 else np.eye(3)
+        turn = rotation_matrix(geometry.axes[i], q[i]) if i < 3 else np.eye(3)
         shift = np.zeros(3) if i < 3 else frame.T @ (geometry.axes[i] * q[i])
         poses.append((parent, link, frame.T @ turn @ body.frame, shift))
         parent = link
@@ -345,35 +362,28 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     only one of them was run.
     """
     with _bag_reader(path) as reader:
-        connections = {
-            message_type: [c for c in reader.connections if c.msgtype == message_type]
-            for message_type in (TRAJECTORY, STATE)
-        }
-        message_type = TRAJECTORY if connections[TRAJECTORY] else STATE
-        selected = connections[message_type]
+        message_types = [connection.msgtype for connection in reader.connections]
+        selected_type = TRAJECTORY if TRAJECTORY in message_types else STATE
+        selected = [c for c in reader.connections if c.msgtype == selected_type]
         # Without a list of connections, the reader would return all messages.
-        raws = reader.messages(selected) if selected else iter(())
-        messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in raws]
-        converted = (
-            [_of_message(message) for message in messages]
-            if message_type == TRAJECTORY
-            else _of_states(messages)
-        )
-    if not messages:
-        raise TrajectoryError(f"{path}: the bag contains no JointTrajectory and no JointState")
-    if isinstance(converted, Message):
-        return read_message(
-            converted, robot, str(path), ("the JointStates of the bag are its points",)
-        )
+        raws = reader.messages(selected) if selected else ()
+        messages = [reader.deserialize(raw, selected_type) for _, _, raw in raws]
+        if not messages:
+            raise TrajectoryError("the bag contains no JointTrajectory and no JointState")
+        if selected_type == STATE:
+            converted = [_from_states(messages)]
+            notes = ["the JointStates of the bag are its points"]
+        else:
+            converted = [_from_trajectory(message) for message in messages]
+            notes = []
     if any(difference(plain(later), plain(converted[0]), "") for later in converted[1:]):
         raise TrajectoryError(
             f"{path}: the bag contains {len(converted)} different JointTrajectory messages: only "
             "one motion can be checked"
         )
-    notes = (
-        () if len(converted) == 1 else (f"{len(converted)} JointTrajectory messages, all the same",)
-    )
-    return read_message(converted[0], robot, str(path), notes)
+    if len(converted) > 1:
+        notes.append(f"{len(converted)} JointTrajectory messages, all the same")
+    return read_message(converted[0], robot, str(path), tuple(notes))
 
 
 @contextmanager
@@ -403,21 +413,20 @@ def _bag_reader(path: Path) -> Iterator[Any]:
         raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {reason}") from error
 
 
-def _of_message(message: Any) -> Message:
-    time = [
-        (p.time_from_start.sec * TICKS + p.time_from_start.nanosec) / TICKS for p in message.points
-    ]
-    fields = [[getattr(p, key) for p in message.points] for key in FIELDS]
-    return Message(tuple(message.joint_names), np.array(time), *fields)
+def _from_trajectory(trajectory: Any) -> Message:
+    """Convert a JointTrajectory of ROS 2, which the bag contains, to a message."""
+    points = trajectory.points
+    stamps = [point.time_from_start for point in points]
+    time = np.array([(stamp.sec * TICKS + stamp.nanosec) / TICKS for stamp in stamps])
+    fields = {name: [getattr(point, name) for point in points] for name in FIELDS}
+    return Message(tuple(trajectory.joint_names), time, **fields)
 
 
-def _of_states(messages: list[Any]) -> Message | list[Message]:
-    """Build a message from joint states, each of which may have its own order of joints.
+def _from_states(messages: list[Any]) -> Message:
+    """Build a message whose points are joint states. Each state may list the joints in any order.
 
     Raises TrajectoryError if their joints or the lengths of their lists differ.
     """
-    if not messages:
-        return []
     names = tuple(messages[0].name)
     stamps = [m.header.stamp.sec * TICKS + m.header.stamp.nanosec for m in messages]
     empty: list[Sequence[float]] = [[] for _ in messages]
@@ -431,11 +440,12 @@ def _of_states(messages: list[Any]) -> Message | list[Message]:
         order = [joints.index(name) for name in names]
         for key, values in fields.items():
             entries = getattr(message, key)
-            if len(entries) not in ({len(joints)} if key == "position" else {0, len(joints)}):
+            is_missing = key == "velocity" and not len(entries)
+            if len(entries) != len(joints) and not is_missing:
                 raise TrajectoryError(
                     f"JointState {k}: {len(entries)} values of {key} for {len(joints)} joints"
                 )
-            values.append(np.asarray(entries)[order].tolist() if len(entries) else [])
+            values.append([] if is_missing else np.asarray(entries)[order].tolist())
     return Message(
         names,
         np.array([(stamp - stamps[0]) / TICKS for stamp in stamps]),

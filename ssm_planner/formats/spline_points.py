@@ -6,6 +6,8 @@ like any trajectory. Its cubics differ slightly from the quintics of the plan. I
 limit by a small amount, the motion is slowed down until it keeps the limit.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ssm_planner.errors import ExportError
@@ -83,13 +85,14 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
             return trials[-1]
         trials.append(_trial(plan, divisions, False, 1.0, tick))
     candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
-    divisions = PARTS[trials.index(candidate) - smooth] if not candidate.with_acceleration else 1
+    # The trials are the quintics through the breaks, if these are smooth, and then one for each
+    # entry of PARTS.
+    divisions = 1 if candidate.with_acceleration else PARTS[trials.index(candidate) - smooth]
     for _ in range(TRIALS):
         if candidate.certificate.passed:
             return candidate
-        stretch = candidate.stretch * max(
-            _slower(plan, limit) for limit in candidate.certificate.violations
-        )
+        factors = [_slower(plan, limit) for limit in candidate.certificate.violations]
+        stretch = candidate.stretch * max(factors)
         if stretch > 1 + LARGEST_STRETCH:
             break
         candidate = _trial(plan, divisions, candidate.with_acceleration, stretch, tick)
@@ -119,8 +122,11 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     start = plan.motion.breaks[0]
     end = plan.motion.breaks[-1]
     s = plan.motion.sample(np.minimum(start + (t - start) / stretch, end))
-    moving = (s.t < end)[:, None] | (t <= start + plan.motion.duration * stretch + ROUNDED)[:, None]
-    qd, qdd, qddd = (x * moving / stretch**k for k, x in enumerate((s.qd, s.qdd, s.qddd), start=1))
+    is_before_end = (s.t < end) | (t <= start + plan.motion.duration * stretch + ROUNDED)
+    moving = is_before_end[:, None]
+    qd = s.qd * moving / stretch
+    qdd = s.qdd * moving / stretch**2
+    qddd = s.qddd * moving / stretch**3
     return Samples(t, s.q, qd, qdd, qddd)
 
 
@@ -143,12 +149,11 @@ def _trial(
     """
     breaks = plan.motion.breaks
     shares = np.arange(divisions) / divisions
-    t = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
+    t = np.append(breaks[:-1, None] + shares * np.diff(breaks)[:, None], breaks[-1])
     t = (t - breaks[0]) * stretch
     if tick is not None:
         t = np.round(t / tick) * tick
-    s = at_times(plan, breaks[0] + t, stretch)
-    s = Samples(t, s.q, s.qd, s.qdd, s.qddd)
+    s = replace(at_times(plan, breaks[0] + t, stretch), t=t)
     # Remove rounding errors at the end, because controllers refuse a nonzero last velocity.
     if np.all(np.abs(s.qd[-1]) < 1e-6):
         s.qd[-1] = 0.0

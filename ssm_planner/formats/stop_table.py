@@ -73,12 +73,13 @@ def stop_table(
 
 def _columns(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
     """Return the names of the columns, and the factors (4,) from rad or m to their units."""
-    scales = [axes.get(joint.name, {}).get("increments_per_unit") for joint in robot.joints]
-    names = [
-        f"{joint.name}_{joint.unit if scale is None else 'inc'}"
-        for joint, scale in zip(robot.joints, scales, strict=True)
-    ]
-    return ["from_s", "time_s", *names], np.array([scale or 1.0 for scale in scales])
+    names = ["from_s", "time_s"]
+    scales = []
+    for joint in robot.joints:
+        scale = axes.get(joint.name, {}).get("increments_per_unit")
+        names.append(f"{joint.name}_{'inc' if scale else joint.unit}")
+        scales.append(scale or 1.0)
+    return names, np.array(scales)
 
 
 def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot) -> Reading:
@@ -164,25 +165,24 @@ def _played(
 
     for time in np.linspace(0.0, motion.duration, count):
         steps = np.diff(positions(time + interval * np.array([-1.0, 0.0, 1.0])), axis=0)
-        if np.all(np.abs(rows[:, 0] - time) > NEAR + interval) and np.any(
-            np.abs(steps) > 2 * change + slack
-        ):
+        is_missing = np.all(np.abs(rows[:, 0] - time) > NEAR + interval)
+        if is_missing and np.any(np.abs(steps) > 2 * change + slack):
             raise TrajectoryError(f"{path}: no stop begins at {time:.6f} s")
-    for stop in np.split(rows, np.flatnonzero(rows[1:, 1] == 0) + 1) if len(rows) else ():
-        t, q = stop[:, 1], stop[:, 2:]
+    if not len(rows):
+        return
+    for stop in np.split(rows, np.flatnonzero(rows[1:, 1] == 0) + 1):
+        t = stop[:, 1]
+        q = stop[:, 2:]
         regular = np.arange(len(t)) * PERIOD
         path_positions = positions(stop[0, 0] + regular)
-        distance = np.abs(q[:, None] - path_positions) / (
-            slack + np.abs(np.diff(path_positions, axis=0)).max(axis=0)
-        )
-        faults = (
-            np.ptp(stop[:, 0]),
-            np.abs(t - regular)[:-1].max(initial=0.0) - DIGIT,
-            t[-1] - regular[-1] - DIGIT,
-            np.abs(q[0] - path_positions[0]) - slack,
-            distance.max(axis=2).min(axis=1).max() - 1,
-        )
-        if not np.max(np.hstack(faults)) <= 0:
+        tolerance = slack + np.abs(np.diff(path_positions, axis=0)).max(axis=0)
+        distances = np.abs(q[:, None] - path_positions) / tolerance
+        has_one_start = np.ptp(stop[:, 0]) <= 0
+        is_regular = np.abs(t - regular)[:-1].max(initial=0.0) <= DIGIT
+        ends_in_time = t[-1] - regular[-1] <= DIGIT
+        starts_on_path = np.all(np.abs(q[0] - path_positions[0]) <= slack)
+        stays_on_path = distances.max(axis=2).min(axis=1).max() <= 1
+        if not (has_one_start and is_regular and ends_in_time and starts_on_path and stays_on_path):
             raise TrajectoryError(
                 f"{path}: the stop from {stop[0, 0]} s does not follow the motion"
             )

@@ -105,13 +105,13 @@ def _complete(
         present = [i for i in range(4) if (order, i) in columns]
         missing = [robot.joints[i].name for i in range(4) if i not in present]
         if missing and (order == 0 or present):
-            unit = (
-                ""
-                if order
-                else "; examples of column names: q1_rad, q4_m, 'roll [deg]', 'joint1_position_rad'"
-            )
+            examples = ""
+            if order == 0:
+                examples = (
+                    "; examples of column names: q1_rad, q4_m, 'roll [deg]', 'joint1_position_rad'"
+                )
             raise TrajectoryError(
-                f"{location}: no {ORDER_NAMES[order]} of joint {', '.join(missing)}{unit}"
+                f"{location}: no {ORDER_NAMES[order]} of joint {', '.join(missing)}{examples}"
             )
     if (2, 0) in columns and (1, 0) not in columns:
         raise TrajectoryError(f"{location}: accelerations need velocities")

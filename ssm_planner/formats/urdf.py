@@ -4,6 +4,7 @@ URDF cannot represent the friction of the drives, so the export leaves it out.
 """
 
 import math
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -76,16 +77,18 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
         _templates(escape=False), "controllers.yaml", joints=plan.robot.joints, mark=mark
     )
     (folder / f"controllers{suffix}.yaml").write_text(controllers, encoding="utf-8")
-    light = [body.name for body in plan.robot.bodies if body.mass == 0]
+    notes = [f"not included: {text}" for text in ABSENT]
+    for body in plan.robot.bodies:
+        if body.mass == 0:
+            notes.append(f"body {one_line(body.name)} {NO_MASS}")
+    notes.append(
+        "the collision shapes are the thin cylinders of the visuals; the hardware of "
+        f"ros2_control is a placeholder, {PLUGIN}"
+    )
     return {
         "units": {"angle": "rad", "length": "m", "mass": "kg"},
         "rate_hz": None,
-        "notes": [
-            *(f"not included: {x}" for x in ABSENT),
-            *(f"body {one_line(name)} {NO_MASS}" for name in light),
-            "the collision shapes are the thin cylinders of the visuals; the hardware of "
-            f"ros2_control is a placeholder, {PLUGIN}",
-        ],
+        "notes": notes,
     }
 
 
@@ -190,9 +193,7 @@ def _templates(escape: bool) -> "Environment":
         escape,
         exact=_exact,
         triple=_triple,
-        identifier=lambda text: (
-            "".join(c if c.isascii() and c.isalnum() else "_" for c in text) or "robot"
-        ),
+        identifier=lambda text: re.sub("[^0-9A-Za-z]", "_", text) or "robot",
         comment=lambda text: Markup(one_line(text, without="-<>")),
     )
 

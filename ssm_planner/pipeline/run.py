@@ -52,7 +52,7 @@ from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.limits import JUMP
-from ssm_planner.verification.promises import WayKept, promises_kept
+from ssm_planner.verification.promises import PromiseResult, promises_kept
 from ssm_planner.verification.stops import quickest_stops
 
 P = ParamSpec("P")
@@ -350,7 +350,7 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
         return tuple(_summary(phase, None) for phase in result.phases)
     mechanism = Mechanism.from_robot(problem.robot)
     kept = promises_kept(result.trajectory, mechanism, problem.task_limits)
-    promises = {promise.way.span: promise for promise in kept}
+    promises = {item.promise.span: item for item in kept}
     spans = result.trajectory.phases
     return tuple(
         _summary(phase, promises.get(span))
@@ -358,7 +358,7 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
     )
 
 
-def _summary(phase_result: PlannedPhase, promise: WayKept | None) -> PhaseSummary:
+def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> PhaseSummary:
     """Return the summary of one phase."""
     phase = phase_result.phase
     confirmation = phase_result.motion.confirmation
@@ -377,9 +377,9 @@ def _summary(phase_result: PlannedPhase, promise: WayKept | None) -> PhaseSummar
         confirmation_difference=None if confirmation is None else confirmation.difference,
         confirmation_residual=None if confirmation is None else confirmation.residual,
         reversal_multiplier=phase_result.motion.reversal_multiplier,
-        corner_departure=promise.departure if promise and promise.way.distances else None,
+        corner_departure=promise.departure if promise and promise.promise.distances else None,
         corner_reach=promise.reach if promise else None,
-        constant_speed=promise.way.speed if promise else None,
+        constant_speed=promise.promise.speed if promise else None,
         constant_from=start,
         constant_to=end,
         constant_error=error,

@@ -53,15 +53,15 @@ LOOKS = 8
 FEW = 3
 """Number of instants in every piece of other motions."""
 ABOUT = 1.5
-"""Radius around a corner with more instants, as a multiple of its allowed distance."""
+"""Radius around a corner with more instants, as a multiple of the corner's allowed distance."""
 INSTANTS = 301
-"""Number of these instants."""
+"""Number of additional instants around a corner."""
 COARSE = 65
-"""Number of points of a line from which the search of the nearest point starts."""
+"""Number of points of a line among which the search of the nearest point starts."""
 STEPS = 3
-"""Number of its Newton steps."""
+"""Number of Newton steps in the search of the nearest point."""
 STEP = 1e-7
-"""Step of its difference quotients, as a fraction of the line."""
+"""Step of the difference quotients in this search, as a fraction of the line."""
 SOME = 4096
 """Number of instants that are evaluated together."""
 
@@ -70,8 +70,8 @@ Curve = Callable[[Array], Array]
 
 
 @frozen
-class Way:
-    """The promises about one phase of a motion.
+class PathPromise:
+    """The promises of a problem about the path of the tip in one phase of a motion.
 
     Attributes
     ----------
@@ -96,18 +96,18 @@ class Way:
 
 
 @frozen
-class WayKept:
+class PromiseResult:
     """The result of checking the promises of one phase, in SI units.
 
     Attributes
     ----------
-    way : Way
+    promise : PathPromise
         The promises.
     checks : tuple of LimitCheck
         One result for each promise.
     """
 
-    way: Way
+    promise: PathPromise
     checks: tuple[LimitCheck, ...]
     departure: float
     """Largest distance of the tip from its lines, m."""
@@ -123,12 +123,15 @@ class WayKept:
 
         None without corners.
         """
-        return next(
-            (check.worst for check in self.checks if check.name == CornerRounding.name), None
-        )
+        for check in self.checks:
+            if check.name == CornerRounding.name:
+                return check.worst
+        return None
 
 
-def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> list[WayKept]:
+def promises_kept(
+    motion: Trajectory, mechanism: Mechanism, limits: TaskLimits
+) -> list[PromiseResult]:
     """Check every phase whose motion promises something about the path of the tip.
 
     Parameters
@@ -142,13 +145,11 @@ def promises_kept(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) 
 
     Returns
     -------
-    list of WayKept
+    list of PromiseResult
         One result for each such phase, in their order.
     """
-    return [
-        _compare(motion, mechanism, promise)
-        for promise in _path_promises(motion, mechanism, limits)
-    ]
+    promises = _path_promises(motion, mechanism, limits)
+    return [_compare(motion, mechanism, promise) for promise in promises]
 
 
 def lines_kept(
@@ -186,14 +187,17 @@ def lines_kept(
     if not _has_lines(chain[0]):
         return [], []
     promise = replace(_path_promise(motion, mechanism, limits, chain, span), speed=None)
-    names = [CornerRounding.name] * bool(promise.distances)
     checks = []
+    names = []  # limits that remain unjudged
+    if promise.distances:
+        names.append(CornerRounding.name)
     if promise.over is None:
         departure = _compare(motion, mechanism, promise).checks[0]
         checks.append(_check(PathDeparture(allowed), promise, departure.worst, departure.time))
     else:
         names.append(PathDeparture.name)
-    names += [ConstantSpeed.name] * bool(getattr(chain[0], "constant_speed", None))
+    if getattr(chain[0], "constant_speed", None):
+        names.append(ConstantSpeed.name)
     reason = f"the points of a table do not show whether {span.name} keeps it"
     return checks, [Unjudged(name, None, reason) for name in names]
 
@@ -211,12 +215,15 @@ def _has_lines(entry: Motion) -> bool:
     return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in OF_TIP)
 
 
-def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits) -> Iterator[Way]:
+def _path_promises(
+    motion: Trajectory, mechanism: Mechanism, limits: TaskLimits
+) -> Iterator[PathPromise]:
     """Yield the promises of each motion that prescribes lines.
 
-    The phases of a trajectory have the names and the order of the motions. A scan, and a curve
-    through samples, have an unknown number of phases, so the next motion is searched by its name. A
-    motion whose phase is missing gets an empty phase, which fails the check.
+    The phases of a trajectory have the names and the order of the motions. A scan and a curve
+    through samples consist of an unknown number of phases. After such a motion, the function
+    searches the phase of the next motion by its name. A motion without a phase gets an empty
+    phase, which fails the check.
     """
     index = 0
     counts_unknown = False
@@ -227,23 +234,19 @@ def _path_promises(motion: Trajectory, mechanism: Mechanism, limits: TaskLimits)
         if isinstance(head, Scan) or (isinstance(head, Follow) and head.curve == "samples"):
             counts_unknown = True  # The planner chooses the number of phases.
             continue
-        if isinstance(head, Follow) and head.curve == "retina" and not counts_unknown:
-            index += index < len(spans) and spans[index].name == f"{name}, approach"
-        if counts_unknown:
-            index = next((k for k in range(index, len(spans)) if spans[k].name == name), index)
-        span = spans[index] if index < len(spans) else None
-        index += 1
+        names = [span.name for span in spans[index:]]
+        if counts_unknown and name in names:
+            index += names.index(name)
+        elif not counts_unknown and names[:1] == [f"{name}, approach"]:
+            index += 1  # a curve along the retina has a phase that approaches it
         counts_unknown = False
+        start = spans[index].start if index < len(spans) else motion.breaks[-1]
+        span = Span(name, start, start)
+        if index < len(spans) and spans[index].name == name:
+            span = spans[index]
+        index += 1
         if _has_lines(head):
-            start = motion.breaks[-1] if span is None else span.start
-            is_phase = span is not None and span.name == name
-            yield _path_promise(
-                motion,
-                mechanism,
-                limits,
-                chain,
-                span if is_phase and span else Span(name, start, start),
-            )
+            yield _path_promise(motion, mechanism, limits, chain, span)
 
 
 def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
@@ -261,7 +264,7 @@ def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
 
 def _path_promise(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span
-) -> Way:
+) -> PathPromise:
     """Return the lines of the motions that form one phase.
 
     The first line starts where the tip is when the phase begins. Each further line starts at the
@@ -269,11 +272,13 @@ def _path_promise(
     """
     task, branch = _initial_task(motion, mechanism, chain, span)
     lines: list[Curve] = []
+    distances: list[float] = []
     retina: tuple[Array, float, float] | None = None
     for entry in chain:
         assert isinstance(entry, (Straight, Follow))
         tasks = [task]
-        for point in (*(entry.through if isinstance(entry, Follow) else ()), entry.to):
+        waypoints = entry.through if isinstance(entry, Follow) else ()
+        for point in waypoints + (entry.to,):
             tasks.append(task_at(mechanism, point, tasks[-1], branch))
         if isinstance(entry, Follow) and entry.distance is not None and limits.eye is not None:
             retina = limits.eye.centre, limits.eye.radius, entry.distance
@@ -283,23 +288,15 @@ def _path_promise(
             lines.append(partial(_in_task, mechanism, tasks[0], tasks[-1]))
         elif entry.curve == "line":
             lines.append(partial(_line, tips[0], tips[-1]))
+        elif retina is None:
+            lines.append(_circle(tips, _middle(tips), shorter=False))
         else:
-            lines.append(
-                _circle(
-                    tips, _middle(tips) if retina is None else retina[0], shorter=retina is not None
-                )
-            )
+            lines.append(_circle(tips, retina[0], shorter=True))
+        if entry.blend:
+            distances.append(entry.blend)
         task = tasks[-1]
-    distances = tuple(
-        entry.blend for entry in chain if isinstance(entry, (Straight, Follow)) and entry.blend
-    )
-    return Way(
-        span,
-        tuple(lines),
-        distances,
-        chain[0].constant_speed if isinstance(chain[0], Follow) else None,
-        retina,
-    )
+    speed = getattr(chain[0], "constant_speed", None)
+    return PathPromise(span, tuple(lines), tuple(distances), speed, retina)
 
 
 def _initial_task(
@@ -310,21 +307,18 @@ def _initial_task(
     The roll angle is unique only up to whole turns. If the motions give a roll, the result counts
     turns so that the phase ends near the last roll that they give.
     """
-    rolls_given = [
-        entry.to.roll
-        for entry in chain
-        if isinstance(entry, Straight) and entry.to.roll is not None
-    ]
-    inner = (
-        motion.breaks[(motion.breaks > span.start) & (motion.breaks < span.end)]
-        if rolls_given
-        else ()
-    )
-    q = motion.positions(np.array([span.start, *inner, span.end]))
+    final_roll = None
+    for entry in chain:
+        if isinstance(entry, Straight) and entry.to.roll is not None:
+            final_roll = entry.to.roll
+    # The breaks in between show how far the tool rolls during the phase.
+    breaks = motion.breaks if final_roll is not None else np.zeros(0)
+    inner = breaks[(breaks > span.start) & (breaks < span.end)]
+    q = motion.positions(np.concatenate([[span.start], inner, [span.end]]))
     tasks = task_from_joints(mechanism, q)
-    if rolls_given:
+    if final_roll is not None:
         rolls = np.unwrap(tasks[:, 0])
-        tasks[0, 0] += 2 * np.pi * np.round((rolls_given[-1] - rolls[-1]) / (2 * np.pi))
+        tasks[0, 0] += 2 * np.pi * np.round((final_roll - rolls[-1]) / (2 * np.pi))
     return tasks[0], int(mechanism.branch_of(q[0]))
 
 
@@ -348,16 +342,14 @@ def task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> 
         Roll, tilt and spin in rad, and depth in m.
     """
     if isinstance(point, Task):
-        return np.array(
-            [point.set_coordinates.get(name, default[k]) for k, name in enumerate(TASK)]
-        )
+        coordinates = point.set_coordinates
+        return np.array([coordinates.get(name, default[k]) for k, name in enumerate(TASK)])
     if isinstance(point, Joints):
-        return task_from_joints(mechanism, [point.values], near=default)[0]
-    return task_from_joints(
-        mechanism,
-        inverse_tip(mechanism, [point.position], point.spin).joints[:, 0 if branch > 0 else 1],
-        near=default,
-    )[0]
+        q = np.array([point.values])
+    else:
+        solutions = inverse_tip(mechanism, [point.position], point.spin).joints
+        q = solutions[:, 0 if branch > 0 else 1]
+    return task_from_joints(mechanism, q, near=default)[0]
 
 
 def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
@@ -373,11 +365,11 @@ def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -
     radius : float
         Radius of the sphere, m.
     """
-    direction = tip_from_task(mechanism, np.array([[*task[:3], 1.0]]))[0]
-    return float(
-        direction @ centre
-        + np.sqrt(max((direction @ centre) ** 2 - centre @ centre + radius**2, 0.0))
-    )
+    direction = tip_from_task(mechanism, np.append(task[:3], 1.0)[None])[0]
+    # The depth d solves |d · direction − centre| = radius.
+    projection = direction @ centre
+    discriminant = projection**2 - centre @ centre + radius**2
+    return float(projection + np.sqrt(max(discriminant, 0.0)))
 
 
 def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
@@ -405,11 +397,11 @@ def _middle(tips: Array) -> Array:
     It is the intersection of the perpendicular bisecting planes of two sides and the points' plane.
     """
     sides = tips[1:] - tips[0]
-    normal = np.cross(tips[1] - tips[0], tips[2] - tips[0])
-    half = (sides * (tips[1:] + tips[0])).sum(axis=1) / 2
-    return np.linalg.lstsq(
-        np.vstack([sides, normal]), np.append(half, normal @ tips[0]), rcond=None
-    )[0]
+    normal = np.cross(sides[0], sides[1])
+    plane_normals = np.vstack([sides, normal])
+    bisecting_offsets = (sides * (tips[1:] + tips[0])).sum(axis=1) / 2
+    offsets = np.append(bisecting_offsets, normal @ tips[0])
+    return np.linalg.lstsq(plane_normals, offsets, rcond=None)[0]
 
 
 def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
@@ -428,15 +420,22 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     end = tips[-1] - centre
     normal = np.cross(radius, end) if shorter else np.cross(tips[1] - tips[0], tips[-1] - tips[0])
     size = np.linalg.norm(normal)
-    tangent = np.cross(normal / size, radius) if size else radius
-    angle = float(np.arctan2(end @ tangent, end @ radius)) % (2 * np.pi) if size else 0.0
-    return lambda s: (
-        centre + np.cos(angle * s)[:, None] * radius + np.sin(angle * s)[:, None] * tangent
-    )
+    tangent = radius
+    angle = 0.0
+    if size:
+        tangent = np.cross(normal / size, radius)
+        angle = float(np.arctan2(end @ tangent, end @ radius)) % (2 * np.pi)
+
+    def arc(s: Array) -> Array:
+        """Return points (n, 3) at the fractions s (n,) of the arc."""
+        angles = (angle * s)[:, None]
+        return centre + np.cos(angles) * radius + np.sin(angles) * tangent
+
+    return arc
 
 
-def _off(line: Curve, tips: Array) -> Array:
-    """Return the distances (n,) of tips (n, 3) from the nearest points of a line.
+def _distances_from(line: Curve, tips: Array) -> Array:
+    """Return the distances (n,) in m of tips (n, 3) from the nearest points of a line.
 
     The search starts at the nearest of COARSE points and continues with Newton steps.
     """
@@ -444,14 +443,14 @@ def _off(line: Curve, tips: Array) -> Array:
     positions = line(shares)
     s = shares[np.argmin((positions**2).sum(axis=1) - 2 * tips @ positions.T, axis=1)]
     for _ in range(STEPS):
-        positions_at, ahead = np.split(line(np.concatenate([s, s + STEP])), 2)
-        slope = (ahead - positions_at) / STEP
+        nearest = line(s)
+        slope = (line(s + STEP) - nearest) / STEP
         square = np.maximum((slope**2).sum(axis=1), np.finfo(float).tiny)
-        s = np.clip(s + ((tips - positions_at) * slope).sum(axis=1) / square, 0.0, 1.0)
+        s = np.clip(s + ((tips - nearest) * slope).sum(axis=1) / square, 0.0, 1.0)
     return np.linalg.norm(tips - line(s), axis=1)
 
 
-def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
+def _compare(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> PromiseResult:
     """Check that the tip follows the lines of one phase and keeps its height and its speed.
 
     The result contains the checks and the largest distance of the tip from its lines. For a
@@ -459,73 +458,71 @@ def _compare(motion: Trajectory, mechanism: Mechanism, promise: Way) -> WayKept:
     relative error.
     """
     t = _instants(motion, mechanism, promise)
-    instants = [t[block] for block in blocks(len(t), SOME)]
-    block_tips = [tip_position(mechanism, motion.positions(block)) for block in instants]
-    distances = np.concatenate(
-        [np.min([_off(line, tips) for line in promise.lines], axis=0) for tips in block_tips]
-    )
-    tips = np.vstack(block_tips)
-    end_error = float(np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0]))
-    checks = _leaving(promise, t, tips, np.append(distances[:-1], max(distances[-1], end_error)))
+    tips = np.empty((len(t), 3))
+    distances = np.empty(len(t))
+    for block in blocks(len(t), SOME):
+        tips[block] = tip_position(mechanism, motion.positions(t[block]))
+        line_distances = [_distances_from(line, tips[block]) for line in promise.lines]
+        distances[block] = np.min(line_distances, axis=0)
+    end_error = np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0])
+    with_end = np.append(distances[:-1], max(distances[-1], end_error))
+    checks = _leaving(promise, t, tips, with_end)
     if promise.over is not None:
         centre, radius, distance = promise.over
         heights = radius - np.linalg.norm(tips - centre, axis=1)
         checks.append(_farthest_off(RetinaDistance(distance), ON, promise, t, heights))
     stretch = None
     if promise.speed is not None:
-        samples = map(motion.sample, instants)
-        speeds = np.concatenate(
-            [tool_speed(TipSpeed, mechanism, sample.q, sample.qd) for sample in samples]
-        )
+        speeds = np.empty(len(t))
+        for block in blocks(len(t), SOME):
+            samples = motion.sample(t[block])
+            speeds[block] = tool_speed(TipSpeed, mechanism, samples.q, samples.qd)
         check, stretch = _at_speed(promise, promise.speed, t, speeds)
         checks.append(check)
-    return WayKept(promise, tuple(checks), float(distances.max()), stretch)
+    return PromiseResult(promise, tuple(checks), float(distances.max()), stretch)
 
 
-def _instants(motion: Trajectory, mechanism: Mechanism, promise: Way) -> Array:
+def _instants(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> Array:
     """Return instants (n,) in every piece of a phase, with more of them near its corners."""
     start = promise.span.start
     end = promise.span.end
-    breaks = np.concatenate(
-        [[start], motion.breaks[(motion.breaks > start) & (motion.breaks < end)], [end]]
-    )
+    inner_breaks = motion.breaks[(motion.breaks > start) & (motion.breaks < end)]
+    breaks = np.concatenate([[start], inner_breaks, [end]])
     count = LOOKS if promise.speed else FEW
-    t = np.append(
-        (breaks[:-1, None] + np.arange(count) / count * np.diff(breaks)[:, None]).ravel(), end
-    )
+    shares = np.arange(count) / count
+    t = np.append(breaks[:-1, None] + shares * np.diff(breaks)[:, None], end)
     if not promise.distances:
         return t
-    distances = np.linalg.norm(
-        tip_position(mechanism, motion.positions(t))[:, None] - promise.corners, axis=2
-    )
+    tips = tip_position(mechanism, motion.positions(t))
+    distances = np.linalg.norm(tips[:, None] - promise.corners, axis=2)
     instants = [t]
     for is_near in (distances < ABOUT * np.array(promise.distances)).T:
         if is_near.any():
-            start_index, end_index = np.flatnonzero(is_near)[[0, -1]]
-            instants.append(
-                np.linspace(t[max(start_index - 1, 0)], t[min(end_index + 1, len(t) - 1)], INSTANTS)
-            )
+            indices = np.flatnonzero(is_near)
+            previous = t[max(indices[0] - 1, 0)]
+            following = t[min(indices[-1] + 1, len(t) - 1)]
+            instants.append(np.linspace(previous, following, INSTANTS))
     return np.unique(np.concatenate(instants))
 
 
-def _leaving(promise: Way, t: Array, tips: Array, distances: Array) -> list[LimitCheck]:
+def _leaving(promise: PathPromise, t: Array, tips: Array, distances: Array) -> list[LimitCheck]:
     """Check how far the tips leave the lines.
 
     Parameters
     ----------
-    promise : Way
+    promise : PathPromise
     t : (n,) array
         Instants, s.
     tips : (n, 3) array
         Positions of the tip, m.
-    off : (n,) array
-        Distances from the lines, m.
+    distances : (n,) array
+        Distances of the tips from the lines, m.
 
     Returns
     -------
     list of LimitCheck
-        The largest distance from the lines away from corners. If there are corners, also the
-        largest distance from a corner at which the tip is off the lines.
+        The largest distance from the lines where no corner is near. If the phase has corners, the
+        list also contains the largest distance from a corner at which the tip is off the lines.
     """
     shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(promise.distances)
     outside = np.all(shares * promise.distances > np.array(promise.distances) + SLACK, axis=1)
@@ -541,13 +538,13 @@ def _leaving(promise: Way, t: Array, tips: Array, distances: Array) -> list[Limi
     return checks
 
 
-def _check(limit: OfPath, promise: Way, value: float, time: float) -> LimitCheck:
+def _check(limit: OfPath, promise: PathPromise, value: float, time: float) -> LimitCheck:
     """Return the result of a limit on the path. Its case is the name of the phase."""
     return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
 
 def _farthest_off(
-    limit: OfPath, tolerance: float, promise: Way, t: Array, values: Array
+    limit: OfPath, tolerance: float, promise: PathPromise, t: Array, values: Array
 ) -> LimitCheck:
     """Check values that must equal `limit.largest` up to a tolerance.
 
@@ -557,7 +554,7 @@ def _farthest_off(
         The limit with the required value.
     tolerance : float
         Largest deviation from this value, in its unit.
-    promise : Way
+    promise : PathPromise
         The phase.
     t, values : (n,) arrays
         Instants in s, and the values at these instants.
@@ -585,7 +582,7 @@ def _farthest_off(
 
 
 def _at_speed(
-    promise: Way, speed: float, t: Array, speeds: Array
+    promise: PathPromise, speed: float, t: Array, speeds: Array
 ) -> tuple[LimitCheck, tuple[float, float, float]]:
     """Check the tip speeds (n,) of a phase that promises a constant speed.
 
@@ -601,13 +598,16 @@ def _at_speed(
         relative error.
     """
     at_speed = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
-    ends = (0.0, 0.0)
+    start_time = 0.0
+    end_time = 0.0
     checked = speeds
     if len(at_speed) >= LOOKS:
         start = at_speed[0]
         end = at_speed[-1]
-        ends = float(t[start] - t[0]), float(t[end] - t[0])
+        start_time = float(t[start] - t[0])
+        end_time = float(t[end] - t[0])
+        # Before and after the constant speed, only an excess counts.
         checked = np.maximum(speeds, speed)
         checked[start : end + 1] = speeds[start : end + 1]
     check = _farthest_off(ConstantSpeed(speed), CONSTANT * speed, promise, t, checked)
-    return check, (*ends, float(np.abs(checked / speed - 1).max()))
+    return check, (start_time, end_time, float(np.abs(checked / speed - 1).max()))

@@ -142,6 +142,7 @@ class SampledExtremes:
         keys = tuple(
             (type(item.limit), item.limit.name, item.index, item.case) for item in self.quantities
         )
+        # The compiled function depends on these keys but not on the values of the limits.
         self._law = _law(_without_limits(robot), eye, keys) if keys else None
         self.kinked = np.array([quantity.kinked for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
@@ -159,23 +160,25 @@ class SampledExtremes:
         intervals = Intervals.of_segments(
             pieces, self.robot, piece_index, start, end, rate=rate, max_intervals=most_intervals
         )
-        for look in range(HALVINGS + 1):
+        for level in range(HALVINGS + 1):
             if not len(intervals.piece):
                 break
             values = self._sample(pieces, intervals)
-            gain = self._gain(*bracket(values, self.kinked))
+            lowest, highest = bracket(values, self.kinked)
+            gain = self._gain(lowest, highest)
             duration = intervals.width * pieces.length[intervals.piece]
-            if look == 0:
-                open_ = np.flatnonzero(
-                    (gain > 0) | intervals.slow | self.rms.uneven(values, duration)
-                )
-                duration[open_] = 0.0  # their parts are integrated instead
+            if level == 0:
+                is_open = (gain > 0) | intervals.slow | self.rms.uneven(values, duration)
+                open_indices = np.flatnonzero(is_open)
+                duration[open_indices] = 0.0  # the parts of these intervals are integrated instead
             else:
-                open_ = np.flatnonzero(gain > 0)
-                open_ = open_[np.argsort(gain[open_])[-MOST:]] if len(open_) > MOST else open_
-            if look < 2:  # later intervals are parts of integrated ones
+                open_indices = np.flatnonzero(gain > 0)
+                if len(open_indices) > MOST:
+                    order = np.argsort(gain[open_indices])
+                    open_indices = open_indices[order[-MOST:]]
+            if level < 2:  # later intervals are parts of integrated intervals
                 self.rms.add_intervals(values, intervals.starting, duration)
-            intervals = intervals.split(open_, 2 if look else PARTS)
+            intervals = intervals.split(open_indices, PARTS if level == 0 else 2)
 
     def evaluate(self, state: State, direction: Array, breakaway: Array) -> Array:
         """Return the quantities at n states.
@@ -223,9 +226,9 @@ class SampledExtremes:
         pieces.evaluate(intervals.piece, s, states[..., : s.size])
         pieces.evaluate(intervals.piece[final], end, states[..., s.size :])
         q, qd, qdd = (state.T for state in states)
-        direction = np.concatenate(
-            [intervals.direction.T] * 3 + [intervals.direction[final].T], axis=1
-        ).T
+        # Each interval has three instants, and a final interval has a fourth one.
+        columns = [intervals.direction.T] * 3 + [intervals.direction[final].T]
+        direction = np.concatenate(columns, axis=1).T
         static = np.zeros_like(direction)
         static[: len(intervals.piece)] = intervals.starting
         results = self.evaluate((q, qd, qdd), direction, static)
@@ -344,20 +347,17 @@ class Intervals:
         # The velocity may jump by JUMP, so a joint may start with such a speed.
         previous_direction = np.vstack([np.zeros(4), direction[:-1]])
         start_speed = np.where(direction == previous_direction, 1.0, JUMP / STILL) * still(robot)
-        starting, stopping = (
-            (np.abs(qd) <= start_speed) & (direction != 0) for qd in (at_begin, at_end)
-        )
-        counts = np.maximum(
-            np.ceil((end - start) * pieces.length[piece] * rate / 3 - 1e-3).astype(int), 1
-        )
-        counts = np.minimum(counts, max_intervals)
+        starting = (np.abs(at_begin) <= start_speed) & (direction != 0)
+        stopping = (np.abs(at_end) <= start_speed) & (direction != 0)
+        # An interval of four instants spans three sampling periods.
+        periods = (end - start) * pieces.length[piece] * rate
+        counts = np.clip(np.ceil(periods / 3 - 1e-3).astype(int), 1, max_intervals)
         segment, offset = parts_of(counts)
         width = ((end - start) / counts)[segment]
         is_first = offset == 0
         is_last = offset == counts[segment] - 1
-        slow = (is_first & starting.any(axis=1)[segment]) | (
-            is_last & stopping.any(axis=1)[segment]
-        )
+        starts_slowly = is_first & starting.any(axis=1)[segment]
+        ends_slowly = is_last & stopping.any(axis=1)[segment]
         return cls(
             piece[segment],
             start[segment] + offset * width,
@@ -365,7 +365,7 @@ class Intervals:
             direction[segment],
             starting=starting[segment] & is_first[:, None],
             joined=~is_last,
-            slow=slow,
+            slow=starts_slowly | ends_slowly,
         )
 
     def subset(self, selection: slice) -> "Intervals":
@@ -470,13 +470,9 @@ class RmsTorques:
         for i, case, integral in zip(self.joints, self.cases, self.integrals, strict=True):
             limit = robot.joints[i].limit(ContinuousTorque)
             rms = float(np.sqrt(integral / (trajectory.duration + pause)))
-            end = float(trajectory.breaks[-1])
-            checks.append(
-                replace(
-                    LimitCheck.from_extreme(limit, rms, end),
-                    case=None if case is None else case.description,
-                )
-            )
+            result = LimitCheck.from_extreme(limit, rms, float(trajectory.breaks[-1]))
+            description = None if case is None else case.description
+            checks.append(replace(result, case=description))
         return checks
 
 
@@ -486,7 +482,7 @@ def _without_limits(robot: Robot) -> Robot:
     The quantities do not depend on them. Robots that differ only in limits and motors therefore
     share one compiled function.
     """
-    joint_1, joint_2, joint_3, joint_4 = (
+    joints = tuple(
         unchecked(
             joint,
             position=(0.0, 0.0),
@@ -498,7 +494,7 @@ def _without_limits(robot: Robot) -> Robot:
         )
         for joint in robot.joints
     )
-    return unchecked(robot, joints=(joint_1, joint_2, joint_3, joint_4), limits=())
+    return unchecked(robot, joints=joints, limits=())
 
 
 @lru_cache(maxsize=8)
@@ -515,26 +511,25 @@ def _law(
         Type of limit, its name, index of the joint or coordinate, and case of each quantity. For a
         nut contact, the function returns the effort of the drive.
     """
-    q, qd, qdd, direction, breakaway = (
-        ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")
-    )
+    arguments = [ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")]
+    q, qd, qdd, direction, breakaway = arguments
     mechanism = Mechanism.from_robot(robot)
     tau, torque, effort = motor_law(robot, q, qd, qdd, direction, breakaway=breakaway)
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)
-    about_eye = {} if eye is None else eye_limits(casadi_namespace(), eye, (tip[0], tip[1], tip[2]))
-    rows = []
+    eye_values = (
+        {} if eye is None else eye_limits(casadi_namespace(), eye, tuple(ca.vertsplit(tip)))
+    )
+    rows: list[ca.SX] = []
     loads = {0.0: tau}
     for limit_type, name, i, case in keys:
         if case is not None:
             if case.payload not in loads:
-                loads[case.payload] = RigidBody.from_robot(
-                    with_payload(robot, case.payload)
-                ).symbolic(q, qd, qdd)
+                body = RigidBody.from_robot(with_payload(robot, case.payload))
+                loads[case.payload] = body.symbolic(q, qd, qdd)
             motion = loads[case.payload][i], qd[i], qdd[i], direction[i]
-            drive_side: ca.SX = drive_torque(case.drive, *motion, breakaway=breakaway[i])[0]
-            rows.append(drive_side)
+            rows.append(drive_torque(case.drive, *motion, breakaway=breakaway[i])[0])
         elif issubclass(limit_type, MotorTorque):
             rows.append(torque[i])
         elif issubclass(limit_type, NutContact):
@@ -546,5 +541,5 @@ def _law(
         elif issubclass(limit_type, TaskRange):
             rows.append(task[i])
         else:
-            rows.append(about_eye[name][0])
-    return Vectorised(dense("limits", [q, qd, qdd, direction, breakaway], [ca.vertcat(*rows)]))
+            rows.append(eye_values[name][0])
+    return Vectorised(dense("limits", arguments, [ca.vertcat(*rows)]))

@@ -197,9 +197,10 @@ def _timing(path: PathRows, use: Array) -> Array | None:
     duration = path.width.sum()
     for _ in range(PASSES):
         previous = duration
-        rows = _rows(path, squares)
-        start_rows = tuple(values[: len(path.width)] for values in rows)
-        end_rows = tuple(values[len(path.width) :] for values in rows)
+        a, b, c = _rows(path, squares)
+        count = len(path.width)
+        start_rows = (a[:count], b[:count], c[:count])
+        end_rows = (a[count:], b[count:], c[count:])
         result = largest_speeds(
             grid, start_rows, end_rows, ceiling, speeds=(start_speed, end_speed), exact_ends=False
         )

@@ -79,10 +79,13 @@ class StopMotions:
     def motions(self) -> tuple[Trajectory | None, ...]:
         """One trajectory for each instant. None if all joints rest at the instant."""
         lengths, coefficients = self.pieces
-        return tuple(
-            None if start == end else _motion(lengths[start:end], coefficients[start:end].copy())
-            for start, end in pairwise(self.edges.tolist())
-        )
+        motions: list[Trajectory | None] = []
+        for start, end in pairwise(self.edges.tolist()):
+            if start == end:
+                motions.append(None)
+            else:
+                motions.append(_motion(lengths[start:end], coefficients[start:end].copy()))
+        return tuple(motions)
 
     @property
     def joined(self) -> Trajectory | None:
@@ -134,28 +137,27 @@ class _Path:
         """
         breaks = motion.breaks - motion.breaks[0]
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
-        is_near = (
-            np.minimum(np.abs(breaks[behind] - instants), np.abs(breaks[behind - 1] - instants))
-            < NEAR
-        )
+        distance_behind = np.abs(breaks[behind] - instants)
+        distance_ahead = np.abs(breaks[behind - 1] - instants)
+        is_near = np.minimum(distance_behind, distance_ahead) < NEAR
         nodes = np.union1d(breaks, instants[~is_near])
         distances = np.diff(nodes)
         steps = np.clip(np.ceil(distances / STEP - 1e-9), 1, MOST_STEPS).astype(int)
         interval, offset = parts_of(steps)
         s = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
-        ends = [
-            motion.sample(motion.breaks[0] + s[:-1], "right"),
-            motion.sample(motion.breaks[0] + s[1:], "left"),
-        ]
-        q, dq, ddq = (np.stack([getattr(end, name) for end in ends]) for name in ("q", "qd", "qdd"))
+        starts = motion.sample(motion.breaks[0] + s[:-1], "right")
+        ends = motion.sample(motion.breaks[0] + s[1:], "left")
+        q = np.stack([starts.q, ends.q])
+        dq = np.stack([starts.qd, ends.qd])
+        ddq = np.stack([starts.qdd, ends.qdd])
         body = RigidBody.from_robot(robot)
-        load = tuple(
-            coefficients.reshape(q.shape)
-            for coefficients in body.path_load(*(x.reshape(-1, 4) for x in (q, dq, ddq)))
+        inertia, velocity, gravity = body.path_load(
+            q.reshape(-1, 4), dq.reshape(-1, 4), ddq.reshape(-1, 4)
         )
-        slow = still(robot)
-        rests = np.append(np.all(np.abs(dq[0]) <= slow, axis=1), np.all(np.abs(dq[1, -1]) <= slow))
-        return cls(s, q, dq=dq, ddq=ddq, load=(load[0], load[1], load[2]), rests=rests)
+        load = (inertia.reshape(q.shape), velocity.reshape(q.shape), gravity.reshape(q.shape))
+        node_speeds = np.abs(np.append(dq[0], dq[1, -1:], axis=0))
+        rests = np.all(node_speeds <= still(robot), axis=1)
+        return cls(s, q, dq=dq, ddq=ddq, load=load, rests=rests)
 
 
 def quickest_stops(
@@ -194,18 +196,20 @@ def quickest_stops(
             first_pieces.append(int(break_index))
     starts = motion.breaks[first_pieces] - motion.breaks[0]
     legs = np.split(times, np.searchsorted(times, starts[1:]))
+    end_pieces = first_pieces[1:] + [len(motion.breaks) - 1]
     stops = []
+    stop_times = []
     for first_piece, end_piece, start, leg in zip(
-        first_pieces, [*first_pieces[1:], None], starts, legs, strict=True
+        first_pieces, end_pieces, starts, legs, strict=True
     ):
-        breaks = motion.breaks[first_piece : None if end_piece is None else end_piece + 1]
+        breaks = motion.breaks[first_piece : end_piece + 1]
         leg_motion = Trajectory(breaks, motion.pieces(slice(first_piece, end_piece)), ())
-        stops.append(_stops_of_leg(leg_motion, robot, leg - start))
+        leg_stops = _stops_of_leg(leg_motion, robot, leg - start)
+        stops.append(leg_stops)
+        stop_times.append(leg_stops.time + start)
     sizes = np.concatenate([np.diff(leg_stops.edges) for leg_stops in stops])
     return StopMotions(
-        np.concatenate(
-            [leg_stops.time + start for leg_stops, start in zip(stops, starts, strict=True)]
-        ),
+        np.concatenate(stop_times),
         np.concatenate([leg_stops.duration for leg_stops in stops]),
         np.concatenate([leg_stops.travel for leg_stops in stops]),
         (
@@ -229,9 +233,8 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
         Instants in s from the start of the part.
     """
     path = _Path.from_motion(motion, robot, times)
-    start_nodes = np.clip(
-        np.searchsorted((path.s[1:] + path.s[:-1]) / 2, times), 0, len(path.s) - 1
-    )
+    middles = (path.s[1:] + path.s[:-1]) / 2
+    start_nodes = np.searchsorted(middles, times)  # the nearest node of each instant
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # if nothing bounds s̈
         lengths, coefficients, edges = _stops(path, robot, start_nodes)
     duration = np.zeros(len(times))
@@ -243,17 +246,14 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
         final_pieces = coefficients[last_pieces].transpose(1, 2, 0)
         ends = polyval(lengths[last_pieces], final_pieces, tensor=False).T
         mechanism = Mechanism.from_robot(robot)
-        positions = tip_position(mechanism, coefficients[:, 0])
-        final_positions = tip_position(mechanism, ends)
-        start_positions = positions[first_pieces]
-        distances = np.linalg.norm(
-            positions - np.repeat(start_positions, np.diff(edges)[moving], axis=0), axis=1
-        )
+        tips = tip_position(mechanism, coefficients[:, 0])
+        final_tips = tip_position(mechanism, ends)
+        start_tips = tips[first_pieces]
+        piece_counts = np.diff(edges)[moving]
+        distances = np.linalg.norm(tips - np.repeat(start_tips, piece_counts, axis=0), axis=1)
+        final_distances = np.linalg.norm(final_tips - start_tips, axis=1)
         duration[moving] = np.add.reduceat(lengths, first_pieces)
-        travel[moving] = np.maximum(
-            np.maximum.reduceat(distances, first_pieces),
-            np.linalg.norm(final_positions - start_positions, axis=1),
-        )
+        travel[moving] = np.maximum(np.maximum.reduceat(distances, first_pieces), final_distances)
     return StopMotions(
         path.s[start_nodes],
         duration,
@@ -307,9 +307,8 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
         x = next_x
     if not rows:
         return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(start_nodes) + 1, dtype=int)
-    return _pieces(
-        path, len(start_nodes), [np.concatenate(column) for column in zip(*rows, strict=True)]
-    )
+    columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
+    return _pieces(path, len(start_nodes), columns)
 
 
 @record
@@ -358,16 +357,9 @@ class _Bounds:
         a = dq + grows[:, None] * ddq
         limit = robot.accelerations * (1 - BACKOFF)
         moves = a != 0
-        zeros = np.zeros_like(a)
-        alone = [
-            np.stack(
-                [
-                    np.where(moves, -limit / np.abs(a), -np.inf),
-                    np.where(moves, -ddq / a, 0.0),
-                    zeros,
-                ]
-            )
-        ]
+        constant = np.where(moves, -limit / np.abs(a), -np.inf)
+        with_square = np.where(moves, -ddq / a, 0.0)
+        alone = [np.stack([constant, with_square, np.zeros_like(a)])]
         halves: tuple[list[Array], list[Array]] = ([], [])
         varying: list[int] = []
         for i, drive, _ in motorised(robot.joints):
@@ -376,29 +368,21 @@ class _Bounds:
                 continue
             motor = _MotorAlong.from_joint(path, robot.joints[i], (end, interval, i), grows)
             zero = np.zeros(3 * m)
-            unit_vector = np.ones(3 * m)
-            constant, with_square, with_root, with_u = (
-                motor.torques(*unit)
-                for unit in (
-                    (zero, zero, zero),
-                    (zero, unit_vector, zero),
-                    (zero, zero, unit_vector),
-                    (unit_vector, zero, zero),
-                )
-            )
+            one = np.ones(3 * m)
+            # The torques are linear in (s̈, ṡ², ṡ), so four evaluations give all coefficients.
+            at_zero = motor.torques(zero, zero, zero)
+            at_unit_u = motor.torques(one, zero, zero)
+            at_unit_square = motor.torques(zero, one, zero)
+            at_unit_root = motor.torques(zero, zero, one)
             for row in (0, 1):
-                constants = np.stack(
-                    [
-                        constant[row],
-                        with_square[row] - constant[row],
-                        with_root[row] - constant[row],
-                    ]
-                )
-                slope = with_u[row] - constant[row]
-                driving, braking = (motor.bound(side * slope, side * constants) for side in (1, -1))
-                alone.append(driving[:, :, None])
-                halves[row].append(braking[:, :, None])
-        terms = np.concatenate([*alone, *halves[0], *halves[1]], axis=2).transpose(0, 2, 1)
+                slope = at_unit_u[row] - at_zero[row]
+                square_term = at_unit_square[row] - at_zero[row]
+                root_term = at_unit_root[row] - at_zero[row]
+                offsets = np.stack([at_zero[row], square_term, root_term])
+                alone.append(motor.bound(slope, offsets)[:, :, None])
+                halves[row].append(motor.bound(-slope, -offsets)[:, :, None])
+        all_rows = alone + halves[0] + halves[1]
+        terms = np.concatenate(all_rows, axis=2).transpose(0, 2, 1)
         count = sum(term.shape[2] for term in alone)
         return cls(
             path, robot, lengths, np.ascontiguousarray(terms), alone=count, varying=tuple(varying)
@@ -497,19 +481,18 @@ class _MotorAlong:
             ṡ² that determines the friction coefficient.
         """
         assert joint.drive is not None
-        dq, inertia, velocity, gravity = (values[index] for values in (path.dq, *path.load))
+        dq = path.dq[index]
+        inertia, velocity, gravity = path.load
         sigma = np.sign(dq)
-        mu = friction_coefficient(
-            friction_of(joint.drive), joint.drive.ratio * dq * np.sqrt(square)
-        )
-        rows = motor_torque_rows(joint.drive, sigma, mu)
+        motor_speed = joint.drive.ratio * dq * np.sqrt(square)
+        mu = friction_coefficient(friction_of(joint.drive), motor_speed)
         return cls(
             joint,
-            rows,
+            motor_torque_rows(joint.drive, sigma, mu),
             sigma,
             dq=dq,
             ddq=path.ddq[index],
-            load=(inertia, velocity, gravity),
+            load=(inertia[index], velocity[index], gravity[index]),
             grows=grows,
         )
 
@@ -566,12 +549,11 @@ class _MotorAlong:
         """
         root = np.sqrt(square)
         zero = np.zeros(len(square))
-        unit_vector = np.ones(len(square))
         driving = np.full(len(square), -np.inf)
         braking = np.full(len(square), np.inf)
-        for offset, torque_at_one in zip(
-            self.torques(zero, square, root), self.torques(unit_vector, square, root), strict=True
-        ):
+        at_zero = self.torques(zero, square, root)
+        at_one = self.torques(zero + 1, square, root)
+        for offset, torque_at_one in zip(at_zero, at_one, strict=True):
             slope = torque_at_one - offset
             driving = np.maximum(driving, self.bound(slope, offset[None])[0])
             # Each row is a lower bound of the torque in the direction of motion.
@@ -599,10 +581,9 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     order = np.argsort(columns[0], kind="stable")
     stop, k, x, u, end_x, travel = (column[order] for column in columns)
     # In Fortran order, the values of a joint are adjacent, so the operations below are fast.
-    (q, q_end), (dq, dq_end), (ddq, ddq_end) = (
-        [np.asfortranarray(values[end, k]) for end in (0, 1)]
-        for values in (path.q, path.dq, path.ddq)
-    )
+    q, q_end = [np.asfortranarray(values[k]) for values in path.q]
+    dq, dq_end = [np.asfortranarray(values[k]) for values in path.dq]
+    ddq, ddq_end = [np.asfortranarray(values[k]) for values in path.ddq]
     h = path.s[k + 1] - path.s[k]
     # A stop may end within an interval. A quintic through both ends gives the path there.
     within = np.flatnonzero(travel < h)
@@ -612,9 +593,10 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     q_end[within] = polyval(travel[within], inner, tensor=False).T
     dq_end[within] = polyval(travel[within], polyder(inner), tensor=False).T
     root = np.sqrt(x)[:, None]
-    root_after = np.sqrt(end_x)[:, None]
+    end_root = np.sqrt(end_x)[:, None]
     u = u[:, None]
-    dt = 2 * travel / (root + root_after)[:, 0]
+    dt = 2 * travel / (root + end_root)[:, 0]
+    # q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ² at both ends of each step
     start = q, dq * root, dq * u + ddq * x[:, None]
-    finish = q_end, dq_end * root_after, dq_end * u + ddq_end * end_x[:, None]
+    finish = q_end, dq_end * end_root, dq_end * u + ddq_end * end_x[:, None]
     return dt, quintics(dt, start, finish), np.searchsorted(stop, np.arange(count + 1))

@@ -21,7 +21,7 @@ from ssm_planner.formats.joint_trajectory import (
     trajectory_message,
 )
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.formats.ros2 import _of_states, link_poses, quaternion, state_times
+from ssm_planner.formats.ros2 import _from_states, link_poses, quaternion, state_times
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -408,4 +408,4 @@ def test_joint_states_have_positions() -> None:
     for count in (0, 1, 3):
         state = SimpleNamespace(name=["a", "b"], position=[0.0] * count, velocity=[], header=header)
         with pytest.raises(TrajectoryError, match=f"0: {count} values of position for 2 joints"):
-            _of_states([state])
+            _from_states([state])

@@ -16,7 +16,7 @@ from ssm_planner.problem.motion import Dwell, Follow, Joints, Straight
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification import promises
-from ssm_planner.verification.promises import Way
+from ssm_planner.verification.promises import PathPromise
 
 SHARES = np.linspace(0.0, 1.0, 41)
 JOINTS = Joints((0.0, 0.0, 0.0, 0.0))
@@ -72,12 +72,12 @@ def test_distances_from_lines_and_arcs_are_those_of_geometry() -> None:
     def line(s: np.ndarray) -> np.ndarray:
         return promises._line(start, end, s)
 
-    assert promises._off(line, tips) == pytest.approx(expected, abs=1e-12)
+    assert promises._distances_from(line, tips) == pytest.approx(expected, abs=1e-12)
     centre, ends = on_circle([0.0, 1.5, 3.0])
     curve = promises._circle(ends, centre, shorter=False)
     angles = rng.uniform(0.1, 2.9, 40)
     _, near = on_circle(angles.tolist(), radius=0.0203)
-    assert promises._off(curve, near) == pytest.approx(np.full(40, 3e-4), abs=1e-9)
+    assert promises._distances_from(curve, near) == pytest.approx(np.full(40, 3e-4), abs=1e-9)
 
 
 def test_motions_between_rounded_corners_are_one_phase() -> None:
@@ -91,13 +91,13 @@ def test_motions_between_rounded_corners_are_one_phase() -> None:
     assert list(promises._chains([c, c])) == [[c], [c]]
 
 
-def way(**changes: object) -> Way:
+def way(**changes: object) -> PathPromise:
     """Return two lines along x and y with a corner at the origin, rounded within 1 mm."""
     lines = tuple(
         (lambda s, p=p, q=q: promises._line(np.array(p), np.array(q), s))
         for p, q in (((-0.01, 0.0, 0.0), (0.0,) * 3), ((0.0,) * 3, (0.0, 0.01, 0.0)))
     )
-    return Way(Span("way", 1.0, 2.0), lines, (1e-3,), **changes)  # type: ignore[arg-type]
+    return PathPromise(Span("way", 1.0, 2.0), lines, (1e-3,), **changes)  # type: ignore[arg-type]
 
 
 def test_leaving_the_lines_counts_near_a_corner_by_its_reach() -> None:
@@ -173,9 +173,12 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
             return np.column_stack([0.02 * (t - 1.5), 0 * t, 0 * t])
 
     monkeypatch.setattr(promises, "tip_position", lambda mechanism, q: q)
-    plain = Way(Span("way", 1.0, 2.0), way().lines[:1])
+    plain = PathPromise(Span("way", 1.0, 2.0), way().lines[:1])
     looks = {}
-    for name, given_way in (("plain", plain), ("steady", Way(plain.span, plain.lines, speed=1.0))):
+    for name, given_way in (
+        ("plain", plain),
+        ("steady", PathPromise(plain.span, plain.lines, speed=1.0)),
+    ):
         t = promises._instants(Motion(4), None, given_way)  # type: ignore[arg-type]
         assert (t[0], t[-1]) == (1.0, 2.0)
         assert np.diff(t) == pytest.approx(np.full(len(t) - 1, t[1] - t[0]))
@@ -186,7 +189,7 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
     for corner in corners.values():
         ends = [np.array([x, 0.0, 0.0]) for x in (-0.02, corner, 0.02)]
         lines = tuple(partial(promises._line, p, q) for p, q in itertools.pairwise(ends))
-        turning = Way(Span("way", 1.0, 2.0), lines, (1e-3,))
+        turning = PathPromise(Span("way", 1.0, 2.0), lines, (1e-3,))
         t = promises._instants(Motion(40), None, turning)  # type: ignore[arg-type]
         assert len(t) > promises.INSTANTS
         # from the last regular instant before the neighbourhood to the first one after it
@@ -205,7 +208,7 @@ def test_each_corner_counts_with_its_own_distance() -> None:
     lines = tuple(
         (lambda s, p=p, q=q: promises._line(p, q, s)) for p, q in itertools.pairwise(ends)
     )
-    both = Way(Span("way", 1.0, 2.0), lines, (1e-3, 2e-3))
+    both = PathPromise(Span("way", 1.0, 2.0), lines, (1e-3, 2e-3))
     assert both.corners == pytest.approx(np.array(ends[1:3]))
     t = np.array([1.0, 1.2, 1.6, 2.0])
     x = np.array([-9e-3, 0.4e-3, 8.5e-3, 15e-3])

@@ -225,7 +225,7 @@ def test_arcs_and_lines_after_tables_and_scans(
         Follow(points[-1], points[:-1], curve="samples", name="table"), arc, Straight(roll=0.0)
     )
     kept = promises_kept(made.motion, Mechanism.from_geometry(made.robot.geometry), made.limits)
-    assert [each.way.span.name for each in kept] == ["arc", "roll"]
+    assert [each.promise.span.name for each in kept] == ["arc", "roll"]
     assert max(each.departure for each in kept) < 1e-8
     scan = next(entry for entry in laser_scan.motion if isinstance(entry, Scan))
     small = replace(scan, rows=2, columns=2, diameters=())
