@@ -332,8 +332,8 @@ def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
         True for points with values.
     """
     has_values = np.array([len(row) > 0 for row in rows])
-    values = np.zeros((len(rows), len(order)))
-    values[has_values] = [row for row in rows if len(row)]
+    zeros = [0.0] * len(order)
+    values = np.array([row if len(row) else zeros for row in rows])
     return values[:, order], has_values
 
 

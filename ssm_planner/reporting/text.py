@@ -6,7 +6,7 @@ Functions whose names end in `_lines` return lines for the terminal. Functions w
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import accumulate, zip_longest
+from itertools import accumulate, chain, zip_longest
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -102,19 +102,21 @@ class Table:
         """
         limit = columns() if width is None else width
         widths = self._widths(limit)
+        indices = list(range(len(widths)))
+        # Two spaces separate the columns.
         ends = accumulate(widths, lambda end, width: end + 2 + width)
         fit = sum(end <= limit for end in ends)
-        label = next((i for i in range(len(widths)) if i in self.numbers), 1)
-        if label < fit < len(widths):
-            upper = self._select(range(fit))
-            lower = self._select([*range(label), *range(fit, len(widths))])
-            return [*upper.lines(limit), "", *lower.lines(limit)]
-        rows = [self.header, ["-" * width for width in widths], *self.rows]
-        return [
-            "  ".join(self._align(line, widths)).rstrip()
-            for row in rows
-            for line in _wrap_row(row, widths)
-        ]
+        label_count = min(self.numbers, default=1)
+        if label_count < fit < len(widths):
+            upper = self._select(indices[:fit])
+            lower = self._select(indices[:label_count] + indices[fit:])
+            return upper.lines(limit) + [""] + lower.lines(limit)
+        rule = ["-" * width for width in widths]
+        lines = []
+        for row in [self.header, rule] + list(self.rows):
+            for cells in _wrap_row(row, widths):
+                lines.append("  ".join(self._align(cells, widths)).rstrip())
+        return lines
 
     def _select(self, indices: Sequence[int]) -> "Table":
         """Return a table that contains only the columns with these indices."""
@@ -128,19 +130,21 @@ class Table:
         Columns become narrower in steps of one character. Columns of numbers shrink first, and the
         widest of them before the others. No column becomes narrower than its longest word.
         """
-        cells = [*zip(self.header, *self.rows, strict=True)]
-        widths = [max(map(len, column)) for column in cells]
-        smallest = [max(map(len, " ".join(column).split()), default=0) for column in cells]
-        for i in self.numbers:  # Numbers stay on one line, but their headings may be wrapped.
-            smallest[i] = max([smallest[i], *map(len, cells[i][1:])])
+        widths = []
+        smallest = []
+        for i, heading in enumerate(self.header):
+            cells = [row[i] for row in self.rows]
+            unbroken = " ".join([heading] + cells).split()
+            if i in self.numbers:  # Numbers stay on one line, but their headings may be wrapped.
+                unbroken += cells
+            widths.append(max(map(len, [heading] + cells)))
+            smallest.append(max(map(len, unbroken), default=0))
         while sum(widths) + 2 * (len(widths) - 1) > limit:
-            priorities = [
-                (width > smallest[i], i in self.numbers, width) for i, width in enumerate(widths)
-            ]
-            priority = max(priorities)
-            if not priority[0]:
+            shrinkable = [i for i, width in enumerate(widths) if width > smallest[i]]
+            if not shrinkable:
                 break
-            widths[priorities.index(priority)] -= 1
+            selected = max(shrinkable, key=lambda i: (i in self.numbers, widths[i]))
+            widths[selected] -= 1
         return widths
 
     def _align(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
@@ -204,8 +208,8 @@ def limit_cells(
     is_distinct = abs(excess) > 1e-5 * abs(limit.limit) + 1e-9
     # A permitted value above the limit, or a forbidden value below it, shows a lower limit.
     is_floor = limit.name in FLOORS or (is_distinct and (excess > 0) == limit.passed)
-    worst_text, bound = (number(scale * value, digits) for value in (limit.worst, limit.limit))
-    bound = f"{'≥' if is_floor else '≤'} {bound}"
+    worst_text = number(scale * limit.worst, digits)
+    bound = f"{'≥' if is_floor else '≤'} {number(scale * limit.limit, digits)}"
     return limit.name, limit.joint or "", worst_text, bound, unit, percent(limit.margin, 4)
 
 
@@ -214,11 +218,11 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
     A limit on jumps appears only if it is exceeded.
     """
-    rows = [
-        (*limit_cells(limit), format_fixed(limit.time, 4), "" if limit.passed else "EXCEEDED")
-        for limit in sorted(limits, key=lambda limit: limit.margin)
-        if limit.name not in JUMPS or not limit.passed
-    ]
+    rows = []
+    for limit in sorted(limits, key=lambda limit: limit.margin):
+        if limit.name not in JUMPS or not limit.passed:
+            verdict = "" if limit.passed else "EXCEEDED"
+            rows.append(limit_cells(limit) + (format_fixed(limit.time, 4), verdict))
     header = "limit, joint, worst, limit, unit, margin, at s, "
     return Table(header, rows, (2, 3, 5, 6))
 
@@ -230,10 +234,11 @@ def phases_table(plan: "Plan") -> Table:
     lower bound for all paths. The last row is the total.
     """
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
+    entries.append(("total", plan))
     rows = []
-    for name, entry in [*entries, ("total", plan)]:
-        times = entry.duration, entry.toppra_duration, entry.path_bound, entry.lower_bound
-        rows.append((name, *(format_fixed(value, 4) for value in times)))
+    for name, entry in entries:
+        times = (entry.duration, entry.toppra_duration, entry.path_bound, entry.lower_bound)
+        rows.append([name] + [format_fixed(value, 4) for value in times])
     header = "phase, duration s, toppra s, path bound s, lower bound s"
     return Table(header, rows, (1, 2, 3, 4))
 
@@ -243,9 +248,9 @@ def sensitivities_table(plan: "Plan") -> Table:
     rows = []
     for item in plan.sensitivities or ():
         saved = -item.seconds_per_percent
-        share = 100 * saved / plan.motion.duration
-        cells = format_fixed(1e3 * saved, 2), format_fixed(share, 3)
-        rows.append((item.limit, item.joint or NOTHING, *cells))
+        saved_text = format_fixed(1e3 * saved, 2)
+        share = format_fixed(100 * saved / plan.motion.duration, 3)
+        rows.append((item.limit, item.joint or NOTHING, saved_text, share))
     return Table("limit, joint, saved ms for +1 %, share %", rows, (2, 3))
 
 
@@ -270,9 +275,11 @@ def candidates_table(plan: "Plan") -> Table:
     rows = []
     for name, candidates in zip_longest(names, plan.candidates, fillvalue=()):
         for candidate in candidates:
-            times = (candidate[key] for key in ("bound", "estimate", "duration"))
-            cells = (NOTHING if value is None else format_fixed(value, 4) for value in times)
-            rows.append((name or NOTHING, candidate["kind"], *cells, candidate["outcome"]))
+            bound = format_fixed(candidate["bound"], 4)
+            estimate = format_fixed(candidate["estimate"], 4)
+            duration = format_fixed(candidate["duration"], 4)
+            cells = (candidate["kind"], bound, estimate, duration, candidate["outcome"])
+            rows.append((name or NOTHING,) + cells)
     header = "phase, candidate, bound s, estimate s, duration s, outcome"
     return Table(header, rows, (2, 3, 4))
 
@@ -289,7 +296,9 @@ def explanation(plan: "Plan") -> list[str]:
         for phase in plan.phases
         if phase.reversal_multiplier is not None
     ]
-    return [*candidates_table(plan).lines(), "", *savings, *([""] if savings else [])]
+    if savings:
+        savings.append("")
+    return candidates_table(plan).lines() + [""] + savings
 
 
 def joints_table(plan: "Plan") -> Table:
@@ -319,13 +328,19 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
             number(1e3 * requirement.rms_torque, 4),
             format_fixed(RPM * requirement.peak_speed, 0),
         )
-        name, ratings, placeholders = "no motor given", (NOTHING,) * 3, NOTHING
+        name = "no motor given"
+        placeholders = NOTHING
+        ratings = (NOTHING, NOTHING, NOTHING)
         if motor is not None:
-            name, placeholders = motor.name, str(len(motor.placeholders) or "none")
-            torques = number(1e3 * motor.max_torque, 4), number(1e3 * motor.nominal_torque, 4)
-            ratings = *torques, format_fixed(RPM * motor.max_speed, 0)
-        pairs = (f"{a} of {b}" for a, b in zip(required, ratings, strict=True))
-        rows.append((requirement.joint, name, *pairs, placeholders))
+            name = motor.name
+            placeholders = str(len(motor.placeholders) or "none")
+            ratings = (
+                number(1e3 * motor.max_torque, 4),
+                number(1e3 * motor.nominal_torque, 4),
+                format_fixed(RPM * motor.max_speed, 0),
+            )
+        pairs = [f"{value} of {rating}" for value, rating in zip(required, ratings, strict=True)]
+        rows.append([requirement.joint, name] + pairs + [placeholders])
     header = "joint, motor, peak torque mN·m, RMS torque mN·m, peak speed rpm, placeholder figures"
     return Table(header, rows, (2, 3, 4, 5))
 
@@ -351,7 +366,8 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
         return lines
     results = verdicts(plan) if verbose else conditions(plan)
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}"]
-    lines += ["", *results] if results else []
+    if results:
+        lines += [""] + results
     if plan.reason is not None:
         lines += ["", plan.reason.message]
         if plan.reason.relaxation:
@@ -359,15 +375,23 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
     tables = [phases_table(plan)]
     if verbose:
         limits = () if plan.certificate is None else plan.certificate.limits
-        tables += sensitivities_table(plan), tip_error_table(plan), joints_table(plan)
-        tables += motors_table(plan.requirements), limits_table(limits)
+        tables += [
+            sensitivities_table(plan),
+            tip_error_table(plan),
+            joints_table(plan),
+            motors_table(plan.requirements),
+            limits_table(limits),
+        ]
     for table in tables:
-        lines += ["", *table.lines()] if table.rows else []
+        if table.rows:
+            lines += [""] + table.lines()
     if verbose and plan.notes:
-        lines += ["", "Not known", *(f"  {note}" for note in plan.notes)]
+        lines += ["", "Not known"] + [f"  {note}" for note in plan.notes]
     lines.append("")
-    reason = "" if plan.sizing is None else motors_verdict(plan.sizing.to_dict())[2]
-    lines += [f"Motors: {reason}", ""] if reason else []
+    if plan.sizing is not None:
+        _, _, reason = motors_verdict(plan.sizing.to_dict())
+        if reason:
+            lines += [f"Motors: {reason}", ""]
     return lines + answers(plan, folder)
 
 
@@ -396,14 +420,16 @@ def answers(plan: "Plan", folder: Path | None = None) -> list[str]:
             f"check    NOT CERTIFIED: {plan.uncertified_reason or 'the plan has no certificate'}"
         )
     else:
-        limits, violations = certificate.limits, certificate.violations
+        limits = certificate.limits
+        violations = certificate.violations
         binding = sum(limit.margin <= BINDING for limit in limits)
         kept = f"{len(limits)} limits kept{proof_words(plan)}"
         verdict = f"PASSED: {kept}; {binding} bind by design"
         if violations:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
         lines.append(f"check    {verdict}")
-        if (limit := closest_limit(limits)) is not None:
+        limit = closest_limit(limits)
+        if limit is not None:
             name, joint, worst_text, allowed, unit, _ = limit_cells(limit, digits=4)
             owner = f" of {joint}" if joint else ""
             margin = percent(limit.margin)
@@ -427,14 +453,14 @@ def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
     return min(slack, key=lambda limit: limit.margin, default=None)
 
 
-def rate_words(rates: Mapping[str, float]) -> str:
+def rates_text(rates: Mapping[str, float]) -> str:
     """Format rates of task coordinates (rad/s, m/s), for example as “tilt -10 deg/s”."""
-    units = {name: display_unit("m" if name == "depth" else "rad") for name in rates}
-    return ", ".join(
-        f"{name} {number(units[name][1] * rate, 4)} {units[name][0]}/s"
-        for name, rate in rates.items()
-        if rate
-    )
+    texts = []
+    for name, rate in rates.items():
+        unit, scale = display_unit("m" if name == "depth" else "rad")
+        if rate:
+            texts.append(f"{name} {number(scale * rate, 4)} {unit}/s")
+    return ", ".join(texts)
 
 
 def solvers(plan: "Plan") -> str:
@@ -470,7 +496,9 @@ def confirmation(plan: "Plan") -> tuple[str, str]:
         for phase in plan.phases
         if phase.solver == "Ipopt" and phase.confirmation_iterations is None
     ]
-    return verb, agreement + (f"; only Ipopt solved {', '.join(alone)}" if alone else "")
+    if alone:
+        agreement += f"; only Ipopt solved {', '.join(alone)}"
+    return verb, agreement
 
 
 def range_lines(plan: "Plan") -> list[str]:
@@ -479,11 +507,15 @@ def range_lines(plan: "Plan") -> list[str]:
     The first line states the ranges and the additional duration. One line for each motor states its
     worst case. The list is empty if the problem does not contain ranges.
     """
-    friction, payload = plan.problem.friction, plan.problem.payload
+    friction = plan.problem.friction
+    payload = plan.problem.payload
     if friction is None and payload is None:
         return []
-    ranges = [f"friction within {100 * friction:g} %"] if friction else []
-    ranges += [f"payload up to {1e3 * payload[1]:g} g"] if payload else []
+    ranges = []
+    if friction:
+        ranges.append(f"friction within {100 * friction:g} %")
+    if payload:
+        ranges.append(f"payload up to {1e3 * payload[1]:g} g")
     cost = ""
     if plan.duration is not None and plan.nominal_duration:
         increase = 100 * (plan.duration / plan.nominal_duration - 1)
@@ -552,7 +584,7 @@ def conditions(plan: "Plan") -> list[str]:
     lines = path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
         if any(rates.values()):
-            lines.append(f"{verb:<12} at {rate_words(rates)}, as declared")
+            lines.append(f"{verb:<12} at {rates_text(rates)}, as declared")
     lines += range_lines(plan)
     lines += cross_check_lines(plan)
     if plan.certificate is not None:
@@ -570,7 +602,8 @@ def cross_check_lines(plan: "Plan") -> list[str]:
     Phases that toppra cannot judge are listed with the reason.
     """
     lines = []
-    if (result := plan.cross_check) is not None:
+    result = plan.cross_check
+    if result is not None:
         comparison = "slower" if result["difference"] > 0 else "faster"
         lines.append(
             f"cross-check  {result['duration']:.4f} s by {result['by']}, the plan is "
@@ -635,23 +668,25 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     if missing_motors:
         return "open", "Motors open", f"no motor given for {missing_motors}"
     undecided = _undecided(sizing)
-    margins = [
-        (margin, f"{plain_words(name)} of {motor['joint']} is the tightest check")
-        for motor in motors
-        for name, margin in motor["margins"].items()
-        if margin is not None
-    ]
+    margins = []
+    for motor in motors:
+        for name, margin in motor["margins"].items():
+            if margin is not None:
+                text = f"{plain_words(name)} of {motor['joint']} is the tightest check"
+                margins.append((margin, text))
     margin, tightest = min(margins)
     lacking = f"Not checked or undecided: {', '.join(undecided)}"
     if margin < 0:
         return "open", "Motors suffice: not known", lacking
     values = list(stand_ins(sizing))
-    outcome, reasons = f"Motors suffice with {format_fixed(100 * margin, 1)} % margin", [tightest]
+    outcome = f"Motors suffice with {format_fixed(100 * margin, 1)} % margin"
+    reasons = [tightest]
     if values:
-        outcome += f" if {len(values)} stand-in figure{'s hold' if values[1:] else ' holds'}"
+        condition = "stand-in figure holds" if len(values) == 1 else "stand-in figures hold"
+        outcome += f" if {len(values)} {condition}"
         reasons.append(f"Stand-in figures: {', '.join(values)}")
     if undecided:
-        outcome += f"; {len(undecided)} check{'s' if undecided[1:] else ''} open"
+        outcome += f"; {len(undecided)} {'check' if len(undecided) == 1 else 'checks'} open"
         reasons.append(lacking)
     if values or undecided:
         return "open", outcome, ". ".join(reasons)
@@ -677,45 +712,48 @@ def stand_ins(sizing: SizingObject) -> Iterator[str]:
                 yield f"{motor['joint']} {plain_words(name)}"
     for gear in sizing["gears"]:
         if any(margin is not None for margin in gear["margins"].values()):
-            yield from (f"{gear['joint']} {plain_words(name)}" for name in gear["placeholders"])
+            for name in gear["placeholders"]:
+                yield f"{gear['joint']} {plain_words(name)}"
 
 
-def missing_figures(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
+def missing_data(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
     """Yield the checks that were skipped because data are missing.
 
     Each entry contains the joint, the motor or gear, its skipped checks, and the data that these
     checks need. Motors and gears without skipped checks are left out.
     """
     gear_checks = _gear_checks(sizing)
+    components = [(gear["joint"], gear["drive"], gear["not_checked"]) for gear in sizing["gears"]]
+    motors = []
     for motor in sizing["motors"]:
-        skipped = {
-            name: needs for name, needs in motor["not_checked"].items() if name not in gear_checks
-        }
+        not_checked = motor["not_checked"].items()
+        skipped = {name: needs for name, needs in not_checked if name not in gear_checks}
+        motors.append((motor["joint"], motor["motor"], skipped))
+    for joint, component, skipped in motors + components:
         if skipped:
-            yield (motor["joint"], motor["motor"], *_missing_data(skipped))
-    for gear in sizing["gears"]:
-        if gear["not_checked"]:
-            yield (gear["joint"], gear["drive"], *_missing_data(gear["not_checked"]))
+            checks = ", ".join(map(plain_words, skipped))
+            # The needs of a check are joined by " and ".
+            data = dict.fromkeys(" and ".join(skipped.values()).split(" and "))
+            yield joint, component, checks, ", ".join(data)
 
 
 def _undecided(sizing: SizingObject) -> list[str]:
     """Name the checks that are open for at least one joint. All gear checks count as one."""
     gear_checks = _gear_checks(sizing)
-    components = *sizing["motors"], *sizing["gears"]
-    names = (name for component in components for name in component["not_checked"])
-    return list(
-        dict.fromkeys("gear" if name in gear_checks else plain_words(name) for name in names)
-    )
+    names: dict[str, None] = {}  # a set that keeps the order
+    for component in sizing["motors"] + sizing["gears"]:
+        for name in component["not_checked"]:
+            names["gear" if name in gear_checks else plain_words(name)] = None
+    return list(names)
 
 
 def _failures(sizing: SizingObject) -> list[str]:
     """Describe each failed check by its joint, name and margin."""
-    failed = {
-        (motor["joint"], check["name"]): check["margin"]
-        for motor in sizing["motors"]
-        for check in motor["checks"]
-        if check["passed"] is False
-    }
+    failed = {}
+    for motor in sizing["motors"]:
+        for check in motor["checks"]:
+            if check["passed"] is False:
+                failed[motor["joint"], check["name"]] = check["margin"]
     for gear in sizing["gears"]:
         if gear["adequate"] is False:
             failed.setdefault((gear["joint"], gear["binds"]), gear["margins"][gear["binds"]])
@@ -730,23 +768,6 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
     return {name for gear in sizing["gears"] for name in gear["margins"]}
 
 
-def _missing_data(skipped: Mapping[str, str]) -> tuple[str, str]:
-    """List skipped checks and their missing data.
-
-    Parameters
-    ----------
-    skipped : mapping of str to str
-        Missing data by name of the check, joined by " and ".
-
-    Returns
-    -------
-    checks, data : str
-        Names of the checks, and the data without repetition.
-    """
-    data = dict.fromkeys(item for needs in skipped.values() for item in needs.split(" and "))
-    return ", ".join(plain_words(name) for name in skipped), ", ".join(data)
-
-
 def sizing_lines(sizing: Sizing) -> list[str]:
     """Return lines of text that report a sizing without its verdict (`sizing_verdict`).
 
@@ -757,15 +778,17 @@ def sizing_lines(sizing: Sizing) -> list[str]:
         confidence = f"at {100 * sizing.conditions.confidence:g} % confidence"
     unknowns = [
         f"joint {joint}, {component}: {checks} not checked: needs {data}"
-        for joint, component, checks, data in missing_figures(sizing.to_dict())
+        for joint, component, checks, data in missing_data(sizing.to_dict())
     ]
     unknowns += _notes(sizing)
-    lines = ["Not known", *(f"  {line}" for line in unknowns), ""] if unknowns else []
-    lines += ["Required of the motors", *_requirements(sizing).lines(), ""]
-    lines.append("Parts of the peak torque, mN·m (+ increases it, − reduces it)")
-    lines += [*_split(sizing).lines(), ""]
-    lines += [f"Margins {confidence}", *_candidates(sizing), ""]
-    return [*lines, "Gears", *_gears(sizing).lines()]
+    lines = []
+    if unknowns:
+        lines += ["Not known"] + [f"  {line}" for line in unknowns] + [""]
+    lines += ["Required of the motors"] + _requirements(sizing).lines() + [""]
+    lines += ["Parts of the peak torque, mN·m (+ increases it, − reduces it)"]
+    lines += _split(sizing).lines() + [""]
+    lines += [f"Margins {confidence}"] + _candidates(sizing) + [""]
+    return lines + ["Gears"] + _gears(sizing).lines()
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
@@ -783,12 +806,12 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
         ("largest payload", payload, "{:.4g} kg"),
         ("shortest duration", duration, "{:.4f} times the present one"),
     ):
-        value = "" if answer.value is None else form.format(answer.value)
-        text = {
-            "found": f"{value} (then joint {answer.joint}: {answer.binds})",
-            "never": f"none: joint {answer.joint}: {answer.binds} is exceeded for every value",
-            "unlimited": "the checks found no limit",
-        }[answer.status]
+        if answer.status == "found":
+            text = f"{form.format(answer.value)} (then joint {answer.joint}: {answer.binds})"
+        elif answer.status == "never":
+            text = f"none: joint {answer.joint}: {answer.binds} is exceeded for every value"
+        else:
+            text = "the checks found no limit"
         lines.append(f"{question:18} {text}")
     return lines
 
@@ -806,32 +829,29 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
     head = "motor, gear, adequate, binds, margin, g, mm, load/rotor inertia, to bus mJ"
     lines = []
     for joint in selection:
-        answers = [answer for row in joint["adequate"] for answer in row]
-        counts = [sum(answer is verdict for answer in answers) for verdict in (True, None, False)]
+        answers = list(chain.from_iterable(joint["adequate"]))
         lines += [
             "",
             f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears: "
-            f"{counts[0]} suffice, {counts[1]} not known, {counts[2]} ruled out; by "
-            f"{joint['rank']}",
+            f"{answers.count(True)} suffice, {answers.count(None)} not known, "
+            f"{answers.count(False)} ruled out; by {joint['rank']}",
         ]
         rows = []
+        missing = set()
         for pair in joint["best"]:
-            margin = None if pair["binds"] is None else pair["margins"].get(pair["binds"])
-            scales = {"mass": 1e3, "length": 1e3, "inertia_ratio": 1.0, "energy_to_bus": 1e3}
-            cells = (
-                NOTHING if pair[key] is None else number(scale * pair[key])
-                for key, scale in scales.items()
-            )
-            answer = VERDICT_LABELS[pair["adequate"]], plain_words(pair["binds"] or NOTHING)
-            rows.append((pair["motor"], pair["gear"], *answer, percent(margin), *cells))
+            row = [pair["motor"], pair["gear"], VERDICT_LABELS[pair["adequate"]]]
+            row.append(plain_words(pair["binds"] or NOTHING))
+            row.append(percent(pair["margins"].get(pair["binds"])))
+            for key in ("mass", "length", "inertia_ratio", "energy_to_bus"):
+                scale = 1.0 if key == "inertia_ratio" else 1e3
+                row.append(NOTHING if pair[key] is None else number(scale * pair[key]))
+            rows.append(row)
+            for name, needs in pair["not_checked"].items():
+                missing.add(f"{plain_words(name)}: {needs}")
         lines += Table(head, rows, range(4, 9)).lines() if rows else ["no pair remains"]
         reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
-        missing = {
-            f"{plain_words(name)}: {needs}"
-            for pair in joint["best"]
-            for name, needs in pair["not_checked"].items()
-        }
-        lines += [f"ruled out by: {', '.join(reasons)}"] if reasons else []
+        if reasons:
+            lines.append(f"ruled out by: {', '.join(reasons)}")
         lines += [f"not known: {check}" for check in sorted(missing)]
     return lines
 
@@ -840,15 +860,26 @@ def _requirements(sizing: Sizing) -> Table:
     """Build the table of the required torques, speeds and powers of each joint."""
     head = "joint, peak mN·m, RMS mN·m, mean mN·m, peak rpm, peak rad/s², peak W, mean W, Joule W"
     rows = []
+    confidence = sizing.conditions.confidence
     for joint in sizing.joints:
-        r, confidence = joint.requirement, sizing.conditions.confidence
-        peak, rms = number(1e3 * r.peak_torque, 4), number(1e3 * r.rms_torque, 4)
+        requirement = joint.requirement
+        peak = number(1e3 * requirement.peak_torque, 4)
+        rms = number(1e3 * requirement.rms_torque, 4)
         if joint.band.known:
             peak += f" (≤ {number(1e3 * joint.band.high('peak_torque', confidence), 4)})"
             rms += f" (≤ {number(1e3 * joint.band.high('rms_torque', confidence), 4)})"
-        motion = 1e3 * r.mean_torque, RPM * r.peak_speed, r.peak_acceleration
-        cells = (number(value, 4) for value in (*motion, r.peak_power, r.mean_power))
-        rows.append((r.joint, peak, rms, *cells, number(r.joule_power)))
+        row = (
+            requirement.joint,
+            peak,
+            rms,
+            number(1e3 * requirement.mean_torque, 4),
+            number(RPM * requirement.peak_speed, 4),
+            number(requirement.peak_acceleration, 4),
+            number(requirement.peak_power, 4),
+            number(requirement.mean_power, 4),
+            number(requirement.joule_power),
+        )
+        rows.append(row)
     return Table(head, rows, range(1, 9))
 
 
@@ -861,30 +892,27 @@ def _split(sizing: Sizing) -> Table:
     for joint in sizing.joints:
         torques = joint.requirement.split.at_peak
         sign = math.copysign(1e3, sum(torques.values()))
-        rows.append((joint.load.joint, *(signed(sign * torques[name], 4) for name in PARTS)))
-    return Table(("joint", *map(plain_words, PARTS)), rows, range(1, len(PARTS) + 1))
+        rows.append([joint.load.joint] + [signed(sign * torques[name], 4) for name in PARTS])
+    header = ["joint"] + [plain_words(name) for name in PARTS]
+    return Table(header, rows, range(1, len(header)))
 
 
 def _candidates(sizing: Sizing) -> list[str]:
     """Return the table of all assessed motors with the margins of their checks, as lines."""
-    head = (
-        "joint",
-        "motor",
-        "adequate",
-        "binds",
-        *map(plain_words, MOTOR_MARGINS),
-        "gear",
-        "winding",
-    )
+    head = ["joint", "motor", "adequate", "binds"]
+    head += [plain_words(name) for name in MOTOR_MARGINS]
+    head += ["gear", "winding"]
     rows = []
-    for verdict in (*sizing.verdicts, *sizing.alternatives):
+    for verdict in sizing.verdicts + sizing.alternatives:
         by_name = {check.name: check.margin for check in verdict.checks}
-        gear_margins = (check.margin for check in verdict.gear if check.margin is not None)
-        margins = [*(by_name[key] for key in MOTOR_MARGINS), min(gear_margins, default=None)]
-        name = ("or " if verdict in sizing.alternatives else "") + verdict.motor.name
-        name += " *" if verdict.motor.placeholder else ""
-        answer = VERDICT_LABELS[verdict.adequate], plain_words(verdict.binds or NOTHING)
-        rows.append((verdict.joint, name, *answer, *map(percent, margins), _winding(verdict)))
+        gear_margins = [check.margin for check in verdict.gear if check.margin is not None]
+        prefix = "or " if verdict in sizing.alternatives else ""
+        mark = " *" if verdict.motor.placeholder else ""
+        row = [verdict.joint, f"{prefix}{verdict.motor.name}{mark}"]
+        row += [VERDICT_LABELS[verdict.adequate], plain_words(verdict.binds or NOTHING)]
+        row += [percent(by_name[name]) for name in MOTOR_MARGINS]
+        row += [percent(min(gear_margins, default=None)), _winding(verdict)]
+        rows.append(row)
     lines = Table(head, rows, range(2, len(head))).lines()
     if any(verdict.motor.placeholder for verdict in sizing.verdicts):
         lines.append("* placeholder figures: no verdict on the real motor")
@@ -917,13 +945,14 @@ def _gears(sizing: Sizing) -> Table:
 def _notes(sizing: Sizing) -> list[str]:
     """Return the notes of all assessed motors, and the times until their windings are too hot."""
     lines = []
-    assessed = (*sizing.verdicts, *sizing.alternatives)
-    for verdict in assessed:
+    notes: dict[str, None] = {}  # a set that keeps the order
+    for verdict in sizing.verdicts + sizing.alternatives:
         heat = verdict.heat
         if heat is not None and heat.time_until_limit is not None:
             duration = f"reaches {heat.limit - KELVIN:.0f} °C after {heat.time_until_limit:.4g} s"
             lines.append(f"joint {verdict.joint}, {verdict.motor.name}: the winding {duration}")
-    return [*lines, *dict.fromkeys(note for verdict in assessed for note in verdict.notes)]
+        notes |= dict.fromkeys(verdict.notes)
+    return lines + list(notes)
 
 
 def sizing_verdict(sizing: Sizing) -> list[str]:
@@ -940,9 +969,9 @@ def sizing_verdict(sizing: Sizing) -> list[str]:
             for alternative in joint.alternatives
         ]
     _, outcome, reason = motors_verdict(sizing.to_dict())
-    if sizing.adequate is not None:
-        return [*lines, f"Motors and gears suffice: {VERDICT_LABELS[sizing.adequate]}"]
-    return [*lines, f"  why        {reason}", outcome]
+    if sizing.adequate is None:
+        return lines + [f"  why        {reason}", outcome]
+    return lines + [f"Motors and gears suffice: {VERDICT_LABELS[sizing.adequate]}"]
 
 
 def _joint_verdict(joint: JointSizing, confidence: float) -> str:

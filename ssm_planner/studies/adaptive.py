@@ -38,13 +38,15 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         ) from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     search = study.search
-    sampler: Any = (
-        optuna.samplers.TPESampler(seed=search.seed, multivariate=True, constraints_func=_violation)
-        if search.method == "tpe"
-        else optuna.samplers.NSGAIISampler(
+    sampler: Any
+    if search.method == "tpe":
+        sampler = optuna.samplers.TPESampler(
+            seed=search.seed, multivariate=True, constraints_func=_violation
+        )
+    else:
+        sampler = optuna.samplers.NSGAIISampler(
             seed=search.seed, population_size=POPULATION, constraints_func=_violation
         )
-    )
     count = len(study.minimise)
     engine = optuna.create_study(directions=["minimize"] * count, sampler=sampler)
     for start in range(0, search.points, BATCH):
@@ -64,7 +66,8 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
 
 def _violation(trial: Any) -> tuple[float]:
     """Return the constraint of a trial, which is positive if the candidate was rejected."""
-    return (1.0 if trial.user_attrs.get("rejected", False) else -1.0,)
+    is_rejected = trial.user_attrs.get("rejected", False)
+    return (1.0,) if is_rejected else (-1.0,)
 
 
 def _design(study: Study, trial: Any) -> Design:

@@ -99,27 +99,29 @@ def audit_study(
         faults[OWN] = "the row is missing or was changed"
     rows = [row for number, row in entries.items() if row and number not in faults]
     front = pareto(rows, study.minimise)
-    numbers = {row.number for row in front}
-    others = [row for row in rows if row.number not in numbers]
-    sample = [*front, *random.sample(others, math.ceil(0.05 * len(others)))]
+    front_numbers = {row.number for row in front}
+    remaining = [row for row in rows if row.number not in front_numbers]
+    sample = list(front) + random.sample(remaining, math.ceil(0.05 * len(remaining)))
     with (
         TemporaryDirectory() as temporary,
         driver_of(study, Path(temporary), workers, None, progress) as driver,
     ):
         driver.run([row.design for row in sample])
-        planned = driver.rows()
-        write_table(rows, Path(temporary, TABLE))
-        tables = {
-            path.read_bytes() for path in (folder / TABLE, Path(temporary, TABLE)) if path.is_file()
-        }
+        new_rows = driver.rows()
+        expected_table = Path(temporary, TABLE)
+        write_table(rows, expected_table)
+        table = folder / TABLE
+        table_differs = table.is_file() and table.read_bytes() != expected_table.read_bytes()
     messages = [f"candidate {number}: {fault}" for number, fault in sorted(faults.items())]
     notes = differences(description, description_of(study))
-    if not faults and len(tables) > 1:
+    if not faults and table_differs:
         messages.append(f"{TABLE} does not contain the figures of the rows")
-    for row, again in zip([original or planned[0], *sample], planned, strict=True):
-        for text, is_near in _differences(row, again, tolerance):
+    stored_rows = [original or new_rows[0]] + sample
+    for row, new_row in zip(stored_rows, new_rows, strict=True):
+        for text, is_near in _differences(row, new_row, tolerance):
             (notes if is_near else messages).append(f"candidate {row.number}: {text}")
-    return Audit((OWN, *(row.number for row in sample)), tuple(messages), tuple(notes))
+    numbers = [OWN] + [row.number for row in sample]
+    return Audit(tuple(numbers), tuple(messages), tuple(notes))
 
 
 def _faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[tuple[int, str]]:
@@ -140,12 +142,17 @@ def _faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[t
         yield number, "the search of the study does not give this candidate"
 
 
-def _differences(stored: Candidate, planned: Candidate, tolerance: float) -> Iterator[Any]:
-    """Yield each difference in words, and whether it is within the tolerance."""
-    old, new = ({"state": x.state, "stage": x.stage, **x.figures} for x in (stored, planned))
-    for name in dict.fromkeys([*old, *new]):
-        a: Any = old.get(name)
-        b: Any = new.get(name)
+def _differences(stored: Candidate, new: Candidate, tolerance: float) -> Iterator[Any]:
+    """Yield each difference between two results of a candidate.
+
+    Each item contains a text and whether the difference is within the tolerance, which is a share
+    of the larger value.
+    """
+    stored_values = {"state": stored.state, "stage": stored.stage, **stored.figures}
+    new_values = {"state": new.state, "stage": new.stage, **new.figures}
+    for name in stored_values | new_values:
+        a: Any = stored_values.get(name)
+        b: Any = new_values.get(name)
         if a != b:
             are_numbers = {type(a), type(b)} <= {int, float}
             is_near = are_numbers and abs(a - b) <= tolerance * max(abs(a), abs(b))

@@ -18,7 +18,7 @@ from ssm_planner.loading import Part, drive_from, motor_from, of_data, problem_f
 from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
-from ssm_planner.problem import Joint, Motor, Problem, unchecked
+from ssm_planner.problem import Joint, Problem, unchecked
 from ssm_planner.sizing import (
     MARGINS,
     Conditions,
@@ -86,40 +86,38 @@ class Evaluation:
             return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
     def _evaluate(self, design: Design) -> JsonObject:
-        """Evaluate a candidate in all stages: plan, select parts, check and size.
+        """Evaluate a candidate in all stages: plan, select motors and gears, check and size.
 
-        Return its results.
-
-        Raises Rejected for an infeasible candidate, and ProblemError for invalid values.
+        Returns the results by name, in SI units. Raises Rejected for an infeasible candidate, and
+        ProblemError for invalid values.
         """
         study = self.study
         margin = study.require.motor_margin
         slowdown = float(design.get(PACE, 1.0))
         components: dict[str, str] = {}
-        fastest: Motions = {}
+        fast_motions: Motions = {}
         if study.selected:
             original_problems = dict(problems_of(study, design))
             undriven = {
                 name: _without_selected_motors(study, problem)
                 for name, problem in original_problems.items()
             }
-            fastest = _plan_motions(undriven, {})
-            components = select_parts(study, original_problems, fastest, slowdown)
+            fast_motions = _plan_motions(undriven, {})
+            components = select_components(study, original_problems, fast_motions, slowdown)
         problems = dict(problems_of(study, {**design, **components}))
         reduced_problems = {
             name: with_motor_margin(problem, margin) for name, problem in problems.items()
         }
         try:
-            motions = _plan_motions(reduced_problems, fastest)
+            motions = _plan_motions(reduced_problems, fast_motions)
         except Rejected as error:
             raise Rejected(error.stage, str(error), components) from error
-        results = {
-            **components,
-            **_motion_figures(problems, motions),
-            **_geometry_figures(next(iter(problems.values()))),
-        }
+        results: JsonObject = components | _motion_figures(problems, motions)
+        results |= _geometry_figures(next(iter(problems.values())))
         if slowdown > 1 and not _keeps_margin(results, margin):
-            results |= _slower_figures(problems, reduced_problems, fastest, slowdown, margin=margin)
+            results |= _slower_figures(
+                problems, reduced_problems, fast_motions, slowdown, margin=margin
+            )
         if not _keeps_margin(results, margin):
             reason = (
                 f"a motor margin of {100 * results['motor_margin']:.4g} %, required are "
@@ -132,7 +130,7 @@ class Evaluation:
 def _slower_figures(
     problems: Problems,
     reduced: Problems,
-    fastest: Motions,
+    fast_motions: Motions,
     slowdown: float,
     *,
     margin: float,
@@ -147,7 +145,7 @@ def _slower_figures(
     problems, reduced
         Problem of each motion by name, with the motors of the candidate and with motors that are
         reduced by the margin.
-    fastest
+    fast_motions
         Fastest trajectory of each motion by name.
     slowdown
         Largest factor on the durations.
@@ -156,12 +154,8 @@ def _slower_figures(
     """
     results: JsonObject = {}
     for speed in np.geomspace(1.0, 1.0 / slowdown, PACES)[1:]:
-        slower = {name: motion.slower(float(speed)) for name, motion in fastest.items()}
-        certificates = (
-            check(slower[name], problem.robot, problem.task_limits)
-            for name, problem in reduced.items()
-        )
-        if all(certificate.passed for certificate in certificates):
+        slower = {name: motion.slower(float(speed)) for name, motion in fast_motions.items()}
+        if all(_passes(slower[name], problem) for name, problem in reduced.items()):
             results = _motion_figures(problems, slower)
             if _keeps_margin(results, margin):
                 break
@@ -259,7 +253,7 @@ def _plan_motions(problems: Problems, previous: Motions) -> Motions:
     """
     motions = {}
     for name, problem in problems.items():
-        if name in previous and check(previous[name], problem.robot, problem.task_limits).passed:
+        if name in previous and _passes(previous[name], problem):
             motions[name] = previous[name]
             continue
         result = plan(quickly(problem), relaxations=False)
@@ -270,6 +264,11 @@ def _plan_motions(problems: Problems, previous: Motions) -> Motions:
     return motions
 
 
+def _passes(motion: Trajectory, problem: Problem) -> bool:
+    """Return True if a trajectory passes the check with the robot and the limits of a problem."""
+    return check(motion, problem.robot, problem.task_limits).passed
+
+
 def with_motor_margin(problem: Problem, margin: float) -> Problem:
     """Reduce the torque, the continuous torque and the speed of all motors by a margin.
 
@@ -277,15 +276,22 @@ def with_motor_margin(problem: Problem, margin: float) -> Problem:
     """
     if margin == 0:
         return problem
-    names = ("max_torque", "nominal_torque", "max_speed")
     share = 1 - margin - SPARE
 
-    def reduced(motor: Motor | None) -> Motor | None:
+    def reduced(joint: Joint) -> Joint:
+        """Return a joint whose motor has the reduced limits."""
+        motor = joint.motor
         if motor is None:
-            return None
-        return unchecked(motor, **{name: share * getattr(motor, name) for name in names})
+            return joint
+        motor = unchecked(
+            motor,
+            max_torque=share * motor.max_torque,
+            nominal_torque=share * motor.nominal_torque,
+            max_speed=share * motor.max_speed,
+        )
+        return unchecked(joint, motor=motor)
 
-    return _with_joints(problem, lambda joint: unchecked(joint, motor=reduced(joint.motor)))
+    return _with_joints(problem, reduced)
 
 
 def _with_joints(problem: Problem, change: Callable[[Joint], Joint]) -> Problem:
@@ -297,15 +303,17 @@ def _with_joints(problem: Problem, change: Callable[[Joint], Joint]) -> Problem:
 def _without_selected_motors(study: Study, problem: Problem) -> Problem:
     """Remove the motors of all joints whose motor or gear is selected."""
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
-    return _with_joints(
-        problem,
-        lambda joint: (
-            replace(joint, motor=None, alternatives=()) if joint.name in selected_joints else joint
-        ),
-    )
+
+    def undriven(joint: Joint) -> Joint:
+        """Return a joint without its motor if the motor or the gear is selected."""
+        if joint.name in selected_joints:
+            return replace(joint, motor=None, alternatives=())
+        return joint
+
+    return _with_joints(problem, undriven)
 
 
-def select_parts(
+def select_components(
     study: Study, problems: Problems, motions: Motions, slowdown: float
 ) -> dict[str, str]:
     """Select a motor and a gear for each joint with such a choice.
@@ -337,14 +345,13 @@ def select_parts(
     """
     loads = []
     for name, problem in problems.items():
-        slower = joint_loads(motions[name].slower(1 / slowdown), problem.robot)
-        loads.append((Conditions(pause=pause_of(problem)), {load.joint: load for load in slower}))
+        conditions = Conditions(pause=pause_of(problem))
+        for load in joint_loads(motions[name].slower(1 / slowdown), problem.robot):
+            loads.append((load, conditions))
     components: dict[str, str] = {}
     for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
-        joint_conditions = [
-            (by_joint[joint], conditions) for conditions, by_joint in loads if joint in by_joint
-        ]
-        components |= _selected_pair(study, joint, joint_conditions)
+        loads_of_joint = [item for item in loads if item[0].joint == joint]
+        components |= _selected_pair(study, joint, loads_of_joint)
     return components
 
 
@@ -362,8 +369,8 @@ def _selected_pair(
     loads
         Load of the joint in each motion, with the operating conditions.
     """
-    motor_choice, motors = _parts(study, joint, "motor")
-    gear_choice, gears = _parts(study, joint, "drive")
+    motor_choice, motors = _component_options(study, joint, "motor")
+    gear_choice, gears = _component_options(study, joint, "drive")
     selections = [select_joint(load, motors, gears, conditions) for load, conditions in loads]
     rank = (motor_choice or gear_choice or study.selected[0]).select or "mass"
     margin = study.require.motor_margin
@@ -374,8 +381,13 @@ def _selected_pair(
         pairs = f"{len(motors)} motors" + (f" with {len(gears)} gears" if gear_choice else "")
         text = f"joint {joint}: none of {pairs} holds with {100 * margin:.4g} % to spare"
         raise Rejected("selection", f"{text} (ruled out by {reasons})")
-    chosen = ((gear_choice, gears[indices[0]].label), (motor_choice, motors[indices[1]].label))
-    return {choice.path: label for choice, label in chosen if choice is not None}
+    gear_index, motor_index = indices
+    components = {}
+    if gear_choice is not None:
+        components[gear_choice.path] = gears[gear_index].label
+    if motor_choice is not None:
+        components[motor_choice.path] = motors[motor_index].label
+    return components
 
 
 def _admissible_pairs(
@@ -385,12 +397,15 @@ def _admissible_pairs(
     smallest = [np.nanmin(list(selection.margins.values()), axis=0) for selection in selections]
     not_excluded = np.all([selection.adequate >= 0 for selection in selections], axis=0)
     admissible = not_excluded & (np.min(smallest, axis=0) >= margin)
-    for g, m in selections[0].ranked(rank):
-        if not admissible[g, m]:
+    for gear, motor in selections[0].ranked(rank):
+        if not admissible[gear, motor]:
             continue
-        verdicts = (selection.verdict(g, m) for selection in selections)
-        if all(min(_checked_margins(verdict), default=margin) >= margin for verdict in verdicts):
-            yield g, m
+        for selection in selections:
+            margins = _checked_margins(selection.verdict(gear, motor))
+            if min(margins, default=margin) < margin:
+                break
+        else:
+            yield gear, motor
 
 
 def _checked_margins(verdict: MotorVerdict) -> list[float]:
@@ -400,10 +415,26 @@ def _checked_margins(verdict: MotorVerdict) -> list[float]:
 
 
 @lru_cache(maxsize=8)
-def _parts(study: Study, joint: str, component: str) -> tuple[Choice | None, list[Part[Any]]]:
-    """Return the choice of a joint's motor or drive (`component`), and the parts of the choice.
+def _component_options(
+    study: Study, joint: str, component: str
+) -> tuple[Choice | None, list[Part[Any]]]:
+    """Return the options for the motor or the drive of a joint.
 
-    Without a choice, the only part is that of the robot file.
+    Parameters
+    ----------
+    study
+        Study with the choices of motors and gears.
+    joint
+        Name of the joint.
+    component
+        "motor" or "drive".
+
+    Returns
+    -------
+    choice
+        The study's choice of the component, or None.
+    options
+        One part for each entry of the choice. Without a choice, the part in the robot file.
     """
     path = f"joints.{joint}.{component}"
     choice = next((choice for choice in study.selected if choice.path.startswith(path)), None)
@@ -412,13 +443,14 @@ def _parts(study: Study, joint: str, component: str) -> tuple[Choice | None, lis
     if choice is not None:
         designs = {label: {choice.path: label} for label in choice.contents}
         sizes = choice.beside
-    read_part = motor_from if component == "motor" else drive_from
-    parts = []
+    read_component = motor_from if component == "motor" else drive_from
+    options = []
     for label, design in designs.items():
-        part: Any = read_part(of_data(study.resolved(design)["joints"][joint].get(component)))
-        size = {"mass": getattr(part, "mass", None), **sizes.get(label, {})}
-        parts.append(Part(label, part, **size))
-    return choice, parts
+        content = study.resolved(design)["joints"][joint].get(component)
+        value: Any = read_component(of_data(content))
+        size = {"mass": getattr(value, "mass", None), **sizes.get(label, {})}
+        options.append(Part(label, value, **size))
+    return choice, options
 
 
 def _keeps_margin(results: Fields, margin: float) -> bool:
@@ -429,12 +461,14 @@ def _keeps_margin(results: Fields, margin: float) -> bool:
 
 def _motion_figures(problems: Problems, motions: Motions) -> JsonObject:
     """Return the durations of the motions, and the results for the motors, in SI units."""
-    durations = {f"duration.{name}": trajectory.duration for name, trajectory in motions.items()}
-    sizings = [
-        size_motion(motions[name], problem.robot, pause_of(problem))
-        for name, problem in problems.items()
-    ]
-    return {**durations, "duration": sum(durations.values()), **_motor_figures(sizings)}
+    results: JsonObject = {}
+    sizings = []
+    for name, motion in motions.items():
+        problem = problems[name]
+        results[f"duration.{name}"] = motion.duration
+        sizings.append(size_motion(motion, problem.robot, pause_of(problem)))
+    results["duration"] = sum(motion.duration for motion in motions.values())
+    return results | _motor_figures(sizings)
 
 
 def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
@@ -442,19 +476,23 @@ def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
 
     All values are in SI units. The mass is None if the mass of a motor is unknown.
     """
-    verdicts = [verdict for sizing in sizings for verdict in sizing.verdicts]
-    margins = [margin for verdict in verdicts for margin in _checked_margins(verdict)]
     results: JsonObject = {}
-    for verdict in verdicts:
-        for name in ("peak_torque", "rms_torque"):
-            key, value = f"{name}.{verdict.joint}", getattr(verdict.requirement, name)
-            results[key] = max(value, results.get(key, 0.0))
-    masses = {verdict.joint: verdict.motor.mass for verdict in verdicts}.values()
+    margins: list[float] = []
+    peak_torques = []
+    masses: dict[str, float | None] = {}
+    for sizing in sizings:
+        for verdict in sizing.verdicts:
+            margins += _checked_margins(verdict)
+            peak_torques.append(verdict.requirement.peak_torque)
+            masses[verdict.joint] = verdict.motor.mass
+            for name in ("peak_torque", "rms_torque"):
+                key = f"{name}.{verdict.joint}"
+                results[key] = max(getattr(verdict.requirement, name), results.get(key, 0.0))
+    known_masses = [mass for mass in masses.values() if mass is not None]
     results["motor_margin"] = min(margins, default=None)
-    results["peak_torque"] = max(
-        (verdict.requirement.peak_torque for verdict in verdicts), default=None
-    )
-    results["motor_mass"] = None if None in masses or not masses else sum(masses)
+    results["peak_torque"] = max(peak_torques, default=None)
+    are_known = known_masses and len(known_masses) == len(masses)
+    results["motor_mass"] = sum(known_masses) if are_known else None
     return results
 
 

@@ -1,7 +1,7 @@
 """Draw the figures of a study: its front, and the stages that rejected candidates."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-STAGE_COLOURS = ("0.45", *COLOURS[1:3], FIFTH, COLOURS[3])
+STAGE_COLOURS = ("0.45", COLOURS[1], COLOURS[2], FIFTH, COLOURS[3])
 
 
 def write_study_figures(
@@ -45,12 +45,13 @@ def write_study_figures(
         Folder of the files.
     """
     plots: dict[str, Figure] = {}
-    names = [
-        name for name in study.minimise if any(row.figures.get(name) is not None for row in front)
-    ]
+    names = []
+    for name in study.minimise:
+        if any(row.figures.get(name) is not None for row in front):
+            names.append(name)
     if len(names) > 1:
         plots["front"] = new_figure(5.5, 4.0)
-        _front(plots["front"].add_subplot(), rows, reference, front, names)
+        _front(plots["front"].add_subplot(), rows, reference, front, names[:2])
     if len(study.vary) > 1 and rows:
         plots["map"] = new_figure(6.5, 4.0)
         _map(plots["map"].add_subplot(), study, rows)
@@ -62,32 +63,27 @@ def _front(
 ) -> None:
     """Plot the planned candidates, the front and the study's own robot over two objectives."""
 
-    def coordinates(candidates: Candidates) -> Any:
-        values = [[scaled(name, row.figures) for name in names[:2]] for row in candidates]
-        return np.array(values, dtype=float).reshape(-1, 2).T
+    def plot(candidates: Candidates, style: str, size: int, colour: str, label: str) -> None:
+        """Plot candidates with the first objective to the right and the second one upwards."""
+        x = [scaled(names[0], row.figures) for row in candidates]
+        y = [scaled(names[1], row.figures) for row in candidates]
+        # Missing values become NaN, which the plot leaves out.
+        points = np.array([x, y], dtype=float)
+        axes.plot(points[0], points[1], style, markersize=size, color=colour, label=label)
 
     finished = [row for row in rows if row.state == "done"]
-    axes.plot(
-        *coordinates(finished), "o", markersize=3, color="0.6", label=f"planned, {len(finished)}"
-    )
-    axes.plot(
-        *coordinates(front), "o-", markersize=5, color=COLOURS[0], label=f"front, {len(front)}"
-    )
+    plot(finished, "o", 3, "0.6", f"planned, {len(finished)}")
+    plot(front, "o-", 5, COLOURS[0], f"front, {len(front)}")
     if reference.state == "done":
-        axes.plot(
-            *coordinates([reference]),
-            "*",
-            markersize=12,
-            color=COLOURS[1],
-            label="the study's own robot",
-        )
-    finish(axes, *(title_of(name) for name in names[:2]))
+        plot([reference], "*", 12, COLOURS[1], "the study's own robot")
+    finish(axes, title_of(names[0]), title_of(names[1]))
     legend(axes)
 
 
 def _map(axes: "Axes", study: Study, rows: Candidates) -> None:
     """Plot the state of every candidate over the first two variables."""
-    horizontal, vertical = (choices_at(study, path, rows) for path in study.paths[:2])
+    horizontal = choices_at(study, study.paths[0], rows)
+    vertical = choices_at(study, study.paths[1], rows)
     points: dict[str, list[tuple[float, float]]] = {}
     for x, y, row in zip(horizontal["at"], vertical["at"], rows, strict=True):
         points.setdefault(row.rejection or row.state, []).append((x, y))

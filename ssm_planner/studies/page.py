@@ -102,16 +102,14 @@ def _front_table(study: Study, front: Candidates) -> JsonObject:
     Its columns are the objectives, the variables and the selected parts.
     """
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
-    selected = [choice.path for choice in study.selected]
-    cells = [
-        [
-            str(row.number),
-            *(number(scaled(name, row.figures), 5) for name in names),
-            *displayed_choices(study, row).values(),
-        ]
-        for row in front[:MAX_ROWS]
-    ]
-    return {"header": ["number", *map(title_of, names), *study.paths, *selected], "rows": cells}
+    header = ["number"] + [title_of(name) for name in names] + list(study.paths)
+    header += [choice.path for choice in study.selected]
+    table = []
+    for row in front[:MAX_ROWS]:
+        objectives = [number(scaled(name, row.figures), 5) for name in names]
+        choices = list(displayed_choices(study, row).values())
+        table.append([str(row.number)] + objectives + choices)
+    return {"header": header, "rows": table}
 
 
 def against_own(study: Study, reference: Candidate, front: Candidates) -> str:
@@ -136,19 +134,13 @@ def _data(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
     """Return the data for the script of the page: columns over all candidates, as JSON types."""
     plotted = _plotted_results(study, rows)
     front_numbers = {row.number for row in front}
+    columns = [choices_at(study, path, rows) for path in study.paths]
+    for name in plotted:
+        values = [scaled(name, row.figures) for row in rows]
+        columns.append({"title": title_of(name), "at": values, "labels": None})
     return {
-        "names": [*study.paths, *plotted],
-        "columns": [
-            *(choices_at(study, path, rows) for path in study.paths),
-            *(
-                {
-                    "title": title_of(name),
-                    "at": [scaled(name, row.figures) for row in rows],
-                    "labels": None,
-                }
-                for name in plotted
-            ),
-        ],
+        "names": list(study.paths) + plotted,
+        "columns": columns,
         "choices": list(study.paths),
         "figures": plotted,
         "objectives": [name for name in study.minimise if name in plotted],
@@ -203,12 +195,11 @@ def sensitivity(study: Study, rows: Candidates) -> list[JsonObject]:
     shares_by_path = []
     for path in study.paths:
         positions = np.array(choices_at(study, path, finished)["at"], dtype=float)
-        shares = []
-        for name in study.minimise:
-            value = np.array([row.figures.get(name) for row in finished], dtype=float)
-            shares.append(
-                round(100 * correlation_ratio(positions, value)) if len(finished) > BINS else 0
-            )
+        shares = [0] * len(study.minimise)
+        if len(finished) > BINS:
+            for k, name in enumerate(study.minimise):
+                value = np.array([row.figures.get(name) for row in finished], dtype=float)
+                shares[k] = round(100 * correlation_ratio(positions, value))
         shares_by_path.append({"path": path, "shares": shares})
     return shares_by_path
 

@@ -35,13 +35,17 @@ def program() -> dict[str, str]:
     for path in sorted(folder.rglob("*.*")):
         if path.suffix in SOURCES:
             digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    points = (*entry_points(group="ssm_planner.drives"), *entry_points(group="ssm_planner.motions"))
-    extensions = {point.dist.name for point in points if point.dist}
-    return {
+    result = {
         "ssm_planner": digest.hexdigest()[:16],
         "compiled part": "in use" if load() else "not in use",
-        **{name: version(name) for name in (*LIBRARIES, *extensions)},
     }
+    for name in LIBRARIES:
+        result[name] = version(name)
+    for group in ("ssm_planner.drives", "ssm_planner.motions"):
+        for point in entry_points(group=group):
+            if point.dist:
+                result[point.dist.name] = point.dist.version
+    return result
 
 
 def description_of(study: Study) -> JsonObject:
@@ -77,11 +81,12 @@ def context_of(description: JsonObject) -> str:
 
 def differences(previous: JsonObject, current: JsonObject) -> list[str]:
     """Return in words what differs between two descriptions of studies or of programs."""
-    words = []
+    texts = []
     for name in sorted(previous.keys() | current.keys()):
-        old, new = previous.get(name), current.get(name)
+        old = previous.get(name)
+        new = current.get(name)
         if name == "program":
-            words += differences(old or {}, new or {})
+            texts += differences(old or {}, new or {})
         elif old != new:
-            words.append(f"{name} ({old} instead of {new})" if isinstance(old, str) else name)
-    return words
+            texts.append(f"{name} ({old} instead of {new})" if isinstance(old, str) else name)
+    return texts

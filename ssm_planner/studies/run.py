@@ -155,20 +155,22 @@ def study(
     >>> result = ssm.study("vitreoretinal", "results/study")  # doctest: +SKIP
     >>> [candidate.number for candidate in result.front]  # doctest: +SKIP
     """
-    of = of if isinstance(of, Study) else load_study(of)
+    definition = of if isinstance(of, Study) else load_study(of)
     folder = Path(folder)
-    with driver_of(of, folder, workers, executor, progress) as driver:
+    with driver_of(definition, folder, workers, executor, progress) as driver:
         finished = True
         try:
             driver.run()
         except KeyboardInterrupt:
             finished = False
         driver.flush()
-        original, *rows = driver.rows()
-    result = StudyResult(of, tuple(rows), folder, finished, original, notes=tuple(driver.notes))
+        all_rows = driver.rows()
+    original = all_rows[0]
+    rows = tuple(all_rows[1:])
+    result = StudyResult(definition, rows, folder, finished, original, notes=tuple(driver.notes))
     write_table(rows, folder / TABLE)
-    write_study_page(of, (original, *rows), result.front, folder / PAGE, finished=True)
-    write_study_figures(of, original, rows, result.front, folder)
+    write_study_page(definition, all_rows, result.front, folder / PAGE, finished=True)
+    write_study_figures(definition, original, rows, result.front, folder)
     return result
 
 
@@ -185,7 +187,7 @@ def existing_store(folder: Path) -> Store:
 
 @contextmanager
 def driver_of(
-    of: Study,
+    definition: Study,
     folder: Path,
     workers: int | None,
     executor: Executor | None,
@@ -209,7 +211,7 @@ def driver_of(
         if executor is None:
             stack.callback(pool.shutdown, cancel_futures=True)
         ahead = AHEAD * count if executor is None else AHEAD_ELSEWHERE
-        yield Driver(of, store, pool, ahead, progress)
+        yield Driver(definition, store, pool, ahead, progress)
 
 
 class Driver:
@@ -272,7 +274,7 @@ class Driver:
 
     def rows(self) -> list[Candidate]:
         """Return the stored results of the study's own robot and of the submitted candidates."""
-        return self._store.rows([self.own, *self.keys])
+        return self._store.rows([self.own] + self.keys)
 
     def flush(self) -> None:
         """Write finished candidates into the store. Also write the page if the last one is old."""
@@ -348,7 +350,8 @@ class Driver:
             batch = self._pending.pop(future)
             try:
                 rows, seconds, workers_program = future.result()
-                if differing := differences(workers_program, program()):
+                differing = differences(workers_program, program())
+                if differing:
                     names = ", ".join(differing)
                     raise StudyError(f"a worker has another program than the driver: {names}")
             except (CancelledError, Exception) as error:  # noqa: BLE001 of the executor

@@ -49,7 +49,9 @@ class Screens:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        self._first: Design = {variable.path: variable.value_at(0.0) for variable in study.vary}
+        self._valid_design: Design = {
+            variable.path: variable.value_at(0.0) for variable in study.vary
+        }
         problems = list(self._problems())
         self.robot: Robot | None = problems[0].robot if problems else None
         self._tilts, self._moves = _demands(problems)
@@ -90,7 +92,7 @@ class Screens:
                 ]
             except ProblemError:
                 continue
-            self._first = design
+            self._valid_design = design
             yield from problems
             return
 
@@ -125,12 +127,11 @@ class Screens:
             distance = family.boundary_distance(tilts)
             for i in np.flatnonzero(distance < margin):
                 if rejections[i] is None:
-                    low, high = (ends[i] / DEGREE for ends in family.tilt_magnitudes)
-                    ends = f"{tilts.min() / DEGREE:.5g} to {tilts.max() / DEGREE:.5g} deg"
-                    rejections[i] = Rejection(
-                        "reach",
-                        f"{subject}, {ends}, are not within {low:.5g} to {high:.5g} deg of joint 1",
-                    )
+                    low, high = family.tilt_magnitudes
+                    demand = f"{tilts.min() / DEGREE:.5g} to {tilts.max() / DEGREE:.5g} deg"
+                    reachable = f"{low[i] / DEGREE:.5g} to {high[i] / DEGREE:.5g} deg"
+                    reason = f"{subject}, {demand}, are not within {reachable} of joint 1"
+                    rejections[i] = Rejection("reach", reason)
 
     def _screen_parts(self, designs: Sequence[Design], rejections: Rejections) -> None:
         """Reject candidates with an invalid drive or motor, or with a drive that does not lock."""
@@ -162,17 +163,14 @@ class Screens:
         joints: dict[str, dict[str, Joint | ProblemError]] = {}
         for variable in self.study.vary:
             keys = variable.path.split(".")
-            if (
-                not isinstance(variable, Choice)
-                or keys[0] != "joints"
-                or not {"drive", "motor"} & set(keys)
-            ):
+            is_component = keys[0] == "joints" and ("drive" in keys or "motor" in keys)
+            if not isinstance(variable, Choice) or not is_component:
                 continue
             index = JOINTS.index(keys[1])
             options: dict[str, Joint | ProblemError] = {}
             for label in variable.contents:
                 try:
-                    tree = self.study.resolved({**self._first, variable.path: label})
+                    tree = self.study.resolved({**self._valid_design, variable.path: label})
                     options[label] = robot_from(of_data(tree)).joints[index]
                 except ProblemError as error:
                     options[label] = error
@@ -186,15 +184,17 @@ class Screens:
         """
         if self.robot is None:
             return
-        open_ = np.array([rejection is None for rejection in rejections])
-        if not open_.any():
+        passes = np.array([rejection is None for rejection in rejections])
+        if not passes.any():
             return
-        indices = np.flatnonzero(open_).tolist()
-        members, passing = family.subset(open_), [designs[i] for i in indices]
-        branches = (self._weak_motors(members, branch, passing) for branch in (1, -1))
-        for i, *both in zip(indices, *branches, strict=True):
-            if None not in both:
-                rejections[i] = both[0]
+        indices = np.flatnonzero(passes).tolist()
+        passing_designs = [designs[i] for i in indices]
+        passing_family = family.subset(passes)
+        positive_branch = self._weak_motors(passing_family, 1, passing_designs)
+        negative_branch = self._weak_motors(passing_family, -1, passing_designs)
+        for i, reason, other_reason in zip(indices, positive_branch, negative_branch, strict=True):
+            if other_reason is not None:
+                rejections[i] = reason
 
     def _weak_motors(self, family: Family, branch: int, designs: Sequence[Design]) -> Rejections:
         """Return the rejection of each design whose motors are too weak on one branch, or None."""
@@ -209,7 +209,9 @@ class Screens:
         rejections: Rejections = [None] * len(designs)
         selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
-            for joint, members in self._groups(name, designs) if name not in selected else ():
+            if name in selected:
+                continue
+            for joint, members in self._groups(name, designs):
                 faults = _start_faults(joint, load[members, :, k], direction[members, :, k])
                 for i, rejection in faults.items():
                     rejections[members[i]] = rejections[members[i]] or rejection
@@ -339,8 +341,8 @@ def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:
         for motion in problem.motion:
             if not isinstance(motion, Straight):
                 break
-            target = {**position, **motion.to.set_coordinates}
-            moves.append(([*position.values()], [*target.values()]))
+            target = position | motion.to.set_coordinates
+            moves.append((list(position.values()), list(target.values())))
             tilts.append(target["tilt"])
             position = target
     return np.array(tilts), moves

@@ -27,7 +27,8 @@ def results(study: Study, folder: Path) -> dict[int, Candidate]:
     """
     current = description_of(study)
     with existing_store(folder) as store:
-        if differing := differences(store.description(), current):
+        differing = differences(store.description(), current)
+        if differing:
             raise ProblemError(
                 "the folder contains the results of another study or program: "
                 f"{', '.join(differing)}",
@@ -75,9 +76,9 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
             raise ProblemError(f"candidate {number}: the motion {name} cannot be planned: {reason}")
         paths += write_folder(plan, target / name).values()
         paths.append(write_report(plan, target / name / "report.html"))
-    original, *others = rows.values()
-    front = pareto(others, study.minimise)
-    write_study_page(study, (original, *others), front, folder / PAGE, finished=True)
+    all_rows = list(rows.values())
+    front = pareto(all_rows[1:], study.minimise)  # the first row is the study's own robot
+    write_study_page(study, all_rows, front, folder / PAGE, finished=True)
     return paths
 
 
@@ -88,17 +89,18 @@ def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int)
     exist.
     """
     rows = results(study, folder)
-    a, b = candidate(rows, number_1), candidate(rows, number_2)
+    a = candidate(rows, number_1)
+    b = candidate(rows, number_2)
+    design_a = study.complete_design(a.design, a.figures)
+    design_b = study.complete_design(b.design, b.figures)
     return {
         "study": study.name,
         "numbers": [number_1, number_2],
-        "design": _pairs(
-            study.complete_design(a.design, a.figures), study.complete_design(b.design, b.figures)
-        ),
+        "design": _pairs(design_a, design_b),
         "figures": _pairs(a.figures, b.figures),
     }
 
 
 def _pairs(a: Fields, b: Fields) -> dict[str, tuple[Any, Any]]:
     """Return the values of both mappings by name, with None for missing values."""
-    return {name: (a.get(name), b.get(name)) for name in dict.fromkeys([*a, *b])}
+    return {name: (a.get(name), b.get(name)) for name in {**a, **b}}

@@ -82,12 +82,15 @@ class Candidate:
 
     def costs(self, objectives: Sequence[str]) -> list[float] | None:
         """Return the objectives as numbers to minimise, or None if one is unknown."""
-        values: list[Any] = [self.figures.get(name) for name in objectives]
-        if self.state != "done" or None in values:
+        if self.state != "done":
             return None
-        return [
-            -x if name.endswith("margin") else x for name, x in zip(objectives, values, strict=True)
-        ]
+        costs: list[float] = []
+        for name in objectives:
+            value: Any = self.figures.get(name)
+            if value is None:
+                return None
+            costs.append(-value if name.endswith("margin") else value)
+        return costs
 
 
 Candidates = Sequence[Candidate]
@@ -121,8 +124,9 @@ class Store(AbstractContextManager["Store"]):
         lock = path.with_suffix(".lock")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            prefixes = WRITTEN + (f"{path.stem}.",)
             for entry in path.parent.iterdir():
-                if entry.name.startswith((f"{path.stem}.", *WRITTEN)):
+                if entry.name.startswith(prefixes):
                     refuse_link(entry)
             lock.touch()
         except OSError as error:
@@ -189,8 +193,9 @@ class Store(AbstractContextManager["Store"]):
         """
         for text, sha256 in self._read("SELECT description, sha256 FROM study"):
             with suppress(ValueError, RecursionError):
-                if sha256 == hash_of(text) and isinstance(result := json.loads(text), dict):
-                    return result
+                description = json.loads(text)
+                if sha256 == hash_of(text) and isinstance(description, dict):
+                    return description
             raise ProblemError("the description of the study was changed", file=self.path)
         return {}
 
@@ -220,13 +225,10 @@ class Store(AbstractContextManager["Store"]):
 
         Rows of earlier studies have the number None.
         """
-        return {
-            key: (number, state)
-            for key, number, state in self._read(
-                "SELECT key, number, CAST(state AS TEXT) FROM candidates LEFT JOIN numbers USING "
-                "(key)"
-            )
-        }
+        rows = self._read(
+            "SELECT key, number, CAST(state AS TEXT) FROM candidates LEFT JOIN numbers USING (key)"
+        )
+        return {key: (number, state) for key, number, state in rows}
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
         """Return the candidates with these keys in their order.
@@ -309,7 +311,7 @@ def _candidate(number: int, state: Any, *contents: Any) -> Candidate | None:
     stage, reason, design, figures = contents
     try:
         results = json.loads(figures, parse_constant=lambda _: None)  # NaN is unknown
-        row = Candidate(number, state, {**json.loads(design)}, stage, reason, figures=results)
+        row = Candidate(number, state, dict(json.loads(design)), stage, reason, figures=results)
         is_valid = state in get_args(State) and all(starmap(_is_figure, row.figures.items()))
         return row if is_valid else None
     except (ArithmeticError, AttributeError, RecursionError, TypeError, ValueError):
@@ -317,11 +319,10 @@ def _candidate(number: int, state: Any, *contents: Any) -> Candidate | None:
 
 
 def _is_figure(name: str, value: Any) -> bool:
-    """Return True if a value can be a result: a part, a finite number or unknown (None)."""
-    is_part = isinstance(value, str)
-    return is_part == name.startswith("joints.") and (
-        is_part or value is None or math.isfinite(value)
-    )
+    """Return True if a value can be a result: a component, a finite number or unknown (None)."""
+    if name.startswith("joints."):
+        return isinstance(value, str)
+    return value is None or (not isinstance(value, str) and math.isfinite(value))
 
 
 def refuse_link(path: Path) -> None:

@@ -191,10 +191,11 @@ class Study:
     def notes(self) -> list[str]:
         """Remarks that a reader of the results must know."""
         fixed_bodies = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
-        paths = [*self.paths, *(choice.path for choice in self.selected)]
-        if not fixed_bodies or not any(
-            path.startswith("geometry.") or path.endswith(".motor") for path in paths
-        ):
+        paths = [variable.path for variable in self.vary + self.selected]
+        affecting = [
+            path for path in paths if path.startswith("geometry.") or path.endswith(".motor")
+        ]
+        if not fixed_bodies or not affecting:
             return []
         return [
             f"Bodies as the robot file gives them ({', '.join(fixed_bodies)}): they turn with the "
@@ -214,8 +215,11 @@ class Study:
 
         `figures` are the results of the candidate, which contain the names of the selected parts.
         """
-        paths = (choice.path for choice in self.selected)
-        return {**design, **{path: figures[path] for path in paths if path in figures}}
+        result = dict(design)
+        for choice in self.selected:
+            if choice.path in figures:
+                result[choice.path] = figures[choice.path]
+        return result
 
     def designs(self) -> Iterator[Design]:
         """Yield the designs of all candidates. The search must not be adaptive."""
@@ -239,8 +243,12 @@ class Study:
 
         An empty design gives the study's own robot.
         """
-        choices = (each for each in (*self.vary, *self.selected) if isinstance(each, Choice))
-        return changed_robot(self.robot, {each.path: each.contents for each in choices}, design)
+        contents = {
+            variable.path: variable.contents
+            for variable in self.vary + self.selected
+            if isinstance(variable, Choice)
+        }
+        return changed_robot(self.robot, contents, design)
 
     whole = Renamed("complete_design")
 
@@ -256,8 +264,9 @@ def changed_robot(robot: Fields, contents: Mapping[str, Fields], design: Design)
     for path, text in design.items():
         if path in contents and text not in contents[path]:
             raise ProblemError("no such entry", key=path, value=text)
-        if path != PACE:
-            _put(tree, path, contents[path][text] if path in contents else number_or_text(text))
+        if path == PACE:
+            continue  # The pace is not a key of the robot file.
+        _put(tree, path, contents[path][text] if path in contents else number_or_text(text))
     for path in design:
         if path.startswith("joints.") and path.endswith(".motor"):
             joint = path.split(".")[1]
@@ -279,12 +288,13 @@ def _put(tree: JsonObject, path: str, content: Any) -> None:
 
     If the path ends with a gear, the content is merged into the existing drive.
     """
-    *keys, last = path.split(".")
+    keys = path.split(".")
+    final_key = keys.pop()
     node: Any = tree
-    for name in keys:
-        node = node[int(name)] if isinstance(node, list) else node.setdefault(name, {})
-    if last not in GEARS:
-        node[int(last) if isinstance(node, list) else last] = copy.deepcopy(content)
+    for key in keys:
+        node = node[int(key)] if isinstance(node, list) else node.setdefault(key, {})
+    if final_key not in GEARS:
+        node[int(final_key) if isinstance(node, list) else final_key] = copy.deepcopy(content)
         return
     if any(key.startswith("geometry.") for key in content):
         dimensions = node["geometry"].items()
@@ -301,8 +311,9 @@ def _replace_rotor(joint: JsonObject, original: Fields) -> None:
     """
     if "drive" not in joint:
         return
-    new, old = (_inertia(each.get("motor"), "rotor_inertia") for each in (joint, original))
-    inertia = _inertia(joint["drive"], "input_inertia") - old + new
+    old_rotor = _inertia(original.get("motor"), "rotor_inertia")
+    new_rotor = _inertia(joint.get("motor"), "rotor_inertia")
+    inertia = _inertia(joint["drive"], "input_inertia") - old_rotor + new_rotor
     source = "the drive's, with the rotor of the motor chosen"
     joint["drive"] = {
         **joint["drive"],
@@ -330,11 +341,12 @@ def path_exists(tree: Fields, path: str) -> bool:
     """
     node: Any = tree
     keys = path.split(".")
-    for key in keys[: -1 if keys[-1] not in GEARS else None]:
-        if key in GEARS and key == keys[-1]:
-            return isinstance(node, Mapping) and "geometry" in node
+    final_key = keys.pop()
+    for key in keys:
         try:
             node = node[int(key)] if isinstance(node, list) else node[key]
         except (KeyError, IndexError, ValueError, TypeError):
             return False
+    if final_key in GEARS:
+        return isinstance(node, Mapping) and "geometry" in node
     return isinstance(node, (Mapping, list))

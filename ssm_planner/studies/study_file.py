@@ -51,7 +51,8 @@ from ssm_planner.units import BadQuantity, share
 
 def _margin(value: object) -> float:
     """Return a share from 0 to below 1. Raises BadQuantity."""
-    if 0 <= (margin := share(value)) < 1:
+    margin = share(value)
+    if 0 <= margin < 1:
         return margin
     raise BadQuantity("not a share", "0 to 1, or 0 % to 100 %")
 
@@ -216,16 +217,17 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
     if "choices" in value:
         return Choice(path, _choices(section, path.split(".")[-1]))
     select = value.get("select")
-    if select not in (None, *RANKS):
+    if select is not None and select not in RANKS:
         raise section.error("unknown rank", "select", allowed=", ".join(RANKS))
     contents, sizes = catalogue(section, path)
     return Choice(path, contents, select, sizes if select else {})
 
 
-def _choices(section: Section, kind: str) -> JsonObject:
-    """Return the contents of listed choices by name. Names of drives and motors are replaced.
+def _choices(section: Section, key: str) -> JsonObject:
+    """Return the contents of listed choices by name.
 
-    `kind` is the last key of the path. Raises ProblemError if the list is invalid.
+    The contents of files replace the names of drives and motors. `key` is the last key of the
+    path, such as "motor". Raises ProblemError if the list is invalid.
     """
     choices = section.value["choices"]
     if not isinstance(choices, list) or not choices:
@@ -234,8 +236,8 @@ def _choices(section: Section, kind: str) -> JsonObject:
     for i, choice in enumerate(choices):
         label = str(choice.get("name", i) if isinstance(choice, dict) else choice)
         contents[label] = choice
-        if isinstance(choice, str) and kind in ("drive", "motor"):
-            contents[label] = follow(section, "choices", i, file_kind=kind).value
+        if isinstance(choice, str) and key in ("drive", "motor"):
+            contents[label] = follow(section, "choices", i, file_kind=key).value
     return contents
 
 
@@ -253,7 +255,7 @@ def _check_selection(
         )
     for choice in selected:
         keys = choice.path.split(".")
-        if keys[0] != "joints" or keys[-1] not in ("motor", *GEARS):
+        if keys[0] != "joints" or not (keys[-1] == "motor" or keys[-1] in GEARS):
             raise section.error(
                 "only motors and gears can be selected", "vary", choice.path, show=False
             )

@@ -95,12 +95,16 @@ class Workers(Executor):
     def _supervise(self, index: int) -> None:
         """Send tasks to the worker with an index, and replace the worker if it dies."""
         process: subprocess.Popen[bytes] | None = None
-        while (task := self._tasks.get()) is not None:
+        while True:
+            task = self._tasks.get()
+            if task is None:  # `shutdown` puts one None for each worker.
+                break
             future, message = task
             if not future.set_running_or_notify_cancel():
                 continue
             answer: bytes | None = None
             died = 0
+            # A task that ends its worker is repeated, unless `shutdown` was called meanwhile.
             while answer is None and died < self._attempts and not (died and self._closed):
                 if process is None or process.poll() is not None:
                     process = self._processes[index] = _start_worker()

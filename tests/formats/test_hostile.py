@@ -25,7 +25,7 @@ from ssm_planner.formats.agreement import difference
 from ssm_planner.formats.export import export
 from ssm_planner.formats.joint_trajectory import Message, message_from
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.formats.ros2 import _of_states, _state, _trajectory
+from ssm_planner.formats.ros2 import _from_states, _state, _trajectory
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
@@ -231,15 +231,15 @@ def test_times_of_joint_states_count_from_the_first() -> None:
         header = SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec))
         return SimpleNamespace(name=["a", "b"], position=[1.0, 2.0], velocity=[], header=header)
 
-    made = _of_states([state(7, 900_000_000), state(8, 100_000_000), state(10, 0)])
+    made = _from_states([state(7, 900_000_000), state(8, 100_000_000), state(10, 0)])
     assert isinstance(made, Message)
     assert made.time == pytest.approx([0.0, 0.2, 2.1], abs=1e-12)
     assert made.velocities == [[], [], []]
-    assert _of_states([]) == []
+    assert _from_states([]) == []
     bad = state(9, 0)
     bad.velocity = [1.0]
     with pytest.raises(TrajectoryError, match="JointState 1: 1 values of velocity for 2 joints"):
-        _of_states([state(8, 0), bad])
+        _from_states([state(8, 0), bad])
 
 
 @pytest.mark.parametrize(
@@ -282,12 +282,12 @@ def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
     names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)
     states = [_state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)]
     turned = _state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
-    assert isinstance(whole := _of_states(states), Message)
-    assert isinstance(mixed := _of_states([states[0], turned, states[2]]), Message)
+    assert isinstance(whole := _from_states(states), Message)
+    assert isinstance(mixed := _from_states([states[0], turned, states[2]]), Message)
     assert np.array_equal(mixed.positions, whole.positions)
     assert np.array_equal(mixed.velocities, whole.velocities)
     with pytest.raises(TrajectoryError, match="other joints"):
-        _of_states([states[0], _state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])])
+        _from_states([states[0], _state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])])
 
 
 def test_damaged_bags_are_refused(made: Plan, robot: Robot, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
-from ssm_planner.reporting.text import missing_figures, motors_verdict
+from ssm_planner.reporting.text import missing_data, motors_verdict
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.size import size, size_motion
 from ssm_planner.trajectory import Trajectory
@@ -135,7 +135,7 @@ def test_every_missing_figure_is_listed_with_its_joint(
 ) -> None:
     sizing: dict[str, Any] = size_motion(trajectory, robot).to_dict()
     assert sizing["adequate"] is not True
-    rows = list(missing_figures(sizing))
+    rows = list(missing_data(sizing))
     for part, owner in (
         *((m, m["motor"]) for m in sizing["motors"]),
         *((g, g["drive"]) for g in sizing["gears"]),

@@ -125,8 +125,8 @@ def _write(gif: bytes, path: Path) -> None:
         with NamedTemporaryFile(suffix=".gif") as source:
             source.write(gif)
             source.flush()
-            command = f"ffmpeg -v error -i {source.name} -pix_fmt yuv420p".split()
-            subprocess.run([*command, path], capture_output=True, check=True)
+            command = ["ffmpeg", "-v", "error", "-i", source.name, "-pix_fmt", "yuv420p", str(path)]
+            subprocess.run(command, capture_output=True, check=True)
     except FileNotFoundError:
         raise ExportError(f"{path}: needs the program ffmpeg, which is not on the PATH") from None
     except subprocess.CalledProcessError as error:
@@ -190,10 +190,13 @@ def still(plan: Plan) -> JsonObject:
     to_svg = np.array([1e3, -1e3])  # From m to mm. The y-axis of an SVG points down.
     q = plan.motion.sample(plan.motion.breaks[0] + t).q
     lines = [(to_svg * line).round(2).reshape(3, -1) for line in mechanism_lines(plan.robot, q)]
+    circle = None
+    if eye is not None:
+        circle = np.append(to_svg * (VIEW @ eye.centre), 1e3 * eye.radius).tolist()
     return {
         "reach": 1.05 * max(np.abs(line).max() for line in lines),
-        "instants": [*zip(t.tolist(), zip(*lines, strict=True), strict=True)],
-        "eye": None if eye is None else [*to_svg * (VIEW @ eye.centre), 1e3 * eye.radius],
+        "instants": [(time, [line[k] for line in lines]) for k, time in enumerate(t.tolist())],
+        "eye": circle,
     }
 
 
@@ -210,8 +213,10 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
     """
     from PIL import Image
 
-    motion, eye = plan.motion, plan.limits.eye
-    t = np.linspace(0.0, motion.duration, max(2, round(RATE * motion.duration / speed) + 1))
+    motion = plan.motion
+    eye = plan.limits.eye
+    count = max(2, round(RATE * motion.duration / speed) + 1)
+    t = np.linspace(0.0, motion.duration, count)
     lines = mechanism_lines(plan.robot, motion.sample(motion.breaks[0] + t).q)
     boxes = [np.concatenate([line.reshape(-1, 2) for line in lines])]
     if eye is not None:
@@ -228,22 +233,26 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
         axes.set_axis_off()
         if eye is not None:
             _draw_eye(axes, eye)
-        axes.plot(*lines[2][:, 0].T, color="#d55e00", linewidth=1.2)
+        tip_path = lines[2][:, 0]
+        axes.plot(tip_path[:, 0], tip_path[:, 1], color="#d55e00", linewidth=1.2)
         axes.plot(0, 0, "o", color="black", markersize=4)
         axes.annotate("port", (0, 0), (-16, -8), textcoords="offset points", **LABEL)
         for line, style in zip(lines, LINES, strict=True):
-            moving.append((axes, axes.plot([], animated=True, **style)[0], line))
+            (artist,) = axes.plot([], animated=True, **style)
+            moving.append((axes, artist, line))
     text = figure.text(0.01, 0.94, "", fontsize=8, animated=True)
     canvas: Any = figure.canvas
     canvas.draw()
     # The background is drawn once, and only the moving lines are drawn in every picture.
-    background, palette = canvas.copy_from_bbox(figure.bbox), None
+    background = canvas.copy_from_bbox(figure.bbox)
+    palette = None
+    speed_text = "" if speed == 1.0 else f", at {speed:.3g} × speed"
     for k, time in enumerate(t):
         canvas.restore_region(background)
-        text.set_text(f"{time:.2f} s" if speed == 1.0 else f"{time:.2f} s, at {speed:.3g} × speed")
+        text.set_text(f"{time:.2f} s{speed_text}")
         figure.draw_artist(text)
         for axes, artist, line in moving:
-            artist.set_data(*line[k].T)
+            artist.set_data(line[k, :, 0], line[k, :, 1])
             axes.draw_artist(artist)
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         palette = palette or picture.quantize(64)

@@ -70,28 +70,31 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     """
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     samples = trajectory.sample(t)
-    narrow = width < NARROW
-    end = "\n" if narrow else " "
+    if width < NARROW:
+        separator = "\n"
+        height, rows, columns, legend_columns = 8.6, 6, 1, 2
+        left_edge, top_edge = 0.85, 0.85
+    else:
+        separator = " "
+        height, rows, columns, legend_columns = min(6.4, 0.78 * width), 3, 2, 5
+        left_edge, top_edge = 0.75, 0.55
+        if width < MEDIUM:
+            legend_columns, top_edge = 3, 0.7
     figure, panels = new_panels(
         width,
-        8.6 if narrow else min(6.4, 0.78 * width),
-        rows=6 if narrow else 3,
-        columns=1 if narrow else 2,
-        edges=(
-            0.85 if narrow else 0.75,
-            0.1,
-            0.5,
-            0.85 if narrow else 0.7 if width < MEDIUM else 0.55,
-        ),
+        height,
+        rows=rows,
+        columns=columns,
+        edges=(left_edge, 0.1, 0.5, top_edge),
         gaps=(0.85, 0.2),
         sharex=True,
     )
-    rows: tuple[tuple[str, str, str, type[Limit]], ...] = (
+    quantities: tuple[tuple[str, str, str, type[Limit]], ...] = (
         ("q", "position", "", JointPosition),
         ("qd", "velocity", "/s", JointVelocity),
         ("qdd", "acceleration", "/s²", JointAcceleration),
     )
-    for row, (field, name, per, limited) in enumerate(rows):
+    for row, (field, name, per, limited) in enumerate(quantities):
         for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
             unit, scale = unit_of(base)
             axes = panels.flat[2 * row + column]
@@ -104,14 +107,16 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
                 for limit in joint.limits:
                     if isinstance(limit, limited):
                         _draw_limit(axes, (scale * limit.low, scale * limit.high), values)
-            finish(axes, "time (s)" if axes in panels[-1] else "", f"{name}{end}({unit}{per})")
-    lines = [line for axes in panels.flat[:2] for line in axes.get_legend_handles_labels()[0]]
-    (limit_line,) = panels.flat[2].plot([], [], **LIMIT, label="limit")
-    columns = 2 if narrow else 3 if width < MEDIUM else 5
+            time_label = "time (s)" if axes in panels[-1] else ""
+            finish(axes, time_label, f"{name}{separator}({unit}{per})")
+    handles = []
+    for axes in panels.flat[:2]:
+        handles += axes.get_legend_handles_labels()[0]
+    handles += panels.flat[2].plot([], [], **LIMIT, label="limit")
     figure.legend(
-        handles=[*lines, limit_line],
+        handles=handles,
         loc="upper center",
-        ncols=columns,
+        ncols=legend_columns,
         fontsize=SIZE,
         frameon=False,
     )
@@ -146,16 +151,19 @@ def motors_figure(
     width : float
         Width of the figure, inches.
     """
-    rows, narrow = len(requirements), width < NARROW
-    letters = int((width if narrow else width / 2) * 72 / (LETTER * SIZE)) - 8
+    is_narrow = width < NARROW
+    columns = 1 if is_narrow else 2
+    rows = len(requirements) * 2 // columns
+    top_edge, gap = (0.6, 0.75) if width < MEDIUM else (0.45, 0.6)
+    letters = int(width / columns * 72 / (LETTER * SIZE)) - 8
     figure, panels = new_panels(
         width,
-        (4.6 if narrow else 2.3) * rows + 0.2,
-        rows=rows * (2 if narrow else 1),
-        columns=1 if narrow else 2,
-        edges=(0.8, 0.1, 0.5, 0.6 if width < MEDIUM else 0.45),
-        gaps=(0.35, 1.0 if narrow else 0.75 if width < MEDIUM else 0.6),
-        sharey=False if narrow else "row",
+        2.3 * rows + 0.2,
+        rows=rows,
+        columns=columns,
+        edges=(0.8, 0.1, 0.5, top_edge),
+        gaps=(0.35, 1.0 if is_narrow else gap),
+        sharey=False if is_narrow else "row",
     )
     names = [joint.name for joint in robot.joints]
     for row, requirement in enumerate(requirements):
@@ -171,12 +179,12 @@ def motors_figure(
                 np.copysign(rms, requirement.mean_torque), color="0.3", linewidth=1.0, linestyle=":"
             )
         time_label, speed_label = "", ""
-        if row == rows - 1 or narrow:
+        if row == len(requirements) - 1 or is_narrow:
             time_label, speed_label = "time (s)", "motor speed (rpm)"
         finish(over_time, time_label, f"{_label(robot, i)}\nmotor torque (mN·m)")
-        finish(against_speed, speed_label, "motor torque (mN·m)" if narrow else "")
+        finish(against_speed, speed_label, "motor torque (mN·m)" if is_narrow else "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
-        lines = [text, *wrap(_ratings_text(requirement.motor), letters)]
+        lines = [text] + wrap(_ratings_text(requirement.motor), letters)
         against_speed.set_title("\n".join(lines), fontsize=SIZE - 1, loc="right", y=1.0, pad=3)
     return figure
 

@@ -65,10 +65,9 @@ def payload_curves(sizing: "Sizing") -> "Figure":
     Rotary joints are on the left, and the translation is on the right. A broad bar at the peak
     shows the range of the peak torque at the stated confidence.
     """
-    groups = []
-    for slides in (False, True):
-        group = [joint for joint in sizing.joints if joint.load.drive.slides == slides]
-        groups += [group] if group else []
+    rotary = [joint for joint in sizing.joints if not joint.load.drive.slides]
+    sliding = [joint for joint in sizing.joints if joint.load.drive.slides]
+    groups = [group for group in (rotary, sliding) if group]
     figure = new_figure(3.6 * len(groups) + 0.4, 3.3)
     panels = figure.subplots(1, len(groups), squeeze=False)[0]
     for axes, group in zip(panels, groups, strict=True):
@@ -121,7 +120,8 @@ def operating_regions(sizing: "Sizing") -> "Figure":
 
 def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     """Draw the regions of one motor, and the motion of its joint, in one panel."""
-    motor, load, conditions = verdict.motor, verdict.load, sizing.conditions
+    motor = verdict.motor
+    conditions = sizing.conditions
     speed = np.linspace(0.0, motor.max_speed, 400)
     hot = motor.max_winding_temperature
     short = 1e3 * available_torque(motor, conditions, speed, hot)
@@ -130,12 +130,13 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
         axes.fill_between(
             RPM * speed, 0.0, np.minimum(short, 1e3 * steady), color="0.88", label="continuous"
         )
-    (outline,) = axes.plot([*(RPM * speed), RPM * speed[-1]], [*short, 0.0], label="short-term")
-    outline.set(**LIMIT)
+    # A vertical line at the largest speed closes the region.
+    outline_speeds = RPM * np.append(speed, speed[-1])
+    axes.plot(outline_speeds, np.append(short, 0.0), label="short-term", **LIMIT)
     i = JOINTS.index(verdict.joint)
     torque = 1e3 * np.abs(verdict.requirement.torque)
-    speeds = RPM * np.abs(load.speed())
-    for run in _runs(load.direction):
+    speeds = RPM * np.abs(verdict.load.speed())
+    for run in _runs(verdict.load.direction):
         axes.plot(speeds[run], torque[run], color=COLOURS[i], linewidth=1.0)
     rms = 1e3 * verdict.requirement.rms_torque
     axes.plot(
@@ -150,7 +151,9 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     axes.set_ylim(0.0, max(top, min(1.05 * short.max(), 3 * top)))
     axes.set_xlim(0.0, min(1.05 * RPM * motor.max_speed, 3 * float(speeds.max())))
     mark = ", placeholder figures" if motor.placeholder else ""
-    answer = {True: "suffices", False: "does not suffice", None: "not known"}[verdict.adequate]
+    answer = "suffices" if verdict.adequate else "does not suffice"
+    if verdict.adequate is None:
+        answer = "not known"
     axes.set_title(f"{verdict.joint}: {motor.name}\n{answer}{mark}", fontsize=SIZE - 1.5)
 
 
@@ -275,9 +278,12 @@ def speeds_of_map(w: Array) -> tuple[Array, Array]:
     backward, forward : (200,) arrays
         Speeds with logarithmic spacing over the measured range, rad/s.
     """
-    sides = (np.abs(w[np.sign(w) == sign]) for sign in (-1.0, 1.0))
-    backward, forward = (np.geomspace(side.min(), side.max(), 200) for side in sides)
-    return -backward, forward
+    backward = w[w < 0]
+    forward = w[w > 0]
+    return (
+        np.geomspace(backward.max(), backward.min(), 200),
+        np.geomspace(forward.min(), forward.max(), 200),
+    )
 
 
 def prediction_figure(prediction: "Prediction") -> "Figure":
@@ -293,12 +299,24 @@ def prediction_figure(prediction: "Prediction") -> "Figure":
     torque.plot(recording.time, 1e3 * prediction.tau, **MODEL, label=label)
     if prediction.band is not None:
         shade: Keywords = {"color": COLOURS[1], "linewidth": 0}
-        band = [1e3 * end for end in (prediction.band.low, prediction.band.high)]
-        torque.fill_between(recording.time, *band, alpha=0.18, label="95 % of samples", **shade)
-        low, high = (1e3 * (end - prediction.tau.mean()) for end in prediction.band.mean)
-        moving = np.where(prediction.rest, np.nan, 1e3 * prediction.tau)
-        band = [moving + low, moving + high]
-        torque.fill_between(recording.time, *band, alpha=0.35, label="95 % of the mean", **shade)
+        torque.fill_between(
+            recording.time,
+            1e3 * prediction.band.low,
+            1e3 * prediction.band.high,
+            alpha=0.18,
+            label="95 % of samples",
+            **shade,
+        )
+        low, high = prediction.band.mean
+        deviation = np.where(prediction.rest, np.nan, prediction.tau - prediction.tau.mean())
+        torque.fill_between(
+            recording.time,
+            1e3 * (deviation + low),
+            1e3 * (deviation + high),
+            alpha=0.35,
+            label="95 % of the mean",
+            **shade,
+        )
     speed.plot(recording.time, RPM * recording.w, **MEASURED)
     finish(torque, "", "motor torque (mN·m)", recording.name)
     finish(speed, "time (s)", "motor speed\n(rpm)")

@@ -146,7 +146,9 @@ def finish(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def render_figure(figure: "Figure", pdf: bool = True, about: str | None = None) -> dict[str, bytes]:
+def render_figure(
+    figure: "Figure", pdf: bool = True, subject: str | None = None
+) -> dict[str, bytes]:
     """Render a figure as the content of its files.
 
     Equal figures give equal bytes. PDF files embed TrueType fonts. The function calls the canvases
@@ -157,7 +159,7 @@ def render_figure(figure: "Figure", pdf: bool = True, about: str | None = None) 
     figure : Figure
     pdf : bool
         Render a PDF file, too.
-    about : str, optional
+    subject : str, optional
         Subject of the PDF file.
 
     Returns
@@ -173,33 +175,37 @@ def render_figure(figure: "Figure", pdf: bool = True, about: str | None = None) 
             from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
             figure.set_layout_engine("none")
-            metadata = {"CreationDate": None, "Subject": about}
+            metadata = {"CreationDate": None, "Subject": subject}
             canvas = FigureCanvasPdf(figure)
             canvas.print_pdf(file, metadata=metadata)  # type: ignore[no-untyped-call]
             files["pdf"] = file.getvalue()
     return files
 
 
-def save_figure(figure: "Figure", path: Path, pdf: bool = True, about: str | None = None) -> Files:
+def save_figure(
+    figure: "Figure", path: Path, pdf: bool = True, subject: str | None = None
+) -> Files:
     """Write a figure as path.png and optionally path.pdf.
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
     """
-    return save_rendered(render_figure(figure, pdf, about), path, about)
+    return save_rendered(render_figure(figure, pdf, subject), path, subject)
 
 
-def save_figures(figures: "Mapping[str, Figure]", folder: Path, about: str | None = None) -> Files:
+def save_figures(
+    figures: "Mapping[str, Figure]", folder: Path, subject: str | None = None
+) -> Files:
     """Write each figure as PNG and PDF under its name, into a folder.
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
     """
     paths: Files = {}
     for name, figure in figures.items():
-        paths |= save_figure(figure, folder / name, about=about)
+        paths |= save_figure(figure, folder / name, subject=subject)
     return paths
 
 
-def save_rendered(files: Mapping[str, bytes], path: Path, about: str | None = None) -> Files:
+def save_rendered(files: Mapping[str, bytes], path: Path, subject: str | None = None) -> Files:
     """Write the files of a rendered figure atomically.
 
     Parameters
@@ -208,7 +214,7 @@ def save_rendered(files: Mapping[str, bytes], path: Path, about: str | None = No
         Result of `render_figure`.
     path : Path
         Path of the files without suffix.
-    about : str, optional
+    subject : str, optional
         Text that identifies the content, such as the hash of a plan. It is added to PNG files.
 
     Returns
@@ -224,8 +230,8 @@ def save_rendered(files: Mapping[str, bytes], path: Path, about: str | None = No
     paths = {}
     for suffix, content in files.items():
         target = path.with_name(f"{path.name}.{suffix}")
-        if suffix == "png" and about:
-            content = png_with_text(content, "Source", about)
+        if suffix == "png" and subject:
+            content = png_with_text(content, "Source", subject)
         with replacing(target) as temporary:
             temporary.write_bytes(content)
         paths[f"{path.name}_{'figure' if suffix == 'png' else suffix}"] = target
@@ -265,12 +271,13 @@ def _png(figure: "Figure") -> bytes:
     header = struct.pack(">2I", width, height) + bytes((8, 3, 0, 0, 0))  # 8 bits with a palette.
     per_metre = round(figure.dpi / 0.0254)
     chunks = (
-        (b"IHDR", header),
-        (b"pHYs", struct.pack(">2IB", per_metre, per_metre, 1)),
-        (b"PLTE", bytes(image.getpalette() or ())),
-        (b"IDAT", compress(rows.data)),
+        _chunk(b"IHDR", header),
+        _chunk(b"pHYs", struct.pack(">2IB", per_metre, per_metre, 1)),
+        _chunk(b"PLTE", bytes(image.getpalette() or ())),
+        _chunk(b"IDAT", compress(rows.data)),
+        _chunk(b"IEND", b""),
     )
-    return PNG_SIGNATURE + b"".join(_chunk(*chunk) for chunk in (*chunks, (b"IEND", b"")))
+    return PNG_SIGNATURE + b"".join(chunks)
 
 
 def _chunk(chunk_type: bytes, content: bytes) -> bytes:
@@ -281,7 +288,7 @@ def _chunk(chunk_type: bytes, content: bytes) -> bytes:
 
 def legend(axes: "Axes", **options: Any) -> None:
     """Draw a legend inside a panel. The options are those of `Axes.legend`."""
-    axes.legend(**{"fontsize": SIZE - 1, "frameon": False, **options})
+    axes.legend(fontsize=SIZE - 1, frameon=False, **options)
 
 
 def zero_lines(axes: "Axes", down: bool = False) -> None:

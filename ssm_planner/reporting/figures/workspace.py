@@ -28,7 +28,7 @@ from ssm_planner.reporting.figures.style import (
     finish,
     legend,
     new_figure,
-    save_figure,
+    save_figures,
 )
 from ssm_planner.typing import Array, Files, Keywords
 
@@ -74,9 +74,10 @@ def publish_figures(figures: "Mapping[str, Figure]", directory: str | Path) -> F
     folder = Path(directory)
     paths: Files = {}
     with publishing(folder) as temporary:
-        for name, figure in figures.items():
-            png, pdf = save_figure(figure, temporary / name).values()
-            paths |= {name: folder / png.name, f"{name}_pdf": folder / pdf.name}
+        save_figures(figures, temporary)
+    for name in figures:
+        paths[name] = folder / f"{name}.png"
+        paths[f"{name}_pdf"] = folder / f"{name}.pdf"
     return paths
 
 
@@ -86,35 +87,32 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
     for k, (axis, name) in enumerate(zip(directions, AXES, strict=True)):
-        axes.plot(
-            *np.outer(axis, (0.0, 1.15)), color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6
-        )
-        axes.text(*(1.3 * axis), name, color=COLOURS[k], **CENTRED)
+        x, y, z = np.outer(axis, (0.0, 1.15))
+        axes.plot(x, y, z, color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6)
+        x, y, z = 1.3 * axis
+        axes.text(x, y, z, name, color=COLOURS[k], **CENTRED)
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
+    label: Keywords = {"va": "center", "fontsize": SIZE - 1}
     angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
     for i, j, radius, name in angles:
-        arc = radius * great_arc(directions[i], directions[j]).T
-        axes.plot(*arc, color="black", linewidth=1.0)
-        middle = arc[:, arc.shape[1] // 2]
-        axes.text(*(middle * (1 + 0.08 / radius)), name, ha="left", va="center", fontsize=SIZE - 1)
+        arc = radius * great_arc(directions[i], directions[j])
+        axes.plot(arc[:, 0], arc[:, 1], arc[:, 2], color="black", linewidth=1.0)
+        x, y, z = arc[len(arc) // 2] * (1 + 0.08 / radius)
+        axes.text(x, y, z, name, ha="left", **label)
     axes.plot([0.0], [0.0], [0.0], "o", color="black", markersize=6)
-    axes.text(
-        *(-0.1 * mechanism.omega1 - 0.08 * mechanism.omega3),
-        "RCM, port",
-        ha="right",
-        va="center",
-        fontsize=SIZE - 1,
-    )
+    x, y, z = -0.1 * mechanism.omega1 - 0.08 * mechanism.omega3
+    axes.text(x, y, z, "RCM, port", ha="right", **label)
     inwards = mechanism.insertion_sign * mechanism.omega3
-    axes.quiver(
-        *np.zeros(3), *(0.35 * inwards), color=COLOURS[3], linewidth=1.3, arrow_length_ratio=0.25
-    )
-    axes.text(*(0.48 * inwards), "depth", ha="center", va="center", fontsize=SIZE - 1)
-    points = np.array([*(1.3 * np.array(directions)), 0.48 * inwards])
-    middle, half = (points.max(axis=0) + points.min(axis=0)) / 2, np.ptp(points, axis=0).max() / 2
+    arrow = np.append(np.zeros(3), 0.35 * inwards)
+    axes.quiver(*arrow, color=COLOURS[3], linewidth=1.3, arrow_length_ratio=0.25)
+    x, y, z = 0.48 * inwards
+    axes.text(x, y, z, "depth", ha="center", **label)
+    points = np.vstack([1.3 * np.array(directions), 0.48 * inwards])
+    middle = (points.max(axis=0) + points.min(axis=0)) / 2
+    half = np.ptp(points, axis=0).max() / 2
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.3)
-    x, y, z = zip(middle - half, middle + half, strict=True)
+    x, y, z = np.column_stack([middle - half, middle + half])
     axes.set(xlim=x, ylim=y, zlim=z)
     axes.set_axis_off()
     axes.view_init(elev=38.0, azim=-68.0)
@@ -164,9 +162,9 @@ def theta2_figure(mechanism: Mechanism) -> "Figure":
     tilt = _tilts(mechanism)
     for k, branch in enumerate((1, -1)):
         theta2 = theta2_from_tilt(mechanism, tilt, branch)
-        label = minus(f"branch {branch:+d}") + (
-            " (home)" if branch == mechanism.home_branch else ""
-        )
+        label = minus(f"branch {branch:+d}")
+        if branch == mechanism.home_branch:
+            label += " (home)"
         axes.plot(np.degrees(tilt), np.degrees(theta2), DASHES[k], color=COLOURS[k], label=label)
     axes.plot([np.degrees(mechanism.home_tilt)], [0.0], "o", color="black", label="home")
     _mark_interval(axes, mechanism)
@@ -269,8 +267,10 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
         (mechanism.omega2, "ω₂"),
         (mechanism.omega3, "ω₃"),
     ):
-        axes.plot(*(np.outer(axis, (1.0, 1.4))), color="black", linewidth=1.3, zorder=4)
-        axes.text(*(axis * 1.5), name, zorder=5, **CENTRED)
+        x, y, z = np.outer(axis, (1.0, 1.4))
+        axes.plot(x, y, z, color="black", linewidth=1.3, zorder=4)
+        x, y, z = 1.5 * axis
+        axes.text(x, y, z, name, zorder=5, **CENTRED)
     axes.set_title("reachable pointings on the unit sphere", fontsize=SIZE)
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.1)
     axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), zlim=(-1.1, 1.1))

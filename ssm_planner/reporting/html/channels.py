@@ -1,6 +1,7 @@
 """Sample every quantity that a page plots. A sampled quantity is called a channel."""
 
 import base64
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -79,13 +80,15 @@ def channels_of(plan: Plan, t: Array) -> Arrays:
     loads = [joint.load for joint in plan.sizing.joints]
     for load in loads:
         i = JOINTS.index(load.joint)
-        after = np.searchsorted(load.t - load.t[0], t, "right")
+        following = np.searchsorted(load.t - load.t[0], t, "right")
         # Only the instants beside those of the page matter. A long motion has many more.
-        few = load.subset(np.unique(np.clip([after - 1, after], 0, len(load.t) - 1)))
-        curves = {f"w{i}": few.speed(), f"tau{i}": few.torque()}
-        curves |= {f"split{i}_{name}": part for name, part in torque_split(few).components()}
+        beside = np.clip([following - 1, following], 0, len(load.t) - 1)
+        selected = load.subset(np.unique(beside))
+        curves = {f"w{i}": selected.speed(), f"tau{i}": selected.torque()}
+        for name, torque in torque_split(selected).components():
+            curves[f"split{i}_{name}"] = torque
         for name, values in curves.items():
-            channels[name] = np.interp(t, few.t - load.t[0], values)
+            channels[name] = np.interp(t, selected.t - load.t[0], values)
     return channels | _temperature_channels(loads, t, pause_of(plan.problem))
 
 
@@ -102,7 +105,8 @@ def encode(channels: Arrays) -> dict[str, str]:
 
 def limited_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
     """Return the kinds of tool speed that the page plots: the tip speed and limited speeds."""
-    return [TipSpeed, *(type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed))]
+    limited = [type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed)]
+    return [TipSpeed] + limited
 
 
 def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> Arrays:
@@ -136,10 +140,8 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
     channels |= {f"task{i}": task[:, i] for i in range(4)}
     channels |= {f"task_rate{i}": rates[:, i] for i in range(4) if TASK[i] in limits.rates}
     if limits.eye is not None:
-        channels |= {
-            EYE_CHANNELS[name]: value
-            for name, (value, _) in eye_limits(NUMPY, limits.eye, tip.T).items()
-        }
+        for name, (clearance, _) in eye_limits(NUMPY, limits.eye, tip.T).items():
+            channels[EYE_CHANNELS[name]] = clearance
     return channels
 
 
@@ -167,14 +169,14 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
     for load in loads:
         if load.motor is None or missing(load.motor, *FIGURES):
             continue
-        count = len(load.t)
-        # The temperatures of a long motion follow from a part of its many instants.
-        few = load.subset(np.append(np.arange(0, count - 1, -(-count // INSTANTS)), count - 1))
-        cycle = Cycle.from_torque(few.t, few.torque(), pause)
+        # At most INSTANTS of the many instants of a long motion determine the temperatures.
+        end = len(load.t) - 1
+        step = math.ceil(len(load.t) / INSTANTS)
+        selected = load.subset(np.append(np.arange(0, end, step), end))
+        cycle = Cycle.from_torque(selected.t, selected.torque(), pause)
         state = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)
         if state.steady:
-            for name, values in (("winding", state.winding), ("housing", state.housing)):
-                channels[f"{name}{JOINTS.index(load.joint)}"] = (
-                    np.interp(t, cycle.t, values) - CELSIUS
-                )
+            i = JOINTS.index(load.joint)
+            channels[f"winding{i}"] = np.interp(t, cycle.t, state.winding) - CELSIUS
+            channels[f"housing{i}"] = np.interp(t, cycle.t, state.housing) - CELSIUS
     return channels

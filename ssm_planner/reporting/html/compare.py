@@ -50,7 +50,7 @@ def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
         "compare.html",
         comparison_data(plans),
         title=f"{plan_a.problem.name} against {plan_b.problem.name} – plan comparison",
-        plans=[*zip(NAMES, plans, map(verdict, plans), strict=True)],
+        plans=list(zip(NAMES, plans, map(verdict, plans), strict=True)),
         durations=_durations(plans),
         limits=_limits(plan_a.certificate, plan_b.certificate),
         motors=_motors(plans),
@@ -69,9 +69,9 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
     panels = []
     for plan, samples in zip(plans, channels, strict=True):
         # A limit cannot be active after the end of the plan.
-        running = t <= plan.motion.duration + 1e-9
-        plan_panels = panels_of(plan, {name: x[running] for name, x in samples.items()})
-        panels.append([*plan_panels, *_margin_panels(plan, samples)])
+        is_running = t <= plan.motion.duration + 1e-9
+        running_samples = {name: values[is_running] for name, values in samples.items()}
+        panels.append(panels_of(plan, running_samples) + list(_margin_panels(plan, samples)))
     return {
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
@@ -100,26 +100,30 @@ def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
 
 def _durations(plans: tuple[Plan, Plan]) -> Table:
     """Build the table of durations, lower bounds and the gap between them."""
+    a, b = plans
     gaps = [None if plan.gap is None else 100 * plan.gap for plan in plans]
-    names = {"duration": "duration", "lower bound": "lower_bound", "toppra": "toppra_duration"}
     rows = [
-        (f"{name} s", *_pair([getattr(plan, field) for plan in plans]))
-        for name, field in names.items()
+        ("duration s",) + _pair(a.duration, b.duration),
+        ("lower bound s",) + _pair(a.lower_bound, b.lower_bound),
+        ("toppra s",) + _pair(a.toppra_duration, b.toppra_duration),
+        ("above the lower bound %",) + _pair(gaps[0], gaps[1], relative=False),
     ]
-    rows.append(("above the lower bound %", *_pair(gaps, relative=False)))
     return Table(", A, B, change", rows, (1, 2, 3))
 
 
-def _limits(*certificates: Certificate | None) -> Table:
+def _limits(certificate_a: Certificate | None, certificate_b: Certificate | None) -> Table:
     """Build the table of the margins in both certificates, smallest margin first."""
-    margins_a, margins_b = (_margins(certificate) for certificate in certificates)
-    ordered = sorted((margin, key) for key, margin in [*margins_a.items(), *margins_b.items()])
+    margins_a = _margins(certificate_a)
+    margins_b = _margins(certificate_b)
     rows = []
-    for key in dict.fromkeys(key for _, key in ordered):
-        a, b = margins_a.get(key), margins_b.get(key)
+    for key in margins_a.keys() | margins_b.keys():
+        a = margins_a.get(key)
+        b = margins_b.get(key)
         change = None if a is None or b is None else b - a
-        rows.append((*key, *(percent(share, 4) for share in (a, b, change))))
-    return Table("limit, joint, margin A, margin B, change", rows, (2, 3, 4))
+        smallest = min(margin for margin in (a, b) if margin is not None)
+        rows.append((smallest, key + (percent(a, 4), percent(b, 4), percent(change, 4))))
+    cells = [row for _, row in sorted(rows)]
+    return Table("limit, joint, margin A, margin B, change", cells, (2, 3, 4))
 
 
 def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
@@ -131,31 +135,34 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
 
 def _motors(plans: tuple[Plan, Plan]) -> Table:
     """Build the table of the required torques and speeds of the motors in both plans."""
-    sides = [{r.joint: r.to_dict() for r in plan.requirements} for plan in plans]
+    requirements_a = {item.joint: item for item in plans[0].requirements}
+    requirements_b = {item.joint: item for item in plans[1].requirements}
     rows = []
-    for joint in sorted(sides[0].keys() | sides[1].keys()):
-        a, b = (side.get(joint, {}) for side in sides)
-        motors = dict.fromkeys(side.get("motor") or NOTHING for side in (a, b))
+    for joint in sorted(requirements_a.keys() | requirements_b.keys()):
+        a = requirements_a[joint].to_dict() if joint in requirements_a else {}
+        b = requirements_b[joint].to_dict() if joint in requirements_b else {}
+        motors = " / ".join(dict.fromkeys([a.get("motor") or NOTHING, b.get("motor") or NOTHING]))
         for key, name, scale in (
             ("peak_torque", "peak torque mN·m", 1e3),
             ("rms_torque", "RMS torque mN·m", 1e3),
             ("peak_speed", "peak speed rpm", RPM),
         ):
-            values = [None if key not in side else scale * side[key] for side in (a, b)]
-            rows.append((joint, " / ".join(motors), name, *_pair(values)))
+            value_a = scale * a[key] if key in a else None
+            value_b = scale * b[key] if key in b else None
+            rows.append((joint, motors, name) + _pair(value_a, value_b))
     return Table("joint, motor, , A, B, change", rows, (3, 4, 5))
 
 
-def _pair(values: Sequence[float | None], relative: bool = True) -> tuple[str, str, str]:
-    """Format the values of A and B, and the change from A to B.
+def _pair(a: float | None, b: float | None, relative: bool = True) -> tuple[str, str, str]:
+    """Format the values of plans A and B, and the change from A to B.
 
     Parameters
     ----------
-    values : sequence of two float or None
+    a, b : float or None
+        The values. None if a plan does not have the value.
     relative : bool
         Give the change in per cent of A. Otherwise, give the difference.
     """
-    a, b = values
     change = NOTHING
     if a is not None and b is not None and (a or not relative):
         change = percent(b / a - 1, 2) if relative else signed(b - a, 2)
@@ -176,14 +183,12 @@ def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
             shared = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})
             shared["sides"].append(side)
             for limit in panel["limits"]:
-                equal = [
-                    line
-                    for line in shared["limits"]
-                    if all(line[key] == limit[key] for key in ("name", "low", "high"))
-                ]
-                for line in equal:
-                    line["side"] = None
-                if not equal:
+                is_new = True
+                for line in shared["limits"]:
+                    if all(line[key] == limit[key] for key in ("name", "low", "high")):
+                        line["side"] = None
+                        is_new = False
+                if is_new:
                     shared["limits"].append({**limit, "of": name, "side": side})
             for interval in panel["active"]:
                 label = f"{name}: {interval['label']}"
@@ -194,12 +199,15 @@ def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
 def _split_by_series(panel: Panel) -> Iterator[Panel]:
     """Yield a separate panel for each series of a panel."""
     for series in panel["series"]:
-        entries = {
-            key: [item for item in panel[key] if item["joint"] == series["joint"]]
-            for key in ("limits", "active")
-        }
+        joint = series["joint"]
         title = panel["title"]
         if len(panel["series"]) > 1:
             title = f"{title.partition(':')[0]}: {series['label']}"
-        content = {"title": title, "channel": series["channel"], "series": [series]}
-        yield {**panel, **content, **entries, "missing": []}
+        yield panel | {
+            "title": title,
+            "channel": series["channel"],
+            "series": [series],
+            "limits": [limit for limit in panel["limits"] if limit["joint"] == joint],
+            "active": [interval for interval in panel["active"] if interval["joint"] == joint],
+            "missing": [],
+        }

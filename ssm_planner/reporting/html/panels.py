@@ -75,17 +75,17 @@ def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
     """
     joints = plan.robot.joints
     kinds = [
-        (unit, [i for i, joint in enumerate(joints) if joint.kind == kind])
-        for kind, unit in (("revolute", "rad"), ("prismatic", "m"))
+        ("rad", [i for i, joint in enumerate(joints) if not joint.slides]),
+        ("m", [i for i, joint in enumerate(joints) if joint.slides]),
     ]
     tool = tool_panels(plan.limits)
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
-    fields = (
+    for field, per, limited in (
         ("q", "", JointPosition),
         ("qd", "/s", JointVelocity),
         ("qdd", "/s²", JointAcceleration),
-    )
-    for field, per, limited in (*fields, ("qddd", "/s³", JointJerk)):
+        ("qddd", "/s³", JointJerk),
+    ):
         for unit, indices in kinds:
             # Without a jerk limit the acceleration jumps, and its derivative would be solver noise.
             if indices and (
@@ -385,9 +385,8 @@ def _joint_panel(
         else:
             panel["limits"].append(limit_line(limit, i, f"{field}{i}"))
     if unlimited:
-        panel["missing"].append(
-            f"no {limited.name} limit" + (f": {', '.join(unlimited)}" if panel["limits"] else "")
-        )
+        owners = f": {', '.join(unlimited)}" if panel["limits"] else ""
+        panel["missing"].append(f"no {limited.name} limit{owners}")
     return panel
 
 
@@ -505,18 +504,19 @@ def _in_order(limits: TaskLimits, limit_type: type[T], indices: list[int]) -> li
 
 
 def _eye_panels(eye: Eye) -> list[Panel]:
-    """Build the panels of the distances to the retina and to the lens."""
-    retina, *lens = eye.limits
-    panels = [new_panel("Tool tip", "Tip to retina", retina.unit, [("retina", "tip", 3)])]
-    panels[0]["limits"] = [limit_line(retina, 3, "retina")]
-    panels[0]["missing"].append(
-        f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus distance to its edge"
-    )
-    for limit in lens:
-        panels.append(
-            new_panel(
-                "Tool tip", "Shaft to lens", "semi-axes from its centre", [("lens", "shaft", 3)]
+    """Build the panels of the distances to the retina and, if the eye has one, to the lens."""
+    panels = []
+    for limit in eye.limits:
+        if isinstance(limit, RetinaClearance):
+            panel = new_panel("Tool tip", "Tip to retina", limit.unit, [("retina", "tip", 3)])
+            panel["limits"] = [limit_line(limit, 3, "retina")]
+            panel["missing"].append(
+                f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus distance to "
+                "its edge"
             )
-        )
-        panels[1]["limits"] = [limit_line(limit, 3, "lens")]
+        else:
+            unit = "semi-axes from its centre"
+            panel = new_panel("Tool tip", "Shaft to lens", unit, [("lens", "shaft", 3)])
+            panel["limits"] = [limit_line(limit, 3, "lens")]
+        panels.append(panel)
     return panels

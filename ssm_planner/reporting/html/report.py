@@ -44,14 +44,14 @@ from ssm_planner.reporting.text import (
     confirmation,
     joints_table,
     limit_cells,
-    missing_figures,
+    missing_data,
     motors_table,
     motors_verdict,
     phases_table,
     proof_table,
     proof_words,
     range_lines,
-    rate_words,
+    rates_text,
     sensitivities_table,
     tip_error_table,
 )
@@ -103,7 +103,9 @@ def write_report(plan: Plan, path: Path) -> Path:
 
 def report_page(plan: Plan) -> str:
     """Return the report of a plan with a trajectory as an HTML document."""
-    data, sizing = report_data(plan), sizing_of(plan)
+    data = report_data(plan)
+    sizing = sizing_of(plan)
+    missing = list(missing_data(sizing))
     return render(
         "report.html",
         data,
@@ -125,9 +127,7 @@ def report_page(plan: Plan) -> str:
         stops=_stops(plan),
         sizing=sizing,
         margins=MOTOR_MARGINS,
-        missing=Table(
-            "joint, motor or gear, not checked, missing data", [*missing_figures(sizing)]
-        ),
+        missing=Table("joint, motor or gear, not checked, missing data", missing),
         repeated=repetition(plan.problem.duty),
         problem=problem_tables(plan),
         still=still(plan),
@@ -204,11 +204,11 @@ def report_data(plan: Plan) -> JsonObject:
     start = float(plan.motion.breaks[0])
     return {
         "duration": plan.motion.duration,
-        "colours": [*COLOURS, FIFTH],
+        "colours": COLOURS + (FIFTH,),
         "stops": _tip_stops(plan, channels),
         "phases": [
-            {"name": p.name, "start": p.start - start, "end": p.end - start}
-            for p in plan.motion.phases
+            {"name": phase.name, "start": phase.start - start, "end": phase.end - start}
+            for phase in plan.motion.phases
         ],
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
         "panels": panels_of(plan, channels),
@@ -248,7 +248,9 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
         clauses = [f"makes {len(plan.phases)} phases"]
     text = f"{', '.join(clauses) or 'stands still'} in {format_fixed(plan.duration, 2)} s"
     limits = _limited_by(plan, panels)
-    return text[0].upper() + text[1:] + (f"; limited by {limits}" if limits else "") + "."
+    if limits:
+        text += f"; limited by {limits}"
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def _changes(phase: PhaseSummary) -> Iterator[str]:
@@ -260,8 +262,9 @@ def _changes(phase: PhaseSummary) -> Iterator[str]:
         if name == "depth":
             yield f"{'inserts' if end > start else 'withdraws'} {number(1e3 * change, 3)} mm"
         else:
-            angles = (number(math.degrees(angle), 4) for angle in (start, end))
-            yield f"{name}s {'° → '.join(angles)}°"
+            start_angle = number(math.degrees(start), 4)
+            end_angle = number(math.degrees(end), 4)
+            yield f"{name}s {start_angle}° → {end_angle}°"
 
 
 def _limited_by(plan: Plan, panels: list[Panel]) -> str:
@@ -271,22 +274,21 @@ def _limited_by(plan: Plan, panels: list[Panel]) -> str:
     for the share NOTABLE of the duration.
     """
     times: dict[str, dict[int, float]] = {}
-    for interval in (interval for panel in panels for interval in panel["active"]):
-        name, joint = interval["name"], interval["joint"]
-        if not name.endswith(("range", "position", "clearance")):
-            by_joint = times.setdefault(name, {})
-            by_joint[joint] = by_joint.get(joint, 0.0) + interval["end"] - interval["start"]
+    for panel in panels:
+        for interval in panel["active"]:
+            name = interval["name"]
+            joint = interval["joint"]
+            if not name.endswith(("range", "position", "clearance")):
+                by_joint = times.setdefault(name, {})
+                by_joint[joint] = by_joint.get(joint, 0.0) + interval["end"] - interval["start"]
     active_times = {name: max(by_joint.values()) for name, by_joint in times.items()}
-    names = [
-        name
-        for name in sorted(active_times, key=lambda name: -active_times[name])
-        if active_times[name] > NOTABLE * plan.motion.duration
-    ]
-    return " and ".join(_of_joints(name, sorted(times[name])) for name in names[:2])
+    names = [name for name, time in active_times.items() if time > NOTABLE * plan.motion.duration]
+    names.sort(key=lambda name: -active_times[name])
+    return " and ".join(_limit_text(name, sorted(times[name])) for name in names[:2])
 
 
-def _of_joints(name: str, joints: list[int]) -> str:
-    """Name a limit together with the numbers of its joints.
+def _limit_text(name: str, joints: list[int]) -> str:
+    """Name a limit together with the numbers of its joints, such as “the speed of joint 2”.
 
     Parameters
     ----------
@@ -295,12 +297,13 @@ def _of_joints(name: str, joints: list[int]) -> str:
     joints : list of int
         Indices of the joints. They are ignored for a limit of the tool.
     """
-    quantity = {"velocity": "speed"}.get(name, name)
+    quantity = "speed" if name == "velocity" else name
     if name not in JOINT_LIMITS:
         return f"the {quantity}"
     numbers = [str(i + 1) for i in joints]
-    joint_numbers = " and ".join(filter(None, (", ".join(numbers[:-1]), numbers[-1])))
-    return f"the {quantity} of joint{'s' if len(joints) > 1 else ''} {joint_numbers}"
+    if len(numbers) == 1:
+        return f"the {quantity} of joint {numbers[0]}"
+    return f"the {quantity} of joints {', '.join(numbers[:-1])} and {numbers[-1]}"
 
 
 def _is_spot(phase: PhaseSummary) -> bool:
@@ -326,13 +329,12 @@ def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
         Position in m, and whether it is a spot of a scan. Equal positions appear once.
     """
     spots = {phase.name for phase in plan.phases if _is_spot(phase)}
-    t, start = channels["t"], float(plan.motion.breaks[0])
+    t = channels["t"]
     tip = np.column_stack([channels[f"tip{i}"] for i in range(3)])
     stops: dict[tuple[float, ...], bool] = {}
     for phase in plan.motion.phases:
-        position = tuple(
-            np.round(tip[min(int(np.searchsorted(t, phase.end - start)), len(t) - 1)], 5).tolist()
-        )
+        index = np.searchsorted(t, phase.end - plan.motion.breaks[0])
+        position = tuple(np.round(tip[min(index, len(t) - 1)], 5).tolist())
         stops[position] = stops.get(position, False) or phase.name in spots
     return [{"position": list(position), "spot": spot} for position, spot in stops.items()]
 
@@ -417,12 +419,14 @@ def _stops(plan: Plan) -> JsonObject | None:
 def _motion(plan: Plan) -> Table:
     """Build the table of a problem's motion: its start, every entry, and rates at both ends."""
     problem = plain(plan.problem)
-    start = ("start", "", _target({"target": problem.get("start")}))
-    entries = problem.get("motion") or []
-    moves = [(str(entry["name"]), str(entry["kind"]), _target(entry)) for entry in entries]
+    rows = [("start", "", _target({"target": problem.get("start")}))]
+    for entry in problem.get("motion") or []:
+        rows.append((str(entry["name"]), str(entry["kind"]), _target(entry)))
     ends = (("at the start", plan.problem.start_rate), ("at the end", plan.problem.end_rate))
-    rates = [(label, "speed", rate_words(rate)) for label, rate in ends if any(rate.values())]
-    return Table("motion, kind, to", [start, *moves, *rates], caption="Motion")
+    for label, rates in ends:
+        if any(rates.values()):
+            rows.append((label, "speed", rates_text(rates)))
+    return Table("motion, kind, to", rows, caption="Motion")
 
 
 def _target(motion: JsonObject) -> str:
@@ -443,11 +447,17 @@ def _target(motion: JsonObject) -> str:
 def _joint_row(joint: Joint) -> tuple[str, ...]:
     """Format a joint as the cells of JOINT_COLUMNS."""
     unit, scale = display_unit(joint.unit, "°")
-    low, high = (number(scale * end, 6) for end in joint.position)
-    derivatives = ((joint.velocity, "/s"), (joint.acceleration, "/s²"), (joint.jerk, "/s³"))
-    largest_values = (
-        NOTHING if value is None else f"{number(scale * value, 6)} {unit}{per}"
-        for value, per in derivatives
+    low, high = joint.position
+    velocity = f"{number(scale * joint.velocity, 6)} {unit}/s"
+    acceleration = f"{number(scale * joint.acceleration, 6)} {unit}/s²"
+    jerk = NOTHING if joint.jerk is None else f"{number(scale * joint.jerk, 6)} {unit}/s³"
+    return (
+        joint.name,
+        joint.kind,
+        f"{number(scale * low, 6)} … {number(scale * high, 6)} {unit}",
+        velocity,
+        acceleration,
+        jerk,
+        NOTHING if joint.drive is None else joint.drive.name,
+        NOTHING if joint.motor is None else joint.motor.name,
     )
-    hardware = (NOTHING if item is None else item.name for item in (joint.drive, joint.motor))
-    return (joint.name, joint.kind, f"{low} … {high} {unit}", *largest_values, *hardware)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.kinematics import Mechanism, pose_from_task, tilt_interval
 from ssm_planner.problem import JOINTS, Eye, Robot, TaskLimits, plain
-from ssm_planner.typing import JsonObject, Range
+from ssm_planner.typing import Array, JsonObject, Range
 
 LINK = 0.11
 """Radius of the drawn links, m. Robot files do not contain the shapes of links."""
@@ -81,13 +81,19 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
     dict
         Numbers of rows and columns, and the coordinates of the vertices in m, one after the other.
     """
-    roll = max(roll[0], -math.pi), min(roll[1], math.pi)
-    rows, columns = (max(2, math.ceil((ends[1] - ends[0]) / STEP) + 1) for ends in (tilt, roll))
-    tilts, rolls = np.linspace(*tilt, rows), np.linspace(*roll, columns)
-    task = np.zeros((rows * columns, 4))
-    task[:, 0], task[:, 1] = np.tile(rolls, rows), np.repeat(tilts, columns)
-    axes = pose_from_task(mechanism, task)[0][:, :, 2]
-    return {"rows": rows, "columns": columns, "vertices": np.round(BAND * axes, 6).ravel().tolist()}
+    tilts = _grid(tilt[0], tilt[1])
+    rolls = _grid(max(roll[0], -math.pi), min(roll[1], math.pi))
+    task = np.zeros((len(tilts) * len(rolls), 4))
+    task[:, 0] = np.tile(rolls, len(tilts))
+    task[:, 1] = np.repeat(tilts, len(rolls))
+    rotations, _ = pose_from_task(mechanism, task)
+    vertices = np.round(BAND * rotations[:, :, 2], 6)  # The tool axis is the third column.
+    return {"rows": len(tilts), "columns": len(rolls), "vertices": vertices.ravel().tolist()}
+
+
+def _grid(low: float, high: float) -> Array:
+    """Return evenly spaced angles (n,) in rad with steps of at most STEP."""
+    return np.linspace(low, high, max(2, math.ceil((high - low) / STEP) + 1))
 
 
 def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
@@ -95,8 +101,8 @@ def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:
 
     A side is +1 in the direction of the joint axis, and −1 opposite to it.
     """
-    axes = mechanism.omega1, mechanism.omega2
-    return [
-        1 if float(axis @ (body.frame @ body.com)) > 0 else -1
-        for axis, body in zip(axes, robot.bodies, strict=False)
-    ]
+    sides = []
+    for axis, body in zip((mechanism.omega1, mechanism.omega2), robot.bodies, strict=False):
+        distance = axis @ (body.frame @ body.com)
+        sides.append(1 if distance > 0 else -1)
+    return sides

@@ -54,7 +54,8 @@ def write_simulation_page(plan: Plan, result: SimulationResult, path: Path) -> P
 
 def simulation_page(plan: Plan, result: SimulationResult) -> str:
     """Return the page of a simulated playback as an HTML document."""
-    verdict = ("good", "passed", "") if result.passed else ("bad", "not passed", "")
+    marks = [("good", "passed", "") if result.passed else ("bad", "not passed", "")]
+    marks += [("bad", "", reason) for reason in result.reasons]
     losses = result.losses
     holding = "holds" if result.holds else "does not hold"
     standstill = f"the arm {holding}, the tip travels {1e3 * result.travel:.4f} mm"
@@ -63,7 +64,7 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
         simulation_data(plan, result),
         title=f"{plan.problem.name} – simulated playback",
         plan=plan,
-        marks=[verdict, *(("bad", "", reason) for reason in result.reasons)],
+        marks=marks,
         notes=result.notes,
         tip=number(1e3 * result.tip_error, 4),
         loss=f"{standstill} (power lost at {float(losses.time[losses.worst]):.3f} s)",
@@ -80,7 +81,7 @@ def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
     if result.scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(result.scenario.speed))
     t = time_grid(float(result.time[-1]))
-    channels = channels_of(plan, t), _simulated(plan, result, t)
+    channels = [channels_of(plan, t), _simulated(plan, result, t)]
     panels = list(_panels(plan, result))
     for panel in panels:
         in_display_units(panel)
@@ -123,18 +124,16 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
         "tip_error": resample(result.tip[:, None])[:, 0],
         "travel": np.interp(t, result.losses.time, result.losses.travel),
     }
-    for name, values in (
-        ("q", q),
-        ("qd", resample(result.qd)),
-        ("error", resample(result.q - result.planned)),
-        ("tip", tip),
-    ):
-        channels |= {f"{name}{i}": values[:, i] for i in range(values.shape[1])}
     driven = [JOINTS.index(motor.joint) for motor in result.motors]
-    return channels | {
-        f"tau{i}": values
-        for i, values in zip(driven, resample(result.torque[:, driven]).T, strict=True)
-    }
+    for name, values, columns in (
+        ("q", q, range(4)),
+        ("qd", resample(result.qd), range(4)),
+        ("error", resample(result.q - result.planned), range(4)),
+        ("tip", tip, range(3)),
+        ("tau", resample(result.torque), driven),
+    ):
+        channels |= {f"{name}{i}": values[:, i] for i in columns}
+    return channels
 
 
 def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
@@ -146,7 +145,8 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     losses = _panel(
         "Power loss at this time", "Travel of the tip until standstill", "m", "travel", (SIMULATED,)
     )
-    errors, torques = [], []
+    errors = []
+    torques = []
     for motor in result.motors:
         i = JOINTS.index(motor.joint)
         joint = plan.robot.joints[i]
@@ -156,7 +156,8 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
         panel["limits"] = [] if limit is None else [limit_line(limit, i, f"tau{i}")]
         panel["missing"] = ["at rest, the controller’s integrator acts against static friction"]
         torques.append(panel)
-    return [*([losses] if len(result.losses.time) > 1 else []), tip, *errors, *torques]
+    panels = [tip] + errors + torques
+    return [losses] + panels if len(result.losses.time) > 1 else panels
 
 
 def _panel(section: str, title: str, unit: str, channel: str, sides: tuple[int, ...]) -> Panel:
