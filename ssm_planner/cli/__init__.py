@@ -58,6 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         gc.set_threshold(OBJECTS)
     _prepare_streams()
     words = [_shield(word) for word in (sys.argv[1:] if arguments is None else arguments)]
+    as_json = "--json" in words
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
@@ -73,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SsmPlannerError as error:
         if isinstance(error, ProblemError):
             _name_option(error, words)
-        return _report_error(error, "--json" in words)
+        return _report_error(error, as_json)
     except BrokenPipeError:  # the reader has closed the pipe
         _discard_output()
         return CLOSED_PIPE
@@ -87,9 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _report_interruption(signals)
     except Exception as error:  # noqa: BLE001 the user gets one line and a separate status
-        return (
-            _report_interruption(signals) if signals.arrived is not None else _report_fault(error)
-        )
+        if signals.arrived is not None:
+            return _report_interruption(signals)
+        return _report_fault(error)
 
 
 def _fix_kernels() -> None:
@@ -111,23 +112,24 @@ def _fix_kernels() -> None:
     is_changed = any(os.environ.get(name) != value for name, value in choice.items())
     os.environ.update(choice)
     if is_changed and "numpy" in sys.modules:
-        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+        os.execv(sys.executable, [sys.executable] + sys.orig_argv[1:])
 
 
-def _name_option(error: ProblemError, words: Sequence[str]) -> None:
+def _name_option(error: ProblemError, arguments: Sequence[str]) -> None:
     """Replace the name and value of a Python argument in an error by those of its option.
 
-    `words` are the words of the command line. Errors in files are not changed.
+    `arguments` is the command line. Errors in files are not changed.
     """
     names = [] if error.key is None or error.file is not None else error.key.split(".")
     for name in reversed(names):
         option = "--" + re.sub(r"_|(?<=[a-z])(?=[A-Z])", "-", name).lower()
-        for word, value in zip(words, [*words[1:], ""], strict=True):
-            typed, is_joined, joined_value = word.partition("=")
+        for k, argument in enumerate(arguments):
+            typed, is_joined, joined_value = argument.partition("=")
             if len(typed) > 2 and option.startswith(typed):
                 error.key = typed
                 if error.value is not None:
-                    error.value = joined_value if is_joined else value.strip()
+                    following = arguments[k + 1] if k + 1 < len(arguments) else ""
+                    error.value = joined_value if is_joined else following.strip()
                 return
 
 
@@ -137,11 +139,12 @@ def _report_error(error: SsmPlannerError, as_json: bool = False) -> int:
     if as_json:
         import json
 
-        parts = {
-            name: getattr(error, name, None) for name in ("file", "line", "key", "value", "allowed")
-        }
-        parts["value"] = None if parts["value"] is None else str(parts["value"])
-        print(json.dumps({"error": {"message": str(error), **parts}}, indent=1))
+        document: dict[str, Any] = {"message": str(error)}
+        for name in ("file", "line", "key", "value", "allowed"):
+            document[name] = getattr(error, name, None)
+        if document["value"] is not None:
+            document["value"] = str(document["value"])
+        print(json.dumps({"error": document}, indent=1))
     return BAD_INPUT
 
 
@@ -273,7 +276,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument(
         "--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}"
     )
-    requested = [*words, *os.environ.get("COMP_LINE", "").split()]
+    requested = list(words) + os.environ.get("COMP_LINE", "").split()
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, (module, text, example, usage) in COMMANDS.items():
         command = commands.add_parser(

@@ -21,7 +21,7 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-from ssm_planner.typing import JsonObject, Keywords
+from ssm_planner.typing import JsonObject
 
 if TYPE_CHECKING:
     from ssm_planner.formats import Reading
@@ -40,11 +40,18 @@ def run_check(options: Namespace) -> int:
     from ssm_planner.verification import with_task
 
     _check_proof_options(options)
-    if options.key is not None and (fault := _signature_fault(options.trajectory, options.key)):
-        refused = {"passed": False, "verdict": "violated", "reason": fault, "limits": []}
-        document = {"trajectory": options.trajectory, **refused}
-        show(options.json, document, lambda: [f"check: FAILED: {fault}"])
-        return FAILED
+    if options.key is not None:
+        fault = _signature_fault(options.trajectory, options.key)
+        if fault is not None:
+            document = {
+                "trajectory": options.trajectory,
+                "passed": False,
+                "verdict": "violated",
+                "reason": fault,
+                "limits": [],
+            }
+            show(options.json, document, lambda: [f"check: FAILED: {fault}"])
+            return FAILED
     reading, robot, limits = read(options.trajectory, options.robot, options.problem)
     problem = ssm.load_problem(options.problem) if options.problem else None
     if options.tip_speed:
@@ -71,13 +78,11 @@ def run_check(options: Namespace) -> int:
     proofs = ssm.prove(options.trajectory, options.checker)
     progress(Step("done"))
     document["proof"] = [proof.to_dict() for proof in proofs]
-    show(
-        options.json,
-        document,
-        lambda: [*certificate_lines(certificate, reading.notes, robot), "", *proof_lines(proofs)],
-    )
-    verdicts = {STATUS[certificate.verdict], *(PROVEN_STATUS[proof.verdict] for proof in proofs)}
-    return next(status for status in (FAILED, UNJUDGED, OK) if status in verdicts)
+    lines = certificate_lines(certificate, reading.notes, robot) + [""] + proof_lines(proofs)
+    show(options.json, document, lambda: lines)
+    statuses = {STATUS[certificate.verdict]}
+    statuses |= {PROVEN_STATUS[proof.verdict] for proof in proofs}
+    return next(status for status in (FAILED, UNJUDGED, OK) if status in statuses)
 
 
 def _check_proof_options(options: Namespace) -> None:
@@ -89,13 +94,13 @@ def _check_proof_options(options: Namespace) -> None:
         if options.checker is not None:
             raise ProblemError("--checker needs --proof", key="--checker")
         return
-    others = ("robot", "problem", "tip_speed", "start_rate", "end_rate", "speed")
-    given = [f"--{name.replace('_', '-')}" for name in others if getattr(options, name)]
-    if given:
+    names = ("robot", "problem", "tip_speed", "start_rate", "end_rate", "speed")
+    contradictions = [f"--{name.replace('_', '-')}" for name in names if getattr(options, name)]
+    if contradictions:
         raise ProblemError(
             "the proof uses the robot, the limits and the speed of the plan.json",
             key="--proof",
-            allowed=f"without {', '.join(given)}",
+            allowed=f"without {', '.join(contradictions)}",
         )
 
 
@@ -103,9 +108,11 @@ def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
     """Return a table of the bounds of all limits, and the verdict, as lines of text."""
     from ssm_planner.reporting import proof_table
 
-    counts = {name: sum(proof.verdict == name for proof in proofs) for name in PROVEN_STATUS}
-    words = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
-    return [*proof_table(proofs).lines(), "", f"proof for all times: {words}"]
+    counts = dict.fromkeys(PROVEN_STATUS, 0)
+    for proof in proofs:
+        counts[proof.verdict] += 1
+    verdicts = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    return proof_table(proofs).lines() + ["", f"proof for all times: {verdicts}"]
 
 
 def _signature_fault(folder: Path, key: Path) -> str | None:
@@ -126,15 +133,17 @@ def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
     from ssm_planner.verification import DYNAMIC
 
     names = [name.strip() for name in text.split(",") if name.strip()]
-    known = {*DYNAMIC, *(limit.name for limit in certificate.limits)}
-    known.update(limit.name for limit in certificate.unjudged)
+    limit_names = set(DYNAMIC)
+    limit_names |= {limit.name for limit in certificate.limits}
+    limit_names |= {limit.name for limit in certificate.unjudged}
     for name in names:
-        if not any(f" {limit}".endswith(f" {name}") for limit in known):
+        # The last words of a name stand for all names that end with them.
+        if not any(f" {limit_name}".endswith(f" {name}") for limit_name in limit_names):
             raise ProblemError(
                 "unknown limit",
                 key="--allow-unjudged",
                 value=name,
-                allowed=", ".join(sorted(known)),
+                allowed=", ".join(sorted(limit_names)),
             )
     return certificate.allowing(*names)
 
@@ -172,10 +181,11 @@ def _check_speeds(
         raise ProblemError(
             "the trajectory has straight segments", key="--speed", allowed="smooth motions"
         )
-    slowest, dots, fastest = options.speed.partition("..")
-    speed, lines = share(slowest), []
+    low, dots, high = options.speed.partition("..")
+    speed = share(low)
+    lines = []
     if dots:
-        if share(fastest) != 1.0:
+        if share(high) != 1.0:
             raise ProblemError(
                 "the range must end at 100 %",
                 key="--speed",
@@ -190,12 +200,9 @@ def _check_speeds(
         certificate = check_slower(reading.trajectory, robot, limits, speed, reading.interpolation)
     document |= {"speed": speed, **certificate.to_dict()}
     remark = ", where a limit is nearest" if dots else ""
-    heading = f"at {100 * speed:.4g} % of the speed{remark}:"
-    show(
-        options.json,
-        document,
-        lambda: [*lines, heading, *certificate_lines(certificate, reading.notes, robot)],
-    )
+    lines.append(f"at {100 * speed:.4g} % of the speed{remark}:")
+    lines += certificate_lines(certificate, reading.notes, robot)
+    show(options.json, document, lambda: lines)
     return STATUS[certificate.verdict]
 
 
@@ -209,15 +216,12 @@ def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
 
     rows = []
     for result in speeds.worst:
-        name, joint, *values = limit_cells(result.found)
-        rows.append((name, joint, number(100 * result.speed, 4), *values))
+        cells = limit_cells(result.found)
+        rows.append(cells[:2] + (number(100 * result.speed, 4),) + cells[2:])
     header = "limit, joint, worst at % of the speed, worst, limit, unit, margin"
-    return [
-        f"every speed from {100 * speeds.slowest:.4g} % to 100 %",
-        "",
-        *Table(header, rows, (2, 3, 4, 6)).lines(),
-        "",
-    ]
+    table = Table(header, rows, (2, 3, 4, 6))
+    heading = f"every speed from {100 * speeds.slowest:.4g} % to 100 %"
+    return [heading, ""] + table.lines() + [""]
 
 
 def read(
@@ -274,11 +278,15 @@ def read(
         else:
             notes += plan.limit_differences(robot)
         reading = Reading(plan.motion, "quintic polynomial pieces", None, tuple(notes))
-        # The plan declares the rates at both ends.
-        declared = {name: getattr(plan.limits, name) for name in ("start_rate", "end_rate")}
-        limits = plan.limits if limits is None else replace(limits, **declared)
-        return reading, robot or plan.robot, limits if robot is None else limits.within(robot)
-    sampled = path.name == "trajectory.csv" and (path.parent / PLAN_FILE).is_file()
+        if limits is None:
+            limits = plan.limits
+        else:  # The plan declares the rates at both ends.
+            start_rate = plan.limits.start_rate
+            limits = replace(limits, start_rate=start_rate, end_rate=plan.limits.end_rate)
+        if robot is None:
+            return reading, plan.robot, limits
+        return reading, robot, limits.within(robot)
+    is_sample = path.name == "trajectory.csv" and (path.parent / PLAN_FILE).is_file()
     advice = (
         f"it samples the plan beside it: use `ssm-planner check {path.parent}`; a table that keeps "
         f"the limits between its rows: `ssm-planner export {path.parent} --to csv`"
@@ -289,11 +297,13 @@ def read(
             reason = (
                 "the file does not name a robot: give --robot ROBOT.yaml or --problem PROBLEM.yaml"
             )
-        raise ssm.TrajectoryError(f"{path}: {reason}{f'; {advice}' if sampled else ''}")
+        if is_sample:
+            reason += f"; {advice}"
+        raise ssm.TrajectoryError(f"{path}: {reason}")
     limits = ssm.TaskLimits(robot.limits) if limits is None else limits.within(robot)
     reading = read_trajectory(path, robot)
-    if sampled:
-        reading = replace(reading, notes=(advice, *reading.notes))
+    if is_sample:
+        reading = replace(reading, notes=(advice,) + reading.notes)
     return reading, robot, limits
 
 
@@ -302,11 +312,11 @@ def _declared(options: Namespace, limits: "TaskLimits") -> "TaskLimits":
 
     Raises ProblemError if a rate is invalid.
     """
-    changes: Keywords = {}
-    for end in ("start", "end"):
-        if (text := getattr(options, f"{end}_rate")) is not None:
-            changes[f"{end}_rate"] = _rates(f"--{end}-rate", text)
-    return replace(limits, **changes)
+    if options.start_rate is not None:
+        limits = replace(limits, start_rate=_rates("--start-rate", options.start_rate))
+    if options.end_rate is not None:
+        limits = replace(limits, end_rate=_rates("--end-rate", options.end_rate))
+    return limits
 
 
 def _rates(option: str, text: str) -> dict[str, float] | None:
@@ -327,15 +337,14 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
     if text.strip() == "any":
         return None
     rates = {}
-    for word in text.split(","):
-        name, _, value = (part.strip() for part in word.partition("="))
+    for entry in map(str.strip, text.split(",")):
+        name, _, value = entry.partition("=")
+        name = name.strip()
         if name not in TASK:
             allowed = f"any, or {', '.join(TASK)}"
-            raise ProblemError(
-                "unknown task coordinate", key=option, value=word.strip(), allowed=allowed
-            )
-        kind = "velocity" if name == "depth" else "angular_velocity"
-        rates[name] = part_quantity(option, value, kind, whole=word.strip())
+            raise ProblemError("unknown task coordinate", key=option, value=entry, allowed=allowed)
+        quantity_kind = "velocity" if name == "depth" else "angular_velocity"
+        rates[name] = part_quantity(option, value.strip(), quantity_kind, entry)
     return rates
 
 
@@ -350,22 +359,23 @@ def certificate_lines(
     from ssm_planner.reporting import limits_table
     from ssm_planner.verification import subjects
 
-    count, broken = len(certificate.limits), len(certificate.violations)
+    count = len(certificate.limits)
+    violation_count = len(certificate.violations)
     verdict = f"PASSED: {count} limits kept"
-    unjudged = subjects(certificate.unjudged)
-    if unjudged:
-        names = ",".join(dict.fromkeys(line.name for line in certificate.unjudged))
+    if certificate.unjudged:
+        names = ",".join(dict.fromkeys(limit.name for limit in certificate.unjudged))
         verdict = f"NOT JUDGED: no limit exceeded, but see above (--allow-unjudged {names!r})"
-    if broken:
-        verdict = f"FAILED: {broken} of {count} limits exceeded"
-    return [
+    if violation_count:
+        verdict = f"FAILED: {violation_count} of {count} limits exceeded"
+    lines = [
         f"robot {robot.name}; {certificate.interpolation}; {certificate.instants} instants and "
         "exact extremes",
         "",
-        *limits_table(certificate.limits).lines(),
-        "",
-        *(f"note: {note}" for note in notes),
-        *(f"not checked: {name}" for name in certificate.unchecked),
-        *(f"not judged: {subject}: {reason}" for subject, reason in unjudged),
-        f"check: {verdict}",
     ]
+    lines += limits_table(certificate.limits).lines() + [""]
+    lines += [f"note: {note}" for note in notes]
+    lines += [f"not checked: {name}" for name in certificate.unchecked]
+    for subject, reason in subjects(certificate.unjudged):
+        lines.append(f"not judged: {subject}: {reason}")
+    lines.append(f"check: {verdict}")
+    return lines

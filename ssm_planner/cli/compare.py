@@ -6,8 +6,12 @@ import ssm_planner as ssm
 from ssm_planner.cli.shared import FAILED, OK, UNJUDGED, progress_reporter, show, text_lines
 from ssm_planner.progress import Step
 
+VERDICT_STATUS = {"held": OK, "cannot tell": UNJUDGED, "not held": FAILED}
+"""Exit status of each verdict of a comparison."""
+
 
 def run_compare(options: Namespace) -> int:
+    """Compare recordings with a plan, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.comparison.compare import LAG
     from ssm_planner.comparison.measured import assign
@@ -24,7 +28,7 @@ def run_compare(options: Namespace) -> int:
     progress(Step("done"))
     document = {"plan": options.plan, **comparison.to_dict()}
     show(options.json, document, lambda: compare_lines(comparison))
-    return {"held": OK, "cannot tell": UNJUDGED, "not held": FAILED}[comparison.verdict]
+    return VERDICT_STATUS[comparison.verdict]
 
 
 def compare_lines(comparison: ssm.Comparison) -> list[str]:
@@ -37,32 +41,32 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     from ssm_planner.display import format_fixed, number, percent
     from ssm_planner.reporting import Table, unit_of_limit
 
-    errors, rows = [], []
+    errors = []
+    rows = []
     for axis in comparison:
-        shares = (
-            axis.differences[name].nrmsd if axis.differences else None
-            for name in ("position", "speed", "torque")
-        )
-        cells = (axis.alignment.delay, axis.alignment.correlation, *shares)
-        errors.append((axis.joint, axis.recording, *(format_fixed(cell, 4) for cell in cells)))
+        cells: list[float | None] = [axis.alignment.delay, axis.alignment.correlation]
+        for name in ("position", "speed", "torque"):
+            cells.append(axis.differences[name].nrmsd if axis.differences else None)
+        errors.append([axis.joint, axis.recording] + [format_fixed(cell, 4) for cell in cells])
         for limit in axis.limits:
             unit, scale = unit_of_limit(limit)
-            values = (
+            row = (
+                limit.name,
+                axis.joint,
                 number(scale * limit.measured, 5),
                 number(scale * limit.noise, 2),
                 number(scale * limit.limit, 5),
+                unit,
+                percent(limit.planned_margin, 2),
+                percent(limit.margin, 2),
+                "EXCEEDED" if limit.verdict == "not held" else limit.verdict,
             )
-            margins = percent(limit.planned_margin, 2), percent(limit.margin, 2)
-            verdict = "EXCEEDED" if limit.verdict == "not held" else limit.verdict
-            rows.append((limit.name, axis.joint, *values, unit, *margins, verdict))
+            rows.append(row)
     header = "axis, recording, begins at s, correlation, NRMSD position, speed, torque"
     limits_header = "limit, joint, measured, noise, limit, unit, margin planned, measured, "
     return text_lines(
         "compared.txt",
         comparison=comparison,
         certain=CERTAIN,
-        tables=[
-            Table(header, errors, range(2, 7)),
-            Table(limits_header, rows, (2, 3, 4, 6, 7)),
-        ],
+        tables=[Table(header, errors, range(2, 7)), Table(limits_header, rows, (2, 3, 4, 6, 7))],
     )

@@ -1,5 +1,6 @@
 """Run `ssm-planner export PLAN --to FORMAT`, which writes files for controllers and simulators."""
 
+import re
 from argparse import ArgumentParser, Namespace
 
 import ssm_planner as ssm
@@ -41,8 +42,11 @@ def run_export(options: Namespace) -> int:
     """Write a plan in another format, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
 
-    stated = {name: getattr(options, name) for name in ("speed", "sign", *_options())}
-    settings = {name: value for name, value in stated.items() if value is not None}
+    settings: Keywords = {}
+    for name in ["speed", "sign"] + list(_options()):
+        value = getattr(options, name)
+        if value is not None:
+            settings[name] = value
     if "counts_per_turn" in settings:
         settings["counts_per_turn"] = _counts(options.counts_per_turn)
     files, manifest = ssm.export(
@@ -52,25 +56,22 @@ def run_export(options: Namespace) -> int:
     lines = [f"note: {note}" for note in manifest.get("notes", [])]
     if not manifest["verified"]:
         lines.append("UNVERIFIED: the plan has no passed certificate; every file is marked so")
-    show(
-        options.json,
-        {**manifest, "files": files},
-        lambda: [*lines, *(f"file: {path}" for path in files.values())],
-    )
+    lines += [f"file: {path}" for path in files.values()]
+    show(options.json, {**manifest, "files": files}, lambda: lines)
     return OK
 
 
-def _counts(words: list[str]) -> int | dict[str, int]:
-    """Parse words of the form [JOINT=]N, which state the encoder increments per motor turn.
+def _counts(texts: list[str]) -> int | dict[str, int]:
+    """Parse texts of the form [JOINT=]N, which state the encoder increments per motor turn.
 
     The result is one number for all joints, or a mapping by joint. Raises ExportError for other
-    words.
+    texts.
     """
     counts: dict[str, int] = {}
-    for word in words:
-        joint, _, number = word.rpartition("=")
+    for text in texts:
+        joint, _, number = text.rpartition("=")
         if not number.isdigit():
-            raise ExportError(f"--counts-per-turn {word}: expected [JOINT=]N with a whole number N")
+            raise ExportError(f"--counts-per-turn {text}: expected [JOINT=]N with a whole number N")
         counts[joint] = int(number)
     if "" in counts and len(counts) > 1:
         raise ExportError("--counts-per-turn: give one number for all joints, or JOINT=N for each")
@@ -79,7 +80,7 @@ def _counts(words: list[str]) -> int | dict[str, int]:
 
 PARSED: dict[str, Keywords] = {
     "rate": {"type": rate_argument, "metavar": "HZ"},
-    "columns": {"type": lambda text: [word.strip() for word in text.split(",")], "metavar": "LIST"},
+    "columns": {"type": lambda text: re.split(r"\s*,\s*", text.strip()), "metavar": "LIST"},
     "mode": {"choices": ("csp", "csv", "cst")},
     "counts_per_turn": {"nargs": "+", "metavar": "[JOINT=]N"},
     "effort": {"action": "store_true"},

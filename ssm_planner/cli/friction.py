@@ -65,17 +65,14 @@ def _design(options: Namespace) -> int:
     result: JsonObject = {**session.to_dict(), "files": {"session": session.save(path)}}
     progress(Step("done"))
     minutes = session.durations.sum() / 60
-    show(
-        options.json,
-        result,
-        lambda: [
-            *_parameter_lines(result, ssm.load_drive(options.drive)),
-            "",
-            f"session: {path}",
-            f"{options.count} recordings in {minutes:.1f} min of motion; the table shows what a "
-            f"simulated session determines (law {session.law})",
-        ],
-    )
+    lines = _parameter_lines(result, ssm.load_drive(options.drive))
+    lines += [
+        "",
+        f"session: {path}",
+        f"{options.count} recordings in {minutes:.1f} min of motion; the table shows what a "
+        f"simulated session determines (law {session.law})",
+    ]
+    show(options.json, result, lambda: lines)
     return OK
 
 
@@ -105,14 +102,16 @@ def _write_drive(identification: ssm.Identification, drive: Path, output: Path |
     from ssm_planner.reporting import map_figure, save_figure
 
     path = output_file(output, ".yaml", Path("results") / drive.stem / f"{drive.stem}.yaml")
+    stem = f"{path.stem}_map"
+    drawing = map_figure(identification.fit, identification.data, identification.load)
     with publishing(path.parent) as temporary:
         identification.save(temporary / path.name)
-        figures = save_figure(
-            map_figure(identification.fit, identification.data, identification.load),
-            temporary / f"{path.stem}_map",
-        )
-    maps = (path.with_name(figure.name) for figure in figures.values())
-    return {"drive": path, **dict(zip(("map", "map_pdf"), maps, strict=True))}
+        save_figure(drawing, temporary / stem)
+    return {
+        "drive": path,
+        "map": path.with_name(f"{stem}.png"),
+        "map_pdf": path.with_name(f"{stem}.pdf"),
+    }
 
 
 def _fixed_parameter(text: str) -> tuple[str, float]:
@@ -144,17 +143,20 @@ def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
 
     rows = []
     for name, parameter in result["parameters"].items():
-        flags = [
-            text
-            for key, text in (("fixed", "fixed"), ("at_bound", "at its bound"))
-            if parameter[key]
-        ]
+        remarks = []
+        if parameter["fixed"]:
+            remarks.append("fixed")
+        if parameter["at_bound"]:
+            remarks.append("at its bound")
         if not parameter["separable"] and not parameter["fixed"]:
-            flags.append("cannot be separated by these data")
+            remarks.append("cannot be separated by these data")
         unit = (unit_of(drive, name) or "").replace("*", "·")
-        scale, unit = (RPM, "rpm") if name == "stribeck_speed" else (1.0, unit)
-        values = (number(scale * parameter[key], 4) for key in ("value", "low", "high"))
-        rows.append((name, *values, unit, ", ".join(flags)))
+        scale = 1.0
+        if name == "stribeck_speed":
+            unit = "rpm"
+            scale = RPM
+        values = [number(scale * parameter[key], 4) for key in ("value", "low", "high")]
+        rows.append([name] + values + [unit, ", ".join(remarks)])
     return Table("parameter, value, 95 % low, 95 % high, unit, ", rows, (1, 2, 3)).lines()
 
 
@@ -169,18 +171,15 @@ def run_predict(options: Namespace) -> int:
     for k, prediction in enumerate(predictions):
         if options.output is not None:
             progress(Step(f"drawing {prediction.recording.name}", k, len(predictions)))
-        results.append(
-            {
-                **prediction.to_dict(),
-                "friction": origin,
-                "files": _write_figures(prediction, options.output),
-            }
-        )
+        files_of_one = _write_figures(prediction, options.output)
+        results.append({**prediction.to_dict(), "friction": origin, "files": files_of_one})
     progress(Step("done"))
     lines = text_lines("predicted.txt", results=results)
-    files = [path for result in results for path in result["files"].values()]
-    worst = max(result["nrmsd"] for result in results)
-    lines.append(f"largest NRMSD of {len(results)} recordings: {worst:.4f}")
+    files: list[Path] = []
+    for result in results:
+        files += result["files"].values()
+    max_nrmsd = max(result["nrmsd"] for result in results)
+    lines.append(f"largest NRMSD of {len(results)} recordings: {max_nrmsd:.4f}")
     show_with_page(options, "prediction", results, lines, files)
     return OK
 

@@ -16,7 +16,8 @@ def run_ik(options: Namespace) -> int:
     """Print the joint solutions of a tool pose, and return the exit status."""
     from ssm_planner.problem import TASK
 
-    robot, point = ssm.load_robot(options.robot), {name: getattr(options, name) for name in TASK}
+    robot = ssm.load_robot(options.robot)
+    point = {name: getattr(options, name) for name in TASK}
     solutions = ssm.ik(robot, **point, within_limits=options.within_limits)
     show(options.json, solutions.to_dict(), lambda: _solution_lines(solutions))
     return OK if solutions.reachable else FAILED
@@ -25,11 +26,12 @@ def run_ik(options: Namespace) -> int:
 def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
     """Yield a table of joint solutions in deg and mm as lines of text."""
     yield "joint 1 deg   joint 2 deg   joint 3 deg   joint 4 mm   within joint ranges"
-    for q, inside in zip(solutions.joints, solutions.in_limits, strict=True):
+    for q, is_inside in zip(solutions.joints, solutions.in_limits, strict=True):
         angles = "   ".join(f"{format_fixed(math.degrees(value), 5):>11}" for value in q[:3])
-        yield f"{angles}   {format_fixed(1e3 * q[3], 4):>10}   {'yes' if inside else 'no'}"
+        yield f"{angles}   {format_fixed(1e3 * q[3], 4):>10}   {'yes' if is_inside else 'no'}"
     if not solutions.reachable:
-        angle, distance = math.degrees(solutions.orientation_error), 1e3 * solutions.tip_error
+        angle = math.degrees(solutions.orientation_error)
+        distance = 1e3 * solutions.tip_error
         yield f"not reachable: the nearest is off by {angle:.6g} deg and {distance:.6g} mm"
 
 
@@ -50,7 +52,7 @@ def run_workspace(options: Namespace) -> int:
         result = _designs((low, high), options.margin, robot, options.output)
     name = "workspace" if "tilt_range" in result else "design_region"
     files = result.get("files", {}).values()
-    lines = [*(f"figure: {path}" for path in files), *text_lines("workspace.txt", **result)]
+    lines = [f"figure: {path}" for path in files] + text_lines("workspace.txt", **result)
     show_with_page(options, name, result, lines, files)
     return OK if result.get("reachable", True) else FAILED
 
@@ -115,7 +117,6 @@ def _designs(
     if output is not None:
         from ssm_planner.reporting import design_region_figure, publish_figures
 
-        result["files"] = publish_figures(
-            {"design_region": design_region_figure(region, built)}, output
-        )
+        drawing = design_region_figure(region, built)
+        result["files"] = publish_figures({"design_region": drawing}, output)
     return result

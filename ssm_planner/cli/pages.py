@@ -17,8 +17,8 @@ def run_report(options: Namespace) -> int:
         )
     plan = ssm.load_plan(options.plan)
     name = "report" if options.other is None else "comparison"
-    out = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
-    files = {name: ssm.report(plan, out, options.other)}
+    page = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
+    files = {name: ssm.report(plan, page, options.other)}
     if options.figures is not None:
         from ssm_planner.reporting import WIDE, WIDTHS, write_figures_of_file
 
@@ -32,10 +32,10 @@ def run_report(options: Namespace) -> int:
 def run_film(options: Namespace) -> int:
     """Write a film of a motion, and return the exit status."""
     plan = ssm.load_plan(options.plan)
-    out = options.output or plan.path.with_name("film")
-    files = ssm.film(plan, out, options.speed)
-    lines = [f"{name}: {path}" for name, path in files.items()]
-    if out.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
+    path = options.output or plan.path.with_name("film")
+    files = ssm.film(plan, path, options.speed)
+    lines = [f"{name}: {file}" for name, file in files.items()]
+    if path.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")
     show(options.json, {"files": files}, lambda: lines)
     return OK
@@ -58,14 +58,12 @@ def run_view(options: Namespace) -> int:
 
 def run_reproduce(options: Namespace) -> int:
     """Recompute the tables and figures of the paper, and return the exit status."""
-    progress, folder = progress_reporter(), options.output / "paper"
+    progress = progress_reporter()
+    folder = options.output / "paper"
     outcome = ssm.reproduce(folder, options.problems, options.recordings, progress)
     progress(Step("done"))
     left_out = outcome.left_out
     result = {"passed": outcome.passed, "left_out": left_out, "files": outcome.files}
-    show(
-        options.json,
-        result,
-        lambda: [*(f"left out: {line}" for line in left_out), f"Results: {folder}"],
-    )
+    lines = [f"left out: {line}" for line in left_out] + [f"Results: {folder}"]
+    show(options.json, result, lambda: lines)
     return OK if outcome.passed else FAILED

@@ -22,30 +22,27 @@ def run_plan(options: Namespace) -> int:
         from ssm_planner.publishing import file_name
         from ssm_planner.reporting import explanation, summary_lines
 
-        moving = getattr(options, "from")
-        if (moving is None) != (options.at is None):
+        current_plan = getattr(options, "from")  # `from` is a keyword of Python.
+        if (current_plan is None) != (options.at is None):
             raise ProblemError(
                 "--from needs a time in its plan",
                 key="--at",
                 allowed="--from PLAN and --at TIME together",
             )
         problem = load_problem(options.problem)
-        if moving is not None:
-            problem = starting_from(problem, load_plan(moving), options.at)
-        # A plan must not replace the one that the robot is executing.
-        name = file_name(problem.name) + ("" if moving is None else "_replanned")
+        name = file_name(problem.name)
+        if current_plan is not None:
+            problem = starting_from(problem, load_plan(current_plan), options.at)
+            name += "_replanned"  # The plan that the robot is executing must remain.
         folder = options.output or Path("results") / name
         result, files = plan_to_folder(problem, folder, progress, drawer, options.rate)
     progress(Step("done"))
-    text = summary_lines(result, folder if result.passed else None, options.verbose)
-    text += [f"file     {files['page']}"] if "page" in files else []
-    document = {**result.summary(), "files": files}
-    show(
-        options.json,
-        document,
-        lambda: [
-            *(explanation(result) if options.explain else ()),
-            *(text if options.verbose else shorten(text)),
-        ],
-    )
+    lines = summary_lines(result, folder if result.passed else None, options.verbose)
+    if "page" in files:
+        lines.append(f"file     {files['page']}")
+    if not options.verbose:
+        lines = shorten(lines)
+    if options.explain:
+        lines = explanation(result) + lines
+    show(options.json, {**result.summary(), "files": files}, lambda: lines)
     return OK if result.passed else FAILED

@@ -40,13 +40,15 @@ def run_retime(options: Namespace) -> int:
         f"in the file    {recorded_duration:.4f} s, {reading.interpolation}",
         "",
     ]
-    document = {**result.summary(), "files": files}
-    document |= {
+    document = {
+        **result.summary(),
+        "files": files,
         "runs": len(problem.motion),
         "off_lines": deviation.tolist(),
         "duration_in_file": recorded_duration,
     }
     lines += summary_lines(result, folder if result.passed else None, verbose=True)
-    lines += [f"file     {files['page']}"] if "page" in files else []
+    if "page" in files:
+        lines.append(f"file     {files['page']}")
     show(options.json, document, lambda: lines)
     return OK if result.passed else FAILED

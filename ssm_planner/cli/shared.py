@@ -12,6 +12,7 @@ import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -68,12 +69,11 @@ def rate_argument(text: str) -> float:
     argparse calls this function. Raises ArgumentTypeError for other texts and for rates above
     LARGEST_RATE.
     """
-    match = re.fullmatch(r"([0-9.eE+]+)\s*(k?Hz)?", text.strip(), re.I)
-    try:
-        value = float(match.group(1)) if match else -1.0
-    except ValueError:
-        value = -1.0
-    rate = value * (1000 if match is not None and (match.group(2) or "").lower() == "khz" else 1)
+    match = re.fullmatch(r"([0-9.e+]+)\s*(?:(k?)hz)?", text.strip().lower())
+    rate = 0.0
+    if match is not None:
+        with suppress(ValueError):
+            rate = float(match[1]) * (1000 if match[2] else 1)
     if not 0 < rate <= LARGEST_RATE:
         raise ArgumentTypeError(
             f"{text!r} is not a rate such as 500 or 1kHz, up to {LARGEST_RATE / 1000:g}kHz"
@@ -113,20 +113,22 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
 
 def _settings(row: Mapping[str, str]) -> Keywords:
     """Return the arguments of `add_argument` for a row of ARGUMENTS."""
-    kind, number, metavar = row["kind"], row["number"], row["metavar"].split()
+    value_type = row["kind"]
+    number = row["number"]
+    metavars = row["metavar"].split()
     settings: Keywords = {"help": row["help"].replace("%", "%%"), "default": row["default"] or None}
-    if kind == "flag":
+    if value_type == "flag":
         return {**settings, "action": "store_true", "default": False}
-    if ":" in kind:
-        settings["choices"] = [*resolve_name(kind)]
-    elif "|" in kind:
-        settings["choices"] = kind.split("|")
-    elif kind in TYPES:
-        settings["type"] = TYPES[kind]
+    if ":" in value_type:
+        settings["choices"] = list(resolve_name(value_type))
+    elif "|" in value_type:
+        settings["choices"] = value_type.split("|")
+    elif value_type in TYPES:
+        settings["type"] = TYPES[value_type]
     else:
-        settings |= {"type": quantity_argument(kind), "metavar": kind.upper()}
-    if metavar:
-        settings["metavar"] = metavar[0] if len(metavar) == 1 else tuple(metavar)
+        settings |= {"type": quantity_argument(value_type), "metavar": value_type.upper()}
+    if metavars:
+        settings["metavar"] = metavars[0] if len(metavars) == 1 else tuple(metavars)
     if number in ("append", "+"):
         settings["default"] = []
     if number == "append":
@@ -185,38 +187,42 @@ FIRST = 5
 """Number of the first counted steps that are always reported."""
 
 
-def progress_reporter(first: str = "") -> Progress:
+def progress_reporter(message: str = "") -> Progress:
     """Return a function that prints each step on stderr with the elapsed time.
 
     If a step counts items, an estimate of the remaining time is added. On a terminal, a counted
-    step replaces the line of the one before it. `first` is a step that is printed at once.
+    step replaces the line of the previous one. `message` describes a step that is printed at once.
     """
-    begin = last_report = time.perf_counter()
-    first_done, series_begin = -1, begin
-    live = sys.stderr.isatty()
+    start = last_report = series_start = time.perf_counter()
+    first_done = -1
+    is_terminal = sys.stderr.isatty()
 
     def report(step: Step) -> None:
-        nonlocal last_report, first_done, series_begin
-        now, estimate, end = time.perf_counter(), "", "\n"
+        """Print a step, unless the previous report of the same count is too recent."""
+        nonlocal last_report, first_done, series_start
+        now = time.perf_counter()
+        estimate = ""
         if step.total:
             if step.done == 0 or first_done < 0:
-                first_done, series_begin = step.done, now
+                first_done = step.done
+                series_start = now
             is_last = step.done + 1 >= step.total
             if step.done >= FIRST and not is_last and now - last_report < REPORT_INTERVAL:
                 return
-            elapsed, newly_done = now - series_begin, step.done - first_done
+            elapsed = now - series_start
+            newly_done = step.done - first_done
             if newly_done > 0 and elapsed > REPORT_INTERVAL:
                 remaining = elapsed / newly_done * (step.total - step.done)
                 estimate = f", about {remaining:.0f} s left"
-            end = "\r" if live else "\n"
         last_report = now
-        text = f"[{now - begin:6.2f} s] {step}{estimate}"
-        if live:
+        text = f"[{now - start:6.2f} s] {step}{estimate}"
+        if is_terminal:
             text = f"\x1b[K{text[: columns() - 1]}"
+        end = "\r" if is_terminal and step.total else "\n"
         print(text, file=sys.stderr, end=end, flush=True)
 
-    if first:
-        report(Step(first))
+    if message:
+        report(Step(message))
     return report
 
 
@@ -278,7 +284,8 @@ def show_with_page(
 
         page = output_file(options.output, ".yaml", Path(f"{name}.yaml")).with_suffix(".html")
         write_outcome(page, name, lines[-1], lines, figures=files)
-        lines = [*lines[:-1], f"file: {page}", lines[-1]]
+        lines = list(lines)
+        lines.insert(-1, f"file: {page}")
     show(options.json, document, lambda: lines)
 
 
@@ -313,10 +320,10 @@ def write_results(
     from ssm_planner.publishing import publishing
 
     with publishing(folder) as temporary:
-        files = write(temporary)
-        file = temporary / f"{name}.json"
-        file.write_text(_json(document) + "\n", encoding="utf-8")
-    return {key: folder / path.name for key, path in {name: file, **files}.items()}
+        files = {name: temporary / f"{name}.json"}
+        files |= write(temporary)
+        files[name].write_text(_json(document) + "\n", encoding="utf-8")
+    return {key: folder / path.name for key, path in files.items()}
 
 
 def _json(document: Any) -> str:

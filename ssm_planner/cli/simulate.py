@@ -35,6 +35,7 @@ def run_simulate(options: Namespace) -> int:
         }
 
     def write(folder: Path) -> Files:
+        """Write the page, the figures and the simulated recordings, and return their paths."""
         from ssm_planner.reporting import write_simulation_figures, write_simulation_page
         from ssm_planner.simulation.recorder import write_recordings
 
@@ -70,7 +71,8 @@ def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
     from ssm_planner.problem import attributes
     from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR
 
-    payload, payload_time = 0.0, 0.0
+    payload = 0.0
+    payload_time = 0.0
     if options.payload is not None:
         mass, separator, time = options.payload.partition("@")
         payload = part_quantity("--payload", mass, "mass")
@@ -86,7 +88,9 @@ def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
                 allowed="JOINT@TIME, such as tilt@1s",
             )
         stall = (joint, part_quantity("--stall", time, "time"))
-    loss = options.power_loss
+    power_loss = options.power_loss
+    if power_loss is not None and power_loss != EVERYWHERE:
+        power_loss = part_quantity("--power-loss", power_loss, "time")
     if options.instants < 1:
         raise ProblemError(
             "invalid number", key="--instants", value=options.instants, allowed="1 or more"
@@ -107,9 +111,7 @@ def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
         **attributes(options, names),
         payload=payload,
         payload_time=payload_time,
-        power_loss=loss
-        if loss in (None, EVERYWHERE)
-        else part_quantity("--power-loss", loss, "time"),
+        power_loss=power_loss,
         stall=stall,
         tip_error=TIP_ERROR if options.tip_error is None else options.tip_error,
     )

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 def run_size(options: Namespace) -> int:
+    """Size the motors and gears of a motion, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
     from ssm_planner.reporting import sizing_lines, sizing_verdict, what_if_lines
     from ssm_planner.sizing.size import size
@@ -32,7 +33,7 @@ def run_size(options: Namespace) -> int:
     progress(Step("judging motors"))
     sizing = size(duty, candidates, conditions, options.payload)
     document: JsonObject = {"motion": duty.name, **sizing.to_dict(), "notes": list(duty.notes)}
-    lines = [duty.name, *duty.notes, "", *sizing_lines(sizing)]
+    lines = [duty.name] + list(duty.notes) + [""] + sizing_lines(sizing)
     if options.what_if:
         from ssm_planner.sizing import largest_payload, shortest_duration
 
@@ -44,9 +45,11 @@ def run_size(options: Namespace) -> int:
             "largest_payload": payload.to_dict(),
             "shortest_duration": duration.to_dict(),
         }
-        lines += ["", "What if", *(f"  {line}" for line in what_if_lines(payload, duration))]
+        lines += ["", "What if"]
+        lines += [f"  {line}" for line in what_if_lines(payload, duration)]
 
     def write(folder: Path) -> Files:
+        """Write the figures of the sizing into a folder, and return their paths."""
         from ssm_planner.reporting import write_sizing_figures
 
         return write_sizing_figures(sizing, folder)
@@ -54,7 +57,7 @@ def run_size(options: Namespace) -> int:
     document["files"] = write_results(options.output, "sizing", document, write)
     progress(Step("done"))
     files = document["files"].values()
-    lines += [*(f"file: {path}" for path in files), *sizing_verdict(sizing)]
+    lines += [f"file: {path}" for path in files] + sizing_verdict(sizing)
     show_with_page(options, "sizing", document, lines, files)
     return FAILED if sizing.adequate is False else OK
 
@@ -82,15 +85,13 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
             allowed="--catalogue, with --gears, --rank and conditions",
         )
     motors = motors_of(options.catalogue)
-    gears: dict[str, list[Part[ssm.Drive]]] = {
-        joint.name: [
-            part
-            for path in options.gears
-            for part in gears_of(path, joint.drive, joint.position[1] - joint.position[0])
-        ]
-        for joint in duty.robot.joints
-        if joint.drive is not None
-    }
+    gears: dict[str, list[Part[ssm.Drive]]] = {}
+    for joint in duty.robot.joints:
+        if joint.drive is not None:
+            stroke = joint.position[1] - joint.position[0]
+            gears[joint.name] = []
+            for path in options.gears:
+                gears[joint.name] += gears_of(path, joint.drive, stroke)
     progress_reporter(f"judging {len(motors)} motors")
     joints = select(duty, motors, gears, conditions, options.payload)
     # The best pair of each joint: 1 is adequate, 0 is not known, and −1 is not adequate.
@@ -148,10 +149,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
         reading = read_trajectory(path, robot)
         notes = reading.notes
         if reading.resolution is not None:
-            notes = (
-                *notes,
-                f"{path} has no accelerations at some points, so inertia is incomplete",
-            )
+            notes += (f"{path} has no accelerations at some points, so inertia is incomplete",)
         return DutyCycle(str(path), robot, ((reading.trajectory, None),), notes)
     if path.suffix.lower() in (".yaml", ".yml"):
         from ssm_planner.loading import load_motorisation
@@ -164,12 +162,12 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
     duty = DutyCycle.of_trajectory(plan.motion, plan.robot, str(path))
     if plan.certificate is None:
         reason = plan.uncertified_reason or "the plan has no certificate"
-        duty = replace(duty, notes=(*duty.notes, f"not certified: {reason}"))
+        duty = replace(duty, notes=duty.notes + (f"not certified: {reason}",))
     return replace(duty, pause=pause_of(plan.problem))
 
 
-def read_candidates(words: Sequence[str], duty: "DutyCycle") -> dict[str, list[ssm.Motor]]:
-    """Load the candidate motors that words such as `[JOINT=]FILE` name, and return them by joint.
+def read_candidates(texts: Sequence[str], duty: "DutyCycle") -> dict[str, list[ssm.Motor]]:
+    """Load the candidate motors that texts such as `[JOINT=]FILE` name, and return them by joint.
 
     A file without a joint applies to all joints that the duty cycle moves. Raises ProblemError if a
     joint is unknown or a file is invalid.
@@ -180,16 +178,17 @@ def read_candidates(words: Sequence[str], duty: "DutyCycle") -> dict[str, list[s
     driven = [joint.name for joint in duty.robot.joints if joint.drive is not None]
     defaults = [name for name in driven if None in moving or name in moving]
     candidates: dict[str, list[ssm.Motor]] = {}
-    for word in words:
-        joint, equals, file = word.partition("=")
-        if equals and "/" not in joint and not Path(word).exists():
+    for text in texts:
+        joint, equals, file = text.partition("=")
+        if equals and "/" not in joint and not Path(text).exists():
             if joint not in JOINTS:
                 raise ProblemError(
-                    "unknown joint", key="--motor", value=word, allowed=", ".join(JOINTS)
+                    "unknown joint", key="--motor", value=text, allowed=", ".join(JOINTS)
                 )
             names = [joint]
         else:
-            names, file = defaults, word
+            names = defaults
+            file = text
         motor = ssm.load_motor(file)
         for name in names:
             candidates.setdefault(name, []).append(motor)
@@ -209,6 +208,7 @@ def chosen_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
 
 
 def _conditions(options: Namespace, duty: "DutyCycle") -> "Conditions":
+    """Return the operating conditions that the options and the duty cycle state."""
     from ssm_planner.sizing import REFERENCE_TEMPERATURE, Conditions
 
     return Conditions(

@@ -20,6 +20,7 @@ MAX_ROWS = 12
 
 
 def run_study(options: Namespace) -> int:
+    """Run a study, or show, compare or audit its results, and return the exit status."""
     verb, numbers, file = _request(options.words)
     if verb == "audit":
         return _audit(Path(file), options)
@@ -30,7 +31,9 @@ def run_study(options: Namespace) -> int:
     from ssm_planner.studies.show import compare_candidates, write_candidate
 
     if verb == "show":
-        paths = [path for number in numbers for path in write_candidate(study, folder, number)]
+        paths: list[Path] = []
+        for number in numbers:
+            paths += write_candidate(study, folder, number)
         show(options.json, {"files": paths}, lambda: [f"file: {path}" for path in paths])
         return OK
     document = compare_candidates(study, folder, *numbers)
@@ -44,23 +47,28 @@ def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
     Returns "study", "show", "compare" or "audit", the numbers of the candidates, and the study file
     or the folder of the results. Raises ProblemError.
     """
-    verb, *numbers = words
+    verb = words[0]
     if verb not in ("show", "compare", "audit"):
-        if numbers:
+        if len(words) > 1:
             raise ProblemError("give a single study file", value=" ".join(words), key="FILE")
         return "study", [], verb
-    *numbers, file = numbers or [""]
-    required, enough = {
-        "show": ("at least one of the table's numbers and the study file", len(numbers) > 0),
-        "compare": ("two of the table's numbers and the study file", len(numbers) == 2),
-        "audit": ("one folder of results", file and not numbers),
-    }[verb]
-    if not enough or not all(word.isdecimal() for word in numbers):
+    numbers = words[1:-1]
+    if verb == "show":
+        required = "at least one of the table's numbers and the study file"
+        is_valid = len(words) > 2
+    elif verb == "compare":
+        required = "two of the table's numbers and the study file"
+        is_valid = len(words) == 4
+    else:
+        required = "one folder of results"
+        is_valid = len(words) == 2 and bool(words[1])
+    if not is_valid or not all(map(str.isdecimal, numbers)):
         raise ProblemError(f"{verb} needs {required}", key=verb)
-    return verb, [int(word) for word in numbers], file
+    return verb, list(map(int, numbers)), words[-1]
 
 
 def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
+    """Evaluate the candidates of a study, print the front, and return the exit status."""
     from ssm_planner.studies import run as studies
     from ssm_planner.studies.store import write_table
 
@@ -93,6 +101,7 @@ def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
 
 
 def _audit(folder: Path, options: Namespace) -> int:
+    """Audit the results of a study in a folder, and return the exit status."""
     audit = ssm.audit_study(
         folder, tolerance=options.tolerance, workers=options.workers, progress=_progress()
     )
@@ -101,12 +110,17 @@ def _audit(folder: Path, options: Namespace) -> int:
         f"planned again; {len(audit.faults)} faults"
     )
     document = {**vars(audit), "passed": audit.passed}
-    show(options.json, document, lambda: [*audit.faults, *audit.notes, verdict])
+    lines = list(audit.faults) + list(audit.notes) + [verdict]
+    show(options.json, document, lambda: lines)
     return OK if audit.passed else FAILED
 
 
 @contextmanager
 def _executor(address: str | None) -> Iterator[Executor | None]:
+    """Yield the executor of a Dask scheduler at an address, or None without an address.
+
+    Raises ProblemError if the package is not installed, or if no scheduler answers.
+    """
     if address is None:
         yield None
         return
@@ -132,45 +146,54 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
 def _progress() -> Callable[[int, int, dict[str, int]], None]:
     """Return a function that reports on stderr how many candidates are finished."""
     progress = progress_reporter()
-    return lambda done, count, states: progress(
-        Step(", ".join(f"{n} {state}" for state, n in sorted(states.items())), done, count)
-    )
+
+    def report(done: int, count: int, states: dict[str, int]) -> None:
+        """Report the number of finished candidates, and how many are in each state."""
+        text = ", ".join(f"{number} {state}" for state, number in sorted(states.items()))
+        progress(Step(text, done, count))
+
+    return report
 
 
 def _entry(row: ssm.Candidate) -> JsonObject:
+    """Return the entry of a candidate in the output of --json."""
     return {"number": row.number, "design": dict(row.design), "figures": dict(row.figures)}
 
 
 def _lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> list[str]:
+    """Return the rejections, the front and the summary of a study as lines of text."""
     from ssm_planner.studies.page import against_own, displayed_choices, in_words
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())
     front = result.front
-    lines = [
-        "Why candidates fall out",
-        *(f"  {n:>6}  {reason}" for reason, n in list(result.reasons.items())[:MAX_ROWS]),
-        *("", *result.notes, *(f"file: {path}" for path in files.values()), ""),
-    ]
-    lines += [f"Front in {', '.join(map(plain_words, study.minimise))}: {len(front)} candidates"]
+    lines = ["Why candidates fall out"]
+    for reason, count in list(result.reasons.items())[:MAX_ROWS]:
+        lines.append(f"  {count:>6}  {reason}")
+    lines += [""] + list(result.notes)
+    lines += [f"file: {path}" for path in files.values()] + [""]
+    lines.append(f"Front in {', '.join(map(plain_words, study.minimise))}: {len(front)} candidates")
     for row in front[:MAX_ROWS]:
-        figures = ", ".join(in_words(name, row.figures) for name in study.minimise)
-        choices = ", ".join(
-            f"{path} {value}" for path, value in displayed_choices(study, row).items()
-        )
-        lines.append(f"  {row.number:>6}  {figures}  ({choices})")
+        values = ", ".join(in_words(name, row.figures) for name in study.minimise)
+        choices = displayed_choices(study, row).items()
+        choices_text = ", ".join(f"{path} {value}" for path, value in choices)
+        lines.append(f"  {row.number:>6}  {values}  ({choices_text})")
     if len(front) > MAX_ROWS:
         lines.append(f"  … and {len(front) - MAX_ROWS} more in table.csv")
     summary = f"{study.name}: {len(result.rows)} candidates: {states}; {len(front)} on the front"
-    return [*lines, "", against_own(study, result.own, front), summary]
+    return lines + ["", against_own(study, result.own, front), summary]
 
 
 def _compared_lines(document: JsonObject) -> list[str]:
+    """Return the table that compares two candidates as lines of text."""
     from ssm_planner.reporting import Table
     from ssm_planner.studies.page import title_of, unit_of
 
     rows = []
     for name, pair in {**document["design"], **document["figures"]}.items():
-        scale = unit_of(name)[1]
-        cells = (number(scale * x, 5) if isinstance(x, float) else str(x) for x in pair)
-        rows.append((title_of(name) if name in document["figures"] else name, *cells))
-    return Table(("", *map(str, document["numbers"])), rows, (1, 2)).lines()
+        _, scale = unit_of(name)
+        row = [title_of(name) if name in document["figures"] else name]
+        for value in pair:
+            row.append(number(scale * value, 5) if isinstance(value, float) else str(value))
+        rows.append(row)
+    header = [""] + list(map(str, document["numbers"]))
+    return Table(header, rows, (1, 2)).lines()

@@ -43,7 +43,8 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise UsageError with the message, the usage and a suggestion for unknown options."""
         hint = ""
-        if match := OPTION.fullmatch(message):
+        match = OPTION.fullmatch(message)
+        if match:
             option = match[1].split()[0].partition("=")[0]
             hint = suggestion(option, self.options())
         raise UsageError(f"{message}{hint}\n{self.format_usage().strip()}")
@@ -78,10 +79,12 @@ def shorten(lines: Iterable[str]) -> list[str]:
 
     The last LAST lines remain, because they contain the verdict.
     """
-    screen = [part for line in lines for part in wrap_line(line, columns())]
-    if len(screen) <= SHORT:
-        return screen
-    return [*screen[: SHORT - LAST - 1], "… (-v prints all)", *screen[-LAST:]]
+    wrapped: list[str] = []
+    for line in lines:
+        wrapped += wrap_line(line, columns())
+    if len(wrapped) <= SHORT:
+        return wrapped
+    return wrapped[: SHORT - LAST - 1] + ["… (-v prints all)"] + wrapped[-LAST:]
 
 
 def print_lines(lines: Iterable[str]) -> None:
@@ -89,13 +92,13 @@ def print_lines(lines: Iterable[str]) -> None:
 
     Colours are omitted if stdout is not a terminal.
     """
-    colour = (
-        sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
-    )
+    has_colours = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+    if os.environ.get("NO_COLOR"):
+        has_colours = False
     for block in lines:
         for line in block.splitlines() or [""]:
-            for part in wrap_line(line, columns()):
-                print(VERDICT.sub(_coloured, part) if colour else part)
+            for text in wrap_line(line, columns()):
+                print(VERDICT.sub(_coloured, text) if has_colours else text)
 
 
 def _coloured(match: re.Match[str]) -> str:

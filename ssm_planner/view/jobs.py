@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -74,7 +75,7 @@ class Job:
             "done": outcome is not None,
             "message": result.message,
             "relaxation": result.relaxation,
-            "changes": [*result.changes.items()],
+            "changes": list(result.changes.items()),
             "desk": result.desk,
             "plan": None if result.plan is None else f"/plan/{self.identity}",
         }
@@ -123,12 +124,11 @@ class Jobs:
         ProblemError
             If a request is invalid.
         """
-        requests_by_name = {"A": request.get("pinned"), "B": request}
-        requests = [
-            (name, self.study(item).requested_problem(item), item.get("relaxed"))
-            for name, item in requests_by_name.items()
-            if isinstance(item, dict)
-        ]
+        requests = []
+        for name, item in (("A", request.get("pinned")), ("B", request)):
+            if isinstance(item, dict):
+                problem = self.study(item).requested_problem(item)
+                requests.append((name, problem, item.get("relaxed")))
         with self._lock:
             for active_job in self._jobs.values():
                 self._cancel(active_job, "cancelled, because a newer motion is planned")
@@ -137,9 +137,8 @@ class Jobs:
             job.steps.touch()
             for old_identity in list(self._jobs)[:-KEPT]:
                 del self._jobs[old_identity]
-            self._submit(run_plan, requests, job.steps).add_done_callback(
-                lambda future: self._finish(job, future)
-            )
+            future = self._submit(run_plan, requests, job.steps)
+            future.add_done_callback(partial(self._finish, job))
         return {"job": identity}
 
     def progress(self, request: JsonObject) -> JsonObject:
@@ -265,25 +264,29 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
             result = plan(quickly(easier), progress)
         if result.trajectory is not None:
             plans[name] = result
-    in_words = {share: description for share, (description, _) in changes.items()}
+    descriptions = {share: description for share, (description, _) in changes.items()}
     desk = None
     if plans:
-        answer_texts = [{text[:9]: text[9:] for text in answers(p)} for p in plans.values()]
-        rows = [[key, *(texts.get(key, "") for texts in answer_texts)] for key in answer_texts[-1]]
-        data = comparison_data(tuple(plans.values()))
-        panels = [panel for panel in data["panels"] if panel["section"] == "Motors"]
-        desk = {**data, "panels": panels, "names": list(plans), "rows": rows}
+        # The first nine characters of a line are its label.
+        columns = []
+        for planned in plans.values():
+            columns.append({line[:9]: line[9:] for line in answers(planned)})
+        rows = [[label] + [column.get(label, "") for column in columns] for label in columns[-1]]
+        desk = comparison_data(tuple(plans.values()))
+        desk["panels"] = [panel for panel in desk["panels"] if panel["section"] == "Motors"]
+        desk["names"] = list(plans)
+        desk["rows"] = rows
     if result.trajectory is None:
         reason = result.reason
         return Outcome(
             reason.message if reason else result.status,
             relaxation=reason.relaxation if reason and relaxed else None,
-            changes=in_words,
+            changes=descriptions,
             desk=desk,
         )
     verdict = "passed" if result.passed else "failed"
     text = f"planned: {result.duration:.4f} s, independent check {verdict}"
-    return Outcome(text, result, changes=in_words, desk=desk)
+    return Outcome(text, result, changes=descriptions, desk=desk)
 
 
 def text_of(text_type: str, plan: "Plan") -> str:

@@ -136,13 +136,17 @@ class Study:
             If an angle is out of range.
         """
         original = self.robot_mechanism
-        alpha, beta = (number(request, key, LOWEST, HIGHEST) for key in ("alpha", "beta"))
+        alpha = number(request, "alpha", LOWEST, HIGHEST)
+        beta = number(request, "beta", LOWEST, HIGHEST)
         if abs(alpha - original.alpha) < SAME and abs(beta - original.beta) < SAME:
             return original, True
-        cosine = math.cos(beta) / math.cos(alpha)  # of the home tilt, where the roll at home is 0
-        home = math.copysign(math.acos(cosine), original.home_tilt) if abs(cosine) <= 1.0 else None
+        # With a roll of 0 at home, the home tilt φ satisfies cos φ = cos β / cos α.
+        cosine = math.cos(beta) / math.cos(alpha)
+        home_tilt = None
+        if abs(cosine) <= 1.0:
+            home_tilt = math.copysign(math.acos(cosine), original.home_tilt)
         sign = original.insertion_sign
-        return Mechanism.from_angles(alpha, beta, home, insertion_sign=sign), False
+        return Mechanism.from_angles(alpha, beta, home_tilt, insertion_sign=sign), False
 
     @cached_property
     def document(self) -> JsonObject:
@@ -282,12 +286,10 @@ class Study:
         ranges = {} if problem is None else dict(problem.ranges)
         start = None if problem is None else problem.start
         coordinates = start.set_coordinates if isinstance(start, Task) else {}
-        pose = [
-            coordinates.get(name, mechanism.home_tilt if name == "tilt" else 0.0) for name in TASK
-        ]
         ends = ranges.get("tilt", (low, high))
         values: JsonObject = {"alpha": mechanism.alpha, "beta": mechanism.beta}
-        values |= {"low": ends[0], "high": ends[1], **dict(zip(TASK, pose, strict=True))}
+        values |= {"low": ends[0], "high": ends[1]}
+        values |= dict.fromkeys(TASK, 0.0) | {"tilt": mechanism.home_tilt} | coordinates
         if problem is not None:
             values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
             for variable in self.variables:
@@ -365,16 +367,20 @@ class Study:
         if not isinstance(motion, list) or not all(isinstance(step, dict) for step in motion):
             raise ProblemError("not a motion", key="motion", allowed="a list of poses and dwells")
         content["start"] = _coordinates(pose(request, "start"))
-        content["motion"] = [
-            {"dwell": f"{number(step, 'dwell', 1e-3, LONGEST_DWELL, 's'):.12g} s"}
-            if "dwell" in step
-            else {"straight": {"to": _coordinates(pose(step, "pose"))}}
-            for step in motion
-        ]
+        entries: list[JsonObject] = []
+        for step in motion:
+            if "dwell" in step:
+                duration = number(step, "dwell", 1e-3, LONGEST_DWELL, "s")
+                entries.append({"dwell": f"{duration:.12g} s"})
+            else:
+                entries.append({"straight": {"to": _coordinates(pose(step, "pose"))}})
+        content["motion"] = entries
         low, high = tilt_range(request)
-        if self.problem is not None and (limit := self.problem.ranges.get("tilt")) is not None:
-            low, high = max(low, limit[0]), min(high, limit[1])
-        tilts = [_in_units("tilt", end) for end in (low, high)]
+        if self.problem is not None and "tilt" in self.problem.ranges:
+            lowest, highest = self.problem.ranges["tilt"]
+            low = max(low, lowest)
+            high = min(high, highest)
+        tilts = [_in_units("tilt", low), _in_units("tilt", high)]
         return content | {"limits": {**content.get("limits", {}), "tilt": tilts}}
 
     def requested_problem(self, request: JsonObject) -> Problem:
@@ -407,18 +413,19 @@ class Study:
             mechanism, [pose(request, "pose")], limits=limits, reference=np.zeros(4)
         )
         tips = tip_position(mechanism, solutions.joints[0])
+        branches = [
+            {
+                "joints": solutions.joints[0, k].tolist(),
+                "branch": int(solutions.branch[0, k]),
+                "in_limits": bool(solutions.in_limits[0, k]),
+                "tip": tip.tolist(),
+            }
+            for k, tip in enumerate(tips)
+        ]
         return {
             "reachable": bool(solutions.reachable[0]),
             "error": float(solutions.orientation_error[0]),
-            "branches": [
-                {
-                    "joints": solutions.joints[0, k].tolist(),
-                    "branch": int(solutions.branch[0, k]),
-                    "in_limits": bool(solutions.in_limits[0, k]),
-                    "tip": tips[k].tolist(),
-                }
-                for k in range(solutions.joints.shape[1])
-            ],
+            "branches": branches,
         }
 
 
@@ -430,11 +437,12 @@ def pose(request: JsonObject, key: str) -> Pose:
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
-    named_values = {f"{key}.{name}": value for name, value in zip(TASK, values, strict=True)}
-    roll, tilt, spin, depth = (
-        number(named_values, path, -magnitude, magnitude, "m" if path.endswith("depth") else "rad")
-        for path, magnitude in zip(named_values, LARGEST_POSE, strict=True)
-    )
+    coordinates = []
+    for name, value, largest in zip(TASK, values, LARGEST_POSE, strict=True):
+        path = f"{key}.{name}"
+        unit = "m" if name == "depth" else "rad"
+        coordinates.append(number({path: value}, path, -largest, largest, unit))
+    roll, tilt, spin, depth = coordinates
     return roll, tilt, spin, depth
 
 
@@ -443,7 +451,7 @@ def tilt_range(request: JsonObject) -> Range:
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
-    low, high = (number({"tilt_range": end}, "tilt_range", -math.pi, math.pi) for end in ends)
+    low, high = [number({"tilt_range": end}, "tilt_range", -math.pi, math.pi) for end in ends]
     if not low < high:
         raise ProblemError("the lower end is not below the upper", key="tilt_range")
     return low, high

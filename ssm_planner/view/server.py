@@ -172,16 +172,15 @@ class Handler(BaseHTTPRequestHandler):
         if request is None:
             return
         try:
-            self._send(
-                HTTPStatus.OK, json.dumps(answer(request), allow_nan=False), "application/json"
-            )
+            text = json.dumps(answer(request), allow_nan=False)
+            self._send(HTTPStatus.OK, text, "application/json")
         except SsmPlannerError as error:
             key = reason = None
             if isinstance(error, ProblemError):
-                key, reason = (
-                    error.key,
-                    error.reason + (f" (allowed: {error.allowed})" if error.allowed else ""),
-                )
+                key = error.key
+                reason = error.reason
+                if error.allowed:
+                    reason += f" (allowed: {error.allowed})"
             self._refuse(HTTPStatus.BAD_REQUEST, str(error), key, reason)
 
     def _known_host(self) -> bool:
@@ -214,17 +213,15 @@ class Handler(BaseHTTPRequestHandler):
 
     def _fault(self) -> tuple[HTTPStatus, str] | None:
         """Return the fault in the headers of a POST request, or None. The body is not read."""
-        origin, length = self.headers.get("Origin"), self.headers.get("Content-Length", "")
+        origin = self.headers.get("Origin")
+        length = self.headers.get("Content-Length", "")
+        token = self.headers.get("X-Token", "")
+        content_type, _, _ = self.headers.get("Content-Type", "").partition(";")
         if origin is not None and origin.removeprefix("http://") not in self.server.hosts:
             return HTTPStatus.FORBIDDEN, "not from this server's page"
-        if not hmac.compare_digest(
-            self.headers.get("X-Token", "").encode(), self.server.token.encode()
-        ):
+        if not hmac.compare_digest(token.encode(), self.server.token.encode()):
             return HTTPStatus.FORBIDDEN, "the token of the page is missing; reload the page"
-        if (
-            self.headers.get("Content-Type", "").partition(";")[0].strip().lower()
-            != "application/json"
-        ):
+        if content_type.strip().lower() != "application/json":
             return HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "only application/json"
         if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
             return HTTPStatus.LENGTH_REQUIRED, "the length is missing"
