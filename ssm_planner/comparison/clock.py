@@ -59,8 +59,8 @@ class Alignment:
     @property
     def determines_clock(self) -> bool:
         """True if the measured speed agrees with the plan in shape and size."""
-        alike = self.agreement >= ALIKE and abs(self.size - 1) <= FOLLOWS
-        return alike and bool(np.isfinite(self.rate_error))
+        is_alike = self.agreement >= ALIKE and abs(self.size - 1) <= FOLLOWS
+        return is_alike and bool(np.isfinite(self.rate_error))
 
 
 @frozen
@@ -110,9 +110,9 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     Alignment
         Start of the motion in the recording, and rate of the recording's clock.
     """
-    at_rest = not planned_speed.any(), not measured.any()
-    if any(at_rest):
-        return Alignment(float(time[0]), float(all(at_rest)))
+    if not planned_speed.any() or not measured.any():
+        both_rest = not planned_speed.any() and not measured.any()
+        return Alignment(float(time[0]), correlation=1.0 if both_rest else 0.0)
     threshold = ENDS * np.abs(planned_speed).max()
     moves = np.flatnonzero(np.abs(measured) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(time)
@@ -120,14 +120,14 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     # Samples of a long rest do not contribute. Means of the others contain less noise.
     end = coarse.delay + planned_time[-1]
     margin = FAR * planned_time[-1]
-    first, last = np.searchsorted(time, [coarse.delay - margin, end + margin])
-    first = min(first, moves[0] if len(moves) else first)
-    last = min(max(last, stop), len(time))
-    step = max(1, (last - first) // SAMPLES)
-    t, w = (
-        values[first : last - (last - first) % step].reshape(-1, step).mean(axis=1)
-        for values in (time, measured)
-    )
+    start_index, end_index = np.searchsorted(time, [coarse.delay - margin, end + margin])
+    if len(moves):
+        start_index = min(start_index, moves[0])
+    end_index = min(max(end_index, stop), len(time))
+    step = max(1, (end_index - start_index) // SAMPLES)
+    used = slice(start_index, end_index - (end_index - start_index) % step)
+    t = time[used].reshape(-1, step).mean(axis=1)
+    w = measured[used].reshape(-1, step).mean(axis=1)
     moves = np.flatnonzero(np.abs(w) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(w)
     delay, rate, size, errors, middle = _refine(
@@ -135,9 +135,10 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     )
     planned_t = rate * (t - delay)
     expected = planned_speed_at(planned_time, planned_speed, planned_t)
+    is_planned = (planned_t >= 0) & (planned_t <= planned_time[-1])
     return Alignment(
         delay,
-        correlation=correlation(expected, w * (np.abs(2 * planned_t / planned_time[-1] - 1) <= 1)),
+        correlation=correlation(expected, w * is_planned),
         rate=rate,
         rate_error=errors[1],
         delay_error=errors[0],
@@ -158,18 +159,23 @@ def estimate_speed(
     """
 
     def costs(speed: float) -> list[float]:
-        return [
-            min(match(*plan, *recording, speed).cost for plan in plans) for recording in recordings
-        ]
+        """Return the cost of the best plan for each recording, see `Match.cost`."""
+        results = []
+        for time, measured in recordings:
+            matches = [match(t, planned, time, measured, speed) for t, planned in plans]
+            results.append(min(candidate.cost for candidate in matches))
+        return results
 
-    at_plan = costs(1.0)
-    if min(at_plan) <= FOLLOWS**2:
+    planned_costs = costs(1.0)
+    if min(planned_costs) <= FOLLOWS**2:
         return 1.0
-    cost, best = min((float(np.mean(costs(speed))), speed) for speed in SPEEDS.tolist())
-    before = float(np.mean(at_plan))
+    mean_costs = {speed: float(np.mean(costs(speed))) for speed in SPEEDS.tolist()}
+    speed = min(mean_costs, key=lambda speed: mean_costs[speed])
+    cost = mean_costs[speed]
+    planned_cost = float(np.mean(planned_costs))
     # A recording of two motions leaves half of its squared speed unexplained.
-    explains = 4 * cost < before or 1 - cost > max(4 * (1 - before), 1 - ALIKE**2)
-    return best if explains and abs(best - 1) > FASTEST else 1.0
+    explains = 4 * cost < planned_cost or 1 - cost > max(4 * (1 - planned_cost), 1 - ALIKE**2)
+    return speed if explains and abs(speed - 1) > FASTEST else 1.0
 
 
 @frozen
@@ -189,9 +195,16 @@ class Match:
 def match(
     planned_time: Array, planned_speed: Array, time: Array, measured: Array, speed: float = 1.0
 ) -> Match:
-    """Find the plan, executed at a fraction `speed` of its speed, in a recording at any delay.
+    """Find the delay at which a plan explains a recording best, by cross-correlation.
 
-    planned_time, planned_speed (n,): the plan, s and rad/s. time, measured (m,): the recording.
+    Parameters
+    ----------
+    planned_time, planned_speed : (n,)
+        Instants of the plan in s, and planned speeds in rad/s.
+    time, measured : (m,)
+        Instants of the recording in s, and measured speeds in rad/s.
+    speed : float
+        Speed of execution, as a multiple of the planned speed.
     """
     from scipy.signal import correlate
 

@@ -106,16 +106,16 @@ class AxisComparison:
 
     def to_dict(self) -> JsonObject:
         """Return an entry of `axes` in the output of `compare --json`, in SI units."""
+        differences = self.differences.items()
         return {
             "joint": self.joint,
             "recording": self.recording,
             "delay": self.alignment.delay,
             "correlation": self.alignment.correlation,
             "covered": self.covered,
-            **{
-                key: {name: getattr(value, key) for name, value in self.differences.items()}
-                for key in ("nrmsd", "rms", "largest")
-            },
+            "nrmsd": {name: difference.nrmsd for name, difference in differences},
+            "rms": {name: difference.rms for name, difference in differences},
+            "largest": {name: difference.largest for name, difference in differences},
             "limits": [vars(limit) for limit in self.limits],
             "held": self.followed,
             "verdict": self.verdict,
@@ -168,14 +168,15 @@ class Comparison:
 
     def to_dict(self) -> JsonObject:
         """Return the output of `compare --json`, in SI units."""
+        clock = dict(vars(self.clock))
+        for name, value in clock.items():
+            if not np.isfinite(value):
+                clock[name] = None
         return {
             "held": self.followed,
             "verdict": self.verdict,
             "speed": self.speed,
-            "clock": {
-                name: value if np.isfinite(value) else None
-                for name, value in vars(self.clock).items()
-            },
+            "clock": clock,
             "findings": [vars(finding) for finding in self.findings],
             "unjudged": list(self.unjudged),
             "axes": [axis.to_dict() for axis in self.axes],
@@ -232,29 +233,31 @@ def compare(
     joints += [name for name in driven if name not in joints]
     plans = predict_axes(trajectory, robot, joints)
     missing = [plan.joint.name for plan in plans[len(recordings) :] if plan.peak > 0]
-    alignments, clock, played = _align(plans, recordings, speed or 1.0)
-    if played != 1.0:
-        plans = predict_axes(trajectory, robot, joints, played)
-    margins = certificate if played == 1.0 else None
+    alignments, clock, played_speed = _align(plans, recordings, speed or 1.0)
+    if played_speed != 1.0:
+        plans = predict_axes(trajectory, robot, joints, played_speed)
+    margins = certificate if played_speed == 1.0 else None
     axes = [
-        map_to_clock(*parts, clock) for parts in zip(plans, recordings, alignments, strict=False)
+        map_to_clock(plan, recording, alignment, clock)
+        for plan, recording, alignment in zip(plans, recordings, alignments, strict=False)
     ]
-    findings = [*check_clock(clock, axes), *check_speed(clock, played, speed)]
+    findings = list(check_clock(clock, axes))
+    findings += check_speed(clock, played_speed, speed)
     if missing:
         text = f"no recording of {', '.join(missing)}, which the plan moves"
         findings.append(Finding("missing recording", "cannot tell", text, len(missing), 0))
-    compared = tuple(_compare_axis(axis, plans, margins, lag) for axis in axes)
-    judged = {(limit.name, axis.joint) for axis in compared for limit in axis.limits}
+    comparisons = []
+    judged_limits = set()
+    for axis in axes:
+        comparison = _compare_axis(axis, plans, margins, lag)
+        comparisons.append(comparison)
+        judged_limits |= {(limit.name, comparison.joint) for limit in comparison.limits}
+    unjudged = []
+    for check in certificate.limits if certificate else ():
+        if (check.name, check.joint) not in judged_limits:
+            unjudged.append(f"{check.name} {check.joint or ''}".strip())
     return Comparison(
-        compared,
-        clock,
-        tuple(findings),
-        played,
-        unjudged=tuple(
-            f"{check.name} {check.joint or ''}".strip()
-            for check in (certificate.limits if certificate else ())
-            if (check.name, check.joint) not in judged
-        ),
+        tuple(comparisons), clock, tuple(findings), played_speed, unjudged=tuple(unjudged)
     )
 
 
@@ -266,30 +269,38 @@ def _align(
     `intended` is the intended speed of execution, near which no other speed is estimated.
     """
 
-    measured = [(recording.time, recording.w) for recording in recordings]
-
-    def planned(speed: float) -> list[tuple[Array, Array]]:
-        return [(plan.time / speed, plan.speed * speed) for plan in plans]
-
-    def aligned(speed: float) -> tuple[list[Alignment], Clock, float]:
-        pairs = zip(planned(speed), measured, strict=False)
-        alignments = [align(*plan, *recording) for plan, recording in pairs]
+    def align_at(speed: float) -> tuple[list[Alignment], Clock, float]:
+        """Align all axes with the plan, executed at a speed."""
+        alignments = [
+            align(plan.time / speed, plan.speed * speed, recording.time, recording.w)
+            for plan, recording in zip(plans, recordings, strict=False)
+        ]
         return alignments, clock_of(alignments, DRIFT), speed
 
-    estimate = aligned(intended * estimate_speed(planned(intended), measured))
-    _, clock, speed = estimate
+    measured_speeds = [(recording.time, recording.w) for recording in recordings]
+    planned_speeds = [(plan.time / intended, plan.speed * intended) for plan in plans]
+    factor = estimate_speed(planned_speeds, measured_speeds)
+    alignments, clock, speed = align_at(intended * factor)
     if clock.slower and speed != intended:
-        return aligned(speed * clock.estimated_rate)
-    return estimate
+        return align_at(speed * clock.estimated_rate)
+    return alignments, clock, speed
 
 
 def _compare_axis(
     axis: AlignedAxis, plans: Sequence[Predicted], certificate: Certificate | None, lag: float
 ) -> AxisComparison:
-    """Compare one axis.
+    """Compare one axis with its plan.
 
-    `plans` are the predictions of all axes, and `lag` is the permitted delay at the largest speed,
-    s.
+    Parameters
+    ----------
+    axis
+        Recording and prediction of the axis on the common clock.
+    plans
+        Predictions of all axes, with which a recording of another axis is recognised.
+    certificate
+        Certificate of the plan, or None if its margins do not apply.
+    lag
+        Permitted delay at the largest speed, s.
     """
     plan = axis.plan
     measured = axis.measured
@@ -301,19 +312,16 @@ def _compare_axis(
             "no position channel: position is the integral of the measured speed, from the planned "
             "start"
         )
-    channels = {
-        "position": (plan.position, axis.q),
-        "speed": (plan.speed, measured.w),
-        "torque": (plan.torque, measured.tau),
-    }
-    differences = {
-        name: Difference.from_samples(
-            axis.interpolate_plan(planned)[is_planned], values[is_planned]
-        )
-        for name, (planned, values) in channels.items()
-        if is_planned.any()
-    }
-    other = find_other_motion(axis, plans)
+    differences = {}
+    if is_planned.any():
+        for name, planned_values, values in (
+            ("position", plan.position, axis.q),
+            ("speed", plan.speed, measured.w),
+            ("torque", plan.torque, measured.tau),
+        ):
+            expected = axis.interpolate_plan(planned_values)[is_planned]
+            differences[name] = Difference.from_samples(expected, values[is_planned])
+    other_motion = find_other_motion(axis, plans)
     return AxisComparison(
         measured.joint,
         measured.name,
@@ -322,6 +330,6 @@ def _compare_axis(
         differences=differences,
         limits=limits_of(axis, certificate),
         notes=tuple(notes),
-        findings=findings_of(axis, lag) if other is None else (other,),
+        findings=findings_of(axis, lag) if other_motion is None else (other_motion,),
         visible=axis.visible,
     )

@@ -84,7 +84,7 @@ Verdict = Literal["held", "not held", "cannot tell"]
 
 
 class Judged(Protocol):
-    """A part of a comparison with a verdict."""
+    """A finding, the result of a limit, or an axis: anything in a comparison with a verdict."""
 
     @property
     def verdict(self) -> Verdict: ...
@@ -93,7 +93,7 @@ class Judged(Protocol):
 def worst_of(*groups: Iterable[Judged]) -> Verdict:
     """Return the worst verdict: "not held" before "cannot tell" before "held"."""
     order: tuple[Verdict, ...] = ("held", "cannot tell", "not held")
-    verdicts = (part.verdict for part in chain.from_iterable(groups))
+    verdicts = [item.verdict for item in chain.from_iterable(groups)]
     return max(verdicts, key=order.index, default="held")
 
 
@@ -311,15 +311,17 @@ def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
 
     `lag` is the permitted delay at the largest speed, s.
     """
+    findings = list(check_sampling(axis))
+    for text in axis.measured.doubts:
+        findings.append(Finding("unread data", "cannot tell", text, 1, 0))
+    findings += check_tracking(axis, lag)
     stall = find_stall(axis)
-    findings = [
-        *check_sampling(axis),
-        *(Finding("unread data", "cannot tell", text, 1, 0) for text in axis.measured.doubts),
-        *check_tracking(axis, lag),
-        *([stall] if stall is not None else find_saturation(axis)),
-        *check_torque(axis),
-        *find_second_motion(axis),
-    ]
+    if stall is None:
+        findings += find_saturation(axis)
+    else:
+        findings.append(stall)
+    findings += check_torque(axis)
+    findings += find_second_motion(axis)
     return tuple(findings)
 
 
@@ -368,7 +370,7 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     noise = position_noise(axis)
     random_noise, integral_noise = axis.integral_noise
     limit = lag * joint.velocity
-    unit = f"m{joint.unit}"
+    unit = f"m{joint.unit}"  # mrad or mm
     scale = 1e3
     allowed = limit + noise
     difference = float(np.abs(axis.q - axis.travelled).max())
@@ -380,18 +382,19 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
         yield Finding("contradiction", "cannot tell", text, difference, allowed + integral_noise)
     error = np.abs(axis.position_error)
     k = int(np.argmax(error))
-    largest = float(error[k])
-    if largest - limit <= (random_noise if axis.measured.q is None else noise) <= limit:
+    max_error = float(error[k])
+    possible_noise = random_noise if axis.measured.q is None else noise
+    if max_error - limit <= possible_noise <= limit:
         return
     text = (
-        f"{scale * largest:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
+        f"{scale * max_error:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
         f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
     )
     travel = float(np.ptp(axis.plan.position))
     if np.ptp(axis.q) > UNLIKE * travel > 0:
         text += f"; its travel is {times_planned(float(np.ptp(axis.q)) / travel)}"
-    verdict: Verdict = "not held" if largest > allowed else "cannot tell"
-    yield Finding("tracking", verdict, text, largest, allowed)
+    verdict: Verdict = "not held" if max_error > allowed else "cannot tell"
+    yield Finding("tracking", verdict, text, max_error, allowed)
 
 
 def position_noise(axis: AlignedAxis) -> float:
@@ -414,25 +417,29 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding 
     noise = CERTAIN * axis.sigma
 
     def fit(plan: Predicted, speed: float = 1.0) -> Match:
+        """Find a plan that is executed at a speed in the recording."""
         return match(plan.time, plan.speed, measured.time, measured.w, speed)
 
-    own = fit(axis.plan)
-    nearest = min(plans, key=lambda plan: fit(plan).cost)
+    own_fit = fit(axis.plan)
+    best_plan = min(plans, key=lambda plan: fit(plan).cost)
     scale = max((1e-3, 1e3), key=lambda scale: fit(axis.plan, scale).correlation)
+    is_proportional = 1 - abs(own_fit.correlation) < STANDS
     text = f"its speed is not the planned one of joint {measured.joint}"
-    if fit(nearest).cost < min(own.cost / 4, UNRESOLVED):
+    if fit(best_plan).cost < min(own_fit.cost / 4, UNRESOLVED):
         kind = "swapped"
-        text += f", but that of joint {nearest.joint.name}: are recordings or motors swapped?"
-    elif 1 - abs(own.correlation) < STANDS and not 1 / UNLIKE < abs(own.factor) < UNLIKE:
-        kind, text = "units", f"its speed is {times_planned(own.factor)}"
-    elif max(own.cost, 1 - likeness) < UNRESOLVED or find_stall(axis) is not None:
+        text += f", but that of joint {best_plan.joint.name}: are recordings or motors swapped?"
+    elif is_proportional and not 1 / UNLIKE < abs(own_fit.factor) < UNLIKE:
+        kind = "units"
+        text = f"its speed is {times_planned(own_fit.factor)}"
+    elif max(own_fit.cost, 1 - likeness) < UNRESOLVED or find_stall(axis) is not None:
         return None
     elif fit(axis.plan, scale).correlation >= ALIKE:
-        kind, text = "units", f"its time is {times_planned(1 / scale)}"
+        kind = "units"
+        text = f"its time is {times_planned(1 / scale)}"
     elif likeness >= ALIKE or rms(axis.speed_error) <= STANDS * axis.plan.peak + noise:
         # The second test also works for a motor that rests most of the time.
         return None
-    elif own.correlation < -ALIKE:
+    elif own_fit.correlation < -ALIKE:
         kind = "reversed"
         text = (
             "the recording is reversed: motor_direction in the robot file, or the recording's "
@@ -453,8 +460,8 @@ def times_planned(factor: float) -> str:
     size = abs(np.log(max(abs(factor), 1e-9)))
     units = [text for ratio, text in UNITS.items() if abs(size - np.log(ratio)) < 0.2]
     hint = f": are its units wrong ({units[0]})?" if units else ""
-    shown = f"{factor:.2f}" if abs(factor) > STANDS else f"{factor:.2g}"
-    return f"{shown} times the predicted{sign}{hint}"
+    number = f"{factor:.2f}" if abs(factor) > STANDS else f"{factor:.2g}"
+    return f"{number} times the predicted{sign}{hint}"
 
 
 def find_second_motion(axis: AlignedAxis) -> Iterator[Finding]:
@@ -491,13 +498,15 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     start, stop, length = longest_run(is_stalled, mean_time)
     if length < STALL:
         return None
-    begin, end = float(mean_time[start]), float(mean_time[stop])
-    is_moving = (np.abs(w) >= level) & ((axis.t < begin - NEAR) | (axis.t > end + NEAR))
+    start_time = float(mean_time[start])
+    end_time = float(mean_time[stop])
+    is_outside = (axis.t < start_time - NEAR) | (axis.t > end_time + NEAR)
+    is_moving = (np.abs(w) >= level) & is_outside
     if is_moving.sum() > n and correlation(planned_speed[is_moving], w[is_moving]) < ALIKE:
         return None
     torque = float(np.abs(axis.measured.tau[start : stop + n]).max())
     text = (
-        f"the motor stands for {length:.3g} s, {begin:.3g} s after the start, where "
+        f"the motor stands for {length:.3g} s, {start_time:.3g} s after the start, where "
         f"the plan moves it (torque up to {1e3 * torque:.3g} mN·m)"
     )
     return Finding("stall", "not held", text, length, STALL)
@@ -511,24 +520,25 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     """
     tau = axis.measured.tau
     motor = axis.plan.joint.motor
-    largest = np.inf if motor is None else motor.max_torque
+    max_torque = np.inf if motor is None else motor.max_torque
     n = 1 + round(SHORT / axis.step)
-    mean = np.abs(smoothed(np.clip(tau, -largest, largest), n))
+    mean = np.abs(smoothed(np.clip(tau, -max_torque, max_torque), n))
     top = float(mean.max(initial=0.0))
     noise = noise_of(tau, 1, axis.measured.torque_resolution)
-    level = min(0.98 * largest, top - 2 * noise)
+    level = min(0.98 * max_torque, top - 2 * noise)
     start, stop, length = longest_run(mean >= level, axis.t)
     during = f"for {length + SHORT:.3g} s, from {float(axis.t[start]):.3g} s on"
-    if top >= 0.98 * largest:
+    if top >= 0.98 * max_torque:
         text = f"the motor gives its largest torque {during}"
         yield Finding("saturation", "not held", text, length + SHORT, SHORT)
         return
     allowed = axis.still_level
-    deficit, needed = (
-        float(np.mean((values * np.sign(axis.speed))[start : stop + n]))
-        for values in (-axis.speed_error, axis.interpolate_plan(axis.plan.torque))
-    )
-    if deficit > allowed and needed > top:
+    saturated = slice(start, stop + n)
+    direction = np.sign(axis.speed)[saturated]
+    planned_torque = axis.interpolate_plan(axis.plan.torque)
+    deficit = -float(np.mean(axis.speed_error[saturated] * direction))
+    required = float(np.mean(planned_torque[saturated] * direction))
+    if deficit > allowed and required > top:
         text = (
             f"torque stays at {1e3 * top:.3g} mN·m {during}, while the speed sags by "
             f"{100 * deficit / axis.plan.peak:.2g} % of the largest: the torque is cut off"
@@ -552,9 +562,9 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     lowest = minimum_filter1d(plan.low, reach, mode="nearest")
     highest = maximum_filter1d(plan.high, reach, mode="nearest")
     mean = smoothed(tau, n)
-    expected, low, high = (
-        smoothed(axis.interpolate_plan(values), n) for values in (plan.torque, lowest, highest)
-    )
+    expected = smoothed(axis.interpolate_plan(plan.torque), n)
+    low = smoothed(axis.interpolate_plan(lowest), n)
+    high = smoothed(axis.interpolate_plan(highest), n)
     resolution = axis.measured.torque_resolution
     noise = CERTAIN * axis.mean_noise(axis.torque_error, resolution) / n**0.5
     moving_windows = smoothed(moving.astype(float), n) > 1 - 0.5 / n
@@ -566,7 +576,7 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     if share > OUTSIDE:
         size = np.maximum(np.abs(expected), 1e-12)
         ratio = float(np.median((np.sign(expected) * mean / size)[outside]))
-        source = "the drive's posterior" if plan.known else "assumed"
+        source = "the drive's posterior" if plan.has_posterior else "assumed"
         text = (
             f"torque is {times_planned(ratio)}, outside its band ({source}) in "
             f"{100 * share:.0f} % of the motion"
@@ -591,8 +601,8 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
         limits.append(channel_limit(axis, MotorTorque, *torque))
     limits.append(acceleration_of(axis))
     checks = () if certificate is None else certificate.limits
-    planned = {check.name: check.margin for check in checks if check.joint == joint.name}
-    return tuple(replace(limit, planned_margin=planned.get(limit.name)) for limit in limits)
+    margins = {check.name: check.margin for check in checks if check.joint == joint.name}
+    return tuple(replace(limit, planned_margin=margins.get(limit.name)) for limit in limits)
 
 
 def position_of(axis: AlignedAxis) -> Kept:
@@ -625,7 +635,7 @@ def channel_limit(
     unit of the `resolution`.
     """
     limit = axis.plan.joint.limit(limit_type)
-    largest = limit.largest
+    bound = limit.largest
     candidates = []
     for n, deviations in windows(axis.step):
         if len(values) >= n:
@@ -634,12 +644,13 @@ def channel_limit(
             noise = spread / ratio
             value = float(np.abs(smoothed(values, n)).max()) / ratio
             candidates.append((value - noise, value, noise, n * axis.step if n > 1 else 0.0))
-    worst = max(candidates)
-    _, value, noise, _ = alone = candidates[0]
-    if worst[0] <= largest < value + noise and noise > UNRESOLVED * largest:
-        worst = alone
-    _, value, noise, window = worst
-    return _limit_result(limit, largest, value, largest - value, noise=noise, window=window)
+    result = max(candidates)  # the candidate that certainly exceeds the limit most
+    single_sample = candidates[0]
+    _, value, noise, _ = single_sample
+    if result[0] <= bound < value + noise and noise > UNRESOLVED * bound:
+        result = single_sample
+    _, value, noise, window = result
+    return _limit_result(limit, bound, value, bound - value, noise=noise, window=window)
 
 
 def acceleration_of(axis: AlignedAxis) -> Kept:
@@ -652,14 +663,15 @@ def acceleration_of(axis: AlignedAxis) -> Kept:
     n = max(1, round(RAMP / axis.step))
     speed = smoothed(axis.measured.w, n) / axis.plan.ratio
     time = smoothed(axis.t, n)
-    largest = float(np.abs((speed[n:] - speed[:-n]) / (time[n:] - time[:-n])).max(initial=0.0))
+    accelerations = (speed[n:] - speed[:-n]) / (time[n:] - time[:-n])
+    value = float(np.abs(accelerations).max(initial=0.0))
     change = CERTAIN * axis.speed_noise * (2 / n) ** 0.5 + axis.measured.speed_resolution
     window = n * axis.step
     return _limit_result(
         limit,
         limit.largest,
-        largest,
-        limit.largest - largest,
+        value,
+        limit.largest - value,
         noise=change / axis.plan.ratio / window,
         window=window,
         ripple=UNRESOLVED * limit.largest,
@@ -710,23 +722,21 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
         yield Finding(
             "clock", "cannot tell", text, abs(clock.rate - 1), DRIFT + CERTAIN * clock.rate_error
         )
-    aligned = [
-        axis
-        for axis in axes
-        if min(axis.alignment.correlation, axis.alignment.agreement) >= ALIKE
-        and np.isfinite(axis.alignment.delay_error)
-    ]
-    delays = {
-        axis.plan.joint.name: axis.alignment.delay_at(clock.estimated_rate) - clock.delay
-        for axis in aligned
-    }
-    errors = [axis.alignment.delay_error for axis in aligned]
+    delays = {}
+    max_error = 0.0
+    for axis in axes:
+        alignment = axis.alignment
+        is_alike = min(alignment.correlation, alignment.agreement) >= ALIKE
+        if is_alike and np.isfinite(alignment.delay_error):
+            delay = alignment.delay_at(clock.estimated_rate) - clock.delay
+            delays[axis.plan.joint.name] = delay
+            max_error = max(max_error, alignment.delay_error)
     spread = float(np.ptp(list(delays.values()))) if delays else 0.0
-    allowed = STEP + CERTAIN * max(errors, default=0.0)
+    allowed = STEP + CERTAIN * max_error
     if spread > allowed:
+        start = min(delays.values())
         offsets = ", ".join(
-            f"{name} {1e3 * (delay - min(delays.values())):.3g} ms"
-            for name, delay in delays.items()
+            f"{name} {1e3 * (delay - start):.3g} ms" for name, delay in delays.items()
         )
         text = (
             f"the joints are out of step, behind the first by: {offsets} (or their recordings "
@@ -742,9 +752,10 @@ def check_speed(clock: Clock, played: float, intended: float | None) -> Iterator
     multiples of the planned speed. Without a declared speed, the planned speed is intended.
     """
     speed = played * clock.estimated_rate if clock.slower else played
-    wanted = intended or 1.0
-    differs = speed != wanted
-    if differs or wanted != 1.0:
-        text = f"played at {100 * speed:.3g} % of the plan's speed"
-        text += f" instead of {100 * wanted:.3g} %; --speed declares a speed" if differs else ""
-        yield Finding("speed", "not held" if differs else "held", text, speed, wanted)
+    allowed = intended or 1.0
+    text = f"played at {100 * speed:.3g} % of the plan's speed"
+    if speed != allowed:
+        text += f" instead of {100 * allowed:.3g} %; --speed declares a speed"
+        yield Finding("speed", "not held", text, speed, allowed)
+    elif allowed != 1.0:
+        yield Finding("speed", "held", text, speed, allowed)

@@ -61,8 +61,10 @@ def windows(step: float) -> list[tuple[int, float]]:
     is the number of standard deviations beyond which a mean is significant. `step` is the sampling
     period, s.
     """
-    means = ((max(LEAST, round(length / step)), CERTAIN) for length in WINDOWS)
-    return [(1, CERTAIN_ALONE), *means]
+    result = [(1, CERTAIN_ALONE)]
+    for duration in WINDOWS:
+        result.append((max(LEAST, round(duration / step)), CERTAIN))
+    return result
 
 
 def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:

@@ -44,7 +44,7 @@ class Predicted:
     """Lower end of the torque's band."""
     high: Array
     """Upper end of the torque's band."""
-    known: bool
+    has_posterior: bool
     """True if the band follows from the posterior of the drive file, otherwise it is ±SPREAD."""
 
     @property
@@ -78,8 +78,9 @@ def predict_axes(
         if joint.drive is None:
             raise RecordingError(f"joint {name} has no drive in the robot file")
         torque = motor.torque[:, i]
-        motion = rigid, samples.qd, samples.qdd, direction, breakaway
-        band = _band(joint.drive, *(column[:, i] for column in motion))
+        qd = samples.qd[:, i]
+        qdd = samples.qdd[:, i]
+        band = _band(joint.drive, rigid[:, i], qd, qdd, direction[:, i], breakaway=breakaway[:, i])
         margin = SPREAD * np.abs(torque)
         low, high = (torque - margin, torque + margin) if band is None else band
         predictions.append(
@@ -92,7 +93,7 @@ def predict_axes(
                 torque=torque,
                 low=low,
                 high=high,
-                known=band is not None,
+                has_posterior=band is not None,
             )
         )
     return predictions
@@ -116,8 +117,7 @@ def _band(
         for name, column in friction.posterior.values().items()
         if name != LOAD_OFFSET
     }
-    torque = drive_torque(drive_with(drive, sets), rigid, qd, qdd, direction, breakaway=breakaway)[
-        0
-    ]
+    drives = drive_with(drive, sets)
+    torque, _ = drive_torque(drives, rigid, qd, qdd, direction, breakaway=breakaway)
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return low - TAIL * friction.posterior.scatter, high + TAIL * friction.posterior.scatter
