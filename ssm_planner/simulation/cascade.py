@@ -129,10 +129,14 @@ def bandwidth_of(period: float, lag: float) -> float:
     lag : float
         Time constant of the current loop, s.
     """
-    low, high = 1e-3 / period, 1.0 / period
+    low = 1e-3 / period
+    high = 1.0 / period
     for _ in range(60):  # Each step halves the interval of the logarithm.
         middle = math.sqrt(low * high)
-        low, high = (middle, high) if phase_margin(middle, period, lag) > MARGIN else (low, middle)
+        if phase_margin(middle, period, lag) > MARGIN:
+            low = middle
+        else:
+            high = middle
     return low
 
 
@@ -153,12 +157,9 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
     omega = 2.0 * math.pi * bandwidth
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
     derivative = 2.0 * DAMPING * omega * s / (1.0 + 2.0 * DAMPING / (FILTER * omega) * s)
-    loop = (
-        (omega**2 + derivative + INTEGRAL_SHARE * omega**3 / s)
-        / s**2
-        / (1.0 + lag * s)
-        * np.exp(-s * period / 2.0)
-    )
+    gain = omega**2 + derivative + INTEGRAL_SHARE * omega**3 / s
+    delay = np.exp(-s * period / 2.0) / (1.0 + lag * s)
+    loop = gain / s**2 * delay
     crossing = int(np.flatnonzero(np.abs(loop) > 1.0).max(initial=0))
     phase = np.degrees(np.unwrap(np.angle(loop)))
     # The phase of the integral and both poles at 0 begins at −270 degrees.
@@ -179,7 +180,8 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
         If the joint lacks a drive, or if the drive file does not state the inertia that the default
         gains need.
     """
-    drive, axis = joint.drive, controller.axis(joint.name)
+    drive = joint.drive
+    axis = controller.axis(joint.name)
     if drive is None:
         raise ProblemError("has no drive", key=f"joints.{joint.name}")
     bandwidth = axis.bandwidth or bandwidth_of(controller.loop_period, controller.current_lag)
@@ -201,8 +203,12 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
         ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
         ff_acceleration=feedforward * inertia,
     )
-    stated_gains = {name: getattr(axis, name) for name in vars(tuned)}
-    return replace(tuned, **{name: gain for name, gain in stated_gains.items() if gain is not None})
+    stated_gains = {}
+    for name in vars(tuned):
+        gain = getattr(axis, name)
+        if gain is not None:
+            stated_gains[name] = gain
+    return replace(tuned, **stated_gains)
 
 
 def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -212,14 +218,17 @@ def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
     resistance of the winding is not known (0), the voltage only prevents currents that would
     accelerate the motor beyond its no-load speed.
     """
-    low, high = ca.SX(-electrics.max_current), ca.SX(electrics.max_current)
-    if not math.isfinite(electrics.voltage):
+    low = ca.SX(-electrics.max_current)
+    high = ca.SX(electrics.max_current)
+    voltage = electrics.voltage
+    if not math.isfinite(voltage):
         return low, high
-    back_emf, voltage = electrics.torque_constant * w, electrics.voltage
+    back_emf = electrics.torque_constant * w
     if electrics.resistance == 0.0:
         low = ca.if_else(back_emf <= -voltage, 0, low)
         return low, ca.if_else(back_emf >= voltage, 0, high)
-    lowest, highest = ((limit - back_emf) / electrics.resistance for limit in (-voltage, voltage))
+    lowest = (-voltage - back_emf) / electrics.resistance
+    highest = (voltage - back_emf) / electrics.resistance
     return ca.fmax(low, ca.fmin(lowest, high)), ca.fmin(high, ca.fmax(highest, low))
 
 

@@ -68,7 +68,8 @@ class Draws:
         """
 
         def quantiles(values: Array) -> list[float]:
-            return [float(x) for x in np.quantile(values, [0.025, 0.5, 0.975])]
+            """Return the quantiles of values (n,)."""
+            return np.quantile(values, [0.025, 0.5, 0.975]).tolist()
 
         return {
             "count": len(self.tip_error),
@@ -112,7 +113,8 @@ def drawn_frictions(
         If the uncertainty of a drive is invalid.
     """
     rng = np.random.default_rng(SEED)
-    table, notes = np.zeros((count, 4, len(FRICTION))), []
+    table = np.zeros((count, 4, len(FRICTION)))
+    notes = []
     for k, joint in enumerate(robot.joints):
         if joint.drive is None:
             continue
@@ -123,18 +125,18 @@ def drawn_frictions(
                 "friction, which is used as stated"
             )
         deviations = uncertainty.deviations(count)
-        values: Keywords = uncertainty.values(deviations[np.arange(count) % len(deviations)])
-        values |= {
-            name: rng.uniform(low, high, count) for name, (low, high) in uncertainty.ranges.items()
-        }
-        values = {name: value for name, value in values.items() if name in _VARIED}
-        friction = drive_with(joint.drive, values).friction
+        repeated = deviations[np.arange(count) % len(deviations)]
+        values: Keywords = uncertainty.values(repeated)
+        for name, (low, high) in uncertainty.ranges.items():
+            values[name] = rng.uniform(low, high, count)
+        simulated = {name: value for name, value in values.items() if name in _VARIED}
+        friction = drive_with(joint.drive, simulated).friction
         for i, name in enumerate(FRICTION):
             table[:, k, i] = getattr(friction, name)
     return table.reshape(count, -1), tuple(notes)
 
 
-_VARIED = (*FRICTION, "mu_lowest")
+_VARIED = FRICTION + ("mu_lowest",)
 """Names of the random parameters that affect the simulation."""
 
 
@@ -176,33 +178,38 @@ def play_draws(
         Results of the n playbacks. A playback that diverges has an infinite tip error.
     """
     count = len(friction)
-    full_step, half_steps = Vectorised(arm.control_step), Vectorised(arm.control_step_in_halves)
-    needs_halves, table = arm.needs_half_steps(commands), commands.table()
+    full_step = Vectorised(arm.control_step)
+    half_steps = Vectorised(arm.control_step_in_halves)
+    needs_halves = arm.needs_half_steps(commands)
+    table = commands.table()
     states = np.tile(start, (count, 1))
     width = table.shape[1]
     inputs = _inputs(width, offsets, friction)
     mechanism = Mechanism.from_robot(arm.robot)
     targets = tip_position(mechanism, planned[::TIP_INTERVAL])
     torque_constants = [getattr(arm.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
-    tip, peak, following_error = np.zeros(count), np.zeros((count, 4)), np.zeros((count, 4))
+    tip_error = np.zeros(count)
+    peak_current = np.zeros((count, 4))
+    following_error = np.zeros((count, 4))
     saturated = np.zeros((count, 4), dtype=bool)
     for period, row in enumerate(table):
         if period % PROGRESS_INTERVAL == 0:
             progress(Step(f"playing {count} frictions", period, len(table)))
         if period % TIP_INTERVAL == 0:
             tip_deviation = tip_position(mechanism, states[:, Q]) - targets[period // TIP_INTERVAL]
-            tip = np.fmax(tip, np.linalg.norm(tip_deviation, axis=1))
+            tip_error = np.fmax(tip_error, np.linalg.norm(tip_deviation, axis=1))
         inputs[:, :width] = row
         step = half_steps if needs_halves[period] else full_step
         states, following, cut_current = step(np.asfortranarray(states), inputs)
-        peak = np.fmax(peak, np.abs(states[:, CURRENT]))
+        peak_current = np.fmax(peak_current, np.abs(states[:, CURRENT]))
         following_error = np.fmax(following_error, np.abs(following))
         saturated |= cut_current > 0
-    tip[~np.all(np.isfinite(states[:, W]), axis=1)] = np.inf
+    has_diverged = ~np.all(np.isfinite(states[:, W]), axis=1)
+    tip_error[has_diverged] = np.inf
     return Draws(
         friction,
-        tip,
-        peak_torque=peak * torque_constants,
+        tip_error,
+        peak_torque=peak_current * torque_constants,
         following_error=following_error,
         saturated=saturated,
         tripped=states[:, TRIP] > 0,

@@ -26,7 +26,7 @@ class DriveStep:
     """Motor speed, rad/s."""
     mean: ca.SX
     """Mean motor speed in the step, rad/s."""
-    rest: ca.SX
+    rest_time: ca.SX
     """Time since the drive stopped, s. 0 while it moves."""
     loss: ca.SX
     """Energy that friction dissipates in the step, J."""
@@ -35,7 +35,7 @@ class DriveStep:
 def drive_step(
     drive: Drive,
     w: ca.SX,
-    rest: ca.SX,
+    rest_time: ca.SX,
     tau: ca.SX,
     load: ca.SX,
     *,
@@ -54,7 +54,7 @@ def drive_step(
         Drive with its friction.
     w : expression
         Motor speed, rad/s. Exactly 0 means that the drive rests.
-    rest : expression
+    rest_time : expression
         Time since the drive stopped, s.
     tau : expression
         Motor torque, N·m.
@@ -71,12 +71,15 @@ def drive_step(
     DriveStep
         State after the step.
     """
-    friction, speed = friction_of(drive), w if middle is None else middle
+    friction = friction_of(drive)
+    speed = w if middle is None else middle
     mu = friction_coefficient(friction, speed)
     mu_slow = ca.fmin(friction_coefficient(friction, 0.0), friction.mu_static)
-    mu_rest = static_coefficient(friction, rest, mu_slow)
-    forwards, backwards = (breakaway_torque(drive, load, sign, mu_rest) for sign in (1.0, -1.0))
-    starts = ca.if_else(tau > forwards, 1, ca.if_else(tau < backwards, -1, 0))
+    mu_rest = static_coefficient(friction, rest_time, mu_slow)
+    # A resting drive starts if the motor torque exceeds the breakaway torque of a direction.
+    forward_torque = breakaway_torque(drive, load, 1.0, mu_rest)
+    backward_torque = breakaway_torque(drive, load, -1.0, mu_rest)
+    starts = ca.if_else(tau > forward_torque, 1, ca.if_else(tau < backward_torque, -1, 0))
     sign = ca.if_else(w == 0, starts, ca.sign(w))
     wd, effort = motor_acceleration(drive, tau, w=speed, load=load, direction=sign, mu=mu)
     free_speed = w + h * wd
@@ -85,14 +88,15 @@ def drive_step(
     # A drive that stops reaches speed zero before the step ends.
     moving_share = ca.if_else(stops, ca.fmin(ca.fmax(-w / ca.if_else(wd == 0, 1, h * wd), 0), 1), 1)
     mean = 0.5 * (w + end_speed) * moving_share
-    qd, qdd = mean / drive.ratio, wd / drive.ratio
+    qd = mean / drive.ratio
+    qdd = wd / drive.ratio
     torque = moving_torque(drive, effort, speed, wd, direction=sign, mu=mu)
     # The energy that leaves the drive or accelerates the output and the second nut is not lost.
     transmitted = load + (drive.output_inertia + drive.second_nut_mass) * qdd
     loss_sliding = h * ((torque - drive.input_inertia * wd) * mean - transmitted * qd)
     loss_stopping = h * (tau * mean - load * qd) + 0.5 * moving_inertia(drive) * w**2
     loss = ca.if_else(sign == 0, 0, ca.if_else(stops, loss_stopping, loss_sliding))
-    return DriveStep(end_speed, mean, ca.if_else(end_speed == 0, rest + h, 0), loss)
+    return DriveStep(end_speed, mean, ca.if_else(end_speed == 0, rest_time + h, 0), loss)
 
 
 def stalled(
@@ -119,7 +123,7 @@ def stalled(
     return DriveStep(
         w=ca.if_else(blocked, 0, step.w),
         mean=ca.if_else(blocked, mean, step.mean),
-        rest=ca.if_else(blocked, step.rest + h, step.rest),
+        rest_time=ca.if_else(blocked, step.rest_time + h, step.rest_time),
         loss=ca.if_else(blocked, loss, step.loss),
     )
 

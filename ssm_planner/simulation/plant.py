@@ -118,7 +118,7 @@ class _Forces:
     """Motor speeds after the step, rad/s."""
     mean: ca.SX
     """Mean motor speeds in the step, rad/s."""
-    rest: ca.SX
+    rest_time: ca.SX
     """Times at rest after the step, s."""
     loss: ca.SX
     """Energy that friction dissipates in all drives, J, (1,)."""
@@ -138,7 +138,8 @@ class ArmPlant:
     """
 
     def __init__(self, robot: Robot, compliance: Compliance | None, h: float) -> None:
-        self.robot, self.h = robot, h
+        self.robot = robot
+        self.h = h
         self.body = RigidBody.from_robot(robot)
         self.compliance = compliance or Compliance.of_frequency(self.body, np.zeros(4))
         self.driven = tuple(k for k, joint in enumerate(robot.joints) if joint.drive is not None)
@@ -161,9 +162,10 @@ class ArmPlant:
         q, qd, qdd : (4,)
             Joint positions, velocities and accelerations, in rad and m.
         """
-        effort = self.body.inverse_dynamics(*(np.reshape(x, (1, 4)) for x in (q, qd, qdd)))[0]
+        effort = self.body.inverse_dynamics(q[None], qd[None], qdd[None])[0]
         state = np.zeros(STATE)
-        state[Q], state[QD] = q, qd
+        state[Q] = q
+        state[QD] = qd
         for k in self.driven:
             backlash = 0.5 * self.compliance.backlash[k] * np.sign(effort[k])
             twist = effort[k] / self.compliance.stiffness[k] + backlash
@@ -198,21 +200,27 @@ class ArmPlant:
                 Friction parameters in the layout of `ArmPlant.friction`.
         """
         h = self.h
-        x, tau, locked = ca.SX.sym("x", STATE), ca.SX.sym("tau", 4), ca.SX.sym("locked", 4)
-        blocked, friction = ca.SX.sym("blocked", 4), ca.SX.sym("friction", 4 * len(FRICTION))
+        half = 0.5 * h
+        x = ca.SX.sym("x", STATE)
+        tau = ca.SX.sym("tau", 4)
+        locked = ca.SX.sym("locked", 4)
+        blocked = ca.SX.sym("blocked", 4)
+        friction = ca.SX.sym("friction", 4 * len(FRICTION))
         inputs = (x, tau, locked, blocked, friction)
         q, qd, w, motor = x[Q], x[QD], x[W], x[MOTOR]
-        predictor = self._forces(inputs, q + 0.5 * h * qd, motor + 0.5 * h * w, qd, w)
-        middle_qd = qd + 0.5 * h * self.accelerations(q + 0.5 * h * qd, qd, predictor.load, locked)
+        predictor = self._forces(inputs, q + half * qd, motor + half * w, qd, w)
+        middle_qd = qd + half * self.accelerations(q + half * qd, qd, predictor.load, locked)
         middle_w = predictor.mean
-        middle_q, middle_motor = q + 0.5 * h * middle_qd, motor + 0.5 * h * middle_w
+        middle_q = q + half * middle_qd
+        middle_motor = motor + half * middle_w
         forces = self._forces(inputs, middle_q, middle_motor, middle_qd, middle_w)
         qdd = self.accelerations(middle_q, middle_qd, forces.load, locked)
         for _ in range(CORRECTIONS):
-            mean_qd, mean_w = qd + 0.5 * h * qdd, forces.mean
-            forces = self._forces(
-                inputs, q + 0.5 * h * mean_qd, motor + 0.5 * h * mean_w, mean_qd, mean_w
-            )
+            mean_qd = qd + half * qdd
+            mean_w = forces.mean
+            mean_q = q + half * mean_qd
+            mean_motor = motor + half * mean_w
+            forces = self._forces(inputs, mean_q, mean_motor, mean_qd, mean_w)
             qdd = self.accelerations(middle_q, middle_qd, forces.load, locked)
         qd_after = qd + h * qdd
         mean_qd = 0.5 * (qd + qd_after)
@@ -223,7 +231,7 @@ class ArmPlant:
             motor + h * forces.mean,
             forces.w,
             x[INTEGRAL],
-            forces.rest,
+            forces.rest_time,
             x[ENERGY] + self._energies(tau, effort, forces, mean_qd),
         )
         return ca.Function("step", list(inputs), [state_after], {"cse": True})
@@ -242,15 +250,17 @@ class ArmPlant:
         mean_qd : (4,)
             Mean joint velocities in the step.
         """
+        motor_power = ca.dot(tau, forces.mean)
+        prescribed_power = ca.SX(0)
+        damper_power = ca.SX(0)
+        for k in range(4):
+            if k in self.driven:
+                output_speed = forces.mean[k] / self.drive(k).ratio
+                damper_power += forces.damper[k] * (output_speed - mean_qd[k])
+            else:
+                prescribed_power += effort[k] * mean_qd[k]
         h = self.h
-        work = h * ca.dot(tau, forces.mean)
-        undriven = (effort[k] * mean_qd[k] for k in range(4) if k not in self.driven)
-        dampers = (
-            forces.damper[k] * (forces.mean[k] / self.drive(k).ratio - mean_qd[k])
-            for k in self.driven
-        )
-        locked_work, damping = (h * sum(terms, ca.SX(0)) for terms in (undriven, dampers))
-        return ca.vertcat(work, locked_work, forces.loss, damping)
+        return ca.vertcat(h * motor_power, h * prescribed_power, forces.loss, h * damper_power)
 
     def _forces(
         self, inputs: tuple[ca.SX, ...], q: ca.SX, motor: ca.SX, qd: ca.SX, w: ca.SX
@@ -267,7 +277,11 @@ class ArmPlant:
             Joint velocities and motor speeds in the middle of the step.
         """
         x, tau, _, blocked, friction = inputs
-        load, damper, speed, mean, rest = ([ca.SX(0)] * 4 for _ in range(5))
+        load = ca.SX.zeros(4)
+        damper = ca.SX.zeros(4)
+        speed = ca.SX.zeros(4)
+        mean = ca.SX.zeros(4)
+        rest_time = ca.SX.zeros(4)
         loss = ca.SX(0)
         for k in self.driven:
             parameters = friction[k * len(FRICTION) : (k + 1) * len(FRICTION)]
@@ -277,12 +291,14 @@ class ArmPlant:
             stretch, contact = self._mean_stretch(k, twist_start, twist_middle)
             damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k]) * contact
             load[k] = self.compliance.stiffness[k] * stretch + damper[k]
-            start, rest_time = x[W][k], x[REST][k]
-            step = drive_step(drive, start, rest_time, tau[k], load[k], h=self.h, middle=w[k])
+            start = x[W][k]
+            step = drive_step(drive, start, x[REST][k], tau[k], load[k], h=self.h, middle=w[k])
             step = stalled(drive, step, blocked[k], w=start, load=load[k], tau=tau[k], h=self.h)
-            speed[k], mean[k], rest[k], loss = step.w, step.mean, step.rest, loss + step.loss
-        columns = (ca.vertcat(*column) for column in (load, damper, speed, mean, rest))
-        return _Forces(*[*columns, loss])
+            speed[k] = step.w
+            mean[k] = step.mean
+            rest_time[k] = step.rest_time
+            loss += step.loss
+        return _Forces(load, damper, speed, mean, rest_time=rest_time, loss=loss)
 
     def _mean_stretch(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
         """Return the mean deflection of a spring over a step, and its share of contact.
@@ -302,7 +318,8 @@ class ArmPlant:
         if not self.compliance.backlash[k] > 0:
             return middle, 1.0
         end = 2 * middle - start
-        stretch_start, stretch_end = (self.compliance.stretch(k, twist) for twist in (start, end))
+        stretch_start = self.compliance.stretch(k, start)
+        stretch_end = self.compliance.stretch(k, end)
         constant = ca.fabs(end - start) < STILL
         ratio = (stretch_end - stretch_start) / ca.if_else(constant, 1, end - start)
         contact = ca.if_else(constant, stretch_start != 0, ratio)

@@ -128,7 +128,8 @@ def commands(
         name: np.zeros((len(t), 4)) for name in ("demand", "speed", "acceleration", "torque")
     }
     for name, stream in streams.items():
-        axis, k = axes[name], JOINTS.index(name)
+        axis = axes[name]
+        k = JOINTS.index(name)
         sent = period * np.arange(len(stream["target_position_inc"]))
         next_index = np.minimum(np.floor(t / period + 1e-9).astype(int) + 1, len(sent) - 1)
         increment = 2.0 * np.pi / axis.counts_per_turn * axis.direction
@@ -151,7 +152,9 @@ def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> C
     Values that neither the controller file nor the robot file states are assumed, see FREQUENCIES,
     BACKLASH and DAMPING_RATIO. `scale` multiplies stiffness and damping.
     """
-    frequency, backlash, ratios = list(FREQUENCIES), list(BACKLASH), [DAMPING_RATIO] * 4
+    frequency = list(FREQUENCIES)
+    backlash = list(BACKLASH)
+    ratios = [DAMPING_RATIO] * 4
     body = RigidBody.from_robot(robot)
     assumed = Compliance.of_frequency(body, np.zeros(4), frequency)
     for k, (name, joint) in enumerate(zip(JOINTS, robot.joints, strict=True)):
@@ -202,9 +205,12 @@ class ControlledArm(ArmPlant):
         steps : int
             Number of steps of the plant in one period of the position loop.
         """
-        self.period, self.steps = controller.loop_period, steps
+        self.period = controller.loop_period
+        self.steps = steps
         super().__init__(robot, compliance or compliance_of(robot, controller), self.period / steps)
-        self.controller, self.axes, self.windows = controller, axes, windows
+        self.controller = controller
+        self.axes = axes
+        self.windows = windows
         self.electrics: dict[int, Electrics] = {
             k: electrics_of(robot.joints[k], controller) for k in self.driven
         }
@@ -249,7 +255,8 @@ class ControlledArm(ArmPlant):
         The encoders were set to ratio · q while the arm rested at joint positions q (4,), although
         the weight deflected the joints. The offset is the motor angle minus this value.
         """
-        state, offsets = self.at_rest(q), np.zeros(4)
+        state = self.at_rest(q)
+        offsets = np.zeros(4)
         for k in self.driven:
             offsets[k] = state[MOTOR][k] - self.drive(k).ratio * q[k]
         return offsets
@@ -275,19 +282,24 @@ class ControlledArm(ArmPlant):
         Played
             States, following errors and saturation in all periods.
         """
+        constants = np.concatenate([offsets, friction])
         table = command.table()
-        table = np.hstack([table, np.tile(np.concatenate([offsets, friction]), (len(table), 1))])
+        table = np.hstack([table, np.tile(constants, (len(table), 1))])
         needs_halves = self.needs_half_steps(command)
-        states, errors, saturated = series = [state[:, None]], list[Array](), list[Array]()
+        states = [state[None]]
+        errors = []
+        saturated = []
         for start in range(0, len(table), _CHUNK):
             rows = table[start : start + _CHUNK]
             count = len(rows)
+            # Every chunk has the same length, so the last row of a short one is repeated.
             rows = np.pad(rows, ((0, _CHUNK - count), (0, 0)), "edge")
             simulate_chunk = self._chunk_in_halves if needs_halves[start] else self._chunk
-            outputs = simulate_chunk(states[-1][:, -1], rows.T)
-            for values, output in zip(series, outputs, strict=True):
-                values.append(output.full()[:, :count])
-        return Played(np.hstack(states).T, np.hstack(errors).T, np.hstack(saturated).T)
+            next_states, following_errors, is_cut = simulate_chunk(states[-1][-1], rows.T)
+            states.append(next_states.full().T[:count])
+            errors.append(following_errors.full().T[:count])
+            saturated.append(is_cut.full().T[:count])
+        return Played(np.vstack(states), np.vstack(errors), np.vstack(saturated))
 
     def needs_half_steps(self, command: Commands) -> Mask:
         """Return a mask (n,) of the periods that must be simulated with half steps of the plant.
@@ -305,10 +317,11 @@ class ControlledArm(ArmPlant):
     @cached_property
     def control_step_in_halves(self) -> ca.Function:
         """CasADi function like `control_step`, but with plant steps of half the duration."""
-        h, steps = self.h, self.steps
-        self.h, self.steps = h / 2, 2 * steps
+        self.h /= 2
+        self.steps *= 2
         function = self._period_function()
-        self.h, self.steps = h, steps
+        self.h *= 2
+        self.steps //= 2
         return function
 
     @cached_property
@@ -327,21 +340,24 @@ class ControlledArm(ArmPlant):
             the next state (44,), the following errors (4,) in rad, and 1 for each motor (4,) whose
             current is limited, otherwise 0.
         """
-        x, u = ca.SX.sym("x", FULL_STATE), ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
+        x = ca.SX.sym("x", FULL_STATE)
+        u = ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
         prescribed, stalled, friction = u[16:20], u[20:24], u[29:]
         power = ca.logic_and(u[24], ca.mmax(x[TRIP]) == 0)
-        idle = dict.fromkeys(("tau", "current", "i", "d", "e", "trip", "cut"), ca.SX(0))
-        loops = [self._loop(k, x, u, power) if k in self.driven else idle for k in range(4)]
-        columns = {name: ca.vertcat(*(loop[name] for loop in loops)) for name in idle}
+        names = ("tau", "current", "i", "d", "e", "trip", "cut")
+        columns = {name: ca.SX.zeros(4) for name in names}  # Joints without a drive have zeros.
+        for k in self.driven:
+            for name, value in self._loop(k, x, u, power).items():
+                columns[name][k] = value
         # The actuation of a joint without a drive is not modelled. It stops if the power fails.
         locked = ca.if_else(power, prescribed, -x[QD] / self.period)
         plant_state = ca.vertcat(x[: INTEGRAL.start], columns["i"], x[INTEGRAL.stop : STATE])
         step_once = self.step_function()
         for _ in range(self.steps):
             plant_state = step_once(plant_state, columns["tau"], locked, stalled, friction)
-        state = ca.vertcat(plant_state, *(columns[name] for name in ("current", "d", "e", "trip")))
-        outputs = [state, columns["e"], columns["cut"]]
-        return dense("period", [x, u], outputs)
+        controller_state = [columns["current"], columns["d"], columns["e"], columns["trip"]]
+        state = ca.vertcat(plant_state, *controller_state)
+        return dense("period", [x, u], [state, columns["e"], columns["cut"]])
 
     def _loop(self, k: int, x: ca.SX, u: ca.SX, power: ca.SX) -> dict[str, ca.SX]:
         """Advance the controller of one joint by one period.
@@ -364,11 +380,15 @@ class ControlledArm(ArmPlant):
             A, following error `e` in rad, and 1 or 0 for a drive that has tripped (`trip`) and for
             a limited current (`cut`).
         """
-        demand, speed, acceleration, torque, offset = (u[k + shift] for shift in (0, 4, 8, 12, 25))
-        joint, electrics = self.robot.joints[k], self.electrics[k]
-        gains, axis = gains_of(joint, self.controller, electrics), self.axes[joint.name]
-        error = demand - encoder(x[MOTOR][k] - offset, axis.counts_per_turn)
-        forward = gains.ff_velocity * speed + gains.ff_acceleration * acceleration
+        # The input begins with four commands of each kind. The encoder offsets follow at 25.
+        demand, speed, acceleration, torque = u[k], u[k + 4], u[k + 8], u[k + 12]
+        offset = u[k + 25]
+        joint = self.robot.joints[k]
+        electrics = self.electrics[k]
+        gains = gains_of(joint, self.controller, electrics)
+        counts_per_turn = self.axes[joint.name].counts_per_turn
+        error = demand - encoder(x[MOTOR][k] - offset, counts_per_turn)
+        feedforward = gains.ff_velocity * speed + gains.ff_acceleration * acceleration
         step = loop_step(
             gains,
             electrics,
@@ -376,7 +396,7 @@ class ControlledArm(ArmPlant):
             error=ca.vertcat(error, x[ERROR][k]),
             previous=ca.vertcat(x[CURRENT][k], x[INTEGRAL][k], x[DERIVATIVE][k]),
             w=x[W][k],
-            feedforward=forward + torque / electrics.torque_constant,
+            feedforward=feedforward + torque / electrics.torque_constant,
         )
         current = ca.if_else(power, step.current, 0)
         is_late = ca.logic_and(power, ca.fabs(error) > self.windows[joint.name])

@@ -58,32 +58,17 @@ def write_recording(
     ExportError
         If the file cannot be written.
     """
-    axis, k = result.axes[joint], JOINTS.index(joint)
+    axis = result.axes[joint]
+    k = JOINTS.index(joint)
     count = int(result.time[-1] / sampling) + 1
     times = np.minimum(np.arange(count) * sampling, result.time[-1])
-    indices = np.minimum(
-        np.rint(times / (result.time[1] - result.time[0])).astype(int), len(result.time) - 1
-    )
-    rows = np.column_stack(
-        [
-            1000.0 * times,
-            np.rint(axis.direction * _averaged(result.w[:, k], indices) / SPEEDS["rpm"]),
-            np.round(
-                axis.direction
-                * 100.0
-                * _averaged(result.torque[:, k], indices)
-                / axis.rated_torque,
-                1,
-            ),
-            np.floor(
-                axis.direction
-                * result.motor_angle[indices, k]
-                * axis.counts_per_turn
-                / (2.0 * np.pi)
-                + 0.5
-            ),
-        ]
-    )
+    step = result.time[1] - result.time[0]
+    indices = np.minimum(np.rint(times / step).astype(int), len(result.time) - 1)
+    speed = axis.direction * _averaged(result.w[:, k], indices) / SPEEDS["rpm"]
+    torque = axis.direction * 100.0 * _averaged(result.torque[:, k], indices) / axis.rated_torque
+    turns = axis.direction * result.motor_angle[indices, k] / (2.0 * np.pi)
+    increments = np.floor(turns * axis.counts_per_turn + 0.5)
+    rows = np.column_stack([1000.0 * times, np.rint(speed), np.round(torque, 1), increments])
     header = [
         "Firmware Version:;simulated",
         f"Max. samples:;{count}",

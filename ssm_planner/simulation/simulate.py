@@ -146,9 +146,13 @@ class Scenario:
                     value=joint,
                     allowed=", ".join(driven) or "none: no joint has a drive",
                 )
-        loss = None if self.power_loss == EVERYWHERE else self.power_loss
-        times = {"power_loss": loss, "stall": stall_time, "dropped": self.dropped}
-        for key, time in {**times, "payload_time": self.payload_time}.items():
+        times = {
+            "power_loss": None if self.power_loss == EVERYWHERE else self.power_loss,
+            "stall": stall_time,
+            "dropped": self.dropped,
+            "payload_time": self.payload_time,
+        }
+        for key, time in times.items():
             if time is not None and not 0 <= time <= duration:
                 raise ProblemError(
                     "outside the motion", key=key, value=time, allowed=f"0 s to {duration:.4g} s"
@@ -410,7 +414,8 @@ def simulate(
     (True, [False, False, False])
     """
     plan = as_plan(plan, robot)
-    scenario, controller = scenario or Scenario(), controller or Controller()
+    scenario = scenario or Scenario()
+    controller = controller or Controller()
     duration = plan.motion.duration / scenario.speed if scenario.speed > 0 else 0.0
     scenario.check(plan.robot, duration)
     if scenario.supply is not None:
@@ -433,7 +438,9 @@ class _Stage:
 
     def __init__(self, plan: Plan, scenario: Scenario, controller: Controller) -> None:
         """Compute the set points of the plan and the commands of the scenario."""
-        self.plan, self.scenario, self.controller = plan, scenario, controller
+        self.plan = plan
+        self.scenario = scenario
+        self.controller = controller
         robot = plan.robot
         self.axes = axes_of(robot, _counts(robot, controller))
         self.windows = {name: self._window(axis) for name, axis in self.axes.items()}
@@ -445,7 +452,8 @@ class _Stage:
         self.time: Array = self.period * np.arange(round(end / self.period), dtype=float)
         time_scale = setpoint_times(plan, PERIOD)[1]
         samples = at_times(plan, plan.motion.breaks[0] + self.time, time_scale)
-        self.planned, speed = samples.q, samples.qd
+        self.planned = samples.q
+        speed = samples.qd
         is_standing = np.abs(speed[0]) <= REST_SPEED * robot.velocities
         velocity = np.where(is_standing, 0.0, speed[0])
         self.initial_motion = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
@@ -480,12 +488,11 @@ class _Stage:
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
             return arm.play(state, self.commands, self.offsets, self.friction)
-        commands_of_part = [
-            rows_of(self.commands, rows) for rows in (slice(0, change), slice(change, None))
-        ]
-        empty = arm.play(state, commands_of_part[0], self.offsets, self.friction)
+        commands_before = rows_of(self.commands, slice(0, change))
+        commands_after = rows_of(self.commands, slice(change, None))
+        empty = arm.play(state, commands_before, self.offsets, self.friction)
         arm = self.arm(scenario.payload)
-        loaded = arm.play(empty.states[-1], commands_of_part[1], self.offsets, self.friction)
+        loaded = arm.play(empty.states[-1], commands_after, self.offsets, self.friction)
         return Played(
             np.vstack([empty.states, loaded.states[1:]]),
             np.vstack([empty.error, loaded.error]),
@@ -508,15 +515,16 @@ class _Stage:
             One entry for each instant of the scenario. If the scenario states no instant, power is
             lost at the end of the playback.
         """
-        loss, duration = self.scenario.power_loss, self.plan.motion.duration
+        loss = self.scenario.power_loss
         if loss == EVERYWHERE:
-            instants = np.linspace(0.0, duration, self.scenario.instants)
+            instants = np.linspace(0.0, self.plan.motion.duration, self.scenario.instants)
         else:
             instants = np.array([loss if isinstance(loss, float) else self.time[-1]])
         # Without power, the demanded positions have no effect, so the first row is repeated.
         unpowered = rows_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
         unpowered = replace(unpowered, power=np.zeros(len(unpowered.power)))
-        travel, rest_time = np.zeros(len(instants)), np.zeros(len(instants))
+        travel = np.zeros(len(instants))
+        rest_time = np.zeros(len(instants))
         for i, instant in enumerate(instants):
             if len(instants) > 1 and i % 250 == 0:
                 progress(Step("losing power at all instants", i, len(instants)))
@@ -544,7 +552,9 @@ class _Stage:
             Time until the arm rests, s. Infinite if it still moves at the end of `unpowered`.
         """
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
-        states, chunk, still_periods = [state[None, :]], 250, round(STILL / self.period)
+        states = [state[None, :]]
+        chunk = 250
+        still_periods = round(STILL / self.period)
         for k in range(0, len(unpowered.power), chunk):
             commands = rows_of(unpowered, slice(k, k + chunk))
             continuation = arm.play(states[-1][-1], commands, self.offsets, self.friction)
@@ -561,9 +571,9 @@ class _Stage:
 
     def _standing(self, states: Array) -> Array:
         """Return a mask (n,) of the states (n, 44) in which all motors and joints are at rest."""
-        largest = REST_SPEED * self.plan.robot.velocities
-        joints_stand = np.all(np.abs(states[:, QD]) <= largest, axis=1)
-        return np.all(states[:, W] == 0.0, axis=1) & joints_stand
+        rest_speeds = REST_SPEED * self.plan.robot.velocities
+        joints_rest = np.all(np.abs(states[:, QD]) <= rest_speeds, axis=1)
+        return np.all(states[:, W] == 0.0, axis=1) & joints_rest
 
     def draws(self, progress: Progress) -> Draws | None:
         """Play the same set points with random friction.
@@ -590,7 +600,8 @@ class _Stage:
         self, played: Played, losses: PowerLosses, draws: Draws | None = None
     ) -> SimulationResult:
         """Combine the playback, the losses of power and the draws to a result with its verdict."""
-        states, robot = played.states[:-1], self.plan.robot
+        states = played.states[:-1]
+        robot = self.plan.robot
         mechanism = Mechanism.from_robot(robot)
         planned_tip = tip_position(mechanism, self.planned)
         tip = np.linalg.norm(tip_position(mechanism, states[:, Q]) - planned_tip, axis=1)
@@ -598,11 +609,11 @@ class _Stage:
         powered = (self.commands.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
         count = max(int(np.sum(powered)), 1)
         tripped = played.states[-1, TRIP] > 0
-        error = (states[:, Q] - self.planned)[:count]
-        worst, rms = np.abs(error).max(axis=0), np.sqrt(np.mean(error**2, axis=0))
-        tracking = tuple(
-            Tracking(joint, float(worst[k]), float(rms[k])) for k, joint in enumerate(JOINTS)
-        )
+        errors = (states[:, Q] - self.planned)[:count]
+        tracking = []
+        for name, error in zip(JOINTS, errors.T, strict=True):
+            rms = float(np.sqrt(np.mean(error**2)))
+            tracking.append(Tracking(name, float(np.abs(error).max()), rms))
         motors = tuple(
             self._motor(k, torque[:count, k], played, bool(tripped[k]))
             for k, joint in enumerate(robot.joints)
@@ -619,13 +630,13 @@ class _Stage:
             tip=tip,
             following=played.error,
             powered=powered,
-            tracking=tracking,
+            tracking=tuple(tracking),
             motors=motors,
             losses=losses,
             scenario=self.scenario,
             reasons=(),
             axes=self.axes,
-            notes=(*self._notes(), *self.unknown),
+            notes=self._notes() + self.unknown,
             draws=draws,
         )
         return replace(result, reasons=tuple(_reasons(result)))
@@ -652,15 +663,16 @@ class _Stage:
             True if the drive of the joint tripped.
         """
         joint = self.plan.robot.joints[k]
-        counts, motor = self.axes[joint.name].counts_per_turn, joint.motor
-        largest_error = float(np.abs(played.error[: len(torque), k]).max())
+        motor = joint.motor
+        max_error = float(np.abs(played.error[: len(torque), k]).max())
+        increments_per_rad = self.axes[joint.name].counts_per_turn / (2 * np.pi)
         return MotorUse(
             joint.name,
             peak_torque=float(np.abs(torque).max()),
             limit=np.inf if motor is None else motor.max_torque,
             saturated=bool(played.saturated[:, k].any()),
             tripped=tripped,
-            following_error=largest_error * counts / (2 * np.pi),
+            following_error=max_error * increments_per_rad,
             window=self.windows[joint.name],
             placeholder=motor is not None and motor.placeholder,
         )
@@ -752,7 +764,8 @@ def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
 
 def _reasons(result: SimulationResult) -> list[str]:
     """Return the reasons why a simulation failed, as sentences. The list is empty if it passed."""
-    scenario, reasons = result.scenario, []
+    scenario = result.scenario
+    reasons = []
     if not np.all(np.isfinite(result.q)):
         return ["the simulated motion diverged: the controller gains make the plant unstable"]
     for motor in result.motors:
