@@ -132,22 +132,24 @@ def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]
 
     `side` selects the instant after (+1) or before (−1) each sample, see `joint_direction`.
     """
-    columns = [
-        joint_direction(joint, samples.qd[:, i], samples.qdd[:, i], samples.qddd[:, i], side)
-        for i, joint in enumerate(robot.joints)
-    ]
-    direction, breakaway = (np.stack(column, axis=1) for column in zip(*columns, strict=True))
-    return direction, breakaway
+    direction = []
+    breakaway = []
+    for i, joint in enumerate(robot.joints):
+        derivatives = (samples.qd[:, i], samples.qdd[:, i], samples.qddd[:, i])
+        sign, starts = joint_direction(joint, *derivatives, side)
+        direction.append(sign)
+        breakaway.append(starts)
+    return np.stack(direction, axis=1), np.stack(breakaway, axis=1)
 
 
 def directions_law(
     robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int
 ) -> tuple[ca.SX, ca.SX]:
     """Return direction and breakaway, each (4,), as CasADi expressions. See `joint_direction`."""
-    columns = [
-        joint_direction(joint, qd[i], qdd[i], qddd[i], side) for i, joint in enumerate(robot.joints)
-    ]
-    direction, breakaway = (ca.vertcat(*column) for column in zip(*columns, strict=True))
+    direction = ca.SX.zeros(4)
+    breakaway = ca.SX.zeros(4)
+    for i, joint in enumerate(robot.joints):
+        direction[i], breakaway[i] = joint_direction(joint, qd[i], qdd[i], qddd[i], side)
     return direction, breakaway
 
 
@@ -164,8 +166,8 @@ def joint_direction(
     max_velocity = joint.velocity
     max_acceleration = joint.acceleration
     is_at_rest = abs(qd) <= STILL * max_velocity
-    # Just after or before a rest, the velocity has the sign of ±acceleration, or of the jerk where
-    # that is zero too
+    # Just after or before a rest, the velocity has the sign of ±acceleration. If the acceleration
+    # is zero as well, it has the sign of the jerk.
     jerk_direction = xp.where(
         abs(qddd) > STILL * max_acceleration**2 / max_velocity, xp.sign(qddd), 0.0
     )

@@ -53,7 +53,8 @@ def _newton_euler(
     base_acceleration = ca.SX(base)
     moments = []
     for i, (mass, com, inertia) in enumerate(bodies):
-        sliding, position = ca.SX.zeros(3), com
+        sliding = ca.SX.zeros(3)
+        position = com
         if i < 3:
             # The vectors are converted to the frame of the next body. The term ω × (axis q̇) is
             # added to ω̇ because the axis turns with the previous bodies.
@@ -70,12 +71,9 @@ def _newton_euler(
         if mass is None:
             moments.append(moment + ca.cross(com, base_acceleration))
             continue
-        force = mass * (
-            base_acceleration
-            + sliding
-            + ca.cross(omega_dot, position)
-            + ca.cross(omega, ca.cross(omega, position))
-        )
+        tangential = ca.cross(omega_dot, position)
+        centripetal = ca.cross(omega, ca.cross(omega, position))
+        force = mass * (base_acceleration + sliding + tangential + centripetal)
         moments.append(moment + ca.cross(position, force))
     tau = [ca.dot(axes[2], force)]
     total = moments[2] + moments[3]  # body 4 turns with body 3
@@ -115,17 +113,17 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
         Angle in rad that must be added to θ2, because joint 2 turns the third axis into the x–z
         plane.
     """
-    axis_1, axis_2, third = (np.asarray(omega) / np.linalg.norm(omega) for omega in omegas)
+    axis_1, axis_2, axis_3 = [np.asarray(omega) / np.linalg.norm(omega) for omega in omegas]
     angles = [
         float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-        for a, b in ((axis_1, axis_2), (axis_2, third))
+        for a, b in ((axis_1, axis_2), (axis_2, axis_3))
     ]
     x = axis_2 - axis_1 * (axis_1 @ axis_2)
     x /= np.linalg.norm(x)
     base = np.column_stack([x, np.cross(axis_1, x), axis_1])
     axis = np.array([0.0, 1.0, 0.0])
     frame = base @ rotation(axis, angles[0])
-    components = frame.T @ third
+    components = frame.T @ axis_3
     offset = float(np.arctan2(components[1], components[0]))
     elbow = frame @ rotation(np.array([0.0, 0.0, 1.0]), offset)
     return np.stack([base, base, elbow, elbow @ rotation(axis, angles[1])]), angles, offset
@@ -137,16 +135,18 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
     coms = [body.frame @ body.com for body in bodies]
     inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
     inertias[2] = inertias[2] + bodies[3].frame @ inertia_about_com(bodies[3]) @ bodies[3].frame.T
-    rotating_bodies = list(zip(frames[1:], coms, inertias, bodies, strict=False))
+    first_moments = []
+    upper_triangles = []
+    for i in range(3):
+        frame = frames[i + 1]
+        first_moments.append(bodies[i].mass * frame.T @ coms[i])
+        upper_triangles.append((frame.T @ inertias[i] @ frame)[np.triu_indices(3)])
     return LOAD.pack(
         first_turn=[np.cos(angles[0]), np.sin(angles[0])],
         second_turn=[np.cos(angles[1]), np.sin(angles[1])],
         gravity=frames[0].T @ gravity,
-        first_moments=[body.mass * frame.T @ com for frame, com, _, body in rotating_bodies],
-        inertias=[
-            (frame.T @ inertia @ frame)[np.triu_indices(3)]
-            for frame, _, inertia, _ in rotating_bodies
-        ],
+        first_moments=first_moments,
+        inertias=upper_triangles,
         mass=bodies[3].mass,
         com=frames[3].T @ coms[3],
     )
@@ -172,15 +172,14 @@ def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.S
 
 
 def _about_y(turn: ca.SX) -> ca.SX:
-    """Return the rotation matrix about y from the cosine and sine of its angle."""
+    """Return the rotation matrix (3, 3) about y. `turn` is the cosine and sine of the angle."""
+    cosine, sine = ca.vertsplit(turn)
     matrix = ca.SX(3, 3)
-    matrix[0, 0], matrix[0, 2], matrix[1, 1], matrix[2, 0], matrix[2, 2] = (
-        turn[0],
-        turn[1],
-        1.0,
-        -turn[1],
-        turn[0],
-    )
+    matrix[0, 0] = cosine
+    matrix[0, 2] = sine
+    matrix[1, 1] = 1.0
+    matrix[2, 0] = -sine
+    matrix[2, 2] = cosine
     return matrix
 
 
@@ -201,10 +200,9 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
         Joint positions, rad and m.
     """
     points = q.shape[1]
-    of_robot = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
-    loads = call(
-        _static_load(tuple(gravity)), q.reshape(-1, 4), np.repeat(of_robot, points, axis=0)
-    )[0]
+    robots = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
+    repeated = np.repeat(robots, points, axis=0)
+    loads = call(_static_load(tuple(gravity)), q.reshape(-1, 4), repeated)[0]
     return loads.reshape(-1, points, 4)
 
 
@@ -253,15 +251,14 @@ class RigidBody:
 
         Equal geometry, bodies and gravity give the same object, so its functions are built once.
         """
-        global _last
+        global _recent
         # Each robot has its own copy of the gravity array.
-        key = (robot.geometry, *robot.bodies)
+        key = (robot.geometry,) + tuple(robot.bodies)
         gravity = robot.gravity.tobytes()
-        cached = _last
-        if cached is None or cached[1] != gravity or not all(map(is_, cached[0], key)):
+        if _recent is None or _recent[1] != gravity or not all(map(is_, _recent[0], key)):
             content = pickle.dumps((robot.geometry, robot.bodies, robot.gravity))
-            cached = _last = key, gravity, _rigid_body(content)
-        return cached[2]
+            _recent = key, gravity, _rigid_body(content)
+        return _recent[2]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Return the joint efforts (n, 4) for q, qd and qdd (n, 4)."""
@@ -298,31 +295,23 @@ class RigidBody:
         this frame, axes, centres of mass and inertias are constant. Gravity enters as an
         acceleration −g of the base.
         """
-        numbers = self.geometry.omega1, self.geometry.omega2, self.geometry.omega3
-        axes = [constant(axis) for axis in numbers]
-        rotations = [rotation_symbolic(axis, q[i]) for i, axis in enumerate(numbers)]
-        inertias = [
-            (
-                body.mass,
-                constant(body.frame @ body.com),
-                constant(body.frame @ inertia_about_com(body) @ body.frame.T),
-            )
-            for body in self.bodies
-        ]
+        omegas = self.geometry.axes[:3]
+        axes = [constant(omega) for omega in omegas]
+        rotations = [rotation_symbolic(omega, q[i]) for i, omega in enumerate(omegas)]
+        bodies = []
+        for body in self.bodies:
+            com = constant(body.frame @ body.com)
+            inertia = constant(body.frame @ inertia_about_com(body) @ body.frame.T)
+            bodies.append((body.mass, com, inertia))
         base = ca.DM(-self.gravity)
-        return _newton_euler(axes, rotations, inertias, base=base, motion=(q, qd, qdd))
+        return _newton_euler(axes, rotations, bodies, base=base, motion=(q, qd, qdd))
 
     @cached_property
     def _inverse_dynamics(self) -> ca.Function:
         """Function of q, qd and qdd that returns the joint efforts."""
-        q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
-        return ca.Function(
-            "inverse_dynamics",
-            [q, qd, qdd],
-            [self.symbolic(q, qd, qdd)],
-            ["q", "qd", "qdd"],
-            ["tau"],
-        )
+        names = ["q", "qd", "qdd"]
+        motion = [ca.SX.sym(name, 4) for name in names]
+        return ca.Function("inverse_dynamics", motion, [self.symbolic(*motion)], names, ["tau"])
 
     @cached_property
     def _path_load(self) -> ca.Function:
@@ -340,13 +329,18 @@ class RigidBody:
         Its arguments are q and two derivatives of q, with respect to the path if `along_path` is
         true, and otherwise with respect to time.
         """
-        q, dq, ddq = (ca.SX.sym(symbol, 4) for symbol in ("q", "first", "second"))
+        q = ca.SX.sym("q", 4)
+        dq = ca.SX.sym("first", 4)
+        ddq = ca.SX.sym("second", 4)
         zero = ca.SX.zeros(4)
         gravity = self.symbolic(q, zero, zero)
-        motions = [(zero, ddq), (dq, zero)]
         if along_path:
-            motions = [(zero, dq), (dq, ddq)]
-        efforts: Any = [*(self.symbolic(q, *motion) - gravity for motion in motions), gravity]
+            inertia = self.symbolic(q, zero, dq)
+            velocity = self.symbolic(q, dq, ddq)
+        else:
+            inertia = self.symbolic(q, zero, ddq)
+            velocity = self.symbolic(q, dq, zero)
+        efforts: Any = [inertia - gravity, velocity - gravity, gravity]
         return ca.Function(name, [q, dq, ddq], ca.cse(efforts))
 
     @cached_property
@@ -358,8 +352,8 @@ class RigidBody:
         return ca.Function("mass_matrix", [q], [ca.vec(ca.densify(ca.jacobian(tau, qdd)))])
 
 
-_last: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
-"""The most recent result and the content that it was made from."""
+_recent: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
+"""Geometry and bodies, gravity, and dynamics of the robot for which they were last requested."""
 
 
 @lru_cache(maxsize=16)

@@ -93,17 +93,18 @@ def arc(
     density : float
         Density, kg/m³.
     """
-    across, (width, height) = np.cross(start, end), section
+    across = np.cross(start, end)
+    width, height = section
     angle = math.atan2(float(np.linalg.norm(across)), float(start @ end))
     normal = across / np.linalg.norm(across)
     frame = np.column_stack([start, np.cross(normal, start), normal])
     inner = radius - width / 2
     outer = radius + width / 2
-    # integral of r^(k+1) over the width of the section, multiplied by its height
-    zeroth, moment_1, moment_2 = (density * height * (outer**k - inner**k) / k for k in (2, 3, 4))
+    # The integral of r^(k − 1) over the width is (outer^k − inner^k)/k.
+    moment_0, moment_1, moment_2 = [density * height * (outer**k - inner**k) / k for k in (2, 3, 4)]
     sine = math.sin(angle)
     cosine = math.cos(angle)
-    mass = zeroth * angle
+    mass = moment_0 * angle
     plane = moment_2 * np.array(
         [
             [(angle + sine * cosine) / 2, sine**2 / 2, 0],

@@ -61,9 +61,8 @@ class FrictionSpread:
         ranges = dict(self.ranges)
         if self.inertia is not None:
             ranges["input_inertia"] = self.inertia
-        return tuple(
-            dict(zip(ranges, ends, strict=True)) for ends in itertools.product(*ranges.values())
-        )
+        combinations = itertools.product(*ranges.values())
+        return tuple(dict(zip(ranges, ends, strict=True)) for ends in combinations)
 
     def deviations(self, count: int) -> Array:
         """Return deterministic draws (count, k) of the uncertain parameters minus their means.
@@ -101,10 +100,12 @@ class FrictionSpread:
             distance = np.einsum("ni,ij,nj->n", scaled, inverse, scaled)
             deviations = deviations[distance <= np.quantile(distance, share)]
         corners = self.corners()
-        values = self.values(deviations)
-        sets = {name: np.tile(column, len(corners)) for name, column in values.items()}
-        ends = {name: [corner[name] for corner in corners] for name in corners[0]}
-        return sets | {name: np.repeat(column, len(deviations)) for name, column in ends.items()}
+        sets = {}
+        for name, column in self.values(deviations).items():
+            sets[name] = np.tile(column, len(corners))
+        for name in corners[0]:
+            sets[name] = np.repeat([corner[name] for corner in corners], len(deviations))
+        return sets
 
     def draws(self, name: str) -> Array:
         """Return the draws (draws,) of the parameter `name`."""
@@ -117,7 +118,8 @@ class FrictionSpread:
         """
         friction = friction_of(drive)
         lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
-        ends = [lowest, friction.mu, *self.ranges.get("mu", ())]
+        ends = [lowest, friction.mu]
+        ends += self.ranges.get("mu", ())
         if "mu" in self.names:
             ends += np.quantile(self.draws("mu"), [1 - confidence, confidence]).tolist()
         return min(ends), max(ends)
@@ -149,12 +151,10 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     ranges = dict(drive.friction_ranges)
     table = {name: row for name, row in (friction.covariance or {}).items() if name not in ranges}
     if relative is not None:
-        values = {name: float(getattr(friction, name)) for name in SPREAD}
-        ranges |= {
-            name: (value * (1 - relative), value * (1 + relative))
-            for name, value in values.items()
-            if value > 0 and name not in (*ranges, *table)
-        }
+        for name in SPREAD:
+            value = float(getattr(friction, name))
+            if value > 0 and name not in ranges and name not in table:
+                ranges[name] = (value * (1 - relative), value * (1 + relative))
     covariance = _covariance(drive, table)
     mean = np.array([_value(drive, name) for name in table])
     return FrictionSpread(tuple(table), mean, covariance, ranges)
@@ -178,11 +178,13 @@ def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array
     names = tuple(table)
     unknown = [name for name in names if name not in FRICTION_NAMES]
     if unknown:
-        raise _not_one(drive, f"{unknown[0]} is not a parameter", allowed=", ".join(FRICTION_NAMES))
+        raise _covariance_error(
+            drive, f"{unknown[0]} is not a parameter", allowed=", ".join(FRICTION_NAMES)
+        )
     try:
         rows = [[table[a][b] for b in names] for a in names]
     except KeyError as error:
-        raise _not_one(drive, f"it lacks the entry of {error.args[0]} in a row") from None
+        raise _covariance_error(drive, f"it lacks the entry of {error.args[0]} in a row") from None
     covariance = np.array(rows).reshape(len(names), len(names))
     _check(drive, names, covariance)
     return covariance
@@ -201,10 +203,11 @@ def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:
         friction[LAW] = LAWS[int(friction[LAW])]
         if friction[LAW] == "coulomb":
             friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}
-    moving = nominal.mu + nominal.mu_stribeck
-    if "mu_static" not in friction and moving > 0 and {"mu", "mu_stribeck"} & set(friction):
-        now = friction.get("mu", nominal.mu) + friction.get("mu_stribeck", nominal.mu_stribeck)
-        friction["mu_static"] = nominal.mu_static / moving * now
+    nominal_mu = nominal.mu + nominal.mu_stribeck
+    has_new_mu = "mu" in friction or "mu_stribeck" in friction
+    if "mu_static" not in friction and nominal_mu > 0 and has_new_mu:
+        mu = friction.get("mu", nominal.mu) + friction.get("mu_stribeck", nominal.mu_stribeck)
+        friction["mu_static"] = nominal.mu_static / nominal_mu * mu
     return unchecked(drive, friction=unchecked(nominal, **friction), **drive_values)
 
 
@@ -224,7 +227,7 @@ def _value(drive: Drive, name: str) -> float:
     """Return the drive's value of a parameter. Raises ProblemError if it is missing."""
     value = drive.preload if name == "preload" else getattr(friction_of(drive), name)
     if value is None:
-        raise _not_one(drive, f"the friction lacks {name}")
+        raise _covariance_error(drive, f"the friction lacks {name}")
     return float(value)
 
 
@@ -234,16 +237,16 @@ def _check(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
         return
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     if np.any(np.diag(covariance) < 0) or not np.all(np.isfinite(covariance)):
-        raise _not_one(drive, "a variance is negative or not finite")
+        raise _covariance_error(drive, "a variance is negative or not finite")
     unit = np.where(sigma > 0, sigma, 1.0)
     scaled = covariance / np.outer(unit, unit)
     if np.abs(scaled - scaled.T).max() > 1e-4:
-        raise _not_one(drive, "not symmetric")
+        raise _covariance_error(drive, "not symmetric")
     if np.linalg.eigvalsh((scaled + scaled.T) / 2).min() < -1e-3:
-        raise _not_one(drive, "not positive semidefinite: no random quantity has it")
+        raise _covariance_error(drive, "not positive semidefinite: no random quantity has it")
 
 
-def _not_one(drive: Drive, reason: str, allowed: str | None = None) -> ProblemError:
+def _covariance_error(drive: Drive, reason: str, allowed: str | None = None) -> ProblemError:
     """Return the error for an invalid covariance."""
     return ProblemError(
         f"not a covariance: {reason}", file=drive.file, key="friction.covariance", allowed=allowed

@@ -144,8 +144,9 @@ def moving_torque(
     """
     rows = motor_torque_rows(drive, direction, mu)
     xp = namespace_of(F, w, wd, direction, mu)
-    driving, braking = (slope * F for slope in rows.slope)
-    carried = xp.where(direction > 0, xp.maximum(driving, braking), xp.minimum(driving, braking))
+    uphill = rows.slope[0] * F
+    downhill = rows.slope[1] * F
+    carried = xp.where(direction > 0, xp.maximum(uphill, downhill), xp.minimum(uphill, downhill))
     return rows.torque(carried, w, wd)
 
 
@@ -202,7 +203,8 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
     It is 0 for a self-locking drive. A drive stays at rest while the torque lies between the
     breakaway torques of both directions.
     """
-    lower, upper = (breakaway_torque(drive, tau_rigid, direction, mu) for direction in (-1, 1))
+    lower = breakaway_torque(drive, tau_rigid, -1, mu)
+    upper = breakaway_torque(drive, tau_rigid, 1, mu)
     xp = namespace_of(lower, upper)
     return xp.minimum(xp.maximum(0.0, xp.minimum(lower, upper)), xp.maximum(lower, upper))
 
@@ -213,9 +215,9 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
     Both are positive if the friction of the mesh alone makes it self-locking.
     """
     mu = friction_of(drive).mu if mu is None else mu
-    return mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle), friction_angle(
-        drive, mu
-    ) - drive.lead_angle
+    coefficient_margin = mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle)
+    angle_margin = friction_angle(drive, mu) - drive.lead_angle
+    return coefficient_margin, angle_margin
 
 
 def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
@@ -228,9 +230,8 @@ def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     F = np.asarray(F, dtype=float)
     if not drive.two_nuts:
         return np.full(np.broadcast(F, wd).shape, np.inf)
-    return np.minimum(
-        drive.preload - F, drive.preload + drive.second_nut_mass * np.asarray(wd) / drive.ratio
-    )
+    qdd = np.asarray(wd) / drive.ratio
+    return np.minimum(drive.preload - F, drive.preload + drive.second_nut_mass * qdd)
 
 
 def effective_inertia(
@@ -243,8 +244,7 @@ def effective_inertia(
     """
     rows = motor_torque_rows(drive, direction, mu)
     output = drive.output_inertia / drive.ratio
-    opposing, driving = (rows.inertia + slope * output for slope in rows.slope)
-    return opposing, driving
+    return rows.inertia + rows.slope[0] * output, rows.inertia + rows.slope[1] * output
 
 
 def motor_acceleration(
@@ -275,11 +275,9 @@ def motor_acceleration(
     """
     rows = motor_torque_rows(drive, direction, mu)
     effort = output_effort(drive, load, w / drive.ratio, 0.0, direction)
-    inertias = effective_inertia(drive, mu, direction)
-    opposed, driven = (
-        (tau - rows.torque(slope * effort, w, 0.0)) / inertia
-        for slope, inertia in zip(rows.slope, inertias, strict=True)
-    )
+    opposing_inertia, driving_inertia = effective_inertia(drive, mu, direction)
+    opposed = (tau - rows.torque(rows.slope[0] * effort, w, 0.0)) / opposing_inertia
+    driven = (tau - rows.torque(rows.slope[1] * effort, w, 0.0)) / driving_inertia
     output = drive.output_inertia / drive.ratio
     xp = namespace_of(opposed, driven, direction)
     wd = xp.where(direction * (effort + output * opposed) >= 0, opposed, driven)

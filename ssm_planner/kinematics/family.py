@@ -5,7 +5,7 @@ module `mechanism` explains the symbols.
 """
 
 from functools import cached_property
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -34,10 +34,10 @@ class Family:
     home_roll: Array
     insertion_sign: int = -1
 
-    def subset(self, which: Array) -> "Family":
-        """Return the mechanisms for which the mask `which` (n,) is true."""
+    def subset(self, mask: Array) -> "Family":
+        """Return the mechanisms for which the mask (n,) is true."""
         return Family(
-            self.alpha[which], self.home_tilt[which], self.home_roll[which], self.insertion_sign
+            self.alpha[mask], self.home_tilt[mask], self.home_roll[mask], self.insertion_sign
         )
 
     @cached_property
@@ -105,12 +105,10 @@ class Family:
             +1 for the branch of the inverse kinematics on which q = 0 lies, −1 for the other
             branch.
         """
-        columns = [np.asarray(column)[None, :] for column in np.asarray(task, dtype=float).T]
+        coordinates = np.asarray(task, dtype=float).T[:, None, :]  # four rows (1, k)
         home_branch = np.where(np.sin(self.delta) > 0.0, -1.0, 1.0)[:, None]
-        broadcast_family = cast(Mechanism, _BroadcastFamily(self))
-        theta = joints_of_task(
-            NUMPY, broadcast_family, cast(Any, tuple(columns)), branch * home_branch
-        )
+        mechanisms = cast(Mechanism, _BroadcastFamily(self))
+        theta = joints_of_task(NUMPY, mechanisms, coordinates, branch * home_branch)
         return np.stack(np.broadcast_arrays(*theta), axis=-1)
 
 
@@ -122,9 +120,10 @@ class _BroadcastFamily:
 
     def __init__(self, family: Family) -> None:
         half = -family.delta / 2.0
-        eta = azimuths(NUMPY, family.alpha, family.beta, np.cos(half), np.sin(half))[1]
-        self.alpha, self.beta, self.delta, self.side, self.spin_offset = (
-            values[:, None]
-            for values in (family.alpha, family.beta, family.delta, family.side, eta)
-        )
+        _, eta = azimuths(NUMPY, family.alpha, family.beta, np.cos(half), np.sin(half))
+        self.alpha = family.alpha[:, None]
+        self.beta = family.beta[:, None]
+        self.delta = family.delta[:, None]
+        self.side = family.side[:, None]
+        self.spin_offset = eta[:, None]
         self.insertion_sign = family.insertion_sign

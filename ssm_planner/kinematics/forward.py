@@ -59,12 +59,12 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     rotations = np.empty((len(q), 9))
     positions = np.empty((len(q), 3))
     for block in blocks(len(q), BLOCK):
-        term_1, term_2, term_3 = (_terms(q[block, i]) for i in range(3))
+        terms = [_terms(q[block, i]) for i in range(3)]
         _pose(
             mechanism,
             q[block, 3],
-            _products(term_1, term_2),
-            term_3,
+            _products(terms[0], terms[1]),
+            terms[2],
             results=(rotations[block], positions[block]),
         )
     return rotations.reshape(-1, 3, 3), positions
@@ -87,9 +87,8 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     jacobians = np.empty((len(q), 24))
     space = _space_terms(mechanism)
     for block in blocks(len(q), BLOCK):
-        np.matmul(
-            _products(_terms(q[block, 0]), _terms(q[block, 1])).T, space, out=jacobians[block]
-        )
+        products = _products(_terms(q[block, 0]), _terms(q[block, 1]))
+        np.matmul(products.T, space, out=jacobians[block])
     return jacobians.reshape(-1, 6, 4)
 
 
@@ -156,12 +155,12 @@ def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, 
 
     R rotates from the tool frame to the base frame, and p is the tip position in m.
     """
-    axes = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
-    turn_1, turn_2, turn_3 = (rotation_symbolic(axis, q[i]) for i, axis in enumerate(axes))
-    rotation_12 = turn_1 @ turn_2
-    return rotation_12 @ turn_3 @ constant(mechanism.tool_home), rotation_12 @ constant(
-        mechanism.omega3
-    ) * q[3]
+    rotation_1 = rotation_symbolic(mechanism.omega1, q[0])
+    rotation_12 = rotation_1 @ rotation_symbolic(mechanism.omega2, q[1])
+    rotation_3 = rotation_symbolic(mechanism.omega3, q[2])
+    orientation = rotation_12 @ rotation_3 @ constant(mechanism.tool_home)
+    position = rotation_12 @ constant(mechanism.omega3) * q[3]
+    return orientation, position
 
 
 def tip_position_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
@@ -226,6 +225,5 @@ def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> "casadi.Functi
 
     q = casadi.SX.sym("q", 4)
     qd = casadi.SX.sym("qd", 4)
-    return casadi.Function(
-        "speed", [q, qd], [casadi.norm_2(JACOBIANS[limit_type](mechanism, q) @ qd)]
-    )
+    velocity = JACOBIANS[limit_type](mechanism, q) @ qd
+    return casadi.Function("speed", [q, qd], [casadi.norm_2(velocity)])

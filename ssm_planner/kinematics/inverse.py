@@ -133,20 +133,19 @@ def inverse_tip(
     at_rcm = distance <= TOLERANCE
     solutions_of_depth = []
     for depth in (distance, -distance):
-        task = np.column_stack((*_pointing(mechanism, tip, depth, at_rcm, reference), spins, depth))
+        roll, tilt = _pointing(mechanism, tip, depth, at_rcm, reference)
+        task = np.column_stack((roll, tilt, spins, depth))
         solutions_of_depth.append(inverse_task(mechanism, task))
-    solutions_of_depth[1].reaches[at_rcm] = False
-    fields = {
-        name: np.concatenate([getattr(half, name) for half in solutions_of_depth], axis=1)
-        for name in OF_EACH
-    }
+    deep, opposite = solutions_of_depth
+    opposite.reaches[at_rcm] = False
+    fields = {}
+    for name in OF_EACH:
+        fields[name] = np.concatenate([getattr(deep, name), getattr(opposite, name)], axis=1)
     result = Solutions(
         **fields,
-        reachable=solutions_of_depth[0].reachable | solutions_of_depth[1].reachable,
-        orientation_error=np.minimum(
-            solutions_of_depth[0].orientation_error, solutions_of_depth[1].orientation_error
-        ),
-        tip_error=np.minimum(solutions_of_depth[0].tip_error, solutions_of_depth[1].tip_error),
+        reachable=deep.reachable | opposite.reachable,
+        orientation_error=np.minimum(deep.orientation_error, opposite.orientation_error),
+        tip_error=np.minimum(deep.tip_error, opposite.tip_error),
     )
     return select(result, limits, reference)
 
@@ -206,19 +205,18 @@ def _pointing(
     reference : (4,), optional
         Joint positions, rad and m.
     """
-    direction = (
-        mech.frame.T
-        @ (tip * np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)[:, np.newaxis]).T
-    )
+    # The tool axis points to the tip, or away from it if the insertion is negative.
+    sign = np.where(depth * mech.insertion_sign < 0.0, -1.0, 1.0)
+    direction = mech.frame.T @ (tip * sign[:, np.newaxis]).T
     lateral = np.hypot(direction[1], direction[2])
     roll, tilt = roll_and_tilt(NUMPY, mech, direction, lateral)
     roll = np.where(lateral > 0.0, roll, 0.0)
     reference_task = np.array([[mech.home_roll, mech.home_tilt, 0.0, 0.0]])
     if reference is not None and at_rcm.any():
         reference_task = task_from_joints(mech, reference)
-    return np.where(at_rcm, reference_task[:, 0], roll), np.where(
-        at_rcm, reference_task[:, 1], tilt
-    )
+    roll = np.where(at_rcm, reference_task[:, 0], roll)
+    tilt = np.where(at_rcm, reference_task[:, 1], tilt)
+    return roll, tilt
 
 
 def _refuse_parallel(mech: Mechanism) -> None:

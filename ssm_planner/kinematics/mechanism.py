@@ -92,12 +92,11 @@ class Mechanism:
         GeometryError
             If `tool_home` is not a rotation, or its z column differs from the third axis.
         """
-        vectors = geometry.omega1, geometry.omega2, geometry.omega3, geometry.tool_home
-        omega1, omega2, omega3, tool_home = (
-            np.asarray(vector, dtype=float).tobytes() for vector in vectors
-        )
+        axes = [np.asarray(axis, dtype=float).tobytes() for axis in geometry.axes[:3]]
         return _of_axes(
-            omega1, omega2, omega3, tool_home=tool_home, insertion_sign=int(geometry.insertion_sign)
+            *axes,
+            tool_home=np.asarray(geometry.tool_home, dtype=float).tobytes(),
+            insertion_sign=int(geometry.insertion_sign),
         )
 
     @classmethod
@@ -312,8 +311,8 @@ def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
     insertion_sign : int
         Sign in depth = insertion_sign · θ4.
     """
-    vectors = map(np.frombuffer, axes)
-    omega1, omega2, omega3 = (axis / np.linalg.norm(axis) for axis in vectors)
+    vectors = [np.frombuffer(axis) for axis in axes]
+    omega1, omega2, omega3 = [vector / np.linalg.norm(vector) for vector in vectors]
     home = _tool_home(np.frombuffer(tool_home).reshape(3, 3), omega3)
     normal = np.cross(omega1, omega2)
     normal = normal / np.linalg.norm(normal)

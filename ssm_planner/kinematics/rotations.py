@@ -62,7 +62,7 @@ def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
         cosine = casadi.SX.eye(3) - projection
         sine = casadi.skew(omega)
     else:
-        constant_term, cosine, sine = (constant(term) for term in exponential_terms(omega))
+        constant_term, cosine, sine = map(constant, exponential_terms(omega))
     return constant_term + casadi.cos(angle) * cosine + casadi.sin(angle) * sine
 
 
@@ -106,11 +106,8 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
     if array.ndim == 1 and array.shape[0] == width:
         array = array[np.newaxis]
     if array.ndim != 2 or array.shape[1] != width:
-        hint = (
-            f"; it looks transposed: pass {name}.T"
-            if array.ndim == 2 and array.shape[0] == width
-            else ""
-        )
+        is_transposed = array.ndim == 2 and array.shape[0] == width
+        hint = f"; it looks transposed: pass {name}.T" if is_transposed else ""
         raise GeometryError(f"{name} has shape {array.shape}: must be (n, {width}){hint}")
     finite(name, array)
     return array

@@ -114,17 +114,22 @@ def by_distance(
     limits : (4, 2), optional
         Lowest and highest joint positions, within which joints are moved.
     """
-    bounds = (
-        np.tile((-np.inf, np.inf), (4, 1)) if limits is None else joint_limits("limits", limits)
-    )
+    bounds = np.tile((-np.inf, np.inf), (4, 1))
+    if limits is not None:
+        bounds = joint_limits("limits", limits)
     joints = solutions.joints.copy()
     centres = _centres(bounds, reference, len(joints))
     _shift_into_range(joints, centres, bounds)
     distance = np.linalg.norm((joints - centres) * WEIGHTS, axis=2)
     order = np.lexsort((distance, ~solutions.valid), axis=1)
     rows = np.arange(len(joints))[:, np.newaxis]
-    shifted = replace(solutions, joints=joints)
-    return replace(shifted, **{name: getattr(shifted, name)[rows, order] for name in OF_EACH})
+    return replace(
+        solutions,
+        joints=joints[rows, order],
+        branch=solutions.branch[rows, order],
+        reaches=solutions.reaches[rows, order],
+        in_limits=solutions.in_limits[rows, order],
+    )
 
 
 def joint_limits(name: str, value: ArrayLike) -> Array:
@@ -184,8 +189,10 @@ def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
     """
     if reference is None:
         low, high = bounds.T
-        low, high = np.where(np.isfinite(low), low, high), np.where(np.isfinite(high), high, low)
-        return np.where(np.isfinite(low), (low + high) / 2.0, 0.0)[np.newaxis, np.newaxis]
+        low_or_high = np.where(np.isfinite(low), low, high)
+        high_or_low = np.where(np.isfinite(high), high, low)
+        middle = np.where(np.isfinite(low_or_high), (low_or_high + high_or_low) / 2.0, 0.0)
+        return middle[np.newaxis, np.newaxis]
     centres = batch("reference", reference, 4)
     if len(centres) not in (1, count):
         raise GeometryError(

@@ -116,7 +116,8 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
     tuple of four
         Rates of roll, tilt, spin and depth, rad/s and m/s.
     """
-    mech, (speed1, speed2, speed3, speed4) = mechanism, qd
+    mech = mechanism
+    speed1, speed2, speed3, speed4 = qd
     x = q[1] - mech.delta
     c = xp.cos(x / 2.0)
     s = xp.sin(x / 2.0)
@@ -124,10 +125,10 @@ def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four)
     plus = xp.sin(mech.alpha + mech.beta) * (s * s)
     sine2 = (minus + plus) ** 2 + (2.0 * xp.sin(mech.beta) * s * c) ** 2
     sine2 = xp.where(sine2 > 0.0, sine2, 1.0)
+    sine_x = 2.0 * s * c
     roll = speed1 - xp.sin(mech.beta) * (minus - plus) / sine2 * speed2
-    tilt = (
-        mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * (2.0 * s * c) / xp.sqrt(sine2) * speed2
-    )
+    tilt_slope = mech.side * xp.sin(mech.alpha) * xp.sin(mech.beta) * sine_x / xp.sqrt(sine2)
+    tilt = tilt_slope * speed2
     spin = speed3 + xp.sin(mech.alpha) * (minus + plus) / sine2 * speed2
     return roll, tilt, spin, mech.insertion_sign * speed4
 
@@ -148,7 +149,8 @@ def roll_and_tilt(
     around : array or expression
         √(y² + z²), which must not be zero.
     """
-    side, (axial, y, z) = mechanism.side, pointing
+    side = mechanism.side
+    axial, y, z = pointing
     return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, axial)
 
 
@@ -253,7 +255,7 @@ def tip_from_task(mechanism: Mechanism, task: Array) -> Array:
     the tilt axis is perpendicular to ω1.
     """
     roll, tilt, _, depth = np.ascontiguousarray(task.T)
-    axial, across, normal = (axis[:, None] for axis in mechanism.tip_axes)
+    axial, across, normal = mechanism.tip_axes[:, :, None]
     # The rows are contiguous in memory, which makes the operations fast.
     lateral = np.cos(roll) * across + np.sin(roll) * normal
     pointing = np.cos(tilt) * axial + np.sin(tilt) * lateral
@@ -313,9 +315,12 @@ def task_of_tip_symbolic(
     import casadi
 
     axial, y, z = casadi.vertsplit(mechanism.insertion_sign * casadi.DM(mechanism.frame.T) @ tip)
-    y, z = casadi.cos(roll) * y + casadi.sin(roll) * z, casadi.cos(roll) * z - casadi.sin(roll) * y
+    # In a frame that is rolled by `roll`, the result is near the angle 0.
+    rolled_y = casadi.cos(roll) * y + casadi.sin(roll) * z
+    rolled_z = casadi.cos(roll) * z - casadi.sin(roll) * y
+    around = casadi.sqrt(rolled_y * rolled_y + rolled_z * rolled_z)
     roll_offset, tilt = roll_and_tilt(
-        casadi_namespace(), mechanism, (axial, y, z), casadi.sqrt(y * y + z * z)
+        casadi_namespace(), mechanism, (axial, rolled_y, rolled_z), around
     )
     return casadi.vertcat(roll + roll_offset, tilt, spin, casadi.norm_2(tip))
 
@@ -323,7 +328,9 @@ def task_of_tip_symbolic(
 def roll_of_tip(mechanism: Mechanism, tip: Array) -> float:
     """Return the roll in rad of a tool whose tip is at a point (3,) beyond the remote centre, m."""
     pointing = mechanism.insertion_sign * (mechanism.frame.T @ tip)
-    return float(roll_and_tilt(NUMPY, mechanism, pointing, np.hypot(*pointing[1:]))[0])
+    around = np.hypot(pointing[1], pointing[2])
+    roll, _ = roll_and_tilt(NUMPY, mechanism, pointing, around)
+    return float(roll)
 
 
 def task_from_joints_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
@@ -343,9 +350,10 @@ def task_rates_symbolic(mechanism: Mechanism, q: "casadi.SX", qd: "casadi.SX") -
     """
     import casadi
 
-    return casadi.vertcat(
-        *task_rates_of_joints(casadi_namespace(), mechanism, *map(casadi.vertsplit, (q, qd)))
-    )
+    positions = casadi.vertsplit(q)
+    velocities = casadi.vertsplit(qd)
+    rates = task_rates_of_joints(casadi_namespace(), mechanism, positions, velocities)
+    return casadi.vertcat(*rates)
 
 
 def joint_rates(mechanism: Mechanism, q: Array, rate: Array) -> Array:

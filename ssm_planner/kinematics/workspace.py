@@ -135,13 +135,14 @@ def magnitude_range(name: str, tilt_range: Range) -> Range:
     GeometryError
         If the range is reversed or outside [−π, π].
     """
-    low, high = (float(end) for end in tilt_range)
+    low, high = map(float, tilt_range)
     if not -math.pi <= low <= high <= math.pi:
         raise GeometryError(
             f"{name} = [{low:.6g}, {high:.6g}]: lower must not exceed upper, both in [-pi, pi] "
             "rad, not degrees"
         )
-    return (0.0 if low < 0.0 < high else min(abs(low), abs(high))), max(abs(low), abs(high))
+    smallest = 0.0 if low < 0.0 < high else min(abs(low), abs(high))
+    return smallest, max(abs(low), abs(high))
 
 
 def check_branch(branch: int) -> int:
@@ -197,7 +198,8 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     half = np.abs(tilts) / 2.0
     c2, s2 = elbow_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
     # At a tilt on the boundary, rounding errors must not turn the infinite result into NaN.
-    c2, s2 = (np.where((square < 0.0) & (square > -1e-15), 0.0, square) for square in (c2, s2))
+    c2 = np.where((c2 < 0.0) & (c2 > -1e-15), 0.0, c2)
+    s2 = np.where((s2 < 0.0) & (s2 > -1e-15), 0.0, s2)
     with np.errstate(divide="ignore", invalid="ignore"):
         product = math.sin(alpha) * math.sin(beta)
         sin_x = check_branch(branch) * 2.0 * np.sqrt(c2 * s2) / product
