@@ -88,6 +88,6 @@ def controlled_stops(
         Durations and travels of the stops, with their certificate.
     """
     limits = TaskLimits(robot.limits) if limits is None else limits
-    motions = quickest_stops(motion, robot, instants)
+    motions = quickest_stops(motion, robot, instants, limits)
     certificate = check_stops(motions, motion, robot, limits)
     return Stops(motions.time, motions.duration, motions.travel, certificate, motions)

@@ -76,7 +76,7 @@ class Reading:
     """Rates of task coordinates that the file declares at the end, rad/s or m/s."""
     content: Content | None = None
     """Content that an export folder with this motion must have. None for a single file."""
-    stops: tuple[Trajectory, ...] = ()
+    stops: tuple["Reading", ...] = ()
     """Controlled stops through the points of a table."""
 
     def check(self, robot: Robot, limits: TaskLimits) -> Certificate:
@@ -105,9 +105,11 @@ class Reading:
             # A stop begins in motion, and ends at rest unless the motion itself ends moving.
             end_rate = None if limits.end_rate else limits.end_rate
             alone = replace(limits, start_rate=None, end_rate=end_rate, motion=())
-            results = [
-                check(stop, robot, alone, resolution=self.resolution).worst for stop in self.stops
-            ]
+            results = []
+            for stop in self.stops:
+                resolution = stop.resolution if self.resolution is None else self.resolution
+                certificate_of_stop = check(stop.trajectory, robot, alone, resolution=resolution)
+                results.append(certificate_of_stop.worst)
             tightest = min(results, key=lambda result: result.margin)
             checks += (replace(tightest, name="controlled stop", case=tightest.name),)
         return certificate.with_more(checks)

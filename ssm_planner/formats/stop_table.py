@@ -1,8 +1,9 @@
 """The table of controlled stops in an export folder.
 
-Stops follow from the accelerations of the motion. If the folder states accelerations, the reader
-computes the stops again and compares them. If the folder states positions alone, the reader plays
-the stops of its table instead.
+Stops along the path follow from the accelerations of the motion. If the folder states
+accelerations, the reader computes the stops again and compares them. If the folder states positions
+alone, the reader plays the stops of its table instead. It also plays the stops of robots with
+limits on the jerk, because these stops depend on the limits of the task.
 """
 
 import io
@@ -19,7 +20,6 @@ from ssm_planner.formats.csv import read_columns
 from ssm_planner.formats.points import Points, Reading, join_points
 from ssm_planner.problem import Robot
 from ssm_planner.stopping import Stops
-from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification import StopMotions, quickest_stops
 from ssm_planner.verification.stops import NEAR
@@ -114,7 +114,7 @@ def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robo
     count = entry.get("instants") if isinstance(entry, dict) else None
     if type(count) is not int or not 0 < count <= MOST or name not in manifest["files"]:
         raise TrajectoryError(f"{folder}: the manifest does not give the number of stops")
-    if reading.resolution is None:
+    if reading.resolution is None and not robot.jerk_limited:
         table = stop_table(quickest_stops(reading.trajectory, robot, count), robot, {}, name)
     else:
         header, scales = _columns(robot, content.entries.get("axes", {}))
@@ -130,11 +130,12 @@ def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robo
 
 def _played(
     rows: Array, count: int, reading: Reading, robot: Robot, *, path: Path
-) -> Iterator[Trajectory]:
-    """Yield the stops in the rows of a table.
+) -> Iterator[Reading]:
+    """Yield the motions of the stops in the rows of a table.
 
     Each row must lie on the path of the motion, as closely as the points of the motion determine
-    it. A stop may be missing only where the robot rests.
+    it. With limits on the jerk, only the first row must. A stop may be missing only where the robot
+    rests.
 
     Parameters
     ----------
@@ -154,10 +155,10 @@ def _played(
         If a stop is missing, or if it does not follow the motion.
     """
     motion = reading.trajectory
-    assert reading.resolution is not None
+    resolution = np.zeros(4) if reading.resolution is None else reading.resolution
     interval = float(np.diff(motion.breaks).max())
     change = robot.accelerations * interval**2 / 2
-    slack = change / 4 + 2 * reading.resolution + robot.velocities * DIGIT
+    slack = change / 4 + 2 * resolution + robot.velocities * DIGIT
 
     def positions(times: Array) -> Array:
         """Return the positions of the motion (n, 4) at times (n,) from its start, s."""
@@ -181,11 +182,11 @@ def _played(
         is_regular = np.abs(t - regular)[:-1].max(initial=0.0) <= DIGIT
         ends_in_time = t[-1] - regular[-1] <= DIGIT
         starts_on_path = np.all(np.abs(q[0] - path_positions[0]) <= slack)
-        stays_on_path = distances.max(axis=2).min(axis=1).max() <= 1
+        stays_on_path = robot.jerk_limited or distances.max(axis=2).min(axis=1).max() <= 1
         if not (has_one_start and is_regular and ends_in_time and starts_on_path and stays_on_path):
             raise TrajectoryError(
                 f"{path}: the stop from {stop[0, 0]} s does not follow the motion"
             )
         # A short last interval is left out, because the digits do not determine its length.
         used_rows = np.append(t[:-1] < t[-1] - PERIOD / 2, True)
-        yield join_points(Points(t[used_rows], q[used_rows]), robot).trajectory
+        yield join_points(Points(t[used_rows], q[used_rows]), robot)

@@ -1,4 +1,4 @@
-"""Quickest controlled stops along the path of a motion.
+"""Quickest controlled stops of a motion, along its path unless the jerk is limited.
 
 The path is q(s), and its parameter s is the time of the motion, so the motion itself has ṡ = 1. A
 stop reduces ṡ to 0 on the same path, with q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit of an
@@ -8,6 +8,8 @@ bounds.
 This choice is optimal. Standing still and the motion itself keep all limits, and the limits are
 convex in ṡ². Every slower motion between both therefore keeps them as well, so the largest bound
 always leads to a state from which a stop exists. No stop along the path is shorter.
+
+If the jerk of a joint is limited, every joint stops by itself (`joint_stops`).
 """
 
 from functools import cached_property
@@ -27,9 +29,10 @@ from ssm_planner.dynamics import (
     output_effort,
 )
 from ssm_planner.kinematics import Mechanism, tip_position
-from ssm_planner.problem import Joint, Robot
+from ssm_planner.problem import Joint, Robot, TaskLimits
 from ssm_planner.trajectory import DEGREE, Trajectory, parts_of, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
+from ssm_planner.verification.joint_stops import joint_stops
 from ssm_planner.verification.pieces import still
 
 INSTANTS = 1000
@@ -161,7 +164,10 @@ class _Path:
 
 
 def quickest_stops(
-    motion: Trajectory, robot: Robot, instants: int | Array = INSTANTS
+    motion: Trajectory,
+    robot: Robot,
+    instants: int | Array = INSTANTS,
+    limits: TaskLimits | None = None,
 ) -> StopMotions:
     """Compute the quickest stops from instants of a motion.
 
@@ -176,6 +182,9 @@ def quickest_stops(
         The robot, whose limits of accelerations and motor torques the stops keep.
     instants : int or (n,) array
         Number of evenly spaced instants, or the instants in s from the start of the motion.
+    limits : TaskLimits, optional
+        Limits of the task, which the stops of a robot with jerk limits keep. Stops along the path
+        keep all limits that the motion keeps. The default is the ranges of the robot.
 
     Returns
     -------
@@ -188,6 +197,9 @@ def quickest_stops(
         if isinstance(instants, int)
         else np.sort(np.asarray(instants, float))
     )
+    if robot.jerk_limited:
+        stops_of_joints = joint_stops(motion, robot, limits or TaskLimits(robot.limits), times)
+        return _stop_motions(times, stops_of_joints, robot, ends=True)
     slow = still(robot)
     rests = np.flatnonzero((np.abs(motion.sample(motion.breaks).qd) <= slow).all(axis=1))
     first_pieces = [0]
@@ -236,7 +248,18 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
     middles = (path.s[1:] + path.s[:-1]) / 2
     start_nodes = np.searchsorted(middles, times)  # the nearest node of each instant
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # if nothing bounds s̈
-        lengths, coefficients, edges = _stops(path, robot, start_nodes)
+        stops = _stops(path, robot, start_nodes)
+    return _stop_motions(path.s[start_nodes], stops, robot, ends=bool(path.rests[-1]))
+
+
+def _stop_motions(
+    times: Array, stops: tuple[Array, Array, Indices], robot: Robot, *, ends: bool
+) -> StopMotions:
+    """Return stops from the instants `times` (n,) with their durations and travels.
+
+    The parameter `stops` contains the lengths, coefficients and edges of `_stops`.
+    """
+    lengths, coefficients, edges = stops
     duration = np.zeros(len(times))
     travel = np.zeros(len(times))
     moving = np.flatnonzero(np.diff(edges))
@@ -244,24 +267,17 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
         first_pieces = edges[:-1][moving]
         last_pieces = edges[1:][moving] - 1
         final_pieces = coefficients[last_pieces].transpose(1, 2, 0)
-        ends = polyval(lengths[last_pieces], final_pieces, tensor=False).T
+        final_positions = polyval(lengths[last_pieces], final_pieces, tensor=False).T
         mechanism = Mechanism.from_robot(robot)
         tips = tip_position(mechanism, coefficients[:, 0])
-        final_tips = tip_position(mechanism, ends)
+        final_tips = tip_position(mechanism, final_positions)
         start_tips = tips[first_pieces]
         piece_counts = np.diff(edges)[moving]
         distances = np.linalg.norm(tips - np.repeat(start_tips, piece_counts, axis=0), axis=1)
         final_distances = np.linalg.norm(final_tips - start_tips, axis=1)
         duration[moving] = np.add.reduceat(lengths, first_pieces)
         travel[moving] = np.maximum(np.maximum.reduceat(distances, first_pieces), final_distances)
-    return StopMotions(
-        path.s[start_nodes],
-        duration,
-        travel,
-        (lengths, coefficients),
-        edges,
-        ends=bool(path.rests[-1]),
-    )
+    return StopMotions(times, duration, travel, (lengths, coefficients), edges, ends=ends)
 
 
 def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Array, Indices]:

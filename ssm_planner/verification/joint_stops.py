@@ -1,0 +1,252 @@
+"""Quickest stops of robots with limits on the jerk.
+
+If the jerk is limited, a stop along the path of the motion has no closed form. Each joint therefore
+stops by itself, and the tip leaves the path. Let a joint have the velocity v and the acceleration
+a, both in the direction in which it would come to rest too late. Its acceleration falls to −P,
+stays there, and returns to 0, with the jerks −J, 0 and J. Both ramps reduce the velocity by
+(2 P² − a²) / (2 J), and the stop takes the time
+
+    T = (a + P) / J + (v + a² / (2 J)) / P.
+
+It is shortest for P² = J v + a²/2, or for the largest P that the limit of the acceleration allows.
+Two variants exist: all joints stop as quickly as they can, or all stop at the same time. In the
+second, P is the smaller solution of the equation for T.
+
+If limits of the task or of the motors forbid both variants, the robot first continues its motion,
+until a stop is possible or until the motion ends.
+"""
+
+from math import comb
+
+import numpy as np
+
+from ssm_planner.problem import Robot, TaskLimits
+from ssm_planner.trajectory import DEGREE, Samples, Trajectory
+from ssm_planner.typing import Array, Indices
+from ssm_planner.verification.limits import Worst, quantities
+from ssm_planner.verification.pieces import still
+from ssm_planner.verification.sampled_extremes import SampledExtremes
+
+VARIANTS = ((0.999, False), (0.999, True), (0.5, False), (0.5, True), (0.25, True))
+"""Shares of the limits of the acceleration that stops use, and whether all joints stop together.
+
+The first possible stop is used. Weak motors need the smaller shares. The largest share leaves room
+for the rounding of tables.
+"""
+GRID = 1000
+"""Number of instants at which a stop may begin after the motion was continued."""
+SHORT = 1e-9
+"""Length below which a piece is left out, s."""
+LOOKS = np.linspace(0.0, 1.0, 15) ** 3
+"""Positions in a piece at which limits are evaluated, as fractions. They are dense at its start,
+because a stop often begins at a limit.
+"""
+EXCESS = 1e-7
+"""Largest relative excess over a limit of a possible stop."""
+
+Pieces = tuple[Array, Array]
+"""Lengths (m,) in s, and coefficients (m, 6, 4) of powers of the time since their starts."""
+
+
+def joint_stops(
+    motion: Trajectory, robot: Robot, limits: TaskLimits, times: Array
+) -> tuple[Array, Array, Indices]:
+    """Compute the stops from n instants of a motion.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        The motion. It must keep all limits.
+    robot : Robot
+        The robot, whose limits of acceleration and jerk the stops keep.
+    limits : TaskLimits
+        Limits of the task, which the stops keep.
+    times : (n,) array
+        Instants in s from the start of the motion.
+
+    Returns
+    -------
+    lengths : (m,) array
+        Durations of the pieces of all stops, s.
+    coefficients : (m, 6, 4) array
+        Their polynomials in time.
+    edges : (n + 1,) array
+        Index of the first piece of each stop.
+    """
+    instants = np.union1d(times, np.linspace(0.0, motion.duration, GRID))
+    stops: list[Pieces | None] = [None] * len(instants)
+    for share, together in VARIANTS:
+        missing = [i for i, stop in enumerate(stops) if stop is None]
+        times_of_missing = np.minimum(motion.breaks[0] + instants[missing], motion.breaks[-1])
+        states = motion.sample(times_of_missing)
+        candidates = _stops(states, robot, share, together=together)
+        is_possible = _excess(candidates, robot, limits) <= EXCESS
+        for i, stop, is_usable in zip(missing, candidates, is_possible, strict=True):
+            stops[i] = stop if is_usable else None
+    chosen = [_first_stop(motion, instants, stops, int(i)) for i in instants.searchsorted(times)]
+    sizes = [len(lengths) for lengths, _ in chosen]
+    lengths = np.concatenate([lengths for lengths, _ in chosen])
+    coefficients = np.concatenate([coefficients for _, coefficients in chosen])
+    return lengths, coefficients, np.append(0, np.cumsum(sizes))
+
+
+def _first_stop(
+    motion: Trajectory, instants: Array, stops: list[Pieces | None], first: int
+) -> Pieces:
+    """Return the stop from an instant. The robot continues its motion until one is possible."""
+    last = next((k for k in range(first, len(stops)) if stops[k] is not None), len(stops) - 1)
+    stop = stops[last] or _nothing()
+    if last == first:
+        return stop
+    lengths, coefficients = _part(motion, instants[first], instants[last])
+    return np.append(lengths, stop[0]), np.concatenate([coefficients, stop[1]])
+
+
+def _nothing() -> Pieces:
+    """Return no pieces."""
+    return np.zeros(0), np.zeros((0, DEGREE + 1, 4))
+
+
+def _part(motion: Trajectory, start: float, end: float) -> Pieces:
+    """Return the pieces of a motion between two instants, in s from its start."""
+    breaks = motion.breaks - motion.breaks[0]
+    inner = breaks[(breaks > start + SHORT) & (breaks < end - SHORT)]
+    nodes = np.array([start, *inner, end])
+    index = motion.piece_of(motion.breaks[0] + (nodes[1:] + nodes[:-1]) / 2)
+    coefficients = motion.pieces(index).copy()
+    shift = nodes[0] - breaks[index[0]]
+    powers = shift ** np.arange(DEGREE + 1)
+    for k in range(DEGREE + 1):
+        # (t + shift)^i contains comb(i, k) shift^(i − k) t^k.
+        factors = [comb(i, k) * powers[i - k] for i in range(k, DEGREE + 1)]
+        coefficients[0, k] = factors @ coefficients[0, k:]
+    return np.diff(nodes), coefficients
+
+
+def _stops(states: Samples, robot: Robot, share: float, *, together: bool) -> list[Pieces]:
+    """Compute stops from n states that use a share of the limits of the acceleration.
+
+    If `together` is true, all joints stop at the same time.
+    """
+    jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
+    rests = (np.abs(states.qd) <= still(robot)) & (states.qdd == 0.0)
+    velocity = np.where(rests, 0.0, states.qd)
+    side = np.sign(velocity + states.qdd * np.abs(states.qdd) / (2 * jerk))
+    v = side * velocity
+    a = side * states.qdd
+    loss = v + a**2 / (2 * jerk)
+    # Without a limit on the jerk, the product of 0 and infinity is 0.
+    square = np.where(loss > 0, loss, 0.0) * np.where(loss > 0, jerk, 0.0)
+    quickest = np.minimum(np.sqrt(square), np.maximum(share * robot.accelerations, -a))
+    peak = quickest
+    if together:
+        hold = np.divide(loss, quickest, out=np.zeros_like(v), where=quickest > 0)
+        duration = ((a + quickest) / jerk + hold).max(axis=1, keepdims=True)
+        b = duration - a / jerk
+        root = np.sqrt(np.maximum(b**2 - 4 * loss / jerk, 0.0))
+        peak = np.divide(2 * loss, b + root, out=np.zeros_like(v), where=loss > 0)
+        peak = np.clip(peak, np.minimum(np.maximum(-a, 0.0), quickest), quickest)
+    velocity_to_lose = v - (2 * peak**2 - a**2) / (2 * jerk)
+    hold = np.divide(velocity_to_lose, peak, out=np.zeros_like(v), where=peak > 0)
+    durations = np.stack([(a + peak) / jerk, np.maximum(hold, 0.0), peak / jerk])
+    ramp = side * np.where(np.isinf(jerk), 0.0, jerk)
+    rest = np.zeros_like(v)
+    # Accelerations and jerks of the three phases and of the rest after them
+    accelerations = np.stack([states.qdd, -side * peak, -side * peak, rest])
+    jerks = np.stack([-ramp, rest, ramp, rest])
+    return _pieces(states.q, velocity, accelerations, jerks, durations)
+
+
+def _pieces(
+    q: Array, velocity: Array, accelerations: Array, jerks: Array, durations: Array
+) -> list[Pieces]:
+    """Return the pieces of n stops, in which the joints change their jerk at different times.
+
+    Parameters
+    ----------
+    q, velocity : (n, 4) arrays
+        Positions and velocities at the starts of the stops.
+    accelerations, jerks : (4, n, 4) arrays
+        Accelerations at the starts of three phases and of the rest after them, and their jerks.
+    durations : (3, n, 4) array
+        Durations of the phases of each joint, s.
+    """
+    positions = [q]
+    velocities = [velocity]
+    for x, dx, ddx, dddx, t in zip(
+        positions, velocities, accelerations, jerks, durations, strict=False
+    ):
+        positions.append(x + dx * t + ddx * t**2 / 2 + dddx * t**3 / 6)
+        velocities.append(dx + ddx * t + dddx * t**2 / 2)
+    velocities[-1] = np.zeros_like(velocity)
+    starts = np.concatenate([np.zeros_like(q)[None], np.cumsum(durations, axis=0)])
+    phases = np.stack([positions, velocities, accelerations / 2, jerks / 6])
+    stops = []
+    for i in range(len(q)):
+        nodes = np.unique(starts[:, i])
+        nodes = nodes[np.append(True, np.diff(nodes) > SHORT)]
+        middles = (nodes[1:] + nodes[:-1]) / 2
+        index = (starts[1:, i] <= middles[:, None, None]).sum(axis=1)
+        joint = np.arange(4)
+        x, dx, ddx, dddx = phases[:, index, i, joint]
+        t = nodes[:-1, None] - starts[index, i, joint]
+        coefficients = np.zeros((len(t), DEGREE + 1, 4))
+        coefficients[:, 0] = x + dx * t + ddx * t**2 + dddx * t**3
+        coefficients[:, 1] = dx + 2 * ddx * t + 3 * dddx * t**2
+        coefficients[:, 2] = ddx + 3 * dddx * t
+        coefficients[:, 3] = dddx
+        stops.append((np.diff(nodes), coefficients))
+    return stops
+
+
+def _excess(stops: list[Pieces], robot: Robot, limits: TaskLimits) -> Array:
+    """Return the largest relative excess over a limit in each of n stops, (n,)."""
+    counts = [len(lengths) for lengths, _ in stops]
+    excess = np.full(len(stops), -np.inf)
+    if not any(counts):
+        return excess
+    lengths = np.concatenate([lengths for lengths, _ in stops])
+    coefficients = np.concatenate([coefficients for _, coefficients in stops])
+    joined = Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
+    index = np.repeat(np.arange(len(lengths)), len(LOOKS))
+    samples = joined.sample_pieces(index, np.outer(lengths, LOOKS).ravel())
+    limited = [Worst(quantity) for quantity in quantities(robot, limits)]
+    law = SampledExtremes(joined, robot, limited, rate=1.0, eye=limits.eye)
+    direction = np.where(np.abs(samples.qd) > still(robot), np.sign(samples.qd), 0.0)
+    state = samples.q, samples.qd, samples.qdd
+    values = iter(law.evaluate(state, direction, np.zeros_like(direction)).T)
+    owner = np.repeat(np.arange(len(stops)), counts)
+    for quantity in (item.quantity for item in limited):
+        if quantity.order is None:
+            value = next(values)
+        else:
+            derivative = (*state, samples.qddd)[quantity.order]
+            value = quantity.scale * derivative[:, quantity.index]
+        sampled = quantity.excess(value, value).reshape(-1, len(LOOKS))
+        if not quantity.kinked:
+            sampled[:, 1:-1] += _rise(sampled)
+        np.maximum.at(excess, owner, sampled.max(axis=1))
+    return excess
+
+
+def _rise(values: Array) -> Array:
+    """Return how far a parabola through each three neighbouring values rises above a peak.
+
+    Parameters
+    ----------
+    values : (m, n) array
+        Values at LOOKS in m pieces.
+
+    Returns
+    -------
+    (m, n − 2) array
+        The rises above the inner values, which are 0 unless the inner value is a peak.
+    """
+    steps = np.diff(LOOKS)
+    slopes = np.diff(values, axis=1) / steps
+    before, after = slopes[:, :-1], slopes[:, 1:]
+    width = steps[:-1] + steps[1:]
+    curvature = (before - after) / width
+    slope = (before * steps[1:] + after * steps[:-1]) / width
+    is_peak = (before >= 0) & (after <= 0) & (curvature > 0)
+    return np.divide(slope**2, 4 * curvature, out=np.zeros_like(slope), where=is_peak)
