@@ -45,6 +45,7 @@ ROOMS = (
         "plans",
         "formats",
         "simulation",
+        "laws",
         "comparison",
     ),
     *(

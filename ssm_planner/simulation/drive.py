@@ -1,11 +1,10 @@
-"""Advance a simulated drive by one time step, in CasADi.
+"""Advance a simulated drive by one time step, with numbers, arrays or CasADi expressions.
 
 A drive slides, or comes to a stop within the step, or rests (stiction). These are the three modes
 of Coulomb friction.
 """
 
-import casadi as ca
-
+from ssm_planner.codegen import namespace_of
 from ssm_planner.dynamics import (
     breakaway_torque,
     friction_coefficient,
@@ -15,32 +14,32 @@ from ssm_planner.dynamics import (
     static_coefficient,
 )
 from ssm_planner.problem import Drive
-from ssm_planner.typing import frozen
+from ssm_planner.typing import Expression, frozen
 
 
 @frozen
 class DriveStep:
-    """State of a drive after one step, as CasADi expressions."""
+    """State of a drive after one step, in the kind of numbers of the arguments."""
 
-    w: ca.SX
+    w: Expression
     """Motor speed, rad/s."""
-    mean: ca.SX
+    mean: Expression
     """Mean motor speed in the step, rad/s."""
-    rest_time: ca.SX
+    rest_time: Expression
     """Time since the drive stopped, s. 0 while it moves."""
-    loss: ca.SX
+    loss: Expression
     """Energy that friction dissipates in the step, J."""
 
 
 def drive_step(
     drive: Drive,
-    w: ca.SX,
-    rest_time: ca.SX,
-    tau: ca.SX,
-    load: ca.SX,
+    w: Expression,
+    rest_time: Expression,
+    tau: Expression,
+    load: Expression,
     *,
-    h: float,
-    middle: ca.SX | None = None,
+    h: Expression,
+    middle: Expression | None = None,
 ) -> DriveStep:
     """Advance a drive by one time step with constant motor torque and constant load.
 
@@ -52,17 +51,17 @@ def drive_step(
     ----------
     drive : Drive
         Drive with its friction.
-    w : expression
+    w : float, array or expression
         Motor speed, rad/s. Exactly 0 means that the drive rests.
-    rest_time : expression
+    rest_time : float, array or expression
         Time since the drive stopped, s.
-    tau : expression
+    tau : float, array or expression
         Motor torque, N·m.
-    load : expression
+    load : float, array or expression
         Effort on the output of the drive, N·m or N.
-    h : float
+    h : float or expression
         Duration of the step, s.
-    middle : expression, optional
+    middle : float, array or expression, optional
         Motor speed at which friction is evaluated, rad/s. The default is `w`. With the speed in the
         middle of the step, the method is of second order.
 
@@ -70,23 +69,33 @@ def drive_step(
     -------
     DriveStep
         State after the step.
+
+    Examples
+    --------
+    >>> from ssm_planner import laws, load_drive
+    >>> drive = load_drive("vitreoretinal_joint1_worm")
+    >>> step = laws.drive_step(drive, w=60.0, rest_time=0.0, tau=0.0, load=0.2, h=1e-3)
+    >>> 0 < step.w < 60.0
+    True
     """
+    xp = namespace_of(w, rest_time, tau, load)
     friction = friction_of(drive)
     speed = w if middle is None else middle
     mu = friction_coefficient(friction, speed)
-    mu_slow = ca.fmin(friction_coefficient(friction, 0.0), friction.mu_static)
+    mu_slow = xp.minimum(friction_coefficient(friction, 0.0), friction.mu_static)
     mu_rest = static_coefficient(friction, rest_time, mu_slow)
     # A resting drive starts if the motor torque exceeds the breakaway torque of a direction.
     forward_torque = breakaway_torque(drive, load, 1.0, mu_rest)
     backward_torque = breakaway_torque(drive, load, -1.0, mu_rest)
-    starts = ca.if_else(tau > forward_torque, 1, ca.if_else(tau < backward_torque, -1, 0))
-    sign = ca.if_else(w == 0, starts, ca.sign(w))
+    starts = xp.where(tau > forward_torque, 1, xp.where(tau < backward_torque, -1, 0))
+    sign = xp.where(w == 0, starts, xp.sign(w))
     wd, effort = motor_acceleration(drive, tau, w=speed, load=load, direction=sign, mu=mu)
     free_speed = w + h * wd
-    stops = sign * free_speed <= 0
-    end_speed = ca.if_else(ca.logic_or(sign == 0, stops), 0, free_speed)
+    stops = sign * free_speed <= 0  # also true at rest
+    end_speed = xp.where(stops, 0, free_speed)
     # A drive that stops reaches speed zero before the step ends.
-    moving_share = ca.if_else(stops, ca.fmin(ca.fmax(-w / ca.if_else(wd == 0, 1, h * wd), 0), 1), 1)
+    stop_share = -w / xp.where(wd == 0, 1, h * wd)
+    moving_share = xp.where(stops, xp.minimum(xp.maximum(stop_share, 0), 1), 1)
     mean = 0.5 * (w + end_speed) * moving_share
     qd = mean / drive.ratio
     qdd = wd / drive.ratio
@@ -95,12 +104,12 @@ def drive_step(
     transmitted = load + (drive.output_inertia + drive.second_nut_mass) * qdd
     loss_sliding = h * ((torque - drive.input_inertia * wd) * mean - transmitted * qd)
     loss_stopping = h * (tau * mean - load * qd) + 0.5 * moving_inertia(drive) * w**2
-    loss = ca.if_else(sign == 0, 0, ca.if_else(stops, loss_stopping, loss_sliding))
-    return DriveStep(end_speed, mean, ca.if_else(end_speed == 0, rest_time + h, 0), loss)
+    loss = xp.where(sign == 0, 0, xp.where(stops, loss_stopping, loss_sliding))
+    return DriveStep(end_speed, mean, xp.where(end_speed == 0, rest_time + h, 0), loss)
 
 
 def stalled(
-    drive: Drive, step: DriveStep, blocked: ca.SX, *, w: ca.SX, load: ca.SX, tau: ca.SX, h: float
+    drive: Drive, step: DriveStep, blocked: Expression, *, w: Expression, load: Expression, tau: Expression, h: float
 ) -> DriveStep:
     """Replace the step of a drive whose motor is blocked.
 
@@ -118,13 +127,14 @@ def stalled(
         Motor speed before the step in rad/s, effort on the output in N·m or N, motor torque in N·m,
         and duration of the step in s.
     """
+    xp = namespace_of(blocked, w, tau, load)
     mean = 0.5 * w
     loss = h * (tau * mean - load * mean / drive.ratio) + 0.5 * moving_inertia(drive) * w**2
     return DriveStep(
-        w=ca.if_else(blocked, 0, step.w),
-        mean=ca.if_else(blocked, mean, step.mean),
-        rest_time=ca.if_else(blocked, step.rest_time + h, step.rest_time),
-        loss=ca.if_else(blocked, loss, step.loss),
+        w=xp.where(blocked, 0, step.w),
+        mean=xp.where(blocked, mean, step.mean),
+        rest_time=xp.where(blocked, step.rest_time + h, step.rest_time),
+        loss=xp.where(blocked, loss, step.loss),
     )
 
 

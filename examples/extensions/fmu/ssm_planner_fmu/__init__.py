@@ -41,9 +41,7 @@ VARIABLES = {
 }
 """Causality, description and dependencies of the variables (4,), in the order of ssm_fmu.c."""
 
-FMU = Format(
-    "fmu", "ssm_planner_fmu:write", "plan and law of the motor torques as an FMI 3.0 unit"
-)
+FMU = Format("fmu", "ssm_planner_fmu:write", "plan and law of the motor torques as an FMI 3.0 unit")
 
 
 def write(plan: Plan, certificate: Any, folder: Path, suffix: str) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from ssm_planner.formats.urdf import urdf
 NANO = 1_000_000_000
 """Nanoseconds per second."""
 NUMBER = {"type": "number"}
+INTEGER = {"type": "integer"}
 
 MCAP = Format(
     "mcap",
@@ -96,7 +97,7 @@ def plan_schema(names: list[str]) -> dict[str, Any]:
 
 
 _TRANSFORM = {
-    "timestamp": _object(dict.fromkeys(("sec", "nsec"), {"type": "integer"})),
+    "timestamp": _object({"sec": INTEGER, "nsec": INTEGER}),
     "parent_frame_id": {"type": "string"},
     "child_frame_id": {"type": "string"},
     "translation": _object(dict.fromkeys("xyz", NUMBER)),

@@ -7,6 +7,7 @@ passive force moves the shafts by the exact law, which the folder contains as ge
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,17 +17,19 @@ from xml.etree import ElementTree
 import casadi as ca
 import numpy as np
 
-from ssm_planner import Controller, Format, Plan, Robot
+from ssm_planner import Controller, ExportError, Format, Plan, Robot
 from ssm_planner.codegen import SIGN, Argument, dense, literal, write_function
 from ssm_planner.dynamics import inertia_about_com
 from ssm_planner.formats.c import export_c
 from ssm_planner.formats.ros2 import link_poses, quaternion
 from ssm_planner.formats.urdf import SIZES, SMALLEST_INERTIA, SMALLEST_MASS, TOOL
-from ssm_planner.simulation.drive import drive_step
+from ssm_planner.laws import drive_step
 from ssm_planner.simulation.playback import compliance_of
 
 TIMESTEP = 4e-4
-"""Time step of the model, s."""
+"""Default time step of the model, s."""
+LONGEST_STEP = 1e-3
+"""Largest time step, s. The springs between motors and joints vibrate at up to 100 Hz."""
 SPEED_SOURCE = 1e3
 """Inertia (kg·m² or kg) that makes a joint without a drive follow the commanded speed."""
 FILES = ("ssm_passive.c", "ssm_mujoco.py")
@@ -45,16 +48,35 @@ def write(
 ) -> dict[str, Any]:
     """Write the MJCF file, the C export, the law of the drives and the Python module.
 
-    The parameters are those of every writer of a format, see `ssm_planner.Format`.
+    The parameters are those of every writer of a format, see `ssm_planner.Format`. `timestep` is the
+    time step of the model, s.
+
+    Raises
+    ------
+    ExportError
+        If the time step is out of range.
     """
     robot = plan.robot
+    step = _time_step(timestep)
     details = export_c(plan, certificate, folder, suffix)
-    (folder / f"robot{suffix}.xml").write_text(mjcf(robot, float(timestep)), encoding="utf-8")
+    (folder / f"robot{suffix}.xml").write_text(mjcf(robot, step), encoding="utf-8")
     (folder / "ssm_drives.h").write_text(drives_header(robot), encoding="utf-8")
     for name in FILES:
         shutil.copyfile(Path(__file__).parent / name, folder / name)
     assumed = "springs, dampers and backlash between motors and joints are assumed, not measured"
     return {**details, "notes": [*details["notes"], assumed]}
+
+
+def _time_step(text: str | float) -> float:
+    """Return a time step in s. Raises ExportError if it is not a number or out of range."""
+    try:
+        step = float(text)
+    except ValueError:
+        step = math.nan
+    if not 0 < step <= LONGEST_STEP:
+        allowed = f"above 0, up to {LONGEST_STEP:g} s"
+        raise ExportError(f"timestep = {text} is not allowed (allowed: {allowed})")
+    return step
 
 
 def shafts(robot: Robot) -> list[str]:
@@ -68,7 +90,7 @@ def shafts(robot: Robot) -> list[str]:
 def drives_header(robot: Robot) -> str:
     """Return the C header with the constants and the law of the drives.
 
-    The law is `ssm_planner.simulation.drive.drive_step`. It computes the speeds of the motors after
+    The law is `ssm_planner.laws.drive_step`. It computes the speeds of the motors after
     a step from their speeds, times at rest and torques, and the efforts of the springs.
     """
     speed, rest, torque, load = (ca.SX.sym(name, 4) for name in ("speed", "rest", "torque", "load"))

@@ -7,7 +7,6 @@ files of this folder, which a C compiler translates when this module is loaded.
 from __future__ import annotations
 
 import ctypes
-import math
 import subprocess
 import tempfile
 import time

@@ -87,7 +87,9 @@ def write(
     description.write_text(with_motors(text, plan, hardware, effort), encoding="utf-8")
     if effort:
         text = controllers.read_text(encoding="utf-8")
-        text = text.replace("command_interfaces: [position]", "command_interfaces: [position, effort]")
+        text = text.replace(
+            "command_interfaces: [position]", "command_interfaces: [position, effort]"
+        )
         controllers.write_text(text, encoding="utf-8")
     values = {
         "package": package,
@@ -127,7 +129,9 @@ def with_motors(urdf: str, plan: Plan, hardware: str, effort: bool) -> str:
         system.findall("joint"), plan.robot.joints, start, strict=True
     ):
         for state in element.iterfind("state_interface[@name='position']"):
-            ElementTree.SubElement(state, "param", name="initial_value").text = repr(float(position))
+            ElementTree.SubElement(state, "param", name="initial_value").text = repr(
+                float(position)
+            )
         if effort:
             ElementTree.SubElement(element, "command_interface", name="effort")
         if joint.drive is None:

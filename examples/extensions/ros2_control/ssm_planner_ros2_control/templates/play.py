@@ -21,8 +21,8 @@ TIMEOUT = 5.0
 
 def deviations(trajectory, states):
     """Return the deviation of every joint from the first point of a trajectory."""
-    measured = dict(zip(states.name, states.position))
-    first = dict(zip(trajectory.joint_names, trajectory.points[0].positions))
+    measured = dict(zip(states.name, states.position, strict=True))
+    first = dict(zip(trajectory.joint_names, trajectory.points[0].positions, strict=True))
     return {name: abs(measured.get(name, float("inf")) - q) for name, q in first.items()}
 
 
@@ -35,7 +35,10 @@ def main():
     node = rclpy.create_node("play_plan")
     received = rclpy.task.Future()
     node.create_subscription(
-        JointState, "/joint_states", lambda message: received.done() or received.set_result(message), 1
+        JointState,
+        "/joint_states",
+        lambda message: received.done() or received.set_result(message),
+        1,
     )
     rclpy.spin_until_future_complete(node, received, timeout_sec=TIMEOUT)
     if not received.done():
@@ -53,7 +56,9 @@ def main():
     done = sent.result().get_result_async()
     rclpy.spin_until_future_complete(node, done)
     result = done.result().result
-    return 0 if result.error_code == FollowJointTrajectory.Result.SUCCESSFUL else result.error_string
+    return (
+        0 if result.error_code == FollowJointTrajectory.Result.SUCCESSFUL else result.error_string
+    )
 
 
 if __name__ == "__main__":

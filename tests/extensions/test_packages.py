@@ -1,0 +1,67 @@
+"""The example packages add their formats to the command line, and are documented."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.extensions.packages import PACKAGES, Package, install
+from tests.support.cli import environment, python
+from tests.support.paths import RESULTS, ROOT
+
+RUN = """
+import json, sys
+from ssm_planner.cli import main
+for words in json.load(sys.stdin):
+    assert main(words) == 0, words
+"""
+LONGEST = 250
+"""Largest number of lines of code in a package."""
+HEAVY = {"rerun"}
+"""Packages that cannot export without a large dependency, which may be missing."""
+
+
+@pytest.mark.slow
+def test_installed_packages_add_their_formats(tmp_path: Path) -> None:
+    """The command line offers and writes them, and `check` reads the trajectory for ROS 2."""
+    forms = {name: package.form for name, package in PACKAGES.items() if name not in HEAVY}
+    commands = [
+        ["export", str(RESULTS / "tilt_insert"), "--to", form, "-o", str(tmp_path / form)]
+        for form in forms.values()
+    ]
+    check = ["check", str(tmp_path / "ros2_control"), "--robot", "vitreoretinal"]
+    words = json.dumps([*commands, check])
+    path = environment(PYTHONPATH=install(tmp_path / "site"))
+    done = python("-c", RUN, cwd=tmp_path, env=path, input=words)
+    assert done.returncode == 0, done.stderr
+    for form in forms.values():
+        manifest = json.loads((tmp_path / form / "manifest.json").read_text(encoding="utf-8"))
+        assert manifest["kind"] == form
+        assert manifest["verified"]
+    offered = python("-m", "ssm_planner", "export", "--help", env=path).stdout
+    assert {package.form for package in PACKAGES.values()} <= set(re.findall(r"\w+", offered))
+
+
+@pytest.mark.parametrize("package", PACKAGES.values(), ids=list(PACKAGES))
+def test_a_package_is_short_and_documented(package: Package) -> None:
+    guide = (ROOT / "docs/export.md").read_text(encoding="utf-8")
+    listed = (ROOT / "examples/README.md").read_text(encoding="utf-8")
+    readme = (package.folder / "README.md").read_text(encoding="utf-8")
+    assert f"`{package.form}`" in guide
+    assert f"extensions/{package.folder.name}" in guide
+    assert f"`extensions/{package.folder.name}`" in listed
+    assert f"--to {package.form}" in readme
+    assert "pip install" in readme
+    sources = [*package.folder.rglob("*.py"), *package.folder.rglob("*.c")]
+    assert sum(code_lines(path) for path in sources) <= LONGEST
+
+
+def code_lines(path: Path) -> int:
+    """Return the number of lines of a source file without comments, docstrings and empty lines."""
+    text = path.read_text(encoding="utf-8")
+    comments = r"/\*.*?\*/" if path.suffix == ".c" else r'""".*?"""|^\s*#.*?$'
+    text = re.sub(comments, "", text, flags=re.S | re.M)
+    return sum(bool(line.strip()) for line in text.splitlines())
