@@ -1,7 +1,7 @@
 """Laws of the drives, for other simulators and controllers.
 
-All functions accept numbers, NumPy arrays and CasADi expressions in SI units, and a `Drive` with its
-friction, such as `load_drive("vitreoretinal_joint1_worm")`. docs/simulation.md shows their use.
+All functions accept numbers, NumPy arrays and CasADi expressions in SI units, and a `Drive` with
+its friction, such as `load_drive("vitreoretinal_joint1_worm")`. docs/simulation.md shows their use.
 
 =====================  ===============================================================
 `drive_torque`         motor torque and mesh effort of a motion (feed-forward)

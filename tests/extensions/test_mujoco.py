@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -19,6 +21,7 @@ from ssm_planner.errors import ExportError
 from ssm_planner.plans import Plan
 from ssm_planner.simulation.simulate import simulate
 from tests.support.cli import python
+from tests.support.paths import ROOT
 
 mujoco = pytest.importorskip("mujoco", reason="package mujoco, extra test")
 pytestmark = pytest.mark.skipif(
@@ -204,6 +207,25 @@ def test_the_model_has_the_bodies_of_the_robot(folder: Path, shipped: Plan) -> N
     assert [motor.get("name") for motor in root.iter("motor")] == names
 
 
+def test_the_files_of_an_unverified_plan_compile(
+    module: Any, shipped: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sys.modules["ssm_planner_mujoco"].write(shipped, None, tmp_path, "_unverified")
+    monkeypatch.setattr(module, "FOLDER", tmp_path)
+    assert module.compile_library().is_file()
+
+
+def test_a_drive_without_inertia_can_be_simulated(folder: Path, shipped: Plan) -> None:
+    """MuJoCo requires an inertia. The law moves the shaft, so any inertia serves."""
+    assert folder.is_dir()
+    joint = shipped.robot.joints[0]
+    light = replace(joint, drive=replace(joint.drive, input_inertia=0.0))
+    robot = replace(shipped.robot, joints=(light, *shipped.robot.joints[1:]))
+    package = sys.modules["ssm_planner_mujoco"]
+    model = mujoco.MjModel.from_xml_string(package.mjcf(robot, 4e-4))
+    assert model.body("roll_motor").inertia.tolist() == [package.LIGHTEST_SHAFT] * 3
+
+
 @pytest.mark.parametrize("step", ["fast", "0", "-1e-4", "1", "nan"])
 def test_an_impossible_time_step_is_refused(
     step: str, exported: Callable[[str], Path], shipped: Plan, tmp_path: Path
@@ -212,3 +234,17 @@ def test_an_impossible_time_step_is_refused(
     with pytest.raises(ExportError, match="timestep"):
         sys.modules["ssm_planner_mujoco"].write(shipped, None, tmp_path, "", step)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_c_example_of_the_guide_runs(folder: Path, tmp_path: Path) -> None:
+    """It needs two files of the export, and its drives come to rest."""
+    guide = (ROOT / "docs/simulation.md").read_text(encoding="utf-8")
+    (source,) = re.findall(r"```c\n(.*?)```", guide, re.S)
+    (tmp_path / "main.c").write_text(source, encoding="utf-8")
+    for name in ("ssm_drives.h", "ssm_robot.h"):
+        shutil.copy(folder / name, tmp_path)
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-Wno-unused"]
+    command = ["cc", *strict, "main.c", "-o", "main", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True)
+    assert done.stdout == "0 0 0\n"

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from ssm_planner.plans import Plan
 from tests.extensions.packages import PACKAGES, Package, install
 from tests.support.cli import environment, python
 from tests.support.paths import RESULTS, ROOT
@@ -19,7 +22,7 @@ for words in json.load(sys.stdin):
     assert main(words) == 0, words
 """
 LONGEST = 250
-"""Largest number of lines of code in a package."""
+"""Largest number of lines of code of a package in one language."""
 HEAVY = {"rerun"}
 """Packages that cannot export without a large dependency, which may be missing."""
 
@@ -55,8 +58,8 @@ def test_a_package_is_short_and_documented(package: Package) -> None:
     assert f"`extensions/{package.folder.name}`" in listed
     assert f"--to {package.form}" in readme
     assert "pip install" in readme
-    sources = [*package.folder.rglob("*.py"), *package.folder.rglob("*.c")]
-    assert sum(code_lines(path) for path in sources) <= LONGEST
+    for ending in ("py", "c"):
+        assert sum(map(code_lines, package.folder.rglob(f"*.{ending}"))) <= LONGEST
 
 
 def code_lines(path: Path) -> int:
@@ -65,3 +68,22 @@ def code_lines(path: Path) -> int:
     comments = r"/\*.*?\*/" if path.suffix == ".c" else r'""".*?"""|^\s*#.*?$'
     text = re.sub(comments, "", text, flags=re.S | re.M)
     return sum(bool(line.strip()) for line in text.splitlines())
+
+
+PROGRAMS = {"ssm_passive.c", "ssm_mujoco.py", "CMakeLists.txt"}
+"""Files that contain nothing of the plan."""
+
+
+@pytest.mark.parametrize("name", sorted(set(PACKAGES) - HEAVY))
+def test_an_unverified_plan_is_marked_in_every_file(
+    name: str, exported: Callable[[str], Path], shipped: Plan, tmp_path: Path
+) -> None:
+    """The mark is in the name of a file or in its text."""
+    exported(name)
+    module = PACKAGES[name].entry.partition(":")[0]
+    sys.modules[module].write(shipped, None, tmp_path, "_unverified")
+    files = [path for path in tmp_path.rglob("*") if path.is_file() and path.name not in PROGRAMS]
+    assert files
+    for path in files:
+        named = path.stem.endswith("_unverified")
+        assert named or "UNVERIFIED" in path.read_text(encoding="utf-8"), path

@@ -155,18 +155,6 @@ def test_names_that_ros_refuses_are_refused(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unverified_plan_is_marked_everywhere(
-    package: Path, shipped: Plan, tmp_path: Path
-) -> None:
-    assert package.is_dir()
-    sys.modules["ssm_planner_ros2_control"].write(shipped, None, tmp_path, "_unverified")
-    texts = [
-        path for path in tmp_path.rglob("*") if path.is_file() and path.name != "CMakeLists.txt"
-    ]
-    assert len(texts) == 7
-    assert all("UNVERIFIED" in path.read_text(encoding="utf-8") for path in texts)
-
-
 ROS = (
     *("rclpy", "rclpy.action", "ament_index_python", "ament_index_python.packages"),
     *("control_msgs", "control_msgs.action", "rosidl_runtime_py", "rosidl_runtime_py.set_message"),

@@ -59,7 +59,7 @@ def write(plan: Plan, certificate: Any, folder: Path, suffix: str) -> dict[str, 
         (sources / "ssm_unit.h").write_text(header, encoding="utf-8")
         shutil.copyfile(Path(__file__).parent / "ssm_fmu.c", sources / "ssm_fmu.c")
         names = ["ssm_fmu.c", f"{ROBOT}{suffix}.c", f"{TRAJECTORY}{suffix}.c"]
-        _write_xml(model_description(plan), unit / "modelDescription.xml")
+        _write_xml(model_description(plan, suffix), unit / "modelDescription.xml")
         _write_xml(build_description(names), sources / "buildDescription.xml")
         notes = [*details["notes"], *compile_unit(unit, names)]
         with zipfile.ZipFile(folder / f"{IDENTIFIER}{suffix}.fmu", "w") as archive:
@@ -91,15 +91,16 @@ def compile_unit(unit: Path, names: list[str]) -> Iterator[str]:
     yield f"the unit contains a binary for {machine}-{system}, and the sources for other computers"
 
 
-def model_description(plan: Plan) -> ElementTree.Element:
-    """Return modelDescription.xml."""
+def model_description(plan: Plan, suffix: str = "") -> ElementTree.Element:
+    """Return modelDescription.xml. A suffix marks the unit of an unverified plan."""
+    mark = "UNVERIFIED: the plan has no passed certificate. " if suffix else ""
     duration = repr(float(plan.motion.duration))
     root = ElementTree.Element(
         "fmiModelDescription",
         fmiVersion="3.0",
         modelName=one_line(plan.robot.name),
         instantiationToken=plan.sha256,
-        description="Plan and exact inverse dynamics with the friction of the drives",
+        description=f"{mark}Plan and exact inverse dynamics with the friction of the drives",
         generationTool="ssm-planner",
         variableNamingConvention="structured",
     )

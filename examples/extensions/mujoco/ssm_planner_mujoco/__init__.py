@@ -17,10 +17,10 @@ from xml.etree import ElementTree
 import casadi as ca
 import numpy as np
 
-from ssm_planner import Controller, ExportError, Format, Plan, Robot
+from ssm_planner import Controller, ExportError, Format, Joint, Plan, Robot
 from ssm_planner.codegen import SIGN, Argument, dense, literal, write_function
 from ssm_planner.dynamics import inertia_about_com
-from ssm_planner.formats.c import export_c
+from ssm_planner.formats.c import ROBOT, export_c
 from ssm_planner.formats.ros2 import link_poses, quaternion
 from ssm_planner.formats.urdf import SIZES, SMALLEST_INERTIA, SMALLEST_MASS, TOOL
 from ssm_planner.laws import drive_step
@@ -32,6 +32,11 @@ LONGEST_STEP = 1e-3
 """Largest time step, s. The springs between motors and joints vibrate at up to 100 Hz."""
 SPEED_SOURCE = 1e3
 """Inertia (kg·m² or kg) that makes a joint without a drive follow the commanded speed."""
+LIGHTEST_SHAFT = 1e-9
+"""Smallest inertia of a motor shaft in the model, kg·m². MuJoCo requires one.
+
+The law determines the speed of the shaft, so the inertia in the model does not matter.
+"""
 FILES = ("ssm_passive.c", "ssm_mujoco.py")
 """Files of this package that the export copies."""
 
@@ -59,8 +64,8 @@ def write(
     robot = plan.robot
     step = _time_step(timestep)
     details = export_c(plan, certificate, folder, suffix)
-    (folder / f"robot{suffix}.xml").write_text(mjcf(robot, step), encoding="utf-8")
-    (folder / "ssm_drives.h").write_text(drives_header(robot), encoding="utf-8")
+    (folder / f"robot{suffix}.xml").write_text(mjcf(robot, step, suffix), encoding="utf-8")
+    (folder / "ssm_drives.h").write_text(drives_header(robot, suffix), encoding="utf-8")
     for name in FILES:
         shutil.copyfile(Path(__file__).parent / name, folder / name)
     assumed = "springs, dampers and backlash between motors and joints are assumed, not measured"
@@ -87,8 +92,15 @@ def shafts(robot: Robot) -> list[str]:
     return [j.name if j.drive is None else f"{j.name}_motor" for j in robot.joints]
 
 
-def drives_header(robot: Robot) -> str:
+def _inertia(joint: Joint) -> float:
+    """Return the inertia of the shaft of a joint in the model, or of the joint without a drive."""
+    return SPEED_SOURCE if joint.drive is None else max(joint.drive.input_inertia, LIGHTEST_SHAFT)
+
+
+def drives_header(robot: Robot, suffix: str = "") -> str:
     """Return the C header with the constants and the law of the drives.
+
+    A suffix marks the files of an unverified plan.
 
     The law is `ssm_planner.laws.drive_step`. It computes the speeds of the motors after
     a step from their speeds, times at rest and torques, and the efforts of the springs.
@@ -113,15 +125,15 @@ def drives_header(robot: Robot) -> str:
     drives = [joint.drive for joint in robot.joints]
     rows = {
         "RATIO": [0.0 if drive is None else drive.ratio for drive in drives],
-        "INERTIA": [SPEED_SOURCE if drive is None else drive.input_inertia for drive in drives],
+        "INERTIA": [_inertia(joint) for joint in robot.joints],
         "STIFFNESS": compliance.stiffness,
         "DAMPING": compliance.damping,
         "FREE_PLAY": compliance.backlash / 2,
     }
     table = ",\n".join(f"    {{{', '.join(map(literal, values))}}}" for values in rows.values())
     return f"""\
-/* Law of the drives: SI units, joints as in ssm_robot.h. A ratio of 0 means no drive. */
-#include "ssm_robot.h"
+/* Law of the drives: SI units, joints as in ssm_robot.h. A ratio of 0 means no drive. {_mark(suffix)}*/
+#include "{ROBOT}{suffix}.h"
 #include <math.h>
 static const char *const ssm_joint_name[4] = {_strings([joint.name for joint in robot.joints])};
 static const char *const ssm_shaft_name[4] = {_strings(shafts(robot))};
@@ -135,14 +147,22 @@ const ssm_real ssm_drive_constants[{len(rows)}][4] = {{
 {body}"""
 
 
+def _mark(suffix: str) -> str:
+    """Return the warning in the comments of an unverified plan, which the suffix indicates."""
+    return "UNVERIFIED: the plan has no passed certificate. " if suffix else ""
+
+
 def _strings(values: Sequence[str]) -> str:
     """Return the value of a C array of strings."""
     return "{" + ", ".join(f'"{value}"' for value in values) + "}"
 
 
-def mjcf(robot: Robot, timestep: float) -> str:
-    """Return the MJCF text: the bodies of the robot, a shaft for every drive, and the motors."""
-    root = ElementTree.Element("mujoco", model="robot")
+def mjcf(robot: Robot, timestep: float, suffix: str = "") -> str:
+    """Return the MJCF text: the bodies of the robot, a shaft for every drive, and the motors.
+
+    A suffix marks the files of an unverified plan.
+    """
+    root = ElementTree.Element("mujoco", model=f"robot{suffix}")
     ElementTree.SubElement(root, "compiler", angle="radian", inertiafromgeom="false")
     options = {"timestep": repr(timestep), "integrator": "Euler", "gravity": _text(robot.gravity)}
     ElementTree.SubElement(root, "option", options)
@@ -162,7 +182,7 @@ def mjcf(robot: Robot, timestep: float) -> str:
             "axis": _text(body.frame.T @ robot.geometry.axes[k]),
             "range": _text(joint.position),
             "limited": "false",
-            "armature": repr(SPEED_SOURCE if joint.drive is None else 0.0),
+            "armature": repr(_inertia(joint) if joint.drive is None else 0.0),
         }
         ElementTree.SubElement(parent, "joint", moved)
         if body.mass > 0:
@@ -177,7 +197,7 @@ def mjcf(robot: Robot, timestep: float) -> str:
         if joint.drive is not None:
             shaft = ElementTree.SubElement(world, "body", name=shafts(robot)[k])
             ElementTree.SubElement(shaft, "joint", name=shafts(robot)[k], type="hinge")
-            _inertial(shaft, SMALLEST_MASS, np.zeros(3), joint.drive.input_inertia * np.eye(3))
+            _inertial(shaft, SMALLEST_MASS, np.zeros(3), _inertia(joint) * np.eye(3))
             if joint.motor is not None:
                 limit = joint.motor.max_torque
                 motor |= {"ctrllimited": "true", "ctrlrange": _text([-limit, limit])}

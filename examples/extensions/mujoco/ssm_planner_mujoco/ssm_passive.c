@@ -12,7 +12,9 @@
  */
 #include <mujoco/mujoco.h>
 #include "ssm_drives.h"
-#include "ssm_trajectory.h"
+
+/* From ssm_trajectory.c, whose name tells whether the plan is verified. */
+void ssm_sample(ssm_real t, ssm_real q[4], ssm_real qd[4], ssm_real qdd[4], ssm_real tau_motor[4]);
 
 /* Slower motors are at rest, rad/s. Rounding errors of the integrator are smaller. */
 static const double still = 1e-9;
