@@ -109,7 +109,14 @@ def drive_step(
 
 
 def stalled(
-    drive: Drive, step: DriveStep, blocked: Expression, *, w: Expression, load: Expression, tau: Expression, h: float
+    drive: Drive,
+    step: DriveStep,
+    blocked: Expression,
+    *,
+    w: Expression,
+    load: Expression,
+    tau: Expression,
+    h: float,
 ) -> DriveStep:
     """Replace the step of a drive whose motor is blocked.
 

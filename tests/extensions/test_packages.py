@@ -58,6 +58,13 @@ def test_a_package_is_short_and_documented(package: Package) -> None:
     assert f"`extensions/{package.folder.name}`" in listed
     assert f"--to {package.form}" in readme
     assert "pip install" in readme
+    lines = [
+        line
+        for ending in ("py", "c")
+        for path in package.folder.rglob(f"*.{ending}")
+        for line in path.read_text(encoding="utf-8").splitlines()
+    ]
+    assert max(map(len, lines)) <= 100
     for ending in ("py", "c"):
         assert sum(map(code_lines, package.folder.rglob(f"*.{ending}"))) <= LONGEST
 

@@ -409,7 +409,7 @@ def _period(
         step = drive_step(drive, w, rest, tau, ca.SX(load), h=h)
         mean = 0.5 * (w + step.w)
         angle, work, loss = angle + h * mean, work + h * tau * mean, loss + step.loss
-        w, rest = step.w, step.rest
+        w, rest = step.w, step.rest_time
     return ca.Function(
         "period",
         [x, wanted],

@@ -1,9 +1,9 @@
 /*
  * FMI 3.0 interface of the C export, for co-simulation.
  *
- * The unit has no states. `plan.*` are functions of time, and the other outputs are functions of the
- * inputs. Value references: 0 time, 1 to 4 the inputs q, qd, qdd and qddd, 5 to 8 the plan, 9 the
- * rigid-body effort, 10 the motor torque. All variables but the time have four values.
+ * The unit has no states. `plan.*` are functions of time, and the other outputs are functions of
+ * the inputs. Value references: 0 time, 1 to 4 the inputs q, qd, qdd and qddd, 5 to 8 the plan,
+ * 9 the rigid-body effort, 10 the motor torque. All variables but the time have four values.
  */
 #include <stdbool.h>
 #include <stdint.h>
@@ -63,11 +63,13 @@ EXPORT fmi3Status fmi3DoStep(void *instance, double time, double step, bool keep
     return fmi3OK;
 }
 
-/* Computes the four values of a variable. Returns 0 for an unknown reference. */
-static int evaluate(const unit *u, reference variable, double value[4])
+/* Computes the values of a variable. Returns 0 for an unknown reference. */
+static int evaluate(const unit *u, reference variable, double *value)
 {
     double plan[4][4];
-    if (variable >= Q && variable < PLAN) {
+    if (variable == TIME) {
+        *value = u->time;
+    } else if (variable < PLAN) {
         memcpy(value, u->input[variable - Q], sizeof u->input[0]);
     } else if (variable < EFFORT) {
         ssm_sample(u->time, plan[0], plan[1], plan[2], plan[3]);
@@ -85,13 +87,11 @@ EXPORT fmi3Status fmi3GetFloat64(
 {
     double *const end = values + length;
     for (size_t k = 0; k < count; ++k) {
-        if (variables[k] == TIME && values < end) {
-            *values++ = ((unit *)instance)->time;
-        } else if (variables[k] != TIME && end - values >= 4 && evaluate(instance, variables[k], values)) {
-            values += 4;
-        } else {
+        const int size = variables[k] == TIME ? 1 : 4;
+        if (end - values < size || !evaluate(instance, variables[k], values)) {
             return fmi3Error;
         }
+        values += size;
     }
     return fmi3OK;
 }
@@ -112,14 +112,15 @@ EXPORT fmi3Status fmi3SetFloat64(
 SUCCEEDS(fmi3ExitInitializationMode)
 SUCCEEDS(fmi3Terminate)
 
-EXPORT fmi3Status fmi3SetDebugLogging(void *instance, bool on, size_t count, const char *const names[])
+EXPORT fmi3Status fmi3SetDebugLogging(
+    void *instance, bool on, size_t count, const char *const names[])
 {
     (void)instance, (void)on, (void)count, (void)names;
     return fmi3OK;
 }
 
-/* FMI requires that all its functions exist. The unit supports none of the following, so they ignore
-   their arguments. */
+/* FMI requires that all its functions exist. The unit supports none of the following, so they
+   ignore their arguments. */
 #define FAILS(name) EXPORT fmi3Status name(void) { return fmi3Error; }
 #define NONE(name) EXPORT void *name(void) { return NULL; }
 NONE(fmi3InstantiateModelExchange) NONE(fmi3InstantiateScheduledExecution)

@@ -53,8 +53,8 @@ def write(
 ) -> dict[str, Any]:
     """Write the MJCF file, the C export, the law of the drives and the Python module.
 
-    The parameters are those of every writer of a format, see `ssm_planner.Format`. `timestep` is the
-    time step of the model, s.
+    The parameters are those of every writer of a format, see `ssm_planner.Format`. `timestep` is
+    the time step of the model, s.
 
     Raises
     ------
@@ -132,7 +132,8 @@ def drives_header(robot: Robot, suffix: str = "") -> str:
     }
     table = ",\n".join(f"    {{{', '.join(map(literal, values))}}}" for values in rows.values())
     return f"""\
-/* Law of the drives: SI units, joints as in ssm_robot.h. A ratio of 0 means no drive. {_mark(suffix)}*/
+/* {_mark(suffix)}Law of the drives in SI units, joints as in ssm_robot.h.
+   A ratio of 0 means no drive. */
 #include "{ROBOT}{suffix}.h"
 #include <math.h>
 static const char *const ssm_joint_name[4] = {_strings([joint.name for joint in robot.joints])};

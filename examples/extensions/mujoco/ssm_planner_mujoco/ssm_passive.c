@@ -1,9 +1,9 @@
 /*
  * Motors of robot.xml with the exact friction of their drives, and the position loops of the plan.
  *
- * A spring connects every motor shaft to its joint. The law of the drive determines the speed of the
- * shaft after the time step, and the force on the shaft is the one that leads to this speed. A drive
- * that sticks therefore stands exactly still. This requires the integrator Euler.
+ * A spring connects every motor shaft to its joint. The law of the drive determines the speed of
+ * the shaft after the time step, and the force on the shaft is the one that leads to this speed. A
+ * drive that sticks therefore stands exactly still. This requires the integrator Euler.
  *
  * A joint without a drive has the speed that its control states, in rad/s or m/s.
  *
