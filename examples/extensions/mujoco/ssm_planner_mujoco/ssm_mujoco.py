@@ -7,6 +7,7 @@ files of this folder, which a C compiler translates when this module is loaded.
 from __future__ import annotations
 
 import ctypes
+import shutil
 import subprocess
 import tempfile
 import time
@@ -20,14 +21,20 @@ FOLDER = Path(__file__).resolve().parent
 
 
 def compile_library() -> Path:
-    """Compile the C files of this folder, and return the path of the library."""
+    """Compile the C files of this folder, and return the path of the library.
+
+    Raises OSError if there is no C compiler.
+    """
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        raise OSError("no C compiler (cc or gcc): the law of the drives is C code")
     package = Path(mujoco.__file__).parent
     (runtime,) = package.glob("libmujoco*")
     path = Path(tempfile.mkdtemp(prefix="ssm_mujoco_")) / "libssm.so"
     sources = sorted(FOLDER.glob("*.c"))
     flags = ["-O2", "-ffp-contract=off", "-shared", "-fPIC", f"-I{package / 'include'}"]
     link = [str(runtime), f"-Wl,-rpath,{package}", "-lm"]
-    subprocess.run(["cc", *flags, "-o", path, *sources, *link], check=True)
+    subprocess.run([compiler, *flags, "-o", path, *sources, *link], check=True)
     return path
 
 

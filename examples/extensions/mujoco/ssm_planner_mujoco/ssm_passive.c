@@ -48,7 +48,7 @@ static int find(const mjModel *m, place where[4])
     return 1;
 }
 
-void ssm_passive(const mjModel *m, mjData *d)
+static void add_forces(const mjModel *m, mjData *d)
 {
     double speed[4], rest[4], torque[4], load[4] = {0.0}, after[4];
     place where[4];
@@ -82,6 +82,21 @@ void ssm_passive(const mjModel *m, mjData *d)
         const double change = (after[k] - d->qvel[where[k].shaft_v]) / m->opt.timestep;
         d->qfrc_passive[where[k].shaft_v] += ssm_drive_constants[INERTIA][k] * change - torque[k];
     }
+}
+
+static const char plugin_name[] = "ssm.drives";
+
+/* The force as mjcb_passive. A model with the plugin has it already. */
+void ssm_passive(const mjModel *m, mjData *d)
+{
+    int slot = -1;
+    mjp_getPlugin(plugin_name, &slot);
+    for (int k = 0; k < m->nplugin; ++k) {
+        if (m->plugin[k] == slot) {
+            return;
+        }
+    }
+    add_forces(m, d);
 }
 
 /* Follows the plan, as mjcb_control: torque of the exact law, and proportional-derivative loops. */
@@ -125,18 +140,18 @@ static void reset(const mjModel *m, mjtNum *state, void *data, int instance)
 static void compute(const mjModel *m, mjData *d, int instance, int capability)
 {
     (void)instance, (void)capability;
-    ssm_passive(m, d);
+    add_forces(m, d);
 }
 
 mjPLUGIN_LIB_INIT(ssm_drives)
 {
     mjpPlugin plugin;
     int slot;
-    if (mjp_getPlugin("ssm.drives", &slot)) {
+    if (mjp_getPlugin(plugin_name, &slot)) {
         return; /* the process has loaded another copy */
     }
     mjp_defaultPlugin(&plugin);
-    plugin.name = "ssm.drives";
+    plugin.name = plugin_name;
     plugin.capabilityflags = mjPLUGIN_PASSIVE;
     plugin.nstate = none;
     plugin.init = init;
