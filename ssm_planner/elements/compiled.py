@@ -5,6 +5,7 @@ the same model, up to rounding.
 """
 
 import ctypes
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -47,13 +48,23 @@ EYE = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=
 and by the limit of the lens.
 """
 DRIVE = Layout(
-    **dict.fromkeys(
-        ("ratio", "gamma", "lead_slope", "wedging", "input_inertia", "output_inertia", "preload"), 1
-    ),
-    **dict.fromkeys(
-        ("second_nut_mass", "mu", "mu_stribeck", "stribeck_speed", "b_c", "b_v", "b_oc", "b_ov"), 1
-    ),
-    **dict.fromkeys(("limit", "nominal"), 1),
+    ratio=1,
+    gamma=1,
+    lead_slope=1,
+    wedging=1,
+    input_inertia=1,
+    output_inertia=1,
+    preload=1,
+    second_nut_mass=1,
+    mu=1,
+    mu_stribeck=1,
+    stribeck_speed=1,
+    b_c=1,
+    b_v=1,
+    b_oc=1,
+    b_ov=1,
+    limit=1,
+    nominal=1,
 )
 """One motor with its drive. `limit` and `nominal` are torques of the motor, N·m."""
 ACCELERATION = DRIVE.pack(
@@ -76,25 +87,46 @@ PLACES: dict[Location, tuple[float, ...]] = {
 }
 """Fractions of an element at which the rows are evaluated, by the name of the evaluation."""
 
+INTEGERS = (
+    "straight",
+    "count",
+    "m",
+    "rows",
+    "points",
+    "loads",
+    "actuations",
+    "costs",
+    "effort",
+    "hull",
+)
+"""Integer members of the struct `Elements` of elements.c."""
+POINTERS = (
+    "shares",
+    "weights",
+    "moving",
+    "undriven",
+    "slots",
+    "actuation",
+    "drives",
+    "cost",
+    "cost_drives",
+    "cost_weights",
+    "load",
+    "mechanism",
+    "eye",
+    "limits",
+    "sigma",
+    "fits",
+)
+"""Pointers of this struct to arrays, which follow the integers."""
+
 
 class _Context(ctypes.Structure):
     """The struct `Elements` of elements.c."""
 
     _fields_ = [
-        *[
-            (name, ctypes.c_long)
-            for name in ("straight", "count", "m", "rows", "points", "loads", "actuations", "costs")
-        ],
-        *[(name, ctypes.c_long) for name in ("effort", "hull")],
-        *[
-            (name, ctypes.c_void_p)
-            for name in ("shares", "weights", "moving", "undriven", "slots", "actuation")
-        ],
-        *[
-            (name, ctypes.c_void_p)
-            for name in ("drives", "cost", "cost_drives", "cost_weights", "load", "mechanism")
-        ],
-        *[(name, ctypes.c_void_p) for name in ("eye", "limits", "sigma", "fits")],
+        *((name, ctypes.c_long) for name in INTEGERS),
+        *((name, ctypes.c_void_p) for name in POINTERS),
         ("offset", ctypes.c_double),
     ]
 
@@ -130,7 +162,8 @@ class NativeElements:
         self._arrays = {
             name: np.ascontiguousarray(values, dtype=float) for name, values in arrays.items()
         }
-        points, rows = len(PLACES[location]), inputs.rows
+        points = len(PLACES[location])
+        rows = inputs.rows
         self.context = _Context(
             straight=isinstance(element, StraightElement),
             count=count,
@@ -145,7 +178,8 @@ class NativeElements:
             offset=inputs.offset,
             **inputs.addresses | _addresses(self._arrays),
         )
-        size, all_rows = element.size, points * rows
+        size = element.size
+        all_rows = points * rows
         self.shapes: dict[str, tuple[int, ...]] = {
             "rows": (count, all_rows),
             "jacobian": (count, all_rows, size),
@@ -178,15 +212,15 @@ class NativeElements:
         array
             The results, with the shape in `shapes`.
         """
-        values = [
-            np.ascontiguousarray(array, dtype=float)
-            for array in (z, multipliers)
-            if array is not None
-        ]
-        values.append(np.empty(self.shapes[name]))
-        addresses = (ctypes.c_void_p(array.ctypes.data) for array in values)
-        getattr(self._library, f"ssm_{name}_of")(ctypes.byref(self.context), *addresses)
-        return values[-1]
+        result = np.empty(self.shapes[name])
+        arrays = [np.ascontiguousarray(z, dtype=float)]
+        if multipliers is not None:
+            arrays.append(np.ascontiguousarray(multipliers, dtype=float))
+        arrays.append(result)
+        addresses = [ctypes.c_void_p(array.ctypes.data) for array in arrays]
+        function = getattr(self._library, f"ssm_{name}_of")
+        function(ctypes.byref(self.context), *addresses)
+        return result
 
 
 def _parameter_arrays(
@@ -354,14 +388,13 @@ def _in_lanes(fits: Array) -> Array:
     -------
     (groups, size, LANES) array
     """
-    padded = fits[np.minimum(np.arange(-(-len(fits) // LANES) * LANES), len(fits) - 1)]
-    curves = (
-        padded[:, 2:]
-        .reshape(len(padded), DEGREE + 1, -1)
-        .transpose(0, 2, 1)
-        .reshape(len(padded), -1)
-    )
-    return np.hstack([padded[:, :2], curves]).reshape(-1, LANES, fits.shape[1]).transpose(0, 2, 1)
+    group_count = math.ceil(len(fits) / LANES)
+    indices = np.minimum(np.arange(group_count * LANES), len(fits) - 1)
+    padded = fits[indices]
+    by_degree = padded[:, 2:].reshape(len(padded), DEGREE + 1, -1)
+    by_curve = by_degree.transpose(0, 2, 1).reshape(len(padded), -1)
+    elements = np.hstack([padded[:, :2], by_curve])
+    return elements.reshape(group_count, LANES, -1).transpose(0, 2, 1)
 
 
 def compiled() -> ctypes.CDLL | None:
@@ -393,9 +426,9 @@ def native_elements(
         the start with static friction.
     """
     library = compiled()
-    return (
-        None if library is None else NativeElements(library, element, parameters, count, location)
-    )
+    if library is None:
+        return None
+    return NativeElements(library, element, parameters, count, location)
 
 
 class _Evaluated(ca.Callback):
@@ -407,23 +440,22 @@ class _Evaluated(ca.Callback):
     def __init__(self, elements: "_AtParameters", name: str, function: ca.Function) -> None:
         """Determine the sizes of arguments and results from a CasADi Function for one element."""
         ca.Callback.__init__(self)
-        self._elements, self._name = elements, name
-        self._in = [
-            elements.element.size,
-            *(parameter.size for parameter in elements.element.parameters),
-        ]
-        self._repeated = [
-            True,
-            *(parameter.per_element for parameter in elements.element.parameters),
-        ]
+        self._elements = elements
+        self._name = name
+        self._in = [elements.element.size]
+        self._repeated = [True]
+        for parameter in elements.element.parameters:
+            self._in.append(parameter.size)
+            self._repeated.append(parameter.per_element)
         if name == "hessian":
             self._in.append(function.size1_in(len(self._in)))
             self._repeated.append(True)
         self._out = [function.sparsity_out(i) for i in range(function.n_out())]
-        row, column = self._out[-1].get_triplet()
-        self._places = np.array(row, dtype=int) * self._out[-1].size2() + np.array(
-            column, dtype=int
-        )
+        sparsity = self._out[-1]
+        rows, columns = sparsity.get_triplet()
+        row_starts = np.array(rows, dtype=int) * sparsity.size2()
+        self._indices = row_starts + np.array(columns, dtype=int)
+        """Indices of the nonzeros in a dense result."""
         self.construct(f"{name}_of_elements", {"enable_fd": False})
 
     def get_n_in(self) -> int:
@@ -449,16 +481,17 @@ class _Evaluated(ca.Callback):
         """
         elements = self._elements
         try:
-            z, *parameters = (np.frombuffer(values) for values in arguments)
-            z = z.reshape(elements.count, -1)
-            multipliers = (
-                parameters.pop().reshape(elements.count, -1) if self._name == "hessian" else None
-            )
+            arrays = [np.frombuffer(values) for values in arguments]
+            z = arrays[0].reshape(elements.count, -1)
+            parameters = arrays[1:]
+            multipliers = None
+            if self._name == "hessian":
+                multipliers = parameters.pop().reshape(elements.count, -1)
             native = elements.with_parameters(parameters)
             if len(results) > 1 and results[0]:
                 np.frombuffer(results[0])[:] = native.call("cost", z).ravel()
             values = native.call(self._name, z, multipliers).reshape(elements.count, -1)
-            np.frombuffer(results[-1])[:] = values[:, self._places].ravel()
+            np.frombuffer(results[-1])[:] = values[:, self._indices].ravel()
         except BaseException as error:  # noqa: BLE001
             elements.failures.append(error)
         return len(elements.failures)
@@ -544,10 +577,7 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
     native = native_elements(element, parameters, n, "between")
     if native is not None:
         return native.call("rows", z)
-    repeated = (
-        values if values.ndim == 2 else np.broadcast_to(values, (n, len(values)))
-        for values in parameters
-    )
+    repeated = [np.broadcast_to(values, (n, values.shape[-1])) for values in parameters]
     return call(element.dense_rows, z, *repeated)[0]
 
 
@@ -589,10 +619,11 @@ def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Arra
     data = MECHANISM.pack(
         omega2=[np.sin(angles[0]), np.cos(angles[0])],
         omega3=[np.sin(angle), np.cos(angle)],
-        **{
-            name: getattr(mechanism, name)
-            for name in ("alpha", "beta", "delta", "side", "spin_offset")
-        },
+        alpha=mechanism.alpha,
+        beta=mechanism.beta,
+        delta=mechanism.delta,
+        side=mechanism.side,
+        spin_offset=mechanism.spin_offset,
         insertion_sign=mechanism.insertion_sign,
         offset=offset,
     )

@@ -180,44 +180,48 @@ class ElementModel(ABC):
         """
         if self.aim == "time":
             return None
-        x, *p = self._symbols(self.state_size)
-        instant, joints = self.instant(x, *p), self.robot.joints
-        if self.aim != "effort":
-            return ca.Function(
-                "cost", [x, *p], [(heat if self.aim == "heat" else cooling)(instant, joints)]
-            )
-        endlessly_slow = ca.vertcat(
-            x[: self.positions], ca.SX.zeros(self.state_size - self.positions)
-        )
-        return ca.Function(
-            "cost", [x, *p], [effort(instant, self.instant(endlessly_slow, *p), joints)]
-        )
+        inputs = self._symbols(self.state_size)
+        x, p = inputs[0], inputs[1:]
+        instant = self.instant(x, *p)
+        joints = self.robot.joints
+        if self.aim == "effort":
+            derivatives = ca.SX.zeros(self.state_size - self.positions)
+            infinitely_slow = ca.vertcat(x[: self.positions], derivatives)
+            value = effort(instant, self.instant(infinitely_slow, *p), joints)
+        elif self.aim == "heat":
+            value = heat(instant, joints)
+        else:
+            value = cooling(instant, joints)
+        return ca.Function("cost", inputs, [value])
 
     @cached_property
     def dense_rows(self) -> ca.Function:
         """Function (z, *p) → g at all points DENSE, one after the other, (9 rows,)."""
-        z, *p = self._symbols(self.size)
+        inputs = self._symbols(self.size)
+        z, p = inputs[0], inputs[1:]
         values = [self.point(self.state(z, c), *p) for c in DENSE]
-        return ca.Function("between", [z, *p], [ca.vertcat(ca.SX(0, 1), *values)])
+        return ca.Function("between", inputs, [ca.vertcat(ca.SX(0, 1), *values)])
 
     @cached_property
     def breakaway(self) -> ca.Function:
         """Function (z, *p) → torque rows at the start of an element with static friction."""
-        z, *p = self._symbols(self.size)
+        inputs = self._symbols(self.size)
+        z, p = inputs[0], inputs[1:]
         instant = self.instant(self.state(z, 0.0), *p)
-        return ca.Function(
-            "breakaway", [z, *p], [_column(torque_rows(instant, self.robot, breakaway=True))]
-        )
+        rows = torque_rows(instant, self.robot, breakaway=True)
+        return ca.Function("breakaway", inputs, [_column(rows)])
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
         """Index of the joint for every row of `breakaway`."""
-        return [
-            i
-            for i in range(4)
-            for _, _, sides in self.robot.actuations(i)
-            for _ in range(2 * (1 in sides) + (-1 in sides))
-        ]
+        joints = []
+        for i in range(4):
+            for _, _, sides in self.robot.actuations(i):
+                if 1 in sides:  # A driving motor has two rows.
+                    joints += [i, i]
+                if -1 in sides:  # A braking motor has one row.
+                    joints.append(i)
+        return joints
 
     def parameter_symbols(self, symbol_class: type[X]) -> list[X]:
         """Return the parameters p as symbols of the given class, SX or MX."""
@@ -235,7 +239,7 @@ class ElementModel(ABC):
 
     def _symbols(self, size: int) -> list[ca.SX]:
         """Return symbols of a vector (size,) and of all parameters."""
-        return [ca.SX.sym("x", size), *self.parameter_symbols(ca.SX)]
+        return [ca.SX.sym("x", size)] + self.parameter_symbols(ca.SX)
 
 
 E = TypeVar("E", bound=ElementModel)
@@ -257,7 +261,8 @@ def _recent(element: ElementModel) -> ElementModel:
 
 def _column(rows: list[PathConstraint]) -> ca.SX:
     """Return the values of path constraints as a column (rows,)."""
-    return ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
+    values = [row.value for row in rows]
+    return ca.vertcat(ca.SX(0, 1), *values)
 
 
 @record
@@ -300,9 +305,11 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     -------
     ElementFunctions
     """
-    z, *p = inputs = [ca.SX.sym("z", element.size), *element.parameter_symbols(ca.SX)]
+    z = ca.SX.sym("z", element.size)
+    p = element.parameter_symbols(ca.SX)
+    inputs = [z] + p
     states = element.collocation_states(z)
-    rows = ca.vertcat(*(element.point(x, *p) for x in states))
+    rows = ca.vertcat(*[element.point(x, *p) for x in states])
     multipliers = ca.SX.sym("multipliers", rows.numel())
     lagrangian = multipliers.T @ rows
     cost = gradient = None
@@ -319,7 +326,7 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     return ElementFunctions(
         ca.Function("rows", inputs, [rows]),
         ca.Function("jacobian", inputs, [ca.jacobian(rows, z)]),
-        ca.Function("hessian", [*inputs, multipliers], [hessian]),
+        ca.Function("hessian", inputs + [multipliers], [hessian]),
         cost,
         gradient,
     )

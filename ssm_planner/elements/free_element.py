@@ -98,7 +98,7 @@ class FreeElement(ElementModel):
             robot_key(self.robot),
             self.moving,
             self.active,
-            pickle.dumps(self._seen),
+            pickle.dumps(self._active_eye),
             self.aim,
         )
 
@@ -119,17 +119,18 @@ class FreeElement(ElementModel):
         sigma, packed = p
         limits = self.layout.unpack(packed)
         q, qd, qdd = _joints(x, limits)
+        bodies = [RigidBody.from_robot(load) for load in self.robot.loads]
+        efforts = [body.symbolic(q, qd, qdd) for body in bodies]
         # The norm has no derivative at rest, so squares are compared.
         limits.speeds = limits.speeds**2
+        squared_speeds = [ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians]
         return Instant(
             qd=qd,
             qd_hull=qd,
             qdd=qdd,
             qddd=ca.SX.zeros(4),
-            tau_rigid=ca.vertcat(
-                *(RigidBody.from_robot(load).symbolic(q, qd, qdd) for load in self.robot.loads)
-            ),
-            speeds=ca.vertcat(*(ca.sumsqr(jacobian(q) @ qd) for jacobian in self._jacobians)),
+            tau_rigid=ca.vertcat(*efforts),
+            speeds=ca.vertcat(*squared_speeds),
             sigma=sigma,
             limits=limits,
         )
@@ -139,15 +140,12 @@ class FreeElement(ElementModel):
         instant = self.instant(x, *p)
         parameters = self.layout.unpack(p[1])
         q, qd, _ = _joints(x, parameters)
-        rows = [*speed_rows(instant), *torque_rows(instant, self.robot)]
-        rows += range_rows(self.mechanism, q, parameters) + rate_rows(
-            self.mechanism, q, qd, parameters
-        )
-        return (
-            rows
-            if self._seen is None
-            else rows + seen_rows(self._seen, self.mechanism, q, parameters.retina_easing)
-        )
+        rows = speed_rows(instant) + torque_rows(instant, self.robot)
+        rows += range_rows(self.mechanism, q, parameters)
+        rows += rate_rows(self.mechanism, q, qd, parameters)
+        if self._active_eye is not None:
+            rows += clearance_rows(self._active_eye, self.mechanism, q, parameters.retina_easing)
+        return rows
 
     @property
     def first_actuation(self) -> int:
@@ -160,27 +158,26 @@ class FreeElement(ElementModel):
         rows: list[RowPlace] = [
             (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
         ]
-        names = [TaskRange.name_of(name) for name in WATCHED] + [
-            TaskRate.name_of(name) for name in RATED
-        ]
-        task_rows = [
-            (name, None, len(JACOBIANS) + 2 * k + side)
-            for k, name in enumerate(names)
-            for side in (0, 1)
-        ]
-        rows += [*torque_places(self.robot, self.first_actuation), *task_rows]
-        if self._seen is not None:
+        rows += torque_places(self.robot, self.first_actuation)
+        names = [TaskRange.name_of(name) for name in WATCHED]
+        names += [TaskRate.name_of(name) for name in RATED]
+        for k, name in enumerate(names):
+            index = len(JACOBIANS) + 2 * k
+            rows += [(name, None, index), (name, None, index + 1)]
+        eye = self._active_eye
+        if eye is not None:
             rows.append((RetinaClearance.name, None, self.first_actuation - 2))
-            rows += [(LensClearance.name, None, self.first_actuation - 1)] * (
-                self._seen.lens is not None
-            )
+            if eye.lens is not None:
+                rows.append((LensClearance.name, None, self.first_actuation - 1))
         return rows
 
     @property
-    def _seen(self) -> Eye | None:
+    def _active_eye(self) -> Eye | None:
         """The eye if one of its rows is active, else None."""
-        rows = set() if self.eye is None else {(limit.name, None) for limit in self.eye.limits}
-        return self.eye if self.active is None or rows & self.active else None
+        if self.eye is None or self.active is None:
+            return self.eye
+        rows = {(limit.name, None) for limit in self.eye.limits}
+        return self.eye if rows & self.active else None
 
     @cached_property
     def _jacobians(self) -> list[ca.Function]:
@@ -208,12 +205,13 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
     list of PathConstraint
         Two rows for each range, ±(value − centre)/half_width.
     """
-    rows, task = [], task_from_joints_symbolic(mechanism, q)
-    for k, name in enumerate(WATCHED):
-        value = (task[TASK.index(name)] - parameters.range_centre[k]) / parameters.range_half_width[
-            k
-        ]
-        rows += [PathConstraint(TaskRange.name_of(name), None, side * value) for side in (1, -1)]
+    rows = []
+    task = task_from_joints_symbolic(mechanism, q)
+    for k, coordinate in enumerate(WATCHED):
+        distance = task[TASK.index(coordinate)] - parameters.range_centre[k]
+        value = distance / parameters.range_half_width[k]
+        name = TaskRange.name_of(coordinate)
+        rows += [PathConstraint(name, None, value), PathConstraint(name, None, -value)]
     return rows
 
 
@@ -235,14 +233,16 @@ def rate_rows(
     list of PathConstraint
         Two rows for each rate, ±rate/limit.
     """
-    rows, rates = [], task_rates_symbolic(mechanism, q, qd)
-    for k, name in enumerate(RATED):
-        value = rates[TASK.index(name)] / parameters.rate[k]
-        rows += [PathConstraint(TaskRate.name_of(name), None, side * value) for side in (1, -1)]
+    rows = []
+    rates = task_rates_symbolic(mechanism, q, qd)
+    for k, coordinate in enumerate(RATED):
+        value = rates[TASK.index(coordinate)] / parameters.rate[k]
+        name = TaskRate.name_of(coordinate)
+        rows += [PathConstraint(name, None, value), PathConstraint(name, None, -value)]
     return rows
 
 
-def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
+def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
     """Return the rows of the distances to the retina and to the lens.
 
     Parameters
@@ -254,11 +254,11 @@ def seen_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathCon
     easing : casadi.SX
         Amount by which the row of the retina may exceed 1.
     """
-    tip, rows = tip_position_symbolic(mechanism, q), []
+    rows = []
+    tip = tip_position_symbolic(mechanism, q)
     for name, value in eye_rows(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
-        rows.append(
-            PathConstraint(name, None, value + 1 - (easing if name == RetinaClearance.name else 0))
-        )
+        excess = easing if name == RetinaClearance.name else 0
+        rows.append(PathConstraint(name, None, value + 1 - excess))
     return rows
 
 

@@ -12,7 +12,7 @@ after a change of a physical law.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +22,7 @@ import casadi as ca
 from ssm_planner.codegen import PLAIN, Argument, casadi_namespace, write_function
 from ssm_planner.dynamics import LOAD, efforts_by_figures
 from ssm_planner.elements.compiled import DRIVE, EYE, MECHANISM, MESHES
-from ssm_planner.elements.free_element import FreeElement, range_rows, rate_rows, seen_rows
+from ssm_planner.elements.free_element import FreeElement, clearance_rows, range_rows, rate_rows
 from ssm_planner.elements.rows import (
     Instant,
     acceleration_rows,
@@ -92,7 +92,8 @@ class _Writer:
         kinds : str
             Endings of the functions to write.
         """
-        symbols, inputs = v[1], {**constants, v[0]: v[1]}
+        variable_name, symbols = v
+        inputs = {**constants, variable_name: symbols}
         g = ca.cse(ca.vertcat(*values))
         lam = ca.SX.sym("lam", g.numel())
         if "at" in kinds:
@@ -113,16 +114,16 @@ class _Writer:
         adds : bool
             Add the results to the content of the outputs.
         """
-        results, arguments = [], []
+        results = []
+        arguments = []
         for key, value in outputs.items():
-            row, column = (list(indices_k) for indices_k in value.sparsity().get_triplet())
-            indices = [r * value.size2() + c for r, c in zip(row, column, strict=True)]
-            results.append(ca.SX(len(indices), 1) if not indices else ca.SX(value.nz[:]))
+            rows, columns = value.sparsity().get_triplet()
+            indices = [r * value.size2() + c for r, c in zip(rows, columns, strict=True)]
+            results.append(ca.SX(value.nz[:]) if indices else ca.SX(0, 1))
             arguments.append(Argument(key, len(indices), indices, adds))
         function = ca.Function(name, list(inputs.values()), ca.cse(results))
-        declarations = [f"const ssm_real *{key}" for key in inputs] + [
-            f"ssm_real *restrict {key}" for key in outputs
-        ]
+        declarations = [f"const ssm_real *{key}" for key in inputs]
+        declarations += [f"ssm_real *restrict {key}" for key in outputs]
         text = write_function(
             f"static void {name}({', '.join(declarations)})",
             function,
@@ -139,14 +140,15 @@ class _Writer:
 
 def _packed(text: str) -> str:
     """Put several statements of a C function on each line."""
-    declaration, opening, *body, closing, _ = text.split("\n")
-    lines, line = [declaration, opening], ""
-    for statement in map(str.strip, body):
+    statements = text.split("\n")
+    lines = statements[:2]  # the declaration and the opening brace
+    line = ""
+    for statement in map(str.strip, statements[2:-2]):
         if len(line) + len(statement) >= WIDTH:
             lines.append(line)
             line = ""
         line += f" {statement}"
-    return "\n".join([*lines, line, closing, ""])
+    return "\n".join(lines + [line] + statements[-2:])
 
 
 def kernels() -> str:
@@ -169,7 +171,8 @@ def kernels() -> str:
         }
         sizes[f"{prefix}_SIZE"] = layout.size
     sizes["PREPARED"] = _posture(writer)
-    load, y = _symbols("load", LOAD.size), _symbols("y", 12)
+    load = _symbols("load", LOAD.size)
+    y = _symbols("y", 12)
     writer.add_part("torques", {"load": load}, ("y", y), [efforts_by_figures(load, *_joints(y))])
     _drives(writer)
     _path(writer)
@@ -195,7 +198,7 @@ def _posture(writer: _Writer) -> int:
     }
     groups = _posture_rows(inputs, y)
     everything = ca.vertcat(*inputs.values())
-    expression = ca.vertcat(*(value for values in groups.values() for value in values))
+    expression = ca.vertcat(*chain.from_iterable(groups.values()))
     # Expressions of robot properties alone are computed once.
     shared: Any
     parametric: Any
@@ -250,7 +253,7 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
         "tip": [speed / limits.speeds[k] ** 2 for k, speed in enumerate(speeds)],
         "ranges": [row.value for row in range_rows(mechanism, angles, limits)],
         "rates": [row.value for row in rate_rows(mechanism, angles, qd, limits)],
-        "retina": [row.value for row in seen_rows(eye, mechanism, q, limits.retina_easing)],
+        "retina": [row.value for row in clearance_rows(eye, mechanism, q, limits.retina_easing)],
         "lens": [lens_row(xp, eye, lens, (tip[0], tip[1], tip[2])) + 1],
     }
 
@@ -272,14 +275,11 @@ def _drives(writer: _Writer) -> None:
         if law == "coulomb":
             drive.friction.stribeck_speed = None
         instant: Any = SimpleNamespace(tau_rigid=v[0], qd=v[1], qdd=v[2], sigma=sigma)
-        sides = sides_of_torque(directed_torques(drive, instant, 0, breakaway=False), drive.limit)
-        writer.add_part(f"{mesh}_{law}", inputs, ("v", v), [*sides[0], *sides[1]])
-        writer.add_part(
-            f"{mesh}_{law}_pull",
-            inputs,
-            ("v", v),
-            [smooth_torque(drive, instant, 0, drive.nominal)],
-        )
+        torques = directed_torques(drive, instant, 0, breakaway=False)
+        driving, braking = sides_of_torque(torques, drive.limit)
+        writer.add_part(f"{mesh}_{law}", inputs, ("v", v), driving + braking)
+        pull = smooth_torque(drive, instant, 0, drive.nominal)
+        writer.add_part(f"{mesh}_{law}_pull", inputs, ("v", v), [pull])
 
 
 def _path(writer: _Writer) -> None:

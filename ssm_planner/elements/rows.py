@@ -7,7 +7,7 @@ robot are constants in the expressions (`robot_key`).
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -110,19 +110,22 @@ def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
     return {"speeds": speeds, "stop": np.array([stop])}
 
 
-def tool_names(limits: Iterable[ToolLimit], moving: Iterable[int]) -> set[RowName]:
+def tool_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[RowName]:
     """Return the names of the rows of tool limits.
 
     Parameters
     ----------
     limits : iterable of ToolLimit
-    moving : iterable of int
+    moving : collection of int
         Indices of the joints that move. Each of them has its own row for the stop travel.
     """
-    joints = {limit.name: moving if isinstance(limit, StopTravel) else (None,) for limit in limits}
-    return {
-        (name, None if i is None else int(i)) for name, indices in joints.items() for i in indices
-    }
+    names: set[RowName] = set()
+    for limit in limits:
+        if isinstance(limit, StopTravel):
+            names |= {(limit.name, int(i)) for i in moving}
+        else:
+            names.add((limit.name, None))
+    return names
 
 
 def with_margin(robot: Robot, share: float) -> Robot:
@@ -134,11 +137,9 @@ def with_margin(robot: Robot, share: float) -> Robot:
 
     def reduced(joint: Joint) -> Joint:
         """Return a joint with smaller limits."""
-        motor = (
-            None
-            if joint.motor is None
-            else unchecked(joint.motor, max_torque=joint.motor.max_torque * factor)
-        )
+        motor = joint.motor
+        if motor is not None:
+            motor = unchecked(motor, max_torque=motor.max_torque * factor)
         return replace(
             joint,
             velocity=joint.velocity * factor,
@@ -146,8 +147,9 @@ def with_margin(robot: Robot, share: float) -> Robot:
             motor=motor,
         )
 
-    joint_1, joint_2, joint_3, joint_4 = map(reduced, robot.joints)
-    return replace(robot, joints=(joint_1, joint_2, joint_3, joint_4))
+    joint_1, joint_2, joint_3, joint_4 = robot.joints
+    joints = (reduced(joint_1), reduced(joint_2), reduced(joint_3), reduced(joint_4))
+    return replace(robot, joints=joints)
 
 
 def robot_key(robot: Robot) -> bytes:
@@ -288,13 +290,13 @@ def sense_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstra
     sense : casadi.SX or int
         Direction, +1 or −1.
     """
-    bounds, speed = instant.limits, sense * instant.qd_hull[i]
+    bounds = instant.limits
+    speed = sense * instant.qd_hull[i]
     tip = instant.speeds[TIP] / (2 * bounds.stop)
     rows = [PathConstraint(JointVelocity.name, i, speed / bounds.velocity[i])]
     for braking in (0, -sense * instant.qdd[i]):
-        rows.append(
-            PathConstraint(StopTravel.name, i, (tip * speed + braking) / bounds.acceleration[i])
-        )
+        value = (tip * speed + braking) / bounds.acceleration[i]
+        rows.append(PathConstraint(StopTravel.name, i, value))
     return rows
 
 
@@ -302,15 +304,11 @@ def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstrai
     """Return the acceleration rows of joint i and, if `jerk` is true, its jerk rows."""
     rows = []
     for side in (1, -1):
-        rows.append(
-            PathConstraint(
-                JointAcceleration.name, i, side * instant.qdd[i] / instant.limits.acceleration[i]
-            )
-        )
+        value = side * instant.qdd[i] / instant.limits.acceleration[i]
+        rows.append(PathConstraint(JointAcceleration.name, i, value))
         if jerk:
-            rows.append(
-                PathConstraint(JointJerk.name, i, side * instant.qddd[i] / instant.limits.jerk[i])
-            )
+            value = side * instant.qddd[i] / instant.limits.jerk[i]
+            rows.append(PathConstraint(JointJerk.name, i, value))
     return rows
 
 
@@ -335,11 +333,14 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
         Use the static friction coefficient, for an instant at which the joints start to move.
     """
     rows = []
-    actuations = [(i, k, *item) for i in range(4) for k, item in enumerate(robot.actuations(i))]
-    for i, k, load, drive, sides in actuations:
+    for i, k, load, drive, sides in _actuations(robot):
         torques = directed_torques(drive, instant, i, breakaway=breakaway, load=load)
         driving, braking = sides_of_torque(torques, instant.limits.torque[i])
-        values = [*(driving if 1 in sides else ()), *(braking if -1 in sides else ())]
+        values: list[ca.SX] = []
+        if 1 in sides:
+            values += driving
+        if -1 in sides:
+            values += braking
         rows += [PathConstraint(MotorTorque.name, i + 4 * k, value) for value in values]
     return rows
 
@@ -366,20 +367,32 @@ def sides_of_torque(
     braking : tuple of one casadi.SX
     """
     torque_1, torque_2 = torques
-    # The smooth maximum in `resisting` never exceeds the exact one.
-    half, soft = (torque_1 - torque_2) / (2 * limit), BRAKING_SOFTNESS
-    resisting = (torque_1 + torque_2) / (2 * limit) + ca.sqrt(half**2 + soft**2) - soft
-    return (torque_1 / limit, torque_2 / limit), (-resisting,)
+    half = (torque_1 - torque_2) / (2 * limit)
+    root = ca.sqrt(half**2 + BRAKING_SOFTNESS**2)
+    smooth_maximum = (torque_1 + torque_2) / (2 * limit) + root - BRAKING_SOFTNESS
+    return (torque_1 / limit, torque_2 / limit), (-smooth_maximum,)
 
 
-def actuations_by_load(robot: Robot) -> list[tuple[int, int, int, Drive, tuple[int, ...]]]:
-    """Return all combinations of drive and load, sorted by load.
+Actuation = tuple[int, int, int, Drive, tuple[int, ...]]
+"""A combination of drive and load.
 
-    Each entry contains the joint, the index in `Robot.actuations`, the index of the load, the
-    drive, and the sides of the torque limit (1 for driving, −1 for braking).
-    """
-    actuations = [(i, k, *item) for i in range(4) for k, item in enumerate(robot.actuations(i))]
-    return sorted(actuations, key=lambda item: item[2])
+It contains the joint, the index in `Robot.actuations`, the index of the load, the drive, and the
+sides of the torque limit (1 for driving, −1 for braking).
+"""
+
+
+def _actuations(robot: Robot) -> list[Actuation]:
+    """Return all combinations of drive and load, sorted by joint."""
+    actuations = []
+    for i in range(4):
+        for k, (load, drive, sides) in enumerate(robot.actuations(i)):
+            actuations.append((i, k, load, drive, sides))
+    return actuations
+
+
+def actuations_by_load(robot: Robot) -> list[Actuation]:
+    """Return all combinations of drive and load, sorted by load."""
+    return sorted(_actuations(robot), key=lambda item: item[2])
 
 
 def torque_places(robot: Robot, start: int) -> list[RowPlace]:
@@ -391,13 +404,15 @@ def torque_places(robot: Robot, start: int) -> list[RowPlace]:
     start : int
         Index of the first torque row in native/elements.c.
     """
-    indices = {item[:2]: start + 3 * index for index, item in enumerate(actuations_by_load(robot))}
-    return [
-        (MotorTorque.name, i + 4 * k, indices[i, k] + side)
-        for i in range(4)
-        for k, (*_, sides) in enumerate(robot.actuations(i))
-        for side in [0, 1] * (1 in sides) + [2] * (-1 in sides)
-    ]
+    indices = {}
+    for position, (i, k, *_) in enumerate(actuations_by_load(robot)):
+        indices[i, k] = start + 3 * position
+    rows: list[RowPlace] = []
+    for i, k, _, _, sides in _actuations(robot):
+        # The two rows of a driving motor come first, then the row of a braking motor.
+        offsets = ([0, 1] if 1 in sides else []) + ([2] if -1 in sides else [])
+        rows += [(MotorTorque.name, i + 4 * k, indices[i, k] + offset) for offset in offsets]
+    return rows
 
 
 def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
@@ -417,7 +432,8 @@ def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
             rows += [(name, i, index + 3 * side + k) for k, name in enumerate(names)]
         for side in (0, 1):
             rows.append((JointAcceleration.name, i, index + 6 + 2 * side))
-            rows += [(JointJerk.name, i, index + 7 + 2 * side)] * jerk
+            if jerk:
+                rows.append((JointJerk.name, i, index + 7 + 2 * side))
     return rows
 
 
@@ -433,8 +449,8 @@ def heat(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 
 def cooling(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Return Σ cooling (τ_motor/τ_nominal)², the heat of the motors with weights."""
-    weights = ca.vertcat(ca.SX(0, 1), *(instant.limits.cooling[i] for i, *_ in motorised(joints)))
-    return ca.dot(weights, _torques(instant, joints) ** 2)
+    weights = [instant.limits.cooling[i] for i, *_ in motorised(joints)]
+    return ca.dot(ca.vertcat(ca.SX(0, 1), *weights), _torques(instant, joints) ** 2)
 
 
 def effort(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
@@ -452,7 +468,7 @@ def effort(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
         The same instant without velocity and acceleration.
     joints : tuple of Joint
     """
-    accelerations = (instant.qdd[i] / instant.limits.acceleration[i] for i in motorless(joints))
+    accelerations = [instant.qdd[i] / instant.limits.acceleration[i] for i in motorless(joints)]
     motorless_cost = ACCELERATION_SHARE * ca.sumsqr(ca.vertcat(ca.SX(0, 1), *accelerations))
     return ca.sumsqr(_torques(instant, joints) - _torques(slow, joints)) + motorless_cost
 
@@ -482,9 +498,9 @@ def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.
     nominal : float
         Nominal torque of the motor, N·m.
     """
-    torque_1, torque_2 = (
-        side / nominal for side in directed_torques(drive, instant, i, breakaway=False)
-    )
+    torque_1, torque_2 = directed_torques(drive, instant, i, breakaway=False)
+    torque_1 = torque_1 / nominal
+    torque_2 = torque_2 / nominal
     return (torque_1 + torque_2) / 2 + ca.sqrt((torque_1 - torque_2) ** 2 / 4 + COST_SOFTNESS**2)
 
 
@@ -514,9 +530,9 @@ def directed_torques(
     w = drive.ratio * instant.qd[i]
     wd = drive.ratio * instant.qdd[i]
     mu = breakaway_coefficient(friction) if breakaway else friction_coefficient(friction, sigma * w)
-    effort = output_effort(
-        drive, instant.tau_rigid[4 * load + i], instant.qd[i], instant.qdd[i], sigma
-    )
+    tau_rigid = instant.tau_rigid[4 * load + i]
+    effort = output_effort(drive, tau_rigid, instant.qd[i], instant.qdd[i], sigma)
     rows = motor_torque_rows(drive, sigma, mu)
-    torque_1, torque_2 = (sigma * rows.torque(slope * effort, w, wd) for slope in rows.slope)
+    torque_1 = sigma * rows.torque(rows.slope[0] * effort, w, wd)
+    torque_2 = sigma * rows.torque(rows.slope[1] * effort, w, wd)
     return torque_1, torque_2

@@ -92,10 +92,8 @@ class StraightElement(ElementModel):
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
         """Return the kinematic rows and the torque rows."""
         instant = self.instant(x, *p)
-        return [
-            *kinematic_rows(instant, self.robot.joints, self.jerk),
-            *torque_rows(instant, self.robot),
-        ]
+        rows = kinematic_rows(instant, self.robot.joints, self.jerk)
+        return rows + torque_rows(instant, self.robot)
 
     @property
     def first_actuation(self) -> int:
@@ -105,10 +103,8 @@ class StraightElement(ElementModel):
     @cached_property
     def all_rows(self) -> list[RowPlace]:
         """Name, joint and index of each row, in the order of `rows`."""
-        return [
-            *joint_places(self.robot, self.jerk),
-            *torque_places(self.robot, self.first_actuation),
-        ]
+        torques = torque_places(self.robot, self.first_actuation)
+        return joint_places(self.robot, self.jerk) + torques
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         """Return the motion and the limits of the joints from the fit of the path."""
@@ -177,16 +173,16 @@ def path_derivatives(
     ddq, dddq : casadi.SX, (4,)
         q'' and q'''.
     """
-    fit_ = fit_of(loads).unpack(parameters)
+    fit = fit_of(loads).unpack(parameters)
     curves = curves_of(loads)
-    xi = (s - fit_.centre) / fit_.half_width
-    coefficients = ca.reshape(fit_.coefficients, curves.size, DEGREE + 1)
+    xi = (s - fit.centre) / fit.half_width
+    coefficients = ca.reshape(fit.coefficients, curves.size, DEGREE + 1)
     slope = _derivative(coefficients[curves.slices["dq"], :])
-    second_derivative = _horner(slope, xi) / fit_.half_width
-    third_derivative = (
-        _horner(_derivative(slope), xi) / fit_.half_width**2 if jerk else ca.SX.zeros(4)
-    )
-    return curves.unpack(_horner(coefficients, xi)), second_derivative, third_derivative
+    ddq = _horner(slope, xi) / fit.half_width
+    dddq = ca.SX.zeros(4)
+    if jerk:
+        dddq = _horner(_derivative(slope), xi) / fit.half_width**2
+    return curves.unpack(_horner(coefficients, xi)), ddq, dddq
 
 
 def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
@@ -210,4 +206,4 @@ def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
 
 def _derivative(coefficients: ca.SX) -> ca.SX:
     """Return the coefficients (curves, powers − 1) of the derivatives of polynomials."""
-    return ca.horzcat(*(k * coefficients[:, k] for k in range(1, coefficients.size2())))
+    return ca.horzcat(*[k * coefficients[:, k] for k in range(1, coefficients.size2())])

@@ -235,7 +235,6 @@ def test_times_of_joint_states_count_from_the_first() -> None:
     assert isinstance(made, Message)
     assert made.time == pytest.approx([0.0, 0.2, 2.1], abs=1e-12)
     assert made.velocities == [[], [], []]
-    assert _from_states([]) == []
     bad = state(9, 0)
     bad.velocity = [1.0]
     with pytest.raises(TrajectoryError, match="JointState 1: 1 values of velocity for 2 joints"):
