@@ -1,8 +1,8 @@
 import os
 import sys
 
-# `python -m` puts the working directory first. No module is imported from it unless it has this
-# package.
+# `python -m` adds the working directory to the module folders as the first. It is removed unless it
+# contains this package, so that no file of the user replaces a module.
 if sys.path and os.path.realpath(sys.path[0] or ".") != os.path.dirname(
     os.path.dirname(os.path.realpath(__file__))
 ):

@@ -201,16 +201,15 @@ def size(
     ('roll', 'continuous_torque')
     """
     motion = as_plan(plan)
-    candidates = {
-        joint: [motor if isinstance(motor, Motor) else load_motor(motor) for motor in paths]
-        for joint, paths in (motors or {}).items()
-    }
-    duty = DutyCycle.of_trajectory(
-        motion.motion, motion.robot, motion.problem.name if motion is plan else str(plan)
-    )
-    return size_duty(
-        duty, candidates, Conditions(**{"pause": pause_of(motion.problem), **conditions}), payload
-    )
+    candidates = {}
+    for joint, items in (motors or {}).items():
+        candidates[joint] = [
+            item if isinstance(item, Motor) else load_motor(item) for item in items
+        ]
+    name = motion.problem.name if isinstance(plan, Plan) else str(plan)
+    duty = DutyCycle.of_trajectory(motion.motion, motion.robot, name)
+    conditions.setdefault("pause", pause_of(motion.problem))
+    return size_duty(duty, candidates, Conditions(**conditions), payload)
 
 
 @checked
@@ -256,9 +255,10 @@ def compare(
     >>> comparison.verdict  # doctest: +SKIP
     """
     plan = as_plan(plan)
-    assignments = assign([f"{joint}={path}" for joint, path in recordings.items()], plan.robot)
+    texts = [f"{joint}={path}" for joint, path in recordings.items()]
     measured = [
-        read_measured(path, plan.robot, joint, counts_per_turn) for joint, path in assignments
+        read_measured(path, plan.robot, joint, counts_per_turn)
+        for joint, path in assign(texts, plan.robot)
     ]
     return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag, speed=speed)
 
@@ -310,8 +310,8 @@ def _smooth(
 ) -> tuple[Trajectory, Robot, TaskLimits]:
     """Return the trajectory, the robot and the limits of a motion.
 
-    The motion is a trajectory, a plan or the file of a plan, but not a table of samples. The
-    default of the limits is those of the plan. Raises TrajectoryError if the robot is missing.
+    The motion is a trajectory, a plan or the file of a plan, but not a table of samples. Without
+    `limits`, the limits of the plan apply. Raises TrajectoryError if the robot is missing.
     """
     if isinstance(motion, Trajectory):
         robot = _require_robot(robot, "a trajectory")

@@ -47,34 +47,28 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 
 def _matches(hint: Any, value: Any) -> bool:
     """Return True if a value has the type of an annotation."""
-    kind = get_origin(hint) or hint
+    value_type = get_origin(hint) or hint
     arguments = get_args(hint)
-    if kind is Any:
+    if value_type is Any:
         return True
-    if kind in (Union, types.UnionType):
+    if value_type in (Union, types.UnionType):
         return any(_matches(member, value) for member in arguments)
-    if kind is _Numbers:
-        return _numeric(value)
-    if kind in (float, int):
-        number = isinstance(value, Real if kind is float else Integral)
-        return number and type(value) is not bool and math.isfinite(value)
-    if kind in (Mapping, Sequence):
-        return _matches_items(kind, arguments[-1], value)
-    return isinstance(value, kind)
-
-
-def _matches_items(kind: type, hint: Any, value: Any) -> bool:
-    """Return True if a value is a mapping or a sequence (`kind`) whose items have the type `hint`.
-
-    A text is not a sequence.
-    """
-    if not isinstance(value, kind) or isinstance(value, (str, bytes)):
+    if value_type is _Numbers:
+        return _is_numeric(value)
+    if value_type in (float, int):
+        is_number = isinstance(value, Real if value_type is float else Integral)
+        return is_number and type(value) is not bool and math.isfinite(value)
+    if not isinstance(value, value_type):
         return False
-    items: Any = value.values() if isinstance(value, Mapping) else value
-    return all(_matches(hint, item) for item in items)
+    if value_type is Sequence:  # a text is not a sequence here
+        is_text = isinstance(value, (str, bytes))
+        return not is_text and all(_matches(arguments[0], item) for item in value)
+    if value_type is Mapping:
+        return all(_matches(arguments[1], item) for item in value.values())
+    return True
 
 
-def _numeric(value: Any) -> bool:
+def _is_numeric(value: Any) -> bool:
     """Return True if a value can be converted to an array of numbers."""
     import numpy as np
 

@@ -42,9 +42,8 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = None
     try:
         target = destination(path)
-        must_create = not any(
-            target.is_relative_to(stage) for stage in _temporaries
-        )  # files in a temporary folder appear with the folder
+        # Files in a temporary folder become visible with that folder.
+        is_in_temporary = any(target.is_relative_to(folder) for folder in _temporaries)
         target.parent.mkdir(parents=True, exist_ok=True)
         # the block creates the file, so that its permissions follow the umask
         temporary = target.with_name(
@@ -52,7 +51,7 @@ def replacing(path: Path) -> Iterator[Path]:
         )
         _temporaries.add(temporary)
         yield temporary
-        if not must_create:
+        if is_in_temporary:
             temporary.replace(target)
             return
         sync(temporary)
@@ -158,7 +157,8 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
 def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
     """Follow symbolic links, and return the path to which they lead.
 
-    Raises ExportError if the path exists and is not of the wanted type, such as stat.S_IFREG.
+    `file_type_wanted` is stat.S_IFREG for a file or stat.S_IFDIR for a folder. Raises ExportError
+    if the path exists and is of another type.
     """
     target = Path(os.path.realpath(path))
     try:
@@ -166,11 +166,11 @@ def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
     except FileNotFoundError:
         return target
     if file_type != file_type_wanted:
-        names = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
-        requirement = (
-            "an export needs a folder" if file_type_wanted == stat.S_IFDIR else "a file is needed"
-        )
-        description = names.get(file_type, "a device or another special file")
+        descriptions = {stat.S_IFREG: "a file", stat.S_IFDIR: "a folder"}
+        description = descriptions.get(file_type, "a device or another special file")
+        requirement = "a file is needed"
+        if file_type_wanted == stat.S_IFDIR:
+            requirement = "an export needs a folder"
         raise ExportError(f"{path}: cannot be written: is {description}; {requirement}")
     return target
 
@@ -196,28 +196,30 @@ def held_signals() -> Iterator[None]:
 
     The block must be short, such as the replacement of files, which takes a few milliseconds.
     """
-    if (
-        threading.current_thread() is not threading.main_thread()
-    ):  # only the main thread receives signals
+    # Only the main thread receives signals.
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    arrived: list[int] = []
-    handlers = {number: signal.getsignal(number) for number in HELD}
+    received_signals: list[int] = []
+    handlers = {}
+    for number in HELD:
+        handler = signal.getsignal(number)
+        if callable(handler):  # signals that end the process at once cannot be delayed
+            handlers[number] = handler
 
-    def note(number: int, _: FrameType | None) -> None:
-        arrived.append(number)
+    def delay(number: int, _: FrameType | None) -> None:
+        """Store a signal until the end of the block."""
+        received_signals.append(number)
 
     try:
-        for number, handler in handlers.items():
-            if callable(handler):  # signals that end the process at once cannot be delayed
-                signal.signal(number, note)
+        for number in handlers:
+            signal.signal(number, delay)
         yield
     finally:
         for number, handler in handlers.items():
-            if callable(handler):
-                signal.signal(number, handler)
-        for number in arrived[:1]:
-            signal.raise_signal(number)
+            signal.signal(number, handler)
+        if received_signals:
+            signal.raise_signal(received_signals[0])
 
 
 @contextmanager
@@ -229,18 +231,19 @@ def first_interruption() -> Iterator[Callable[[], bool]]:
     False.
     """
     handler = signal.getsignal(signal.SIGINT)
-    arrived = threading.Event()
+    interruption = threading.Event()
     if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield arrived.is_set
+        yield interruption.is_set
         return
 
-    def note(number: int, _: FrameType | None) -> None:
-        arrived.set()
+    def interrupt(number: int, _: FrameType | None) -> None:
+        """Restore the handler, and raise KeyboardInterrupt."""
+        interruption.set()
         signal.signal(number, handler)
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, note)
+    signal.signal(signal.SIGINT, interrupt)
     try:
-        yield arrived.is_set
+        yield interruption.is_set
     finally:
         signal.signal(signal.SIGINT, handler)

@@ -5,7 +5,10 @@ from warnings import warn
 
 
 class Renamed:
-    """Old name of an attribute. Access to it warns and returns the attribute with the new name."""
+    """Descriptor for the old name of an attribute.
+
+    Access to the old name gives a warning and returns the attribute with the new name.
+    """
 
     def __init__(self, new: str) -> None:
         self.new = new

@@ -40,7 +40,7 @@ def format_fixed(value: float | None, decimals: int) -> str:
 
 
 def signed(value: float | None, decimals: int) -> str:
-    """Format a difference with its sign and fixed decimals. A rounded 0 is written without one."""
+    """Format a difference with its sign and fixed decimals. A rounded 0 has no sign."""
     text = format_fixed(value, decimals)
     return f"+{text}" if value is not None and round(value, decimals) > 0 else text
 

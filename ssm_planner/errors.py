@@ -66,15 +66,15 @@ class ProblemError(SsmPlannerError):
         super().__init__(reason)
 
     def __str__(self) -> str:
-        location = ":".join(str(item) for item in (self.file, self.line) if item is not None)
-        if self.file is None and self.line is not None:
-            location = f"line {self.line}"
-        text = f"{location}: " if location else ""
+        """Return the message, followed by those of the further faults on lines of their own."""
+        text = ""
+        if self.file is not None:
+            text = f"{self.file}: " if self.line is None else f"{self.file}:{self.line}: "
+        elif self.line is not None:
+            text = f"line {self.line}: "
         if self.key is not None:
-            text += f"{self.key}"
-            if self.value is not None:
-                text += f" = {_shorten(self.value)}"
-            text += ": "
+            value = "" if self.value is None else f" = {_shorten(self.value)}"
+            text += f"{self.key}{value}: "
         text += self.reason
         if self.allowed is not None:
             text += f" (allowed: {self.allowed})"

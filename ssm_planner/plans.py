@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, field, replace
 from functools import cache, cached_property
 from importlib import metadata
-from itertools import pairwise
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
@@ -52,7 +51,7 @@ from ssm_planner.sizing import (
 )
 from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Span, Trajectory
-from ssm_planner.typing import JsonObject, frozen, record
+from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.units import display_unit
 from ssm_planner.verification import Certificate, broken_seal
 from ssm_planner.verification.check import check
@@ -193,19 +192,21 @@ class PhaseSummary:
     def with_opinion(self, opinion: Opinion) -> PhaseSummary:
         """Return the summary with toppra's duration and the lower bound along the path.
 
-        If toppra's duration is below the proven lower bound of the phase, toppra is wrong and not
-        the plan. The result then states this in `not_judged`. Rounding errors below the bound are
-        removed.
+        A duration by toppra below the proven lower bound of the phase shows an error of toppra. The
+        returned summary then has no such duration, and `not_judged` states the reason. A duration
+        that is below the bound only by rounding is replaced by the bound.
         """
         duration, reason = opinion.duration, opinion.not_judged
         if duration is not None and duration < (1 - OPINION_ERROR) * self.lower_bound:
             reason = f"its {duration:.4f} s are below the lower bound of {self.lower_bound:.4f} s"
             duration = None
-        duration, bound = (
-            None if value is None else max(value, self.lower_bound)
-            for value in (duration, opinion.bound)
-        )
-        # Of a motion that is slower than its path allows, other limits determine the duration.
+        bound = opinion.bound
+        if duration is not None:
+            duration = max(duration, self.lower_bound)
+        if bound is not None:
+            bound = max(bound, self.lower_bound)
+        # If a motion is slower than its path allows, limits that toppra does not consider slow it
+        # down, and toppra's sensitivities do not apply.
         is_slowed = duration is None or self.duration > (1 + SLOWER) * duration
         return replace(
             self,
@@ -227,7 +228,7 @@ SUMMARY = (
     "passed",
     "solve_time",
 )
-"""Attributes of a plan at the beginning of its summary."""
+"""Attributes of a plan with which its summary begins."""
 OF_SOME = (
     "reversal_multiplier",
     "corner_departure",
@@ -240,11 +241,13 @@ OF_SOME = (
     "path_bound",
     "sensitivities",
 )
-"""Fields that only some phases have: free motions, or phases with rounded corners or constant
-speed.
+"""Fields of PhaseSummary that plan.json omits if they are None.
+
+They apply only to free motions, to phases with rounded corners or constant speed, or to plans that
+toppra judged.
 """
 OPINION_ERROR = 1e-5
-"""Relative error of a duration that toppra computes."""
+"""Relative error of the durations that toppra computes."""
 FASTER = 1e-4
 """Relative difference to toppra's duration above which a motion is faster than its path allows."""
 SLOWER = 1e-3
@@ -259,7 +262,7 @@ TRADED = 1e-3
 NOT_IN_PATH = ("continuous torque", "nut contact", "self-locking")
 """Names of limits that toppra does not consider."""
 BINDS = 0.01
-"""Margin below which a limit of NOT_IN_PATH can slow a motion down."""
+"""Relative margin below which a limit of NOT_IN_PATH can slow a motion down."""
 
 
 @record
@@ -300,19 +303,21 @@ class Plan:
     stopped: bool = False
     """True if the user ended the search for a faster motion."""
     candidates: tuple[tuple[Mapping[str, Any], ...], ...] = ()
-    """Tried candidates of each phase: kind, bound, estimate, duration (s), outcome and effort."""
+    """Candidate motions of each phase that the planner tried.
+
+    Each mapping contains the kind, bound, estimate, duration (s), outcome and effort of one
+    candidate.
+    """
     proof: tuple[Proof, ...] = ()
     """Bounds of each limit over continuous time. Empty if the motion was not judged."""
     software: Mapping[str, str] = field(default_factory=software)
     """Versions of the software that made the plan."""
     file: Path | None = field(default=None, init=False)
-    """File plan.json from which the plan was loaded. None for a plan that was made or changed in
-    Python.
-    """
+    """File plan.json from which the plan was loaded, or None if Python made or changed the plan."""
     file_sha256: str | None = field(default=None, init=False)
-    """SHA-256 of that file."""
+    """SHA-256 of `file` in hexadecimal."""
     uncertified_reason: str | None = field(default=None, init=False)
-    """Reason why a stored certificate is not valid (verification/certificate.py)."""
+    """Reason why the certificate in the file does not belong to this plan."""
 
     def __post_init__(self) -> None:
         if self.certificate is None or self.trajectory is None:
@@ -370,9 +375,9 @@ class Plan:
         >>> Plan.from_trajectory(motion, load_robot("vitreoretinal")).duration
         2.0
         """
-        ends = trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist()
-        start, target = (Joints(tuple(joints)) for joints in ends)
-        problem = Problem(robot, start, (Free(target),), name=name)
+        start, target = trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist()
+        free_motion = Free(Joints(tuple(target)))
+        problem = Problem(robot, Joints(tuple(start)), (free_motion,), name=name)
         times = trajectory.breaks - trajectory.breaks[0]
         phases = (Span(problem.motion[0].name or "1", 0.0, float(times[-1])),)
         motion = Trajectory(times, trajectory.coefficients, phases)
@@ -380,10 +385,7 @@ class Plan:
         return cls(problem, "solved", motion, certificate=certificate)
 
     def __bool__(self) -> bool:
-        """Raise TypeError, because the truth value of a plan is ambiguous.
-
-        A plan may lack a motion.
-        """
+        """Raise TypeError, because a plan may exist without having passed its check."""
         raise TypeError("a plan is neither true nor false: ask for plan.passed")
 
     def _repr_html_(self) -> str:
@@ -496,25 +498,24 @@ class Plan:
             for item in phase.sensitivities:
                 changes[item.limit, item.joint] += item.seconds_per_percent
         smallest = CHANGE * (self.duration or 0.0)
-        significant = (
-            Sensitivity(*name, change) for name, change in changes.items() if change < -smallest
-        )
-        ordered = sorted(significant, key=lambda item: item.seconds_per_percent)
-        return tuple(ordered) if self.phases else None
+        significant = [
+            Sensitivity(limit, joint, change)
+            for (limit, joint), change in changes.items()
+            if change < -smallest
+        ]
+        significant.sort(key=lambda item: item.seconds_per_percent)
+        return tuple(significant) if self.phases else None
 
     @property
     def confirmation(self) -> tuple[int, float] | None:
         """Number of iterations and largest difference of Ipopt's confirmations."""
-        statements = [
-            (phase.confirmation_iterations or 0, phase.confirmation_difference)
-            for phase in self.phases
-            if phase.confirmation_difference is not None
-        ]
-        if not statements:
-            return None
-        return sum(iterations for iterations, _ in statements), max(
-            (difference for _, difference in statements), key=abs
-        )
+        iterations = 0
+        differences = []
+        for phase in self.phases:
+            if phase.confirmation_difference is not None:
+                iterations += phase.confirmation_iterations or 0
+                differences.append(phase.confirmation_difference)
+        return (iterations, max(differences, key=abs)) if differences else None
 
     @property
     def lower_bound(self) -> float | None:
@@ -560,14 +561,15 @@ class Plan:
         if self.uncertified_reason is not None:
             notes.append(f"not certified: {self.uncertified_reason}: plan it again")
         for requirement in self.requirements:
-            notes += [*_motor_notes(requirement), *_extrapolation(self.robot, requirement)]
-        notes += _excess_ranges(self.problem)
-        stays = ", ".join(phase.name for phase in self.phases if not phase.duration)
-        if stays:
-            notes.append(f"skipped because the robot is already at the end: {stays}")
+            notes += _motor_notes(requirement)
+            notes += _friction_notes(self.robot, requirement)
+        notes += _range_notes(self.problem)
+        skipped_phases = ", ".join(phase.name for phase in self.phases if not phase.duration)
+        if skipped_phases:
+            notes.append(f"skipped because the robot is already at the end: {skipped_phases}")
         if self.trajectory is not None:
-            notes += _whole_turns(self.problem, self.trajectory)
-            notes += _ways_round(self.problem, self.trajectory, self.phases)
+            notes += _start_notes(self.problem, self.trajectory)
+            notes += _turn_notes(self.problem, self.trajectory, self.phases)
         notes += self._slow_phases()
         if self.tip_error is not None and self.tip_error.missing:
             notes.append(self.tip_error.reason)
@@ -576,15 +578,19 @@ class Plan:
         if self.certificate is not None:
             notes += [f"not checked: {subject}" for subject in self.certificate.unchecked]
         if self.unproven:
-            names = (f"{name} of {joint}" if joint else name for name, joint in self.unproven)
-            notes.append(f"checked by samples, but not proven at every instant: {', '.join(names)}")
+            limits = [f"{name} of {joint}" if joint else name for name, joint in self.unproven]
+            notes.append(
+                f"checked by samples, but not proven at every instant: {', '.join(limits)}"
+            )
         return tuple(notes)
 
     @property
     def unproven(self) -> list[tuple[str, str | None]]:
         """Names and joints of the limits that the proof does not cover. Empty without a proof."""
-        limits = self.certificate.limits if self.certificate and self.proof else ()
-        return unproven_limits(self.proof, ((limit.name, limit.joint) for limit in limits))
+        if self.certificate is None or not self.proof:
+            return []
+        keys = [(limit.name, limit.joint) for limit in self.certificate.limits]
+        return unproven_limits(self.proof, keys)
 
     @cached_property
     def tip_error(self) -> TipError | None:
@@ -601,14 +607,11 @@ class Plan:
             robot_bound = of_robot.get(key)
             if plan_bound == robot_bound:
                 continue
-            description = f"{key[0]} of joint {key[1]}" if key[1] else key[0]
-            bounds = [
-                f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none"
-                for limit in (plan_bound, robot_bound)
-            ]
+            name, joint = key
+            description = f"{name} of joint {joint}" if joint else name
             notes.append(
-                f"the plan was made for another limit: {description}: {bounds[0]}; the robot given "
-                f"has {bounds[1]}"
+                f"the plan was made for another limit: {description}: {_bounds(plan_bound)}; the "
+                f"robot given has {_bounds(robot_bound)}"
             )
         return tuple(notes)
 
@@ -651,7 +654,7 @@ class Plan:
 
     def summary(self) -> JsonObject:
         """Return the content of the output of `plan --json`, in SI units and radians."""
-        return {
+        summary = {
             **attributes(self, SUMMARY),
             "cross_check": self.cross_check,
             "sensitivities": plain(self.sensitivities),
@@ -662,10 +665,14 @@ class Plan:
             "reason": None if self.reason is None else self.reason.to_dict(),
             "notes": list(self.notes),
             "phases": [phase.to_dict() for phase in self.phases],
-            **({"stopped": True} if self.stopped else {}),
-            **({"candidates": plain(self.candidates)} if self.candidates else {}),
-            **({"proof": [proof.to_dict() for proof in self.proof]} if self.proof else {}),
         }
+        if self.stopped:
+            summary["stopped"] = True
+        if self.candidates:
+            summary["candidates"] = plain(self.candidates)
+        if self.proof:
+            summary["proof"] = [proof.to_dict() for proof in self.proof]
+        return summary
 
     def to_dict(self) -> JsonObject:
         """Convert the plan to the content of plan.json as JSON types, in SI units and radians.
@@ -676,7 +683,7 @@ class Plan:
         return {**self._content(), "trajectory": trajectory}
 
     def _content(self) -> JsonObject:
-        """Return the content of plan.json without the trajectory, whose key is the last."""
+        """Return the content of plan.json with None as the trajectory, whose key is the last."""
         summary = self.summary()
         phases = summary.pop("phases")
         return {
@@ -693,7 +700,7 @@ class Plan:
             "trajectory": None,
         }
 
-    def _parts(self) -> Iterator[str]:
+    def _text_parts(self) -> Iterator[str]:
         """Yield the text of plan.json in parts, so that a long motion needs little memory.
 
         Each polynomial piece of the motion is on one line.
@@ -709,15 +716,15 @@ class Plan:
     def _serialise(self, write: Callable[[bytes], object]) -> str:
         """Pass the text of plan.json to `write` in parts, and return its SHA-256."""
         digest = hashlib.sha256()
-        for part in self._parts():
-            data = part.encode()
+        for text in self._text_parts():
+            data = text.encode()
             digest.update(data)
             write(data)
         return digest.hexdigest()
 
     def to_json(self) -> str:
         """Return the text of plan.json."""
-        return "".join(self._parts())
+        return "".join(self._text_parts())
 
     @classmethod
     def from_json(cls, data: bytes, file: Path) -> Plan:
@@ -748,25 +755,27 @@ class Plan:
                 f"{file}: this plan has no trajectory (status: {document.get('status')})"
             )
         try:
-            certificate_data = document.get("certificate")
+            trajectory = Trajectory.from_dict(_mapping(document, "trajectory", file))
+            phases = converted(
+                tuple[PhaseSummary, ...], document.get("phases") or [], "phases", build=True
+            )
+            certificate = None
+            if document.get("certificate") is not None:
+                certificate = Certificate.from_dict(document["certificate"])
+            nominal_duration = converted(
+                float | None, document.get("nominal_duration"), "nominal_duration"
+            )
+            proof = converted(tuple[Proof, ...], document.get("proof") or [], "proof", build=True)
             plan = cls(
                 problem=problem,
                 status=str(document.get("status")),
-                trajectory=Trajectory.from_dict(_mapping(document, "trajectory", file)),
-                phases=converted(
-                    tuple[PhaseSummary, ...], document.get("phases") or [], "phases", build=True
-                ),
-                certificate=None
-                if certificate_data is None
-                else Certificate.from_dict(certificate_data),
-                nominal_duration=converted(
-                    float | None, document.get("nominal_duration"), "nominal_duration"
-                ),
+                trajectory=trajectory,
+                phases=phases,
+                certificate=certificate,
+                nominal_duration=nominal_duration,
                 stopped=document.get("stopped") is True,
                 candidates=tuple(map(tuple, document.get("candidates") or ())),
-                proof=converted(
-                    tuple[Proof, ...], document.get("proof") or [], "proof", build=True
-                ),
+                proof=proof,
                 software=document.get("software") or {},
             )
         except TrajectoryError as error:
@@ -874,75 +883,93 @@ def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
 
 def _limits_of(robot: Robot) -> list[Limit]:
     """Return the limits of a robot's joints and tool."""
-    return [*(limit for joint in robot.joints for limit in joint.limits), *robot.limits]
+    limits = [limit for joint in robot.joints for limit in joint.limits]
+    return limits + list(robot.limits)
 
 
-def _excess_ranges(problem: Problem) -> list[str]:
-    """Return remarks on requested ranges that exceed those of the robot or of joint 4."""
-    notes = []
-    for name, requested in problem.excess_ranges.items():
-        if (joint_range := problem.ranges.get(name)) is None:
-            continue
-        texts = (
-            " to ".join(in_words(end, TaskRange(name, *ends).unit) for end in ends)
-            for ends in (requested, joint_range)
-        )
-        notes.append(
-            "range of {} of {} asked for: the robot allows {}, which holds".format(name, *texts)
-        )
-    return notes
+def _bounds(limit: Limit | None) -> str:
+    """Describe the bounds of a limit, which is None for a robot without it."""
+    return f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none"
 
 
-def _whole_turns(problem: Problem, trajectory: Trajectory) -> list[str]:
-    """Return remarks on joints whose start position is a whole turn away from a smaller angle."""
-    if isinstance(problem.start, Joints):
-        return []
-    start_angles = np.degrees(trajectory.sample(0.0).q[0])
+def _range_notes(problem: Problem) -> list[str]:
+    """Return remarks on requested ranges of task coordinates that exceed those of the robot."""
+
+    def text(name: str, ends: tuple[float, float]) -> str:
+        unit = TaskRange(name, *ends).unit
+        return " to ".join(in_words(end, unit) for end in ends)
+
     return [
-        f"joint {joint.name} starts at {angle:.6g} deg, a whole turn from "
-        f"{angle - math.copysign(360.0, angle):.6g} deg: "
-        "from there the motion would leave its range"
-        for joint, angle in zip(problem.robot.joints, start_angles, strict=True)
-        if not joint.slides and abs(angle) > 180.0 + 1e-6
+        f"range of {name} of {text(name, requested)} asked for: the robot allows "
+        f"{text(name, problem.ranges[name])}, which holds"
+        for name, requested in problem.excess_ranges.items()
+        if name in problem.ranges
     ]
 
 
-def _ways_round(
+def _long_turns(robot: Robot, turns: Array) -> Iterator[tuple[str, float, float]]:
+    """Yield the joints with an angle above half a turn.
+
+    Parameters
+    ----------
+    robot : Robot
+    turns : (4,) array
+        Angles of the joints, rad. The value of a sliding joint is ignored.
+
+    Yields
+    ------
+    name : str
+        Name of the joint.
+    angle : float
+        Its angle, deg.
+    equivalent : float
+        The angle of smaller magnitude that differs by a whole turn, deg.
+    """
+    for joint, angle in zip(robot.joints, np.degrees(turns).tolist(), strict=True):
+        if not joint.slides and abs(angle) > 180.0 + 1e-6:
+            yield joint.name, angle, angle - math.copysign(360.0, angle)
+
+
+def _start_notes(problem: Problem, trajectory: Trajectory) -> list[str]:
+    """Return remarks on joints whose start position is a whole turn away from a smaller angle."""
+    if isinstance(problem.start, Joints):
+        return []
+    return [
+        f"joint {name} starts at {angle:.6g} deg, a whole turn from {equivalent:.6g} deg: from "
+        "there the motion would leave its range"
+        for name, angle, equivalent in _long_turns(problem.robot, trajectory.sample(0.0).q[0])
+    ]
+
+
+def _turn_notes(
     problem: Problem, trajectory: Trajectory, phases: tuple[PhaseSummary, ...]
 ) -> list[str]:
-    """Return remarks on free motions with unexpected turns.
+    """Return remarks on phases that change the branch, or turn a joint by more than half a turn.
 
-    They change the branch, or turn a joint by more than half a turn.
+    Only problems with free motions have such remarks.
     """
-    mechanism = Mechanism.from_robot(problem.robot)
-    joints = problem.robot.joints
     if not any(isinstance(entry, Free) for entry in problem.motion):
         return []
-    instants = np.concatenate([[0.0], np.cumsum([phase.duration for phase in phases])])
-    joints_at_ends = trajectory.sample(
-        trajectory.breaks[0] + np.minimum(instants, trajectory.duration)
-    ).q
-    branches = mechanism.branch_of(joints_at_ends)
+    end_times = np.cumsum([0.0] + [phase.duration for phase in phases])
+    instants = trajectory.breaks[0] + np.minimum(end_times, trajectory.duration)
+    positions = trajectory.sample(instants).q
+    branches = Mechanism.from_robot(problem.robot).branch_of(positions)
     notes = []
-    for phase, branch_before, branch_after, (start_joints, end_joints) in zip(
-        phases, branches, branches[1:], pairwise(joints_at_ends), strict=False
-    ):
-        if branch_before != branch_after:
+    for i, phase in enumerate(phases):
+        if branches[i] != branches[i + 1]:
             notes.append(
-                f"{phase.name}: goes from branch {branch_before:+d} of the inverse kinematics to "
-                f"branch {branch_after:+d}"
+                f"{phase.name}: goes from branch {branches[i]:+d} of the inverse kinematics to "
+                f"branch {branches[i + 1]:+d}"
             )
-        notes += [
-            f"{phase.name}: joint {joint.name} turns by {angle:.6g} deg, not by "
-            f"{angle - math.copysign(360.0, angle):.6g} deg"
-            for joint, angle in zip(joints, np.degrees(end_joints - start_joints), strict=True)
-            if not joint.slides and abs(angle) > 180.0 + 1e-6
-        ]
+        for name, angle, equivalent in _long_turns(problem.robot, positions[i + 1] - positions[i]):
+            notes.append(
+                f"{phase.name}: joint {name} turns by {angle:.6g} deg, not by {equivalent:.6g} deg"
+            )
     return notes
 
 
 def _motor_notes(requirement: MotorRequirement) -> list[str]:
-    """Return a remark if a joint lacks a motor, or if values of the motor are placeholders."""
+    """Return a remark if a joint lacks a motor, or if data of its motor are placeholders."""
     joint, motor = requirement.joint, requirement.motor
     if motor is None:
         return [f"joint {joint}: no motor given, its torque is not limited"]
@@ -952,11 +979,11 @@ def _motor_notes(requirement: MotorRequirement) -> list[str]:
     return [f"joint {joint}: motor {motor.name} has placeholder figures ({names})"]
 
 
-def _extrapolation(robot: Robot, requirement: MotorRequirement) -> list[str]:
-    """Return remarks on the friction of a joint.
+def _friction_notes(robot: Robot, requirement: MotorRequirement) -> list[str]:
+    """Return remarks on the friction of the drive of a joint.
 
-    They concern a drive without self-locking, and friction beyond the speeds at which it was
-    identified.
+    They state that the drive does not lock itself, or that the motion is faster than the motions
+    from which the friction was identified.
     """
     drive = robot.joints[JOINTS.index(requirement.joint)].drive
     if drive is None or drive.friction is None:

@@ -1,9 +1,9 @@
 """Publish the files of a result folder such that they always belong to one plan.
 
-A generation consists of all files that belong to one plan. They are first written to a temporary
-folder. Then a manifest.json with the hash of every file and a mark of incompleteness is written to
-the result folder. The files follow, and finally the manifest without the mark. If the program is
-interrupted, the folder either contains one generation, or its mark shows that it does not.
+A generation consists of all files that belong to one plan. The program writes them to a temporary
+folder. It then writes a manifest.json with the hash of every file and a mark of incompleteness to
+the result folder, moves the files there, and finally writes the manifest without the mark. After an
+interruption, the folder either contains one generation, or its mark shows that it does not.
 """
 
 import hashlib
@@ -106,10 +106,12 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
 
 def hashes(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every file below a folder except the manifest, by relative path."""
-    files = (
-        path for path in sorted(folder.rglob("*")) if path.is_file() and path != folder / MANIFEST
-    )
-    return {path.relative_to(folder).as_posix(): sha256(path) for path in files}
+    manifest = folder / MANIFEST
+    return {
+        path.relative_to(folder).as_posix(): sha256(path)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path != manifest
+    }
 
 
 def sha256(path: Path) -> str:
@@ -161,7 +163,7 @@ def check_generation(folder: Path) -> None:
             "again"
         )
     for name, sha in listed_files(manifest).items():
-        if os.path.exists(folder / name) and not _is(folder / name, sha):
+        if os.path.exists(folder / name) and not _has_hash(folder / name, sha):
             raise TrajectoryError(
                 f"{folder / name}: is not the file that {MANIFEST} lists; re-create the results, "
                 f"or remove {MANIFEST} if you changed the file yourself"
@@ -193,47 +195,48 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
     Raises ExportError, before any change, if a file that no export wrote would be replaced.
     """
     manifest = read_manifest(source)
-    old = read_manifest(folder)
-    ours = listed_files(old)
+    present_manifest = read_manifest(folder)
+    present_files = listed_files(present_manifest)
     file_format = manifest.get("format")
     if file_format:
-        manifest = _merged(source, folder, displayed_path, manifest, old=old)
+        manifest = _combined_manifest(source, folder, displayed_path, manifest, present_manifest)
+    new_files = listed_files(manifest)
     entries = sorted(path for path in source.iterdir() if path.name != MANIFEST)
     for entry in entries:
-        _check_way(
+        _check_replaceable(
             folder / entry.name,
             displayed_path / entry.name,
             entry.is_dir(),
-            ours,
+            present_files,
             strict=file_format == EXPORT,
         )
-    replaced = source / ".replaced"
-    replaced.mkdir()
+    replaced_folder = source / ".replaced"
+    replaced_folder.mkdir()
     if file_format:
-        marked = {**manifest, INCOMPLETE: True, "files": {**ours, **listed_files(manifest)}}
         marker = source / ".begun"
-        _write_manifest(marker, marked)
+        all_files = present_files | new_files
+        _write_manifest(marker, manifest | {INCOMPLETE: True, "files": all_files})
         marker.replace(folder / MANIFEST)
         sync(folder, content=False)
     for entry in entries:
-        if entry.is_dir() and (folder / entry.name).exists():
-            (folder / entry.name).rename(replaced / entry.name)
-        entry.replace(folder / entry.name)
+        target = folder / entry.name
+        if entry.is_dir() and target.exists():
+            target.rename(replaced_folder / entry.name)
+        entry.replace(target)
     if file_format:
-        names = listed_files(manifest)
-        _remove_stale(folder, {name: sha for name, sha in ours.items() if name not in names})
+        stale_files = {name: sha for name, sha in present_files.items() if name not in new_files}
+        _remove_stale(folder, stale_files)
         sync(folder, content=False)
         (source / MANIFEST).replace(folder / MANIFEST)
     sync(folder, content=False)
 
 
-def _merged(
+def _combined_manifest(
     source: Path,
     folder: Path,
     displayed_path: Path,
     manifest: JsonObject,
-    *,
-    old: JsonObject,
+    present_manifest: JsonObject,
 ) -> JsonObject:
     """Return the manifest of the new generation.
 
@@ -245,7 +248,7 @@ def _merged(
         Temporary folder with the new files, and folder into which they will be moved.
     displayed_path : Path
         Path of the folder for messages.
-    manifest, old : dict
+    manifest, present_manifest : dict
         Manifests of the new files, and of the files in the folder.
 
     Raises
@@ -253,19 +256,24 @@ def _merged(
     ExportError
         If the folder contains files of another format or another plan.
     """
-    if not old:
+    if not present_manifest:
         return manifest
     hint = "choose another folder (nothing was written)"
-    if old["format"] != manifest["format"]:
-        description = "an export" if old["format"] == EXPORT else "the results of a plan"
+    present_format = present_manifest["format"]
+    if present_format != manifest["format"]:
+        description = "an export" if present_format == EXPORT else "the results of a plan"
         raise ExportError(f"{displayed_path}: holds {description}: {hint}")
-    if manifest["format"] != RESULTS or PLAN in listed_files(manifest):
+    if present_format != RESULTS or PLAN in listed_files(manifest):
         return manifest
-    if old.get("plan") != manifest["plan"]:
+    if present_manifest.get("plan") != manifest["plan"]:
         raise ExportError(f"{displayed_path}: holds results of another plan: {hint}")
-    ours = listed_files(old).items()
-    unchanged = {name: sha for name, sha in ours if _is(folder / name, sha)}
-    manifest["files"] = dict(sorted({**unchanged, **manifest["files"]}.items()))
+    files = {
+        name: sha
+        for name, sha in listed_files(present_manifest).items()
+        if _has_hash(folder / name, sha)
+    }
+    files |= manifest["files"]
+    manifest["files"] = dict(sorted(files.items()))
     _write_manifest(source / MANIFEST, manifest)
     return manifest
 
@@ -276,8 +284,12 @@ def _write_manifest(path: Path, manifest: JsonObject) -> None:
     sync(path)
 
 
-def _check_way(
-    target: Path, displayed_path: Path, is_folder: bool, ours: Mapping[str, str], strict: bool
+def _check_replaceable(
+    target: Path,
+    displayed_path: Path,
+    is_folder: bool,
+    present_files: Mapping[str, str],
+    strict: bool,
 ) -> None:
     """Raise ExportError if a file that no export wrote would be replaced.
 
@@ -289,8 +301,8 @@ def _check_way(
         Its path for messages.
     is_folder : bool
         True if a folder replaces it.
-    ours : Mapping
-        Files that the present manifest lists.
+    present_files : Mapping
+        Hashes of the files that the present manifest lists, by name.
     strict : bool
         True if the new files are an export. Results may replace any single file.
     """
@@ -300,7 +312,7 @@ def _check_way(
     files = [path for path in target.rglob("*") if not path.is_dir()] if is_folder else [target]
     for path in files:
         name = path.relative_to(target.parent).as_posix()
-        if (strict or is_folder) and name not in ours:
+        if (strict or is_folder) and name not in present_files:
             raise ExportError(
                 f"{displayed_path}: is in the way, and no export wrote {name}: choose another "
                 "folder, or move it away; nothing is written"
@@ -314,25 +326,21 @@ def _remove_stale(folder: Path, stale_files: Mapping[str, str]) -> None:
     """
     for name, sha in stale_files.items():
         with suppress(OSError):
-            if _is(folder / name, sha):
+            if _has_hash(folder / name, sha):
                 (folder / name).unlink()
                 for parent in PurePosixPath(name).parents:
                     if parent != PurePosixPath("."):
                         (folder / parent).rmdir()
 
 
-def _is(path: Path, sha: str) -> bool:
+def _has_hash(path: Path, sha: str) -> bool:
     """Return True if a file exists and has this SHA-256."""
     return os.path.isfile(path) and sha256(path) == sha
 
 
 def is_inside(name: str) -> bool:
     """Return True if a relative name stays inside its folder on every operating system."""
+    if not name or "\0" in name or "\\" in name:
+        return False
     path = PurePosixPath(name)
-    return (
-        bool(name)
-        and "\0" not in name
-        and "\\" not in name
-        and not path.is_absolute()
-        and ".." not in path.parts
-    )
+    return not path.is_absolute() and ".." not in path.parts

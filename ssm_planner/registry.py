@@ -13,9 +13,9 @@ N = TypeVar("N", bound=Any)
 class Registry(Mapping[str, N]):
     """Mapping of objects by name, to which other installed packages can add objects.
 
-    Other packages declare their objects as entry points. These are loaded when an unknown name is
-    requested or when all objects are listed, so they do not delay the start. Their objects are
-    last.
+    Other packages declare their objects as entry points. The registry loads these when an unknown
+    name is requested or when all objects are listed, so that they do not delay the start of the
+    program. The objects of other packages are at the end of the registry.
 
     Parameters
     ----------

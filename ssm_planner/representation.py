@@ -41,10 +41,17 @@ def _abbreviated(value: object) -> str:
 
 def html_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return an HTML table with one row for each mapping. All mappings have the same keys."""
-    cells = [*rows[:1], *(row.values() for row in rows)]
-    texts = ([f"{x:.6g}" if isinstance(x, float) else str(x) for x in row] for row in cells)
-    lines = ("".join(f"<td>{escape(text)}</td>" for text in row) for row in texts)
-    return f"<table>{''.join(f'<tr>{line}</tr>' for line in lines)}</table>"
+    headings = list(rows[0]) if rows else []
+    lines = [_html_row(headings)] if rows else []
+    lines += [_html_row(list(row.values())) for row in rows]
+    return f"<table>{''.join(lines)}</table>"
+
+
+def _html_row(values: Sequence[Any]) -> str:
+    """Return a row of an HTML table. Numbers have six significant digits."""
+    texts = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in values]
+    cells = [f"<td>{escape(text)}</td>" for text in texts]
+    return f"<tr>{''.join(cells)}</tr>"
 
 
 def data_frame(columns: Any) -> Any:

@@ -29,13 +29,13 @@ class Stops:
     """Largest distance (n,) of the tip from its position at the beginning of the stop, m."""
     certificate: Certificate
     """Certificate of all stops together with the limits of the motion itself."""
-    _found: StopMotions
+    _stop_motions: StopMotions
     """Motions of the stops."""
 
     @property
     def motions(self) -> tuple[Trajectory | None, ...]:
         """Trajectory of the stop from each instant, or None if all joints already rest."""
-        return self._found.motions
+        return self._stop_motions.motions
 
     @property
     def passed(self) -> bool:

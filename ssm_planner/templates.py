@@ -121,14 +121,14 @@ def template(kind: str, name: str) -> str:
     example = EXAMPLES[kind]
     data = read(shipped_folder() / f"{example}.yaml").value
     kind = "drive" if kind == "screw" else kind
-    head = [
+    lines = [
         f"# A {kind} file with the figures of the shipped {example}. Replace them with yours.",
         "# Text after # is a comment. Keys in comments are optional. Every figure has its unit.",
         f"# Editors can complete and check it with the output of `ssm-planner schema {kind}`.",
     ]
     # The first "name" puts the key at the top, and the second replaces the name of the example.
-    body = _Writer(keys).mapping({"name": name} | data | {"name": name}, "", 0)
-    return "\n".join([*head, *body]) + "\n"
+    lines += _Writer(keys).mapping({"name": name} | data | {"name": name}, "", 0)
+    return "\n".join(lines) + "\n"
 
 
 class _Writer:
@@ -172,9 +172,9 @@ class _Writer:
         if isinstance(value, list) and value and isinstance(value[0], dict):
             yield _commented(f"{pad}{name}:", key)
             for item in value:
-                head, *tail = self.mapping(item, f"{path}[].", depth + 2)
-                yield f"{pad}  - {head.lstrip()}"
-                yield from tail
+                lines = list(self.mapping(item, f"{path}[].", depth + 2))
+                yield f"{pad}  - {lines[0].lstrip()}"
+                yield from lines[1:]
             return
         yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
 
@@ -199,12 +199,11 @@ def _commented(line: str, key: Key | None) -> str:
     if len(line) < COLUMN and COLUMN + len(text) < WIDTH:
         return f"{line.ljust(COLUMN)}# {text}"
     pad = " " * (len(line) - len(line.lstrip()))
-    return "\n".join(
-        [*wrap(text, WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# "), line]
-    )
+    comments = wrap(text, WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# ")
+    return "\n".join(comments + [line])
 
 
-def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
+def _flow(value: Any, reference: bool = False, nested: bool = False) -> str:
     """Format a value in YAML's flow style, on one line.
 
     Parameters
@@ -214,11 +213,11 @@ def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
     reference : bool
         True if the value is the path of a shipped file. Only its name is written, because the name
         is valid in any folder.
-    inside : bool
+    nested : bool
         True for a value within a list or mapping.
     """
     if isinstance(value, dict):
-        items = (f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items())
+        items = [f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items()]
         return "{" + ", ".join(items) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(_flow(item, reference, True) for item in value) + "]"
@@ -226,8 +225,10 @@ def _flow(value: Any, reference: bool = False, inside: bool = False) -> str:
         return str(value).lower()
     text = Path(value).stem if reference else str(value)
     # Text that YAML would read as another value needs quotes.
-    read_back = yaml.safe_load(f"[{text}]")[0] if inside else yaml.safe_load(f"key: {text}")["key"]
+    document = f"key: [{text}]" if nested else f"key: {text}"
+    value_read = yaml.safe_load(document)["key"]
+    read_back = value_read[0] if nested else value_read
     is_same = str(read_back) == text or isinstance(value, float)
-    if is_same and not (inside and "," in text):
+    if is_same and not (nested and "," in text):
         return text
     return json.dumps(text, ensure_ascii=False)

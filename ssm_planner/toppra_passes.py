@@ -23,8 +23,8 @@ TINY = 1e-9
 
 def largest_speeds(
     grid: Array,
-    begin: Rows,
-    end: Rows,
+    start_rows: Rows,
+    end_rows: Rows,
     ceiling: Array,
     *,
     speeds: tuple[float, float],
@@ -38,8 +38,8 @@ def largest_speeds(
     ----------
     grid : (n + 1,)
         Ends of the intervals.
-    begin, end : Rows
-        Rows at the beginning and at the end of every interval.
+    start_rows, end_rows : Rows
+        Rows at the start and at the end of every interval.
     ceiling : (n + 1,)
         Largest ṡ² that speed limits allow.
     speeds : (float, float)
@@ -57,16 +57,20 @@ def largest_speeds(
     from toppra.interpolator import AbstractGeometricPath
 
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    # With s̈ = u and ṡ² = x at the beginning of an interval, ṡ² is x + 2 u Δ at its end.
-    a, b, c = (np.hstack(pair) for pair in zip(begin, end, strict=True))
-    a[:, begin[0].shape[1] :] += 2 * np.diff(grid)[:, None] * end[1]
+    a_start, b_start, c_start = start_rows
+    a_end, b_end, c_end = end_rows
+    # With s̈ = u and ṡ² = x at the start of an interval of length Δ, ṡ² is x + 2 u Δ at its end.
+    a = np.hstack([a_start, a_end + 2 * np.diff(grid)[:, None] * b_end])
+    b = np.hstack([b_start, b_end])
+    c = np.hstack([c_start, c_end])
     row_scale = np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
     if ((row_scale == TINY) & (c > 1 + TINY)).any():
         return None
-    scaled = [
-        np.vstack([values, values[-1:]])
-        for values in (a / row_scale, b / row_scale, (c - 1) / row_scale)
-    ]
+    # The rows of the last interval also apply to the end of the path.
+    points = np.append(np.arange(len(a)), len(a) - 1)
+    a = (a / row_scale)[points]
+    b = (b / row_scale)[points]
+    c = ((c - 1) / row_scale)[points]
 
     class Path(AbstractGeometricPath):  # type: ignore[misc, no-any-unimported]
         dof, path_interval, waypoints = 1, grid[[0, -1]], None
@@ -75,7 +79,7 @@ def largest_speeds(
         def compute_constraint_params(self, *_: Any) -> tuple[Any, ...]:
             count = a.shape[1]
             bounds = np.column_stack([np.zeros_like(ceiling), ceiling])
-            return *scaled, np.eye(count), np.zeros(count), None, bounds
+            return a, b, c, np.eye(count), np.zeros(count), None, bounds
 
     constraint = Limits()
     constraint.identical = True  # The factor of the rows is the same at every point.

@@ -72,12 +72,11 @@ class Samples:
 
         Raises SsmPlannerError if pandas is not installed.
         """
-        columns = {
-            f"{name}{i + 1}": getattr(self, name)[:, i]
-            for name in ("q", "qd", "qdd", "qddd")
-            for i in range(4)
-        }
-        return data_frame({"t": self.t} | columns)
+        columns = {"t": self.t}
+        for name in ("q", "qd", "qdd", "qddd"):
+            values = getattr(self, name)
+            columns |= {f"{name}{i + 1}": values[:, i] for i in range(4)}
+        return data_frame(columns)
 
 
 @record
@@ -182,13 +181,14 @@ class Trajectory:
         if qd is None and qdd is not None:
             raise TrajectoryError("samples with accelerations qdd need velocities qd")
         times, states = _sample_arrays(t, [x for x in (q, qd, qdd) if x is not None])
-        if len(states) == 1:
+        if qd is None:
             from scipy.interpolate import CubicSpline
 
             states.append(CubicSpline(times, states[0], bc_type="clamped")(times, 1))
-        interpolate = cubics if len(states) == 2 else quintics
-        ends = (tuple(x[rows] for x in states) for rows in (slice(-1), slice(1, None)))
-        return cls(times, interpolate(np.diff(times), *ends), ())
+        interpolate = cubics if qdd is None else quintics
+        starts = tuple(values[:-1] for values in states)
+        ends = tuple(values[1:] for values in states)
+        return cls(times, interpolate(np.diff(times), starts, ends), ())
 
     def _repr_html_(self) -> str:
         """Return the duration and the phases as HTML for notebooks."""
@@ -236,12 +236,11 @@ class Trajectory:
         times = np.atleast_1d(np.asarray(t, dtype=float))
         start, end = self.breaks[[0, -1]]
         clipped = np.clip(times, start, end)
-        error = np.abs(times - clipped)
-        if np.isnan(error).any() or not (
-            clamp or error.max(initial=0.0) <= ROUNDING * max(1.0, abs(start), abs(end))
-        ):
+        distance = np.abs(times - clipped)
+        tolerance = np.inf if clamp else ROUNDING * max(1.0, abs(start), abs(end))
+        if np.isnan(distance).any() or distance.max(initial=0.0) > tolerance:
             raise TrajectoryError(
-                f"t = {times[error.argmax()]:g} s is not between {start:g} s and {end:g} s, "
+                f"t = {times[distance.argmax()]:g} s is not between {start:g} s and {end:g} s, "
                 "the first and the last time of this trajectory"
             )
         index = self.piece_of(clipped, side)
@@ -303,18 +302,14 @@ class Trajectory:
         The start time does not change.
         """
         start = self.breaks[0]
+
+        def later(time: Any) -> Any:
+            """Return the time at which the slower motion reaches the position of a time."""
+            return start + (time - start) / speed
+
         powers = speed ** np.arange(DEGREE + 1)[None, :, None]
-        spans = (
-            Span(
-                phase.name,
-                start + (phase.start - start) / speed,
-                start + (phase.end - start) / speed,
-            )
-            for phase in self.phases
-        )
-        return Trajectory(
-            start + (self.breaks - start) / speed, self.coefficients * powers, tuple(spans)
-        )
+        phases = [Span(phase.name, later(phase.start), later(phase.end)) for phase in self.phases]
+        return Trajectory(later(self.breaks), self.coefficients * powers, tuple(phases))
 
     def to_dict(self) -> JsonObject:
         """Convert the trajectory to JSON types, in s, rad and m, as plan.json contains it."""
@@ -334,11 +329,11 @@ class Trajectory:
     def json_parts(self) -> Iterator[str]:
         """Yield the result of `to_dict` as JSON in parts, with one line for each piece."""
         yield f'{{"breaks_s": {json.dumps(self.breaks.tolist())}, "coefficients": '
-        start = "["
+        separator = "["
         for block in blocks(len(self.breaks) - 1, BLOCK // 64):
             pieces = json.dumps(self.pieces(block).tolist())
-            yield start + pieces[1:-1].replace("]], [[", "]],\n  [[")
-            start = ",\n  "
+            yield separator + pieces[1:-1].replace("]], [[", "]],\n  [[")
+            separator = ",\n  "
         yield f'], "phases": {json.dumps(self._spans())}}}'
 
     @classmethod
@@ -362,13 +357,11 @@ class Trajectory:
         except (KeyError, OverflowError, TypeError, ValueError) as error:
             raise TrajectoryError(f"not the pieces of a trajectory: {error}") from error
         trajectory = cls(breaks, coefficients, phases)
-        ends = np.array([(phase.start, phase.end) for phase in phases]).reshape(-1, 2)
-        borders = np.concatenate([breaks[:1], ends[:, 1]])
-        if not (
-            len(ends)
-            and np.allclose(ends[:, 0], borders[:-1], 0, SHORTEST)
-            and borders[-1] == breaks[-1]
-        ):
+        starts = np.array([phase.start for phase in phases])
+        ends = np.array([phase.end for phase in phases])
+        # Each phase starts where the phase before it ends.
+        is_contiguous = np.allclose(starts, np.append(breaks[0], ends)[:-1], 0, SHORTEST)
+        if not (phases and is_contiguous and ends[-1] == breaks[-1]):
             raise TrajectoryError(
                 "the phases of a trajectory follow one another from its start to its end"
             )
@@ -408,7 +401,7 @@ def blocks(count: int, size: int) -> Iterator[slice]:
 
 
 def parts_of(counts: Indices) -> tuple[Indices, Indices]:
-    """Number the parts into which polynomial pieces are divided.
+    """Return the indices of all parts into which polynomial pieces are divided.
 
     Parameters
     ----------
@@ -421,7 +414,8 @@ def parts_of(counts: Indices) -> tuple[Indices, Indices]:
         Index of the piece of each part, and index of the part within its piece.
     """
     piece = np.repeat(np.arange(len(counts)), counts)
-    return piece, np.arange(len(piece)) - (np.cumsum(counts) - counts)[piece]
+    number_of_earlier_parts = np.cumsum(counts) - counts
+    return piece, np.arange(len(piece)) - number_of_earlier_parts[piece]
 
 
 def hermite(
@@ -457,7 +451,7 @@ def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) ->
     h = length[:, None]
     q0, v0, a0 = start
     q1, v1, a1 = end
-    # differences from the quadratic polynomial that matches the start
+    # scaled differences at the end from the quadratic polynomial that matches the start
     dq = (q1 - q0 - v0 * h - a0 * h**2 / 2) / h**3
     dv = (v1 - v0 - a0 * h) / h**2
     da = (a1 - a0) / h
@@ -483,7 +477,8 @@ def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> A
         Coefficients of the pieces.
     """
     h = length[:, None]
-    (q0, v0), (q1, v1) = start, end
+    q0, v0 = start
+    q1, v1 = end
     slope = (q1 - q0) / h
     zero = np.zeros_like(q0)
     c2 = (3 * slope - 2 * v0 - v1) / h
@@ -539,9 +534,9 @@ class Cubic:
     def end(self) -> tuple[Any, Any]:
         """Position u and velocity u̇ at t = h."""
         h = self.h
-        return self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6), self.v + h * (
-            self.a0 + self.a1
-        ) / 2
+        position = self.u + h * self.v + h**2 * (self.a0 / 3 + self.a1 / 6)
+        velocity = self.v + h * (self.a0 + self.a1) / 2
+        return position, velocity
 
     @property
     def middle_velocity(self) -> Any:
@@ -580,13 +575,14 @@ def join(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
     """
     if not sections:
         raise TrajectoryError("a trajectory needs at least one phase")
-    time = 0.0
+    start = 0.0
     breaks = [np.zeros(1)]
+    coefficients = []
     phases = []
-    for name, local, _ in sections:
-        breaks.append(time + local[1:])
-        phases.append(Span(name, time, float(time + local[-1])))
-        time = float(time + local[-1])
-    return Trajectory(
-        np.concatenate(breaks), np.concatenate([c for *_, c in sections]), tuple(phases)
-    )
+    for name, local_breaks, local_coefficients in sections:
+        end = float(start + local_breaks[-1])
+        breaks.append(start + local_breaks[1:])
+        coefficients.append(local_coefficients)
+        phases.append(Span(name, start, end))
+        start = end
+    return Trajectory(np.concatenate(breaks), np.concatenate(coefficients), tuple(phases))

@@ -34,8 +34,8 @@ _SYMBOLS: dict[str, dict[str, tuple[float, str]]] = {
 
 Angle is a separate dimension, so `5` and `5 mm` are not valid angles.
 """
-for _names, _kind, _factor, _unit in package_table(Path(__file__).with_name("symbols.csv")):
-    _SYMBOLS[_kind] |= dict.fromkeys(_names.split(), (float(_factor), _unit))
+for _names, _group, _factor, _unit in package_table(Path(__file__).with_name("symbols.csv")):
+    _SYMBOLS[_group] |= dict.fromkeys(_names.split(), (float(_factor), _unit))
 _ZERO = {"degC": 273.15, "degree_Celsius": 273.15}
 """Zero of temperature scales in K. In a compound unit such as K/W, a degree is a kelvin."""
 
@@ -78,7 +78,10 @@ def of_heading(name: str) -> tuple[str, str]:
     The result is the label and the unit. The unit is "" if the heading does not state one.
     """
     match = _IN_BRACKETS.match(name) or _AFTER.match(name.strip())
-    return (match.group(1), match.group(2).strip()) if match else (name, "")
+    if match is None:
+        return name, ""
+    label, unit = match.groups()
+    return label, unit.strip()
 
 
 MAGNITUDES = 1e50
@@ -131,7 +134,8 @@ def number(value: object) -> float:
 
     Raises BadQuantity for other values.
     """
-    if isinstance(value, str) and (match := _QUANTITY.fullmatch(_spell(value))) and match[2]:
+    match = _QUANTITY.fullmatch(_spell(value)) if isinstance(value, str) else None
+    if match is not None and match[2]:
         raise BadQuantity("this figure has no unit", _NUMBER_HINT)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise BadQuantity(f"{describe(value)} where a number is needed", _NUMBER_HINT)
@@ -140,7 +144,10 @@ def number(value: object) -> float:
 
 
 def _check_magnitude(value: float, allowed: str) -> None:
-    """Raise BadQuantity for a number that is not finite, or whose magnitude no real figure has."""
+    """Raise BadQuantity for a number that is not finite, or of an implausible magnitude.
+
+    `allowed` describes the allowed values in the message.
+    """
     if not math.isfinite(value):
         raise BadQuantity("not a finite number", allowed)
     if value and not 1 / MAGNITUDES <= abs(value) <= MAGNITUDES:
@@ -172,7 +179,8 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     """
     shape = ", ".join(KINDS.get(kind, NUMBER).example for kind in kinds)
     allowed = f"{len(kinds)} values such as [{shape}]"
-    if isinstance(value, str) and (match := _VECTOR.fullmatch(_spell(value))):
+    match = _VECTOR.fullmatch(_spell(value)) if isinstance(value, str) else None
+    if match is not None:
         if not match[2]:
             raise BadQuantity("numbers without a unit", allowed)
         value = [f"{item.strip()} {match[2]}" for item in match[1].split(",")]
@@ -212,13 +220,12 @@ def _convert(magnitude: float, unit: str, target: "Kind") -> float:
         factor, dimensions = _parsed(unit)
     except KeyError as error:
         raise BadQuantity(f"unknown unit {error.args[0]!r}", target.expected) from None
-    if dimensions in (_parsed(symbol)[1] for symbol in (target.unit, *target.others)):
-        return _plausible(
-            magnitude * factor + _ZERO.get(unit, 0.0), target, f"{magnitude:g} {unit}"
-        )
-    # Speeds of turning and of sliding joints, for example, have the same name.
-    name = _name(dimensions)
+    if any(dimensions == _parsed(symbol)[1] for symbol in (target.unit, *target.others)):
+        value = magnitude * factor + _ZERO.get(unit, 0.0)
+        return _plausible(value, target, f"{magnitude:g} {unit}")
+    name = _quantity_name(dimensions)
     fault = f"{name}, not {target.name}"
+    # Two kinds may have one name, for example the speeds of revolute and of sliding joints.
     if name == target.name:
         fault = f"not {target.name} in {target.unit}"
     raise BadQuantity(f"{magnitude:g} {unit} is {fault}", target.expected)
@@ -252,8 +259,9 @@ def _parsed(text: str) -> tuple[float, Dimensions]:
         power = int(exponent or 1) * (-1 if separator else 1)
         scale, dimensions = _unit_by_name(name)
         factor *= scale**power
-        powers.update({dimension: power * inner_power for dimension, inner_power in dimensions})
-    return factor, tuple(sorted((name, power) for name, power in powers.items() if power))
+        for dimension, inner_power in dimensions:
+            powers[dimension] += power * inner_power
+    return factor, tuple(sorted(item for item in powers.items() if item[1] != 0))
 
 
 @lru_cache(maxsize=256)
@@ -262,15 +270,19 @@ def _unit_by_name(name: str) -> tuple[float, Dimensions]:
 
     Raises KeyError if the unit is unknown.
     """
-    for symbol in (name, name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name):
-        for prefix, (factor, _) in _SYMBOLS["prefix"].items():
-            unit = _plain(symbol.removeprefix(prefix)) if symbol.startswith(prefix) else None
+    singular = name.removesuffix("s") if len(name) > LONGEST_SYMBOL else name
+    for symbol in (name, singular):
+        for prefix, (prefix_factor, _) in _SYMBOLS["prefix"].items():
+            if not symbol.startswith(prefix):
+                continue
+            unit = _unit_without_prefix(symbol.removeprefix(prefix))
             if unit is not None:
-                return factor * unit[0], unit[1]
+                factor, dimensions = unit
+                return prefix_factor * factor, dimensions
     raise KeyError(name)
 
 
-def _plain(name: str) -> tuple[float, Dimensions] | None:
+def _unit_without_prefix(name: str) -> tuple[float, Dimensions] | None:
     """Return the factor and the dimensions of a unit without a prefix, or None if it is unknown."""
     if name in _SYMBOLS["base"]:
         return 1.0, ((_SYMBOLS["base"][name][1], 1),)
@@ -281,35 +293,39 @@ def _plain(name: str) -> tuple[float, Dimensions] | None:
     return factor * scale, dimensions
 
 
-def _name(dimensions: Dimensions) -> str:
+def _quantity_name(dimensions: Dimensions) -> str:
     """Return the name of the quantity with these dimensions, or a text of the dimensions."""
     for kind in KINDS.values():
         if _parsed(kind.unit)[1] == dimensions:
             return kind.name
     if not dimensions:
         return "a pure number"
-    return "a " + " ".join(
-        f"[{name}]^{power}" if power != 1 else f"[{name}]" for name, power in dimensions
-    )
+    texts = [f"[{name}]" if power == 1 else f"[{name}]^{power}" for name, power in dimensions]
+    return "a " + " ".join(texts)
 
 
 def _spell(text: str) -> str:
     """Replace symbols such as ° and ² by ASCII text."""
-    for symbol, plain in _SPELLINGS.items():
-        text = text.replace(symbol, plain)
+    for symbol, ascii_text in _SPELLINGS.items():
+        text = text.replace(symbol, ascii_text)
     return text
 
 
 def describe(value: object) -> str:
     """Describe the type of a YAML value for messages, for example "a list"."""
-    kinds: tuple[tuple[tuple[type, ...], str], ...] = (
-        ((type(None),), "nothing"),
-        ((bool,), "true/false"),
-        ((int, float), "a number"),
-        ((list, tuple), "a list"),
-        ((dict,), "a mapping"),
-    )
-    return next((text for types, text in kinds if isinstance(value, types)), "a text")
+    descriptions = {
+        type(None): "nothing",
+        bool: "true/false",
+        int: "a number",
+        float: "a number",
+        list: "a list",
+        tuple: "a list",
+        dict: "a mapping",
+    }
+    for value_type, description in descriptions.items():
+        if isinstance(value, value_type):
+            return description
+    return "a text"
 
 
 @frozen
@@ -345,7 +361,7 @@ KINDS = {
         Path(__file__).with_suffix(".csv")
     )
 }
-"""Kinds of quantity by the name in the schema."""
+"""Kinds of quantity by their name in the schema."""
 
 
 RPM = 30 / math.pi
@@ -360,5 +376,8 @@ def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
     `degree` is the symbol of a degree, such as "°" on pages and in figures.
     """
     base, separator, denominator = unit.partition("/")
-    name, scale = (degree, 180 / math.pi) if base == "rad" else _SHOWN.get(base, (base, 1.0))
+    if base == "rad":
+        name, scale = degree, 180 / math.pi
+    else:
+        name, scale = _SHOWN.get(base, (base, 1.0))
     return name + separator + denominator, scale

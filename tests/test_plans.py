@@ -430,7 +430,7 @@ def test_a_plan_in_a_folder_with_a_file_of_another_plan_is_refused(
 
 def test_a_joint_without_a_drive_has_no_note_on_friction(plan: Plan, robot: Robot) -> None:
     changed = replace(robot, joints=(replace(robot.joints[0], drive=None), *robot.joints[1:]))
-    assert plans._extrapolation(changed, plan.requirements[0]) == []
+    assert plans._friction_notes(changed, plan.requirements[0]) == []
 
 
 def test_a_plan_is_neither_true_nor_false(plan: Plan) -> None:
@@ -460,8 +460,8 @@ def test_a_plan_is_written_in_parts_and_only_once(
     assert json.loads(text) == json.loads(json.dumps(plan.to_dict()))
     monkeypatch.setattr("ssm_planner.trajectory.BLOCK", block)
     again = replace(plan)
-    assert len(list(again._parts())) > 5
+    assert len(list(again._text_parts())) > 5
     file = again.write(tmp_path / "plan.json")
-    monkeypatch.setattr(Plan, "_parts", None)
+    monkeypatch.setattr(Plan, "_text_parts", None)
     assert file.read_text(encoding="utf-8") == text
     assert again.sha256 == hashlib.sha256(text.encode()).hexdigest()

@@ -205,33 +205,42 @@ def match(
         Instants of the recording in s, and measured speeds in rad/s.
     speed : float
         Speed of execution, as a multiple of the planned speed.
+
+    Returns
+    -------
+    Match
+        Delay, cost and correlation. The delay is the start of the recorded motion if the recording
+        is too short for a comparison.
     """
     from scipy.signal import correlate
 
-    moves = np.flatnonzero(np.abs(measured) > ENDS * np.abs(measured).max(initial=0.0))
-    begin, end = time[moves[[0, -1]]] if len(moves) else time[[0, 0]]
+    moving = np.flatnonzero(np.abs(measured) > ENDS * np.abs(measured).max(initial=0.0))
+    start, end = time[moving[[0, -1]]] if len(moving) else time[[0, 0]]
     duration = float(planned_time[-1]) / speed
-    step = max(end - begin, duration) * 2 / SAMPLES
-    w = np.interp(np.arange(begin, end, step), time, measured)
+    step = max(end - start, duration) * 2 / SAMPLES
+    # w and v are the measured and the planned speed at equal time steps.
+    w = np.interp(np.arange(start, end, step), time, measured)
     v = speed * np.interp(speed * np.arange(0.0, duration, step), planned_time, planned_speed)
     if len(w) < 8 or not (w.any() and v.any()):
-        return Match(float(begin), float(len(moves) > 0), 0.0, 1.0)
+        return Match(float(start), float(len(moving) > 0), 0.0, 1.0)
     product = correlate(w, v, method="fft")
-    first = np.arange(1 - len(v), len(w))
+    shifts = np.arange(1 - len(v), len(w))
+    # Energy of the part of v that overlaps w, for each shift of v.
     sums = np.append(0.0, np.cumsum(v**2))
-    energy = sums[np.minimum(len(v), len(w) - first)] - sums[np.maximum(0, -first)]
+    energy = sums[np.minimum(len(v), len(w) - shifts)] - sums[np.maximum(0, -shifts)]
     # A short overlap does not determine a correlation.
-    enough = np.maximum(energy, 1e-3 * sums[-1])
+    least_energy = np.maximum(energy, 1e-3 * sums[-1])
     total = float(w @ w)
-    shape = product / np.sqrt(enough * total)
-    k = int(np.argmax(np.abs(shape)))
-    # A recording that fits both directions equally well is not reversed.
+    correlation = product / np.sqrt(least_energy * total)
+    k = int(np.argmax(np.abs(correlation)))
+    # Squared differences without the constant w·w. A recording that fits both directions equally
+    # well is not reversed.
     errors = min(energy - 2 * product, energy + 2 * product + (1 - ALIKE) * total, key=np.min)
     return Match(
-        float(begin + step * first[int(np.argmin(errors))]),
-        1 + float(errors.min()) / total,
-        float(shape[k]),
-        float((product / enough)[k]),
+        delay=float(start + step * shifts[int(np.argmin(errors))]),
+        cost=1 + float(errors.min()) / total,
+        correlation=float(correlation[k]),
+        factor=float((product / least_energy)[k]),
     )
 
 
@@ -243,9 +252,9 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
 
     Parameters
     ----------
-    axes
+    axes : sequence of Alignment
         Alignment of each axis.
-    drift
+    drift : float
         Smallest deviation of the rate from 1 that is corrected. The uncertainty of the rate is
         added.
     """

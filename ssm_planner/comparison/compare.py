@@ -197,18 +197,18 @@ def compare(
 
     Parameters
     ----------
-    trajectory
+    trajectory : Trajectory
         The planned motion.
-    robot
+    robot : Robot
         Robot of the plan.
-    certificate
+    certificate : Certificate or None
         Certificate of the plan with its margins. None leaves the planned margins unknown.
-    recordings
+    recordings : sequence of Measured
         One recording for each axis. All of them share one clock.
-    lag
+    lag : float
         Delay of a joint (s) that is permitted at its largest speed. It determines the permitted
         tracking error.
-    speed
+    speed : float, optional
         Speed at which the motion was meant to be executed, as a multiple of the planned speed. None
         means the planned speed. A run at any other speed is not held, but is compared at its speed.
 
@@ -293,13 +293,13 @@ def _compare_axis(
 
     Parameters
     ----------
-    axis
+    axis : AlignedAxis
         Recording and prediction of the axis on the common clock.
-    plans
+    plans : sequence of Predicted
         Predictions of all axes, with which a recording of another axis is recognised.
-    certificate
+    certificate : Certificate or None
         Certificate of the plan, or None if its margins do not apply.
-    lag
+    lag : float
         Permitted delay at the largest speed, s.
     """
     plan = axis.plan

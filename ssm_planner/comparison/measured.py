@@ -44,13 +44,13 @@ def read_measured(
 
     Parameters
     ----------
-    path
+    path : Path
         Recorder export, or CSV with named columns.
-    robot
+    robot : Robot
         Robot that performed the motion.
-    joint
+    joint : str
         Name of the joint.
-    counts_per_turn
+    counts_per_turn : int, optional
         Increments per motor turn of a position channel. The default follows from the motor file.
 
     Returns
@@ -102,9 +102,9 @@ def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
 
     Parameters
     ----------
-    texts
+    texts : sequence of str
         `JOINT=FILE`, or only the file if its name contains the name or the number of a joint.
-    robot
+    robot : Robot
         Robot with the names of the joints.
 
     Raises

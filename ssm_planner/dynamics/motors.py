@@ -156,11 +156,26 @@ def directions_law(
 def joint_direction(
     joint: Joint, qd: Expression, qdd: Expression, qddd: Expression, side: int
 ) -> tuple[Expression, Expression]:
-    """Return the direction of a joint, +1, −1 or 0, and whether it starts from rest.
+    """Determine in which direction a joint moves, and whether it starts from rest.
 
-    At rest, the direction is that in which the derivatives move the joint. With `side` = +1 the
-    instant after is evaluated, where a start has static friction. With `side` = −1 the instant
-    before is evaluated, which may be an arrival. A joint without any motion has the direction 0.
+    For a joint at rest, the acceleration or the jerk determines the direction.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with its limits, which define the speeds that count as rest.
+    qd, qdd, qddd : float, array or expression
+        Velocity, acceleration and jerk of the joint, in rad or m and s.
+    side : int
+        For a joint at rest, +1 selects the direction just after the instant, where a start has
+        static friction. −1 selects the direction just before it, at which the joint may arrive.
+
+    Returns
+    -------
+    direction : float, array or expression
+        +1, −1, or 0 for a joint that does not move.
+    starts : bool, array or expression
+        True if the joint is at rest and starts.
     """
     xp = namespace_of(qd, qdd, qddd)
     max_velocity = joint.velocity

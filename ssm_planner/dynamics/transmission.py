@@ -210,9 +210,21 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
 
 
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return the margins of self-locking, μ − cos θ_n·tan λ and φ − λ (rad), with the shape of mu.
+    """Return the two margins of self-locking, which are positive for a self-locking mesh.
 
-    Both are positive if the friction of the mesh alone makes it self-locking.
+    They are μ − cos θ_n·tan λ and φ − λ with the pressure angle θ_n, the lead angle λ and the
+    friction angle φ.
+
+    Parameters
+    ----------
+    drive : Drive
+    mu : array_like, optional
+        Friction coefficient μ of the mesh. The default is the kinetic coefficient.
+
+    Returns
+    -------
+    coefficient_margin, angle_margin : arrays with the shape of mu
+        Margin of the coefficient, and margin of the angle in rad.
     """
     mu = friction_of(drive).mu if mu is None else mu
     coefficient_margin = mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle)

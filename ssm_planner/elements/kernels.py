@@ -77,7 +77,10 @@ class _Writer:
         values: Sequence[Any],
         kinds: str = "at by bend",
     ) -> None:
-        """Write the functions NAME_at, NAME_by and NAME_bend of a part.
+        """Write C functions for the values of a part of the model and for their derivatives.
+
+        NAME_at computes the values, NAME_by also their Jacobian, and NAME_bend adds the Hessian of
+        their weighted sum.
 
         Parameters
         ----------

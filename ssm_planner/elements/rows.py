@@ -512,7 +512,9 @@ def directed_torques(
     Parameters
     ----------
     drive : Drive
+        Drive of the joint.
     instant : Instant
+        Motion and loads of all joints at one instant.
     i : int
         Index of the joint.
     breakaway : bool

@@ -468,7 +468,7 @@ def read_tables(
 
     Parameters
     ----------
-    folder, manifest, robot
+    folder, manifest, robot : Path, dict, Robot
         See `read_epos4`.
     time : str
         Column of the time.

@@ -364,8 +364,9 @@ def _angle(a: Array, b: Array) -> float:
 def _side(along_t: float, along_n: float) -> int:
     """Return the sign, ±1, of the tilt φ at q = 0 whose roll ψ lies in (−90°, 90°].
 
-    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n). `along_t` and `along_n` are its
-    components along t and n.
+    The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n). Here ω1 is the first joint axis, n is the
+    normal of the first two joint axes, and t = n × ω1. `along_t` and `along_n` are the components
+    of the tool axis along t and n.
     """
     if abs(along_n) > PARALLEL:
         return -1 if along_n > 0.0 else 1

@@ -155,9 +155,18 @@ def check_branch(branch: int) -> int:
 
 
 def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
-    """Return the angles from tilts to the nearer end of the tilt range, rad.
+    """Return the angles from tilts to the nearer end of the tilt range of a mechanism.
 
-    The result has the shape of `tilt`. It is negative outside the workspace.
+    Parameters
+    ----------
+    mechanism : Mechanism
+    tilt : array_like
+        Tilts φ, rad.
+
+    Returns
+    -------
+    array with the shape of `tilt`
+        Angles in rad. They are negative outside the workspace.
 
     Raises
     ------

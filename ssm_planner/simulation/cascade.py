@@ -249,7 +249,7 @@ def loop_step(
 
     Parameters
     ----------
-    gains, electrics
+    gains, electrics : Gains, Electrics
         Gains of the position loop, and electrical data of motor and supply.
     period : float
         Sampling period of the loop, s.

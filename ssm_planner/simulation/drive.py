@@ -130,7 +130,7 @@ def stalled(
         Step of the drive with a free motor.
     blocked : expression
         1 for a blocked motor, 0 for a free one. The step of a free motor is returned unchanged.
-    w, load, tau, h
+    w, load, tau, h : ca.SX, ca.SX, ca.SX, float
         Motor speed before the step in rad/s, effort on the output in N·m or N, motor torque in N·m,
         and duration of the step in s.
     """

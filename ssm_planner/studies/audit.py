@@ -58,14 +58,14 @@ def audit_study(
 
     Parameters
     ----------
-    folder
+    folder : str or Path
         Folder of the results.
-    tolerance
+    tolerance : float
         Largest permitted difference of a figure, as a share of the larger value. The default only
         permits rounding. Another processor may change figures by up to 0.5 %.
-    workers
+    workers : int, optional
         Number of worker processes, 1 to 256. The default is the number of processors.
-    progress
+    progress : StudyProgress
         Function that is called after each result.
 
     Returns

@@ -142,14 +142,14 @@ def _slower_figures(
 
     Parameters
     ----------
-    problems, reduced
+    problems, reduced : Problems
         Problem of each motion by name, with the motors of the candidate and with motors that are
         reduced by the margin.
-    fast_motions
+    fast_motions : Motions
         Fastest trajectory of each motion by name.
-    slowdown
+    slowdown : float
         Largest factor on the durations.
-    margin
+    margin : float
         Required motor margin, as a share.
     """
     results: JsonObject = {}
@@ -169,9 +169,9 @@ def evaluate_batch(
 
     Parameters
     ----------
-    pickled
+    pickled : bytes
         Pickled `Evaluation`, which a worker reads only once.
-    candidates
+    candidates : sequence of (int, Design)
         Number and design of each candidate.
 
     Returns
@@ -324,13 +324,13 @@ def select_components(
 
     Parameters
     ----------
-    study
+    study : Study
         Study with the choices of motors and gears.
-    problems
+    problems : Problems
         Problem of each motion by name.
-    motions
+    motions : Motions
         Fastest trajectory of each motion by name.
-    slowdown
+    slowdown : float
         Factor on the durations of these motions.
 
     Returns
@@ -362,12 +362,17 @@ def _selected_pair(
 
     Parameters
     ----------
-    study
+    study : Study
         Study with the required margin.
-    joint
+    joint : str
         Name of the joint.
-    loads
+    loads : sequence of (JointLoad, Conditions)
         Load of the joint in each motion, with the operating conditions.
+
+    Returns
+    -------
+    dict
+        Label of the selected motor and of the selected gear by the path of their choice.
     """
     motor_choice, motors = _component_options(study, joint, "motor")
     gear_choice, gears = _component_options(study, joint, "drive")
@@ -422,11 +427,11 @@ def _component_options(
 
     Parameters
     ----------
-    study
+    study : Study
         Study with the choices of motors and gears.
-    joint
+    joint : str
         Name of the joint.
-    component
+    component : str
         "motor" or "drive".
 
     Returns

@@ -33,15 +33,15 @@ def write_study_figures(
 
     Parameters
     ----------
-    study
+    study : Study
         The study.
-    reference
+    reference : Candidate
         Result of the study's own robot.
-    rows
+    rows : Candidates
         Results of all candidates.
-    front
+    front : Candidates
         Results of the candidates on the front.
-    folder
+    folder : Path
         Folder of the files.
     """
     plots: dict[str, Figure] = {}

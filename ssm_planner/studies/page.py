@@ -36,15 +36,15 @@ def write_study_page(
 
     Parameters
     ----------
-    study
+    study : Study
         The study.
-    rows
+    rows : Candidates
         Result of the study's own robot, followed by the results of its candidates.
-    front
+    front : Candidates
         Results of the candidates on the front.
-    path
+    path : Path
         File of the page.
-    finished
+    finished : bool
         False while the study runs. The page then reloads itself.
 
     Raises

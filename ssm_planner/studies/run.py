@@ -121,16 +121,16 @@ def study(
 
     Parameters
     ----------
-    of
+    of : Study, str or Path
         Study, its file, or the name of a shipped study.
-    folder
+    folder : str or Path
         Folder of the results.
-    workers
+    workers : int, optional
         Number of worker processes, 1 to 256. The default is the number of processors.
-    executor
+    executor : Executor, optional
         Any `concurrent.futures.Executor`, such as that of Dask, which replaces the worker
         processes. It is not shut down.
-    progress
+    progress : StudyProgress
         Function that is called after each result.
 
     Returns

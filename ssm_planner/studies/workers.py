@@ -36,9 +36,9 @@ class Workers(Executor):
 
     Parameters
     ----------
-    count
+    count : int
         Number of processes.
-    attempts
+    attempts : int
         Number of workers that one task may end before it fails.
     """
 
@@ -69,9 +69,9 @@ class Workers(Executor):
 
         Parameters
         ----------
-        wait
+        wait : bool
             If true, return after all workers have ended.
-        cancel_futures
+        cancel_futures : bool
             If true, kill the workers at once and cancel waiting calls.
         """
         self._closed = True

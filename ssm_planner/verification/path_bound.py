@@ -326,8 +326,8 @@ class _Program:
     def bound(self, multipliers: Array) -> float:
         """Return the lower bound on the duration for given multipliers, s.
 
-        It is the last line of the equation in the module, minus the estimated error of Simpson's
-        rule.
+        The bound is the last line of the equation in the docstring of this module, minus the
+        estimated error of Simpson's rule.
 
         Parameters
         ----------
@@ -335,9 +335,11 @@ class _Program:
             Any values that are at least 0.
         """
         minima = _smallest_values(self.p @ multipliers, self.kappa @ multipliers, self.max_speed)
-        rough, fine = self.weights @ (minima + self.excess @ multipliers)
-        mu, losses = self.mu @ multipliers, self._jump_losses(multipliers)
-        return float(fine - abs(fine - rough) + mu[-1] - mu[0] - losses.sum())
+        coarse_integral, fine_integral = self.weights @ (minima + self.excess @ multipliers)
+        integration_error = abs(fine_integral - coarse_integral)
+        mu = self.mu @ multipliers
+        losses = self._jump_losses(multipliers).sum()
+        return float(fine_integral - integration_error + mu[-1] - mu[0] - losses)
 
     def _jump_losses(self, multipliers: Array) -> Array:
         """Return F² max(Δμ, 0) at the inner grid points, (n − 1,), for multipliers (unknowns,)."""

@@ -123,16 +123,15 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     motor = verdict.motor
     conditions = sizing.conditions
     speed = np.linspace(0.0, motor.max_speed, 400)
-    hot = motor.max_winding_temperature
-    short = 1e3 * available_torque(motor, conditions, speed, hot)
-    steady = continuous_torque(motor, conditions.ambient)
-    if steady is not None:
-        axes.fill_between(
-            RPM * speed, 0.0, np.minimum(short, 1e3 * steady), color="0.88", label="continuous"
-        )
+    temperature = motor.max_winding_temperature
+    peak_limit = 1e3 * available_torque(motor, conditions, speed, temperature)
+    continuous_limit = continuous_torque(motor, conditions.ambient)
+    if continuous_limit is not None:
+        continuous_region = np.minimum(peak_limit, 1e3 * continuous_limit)
+        axes.fill_between(RPM * speed, 0.0, continuous_region, color="0.88", label="continuous")
     # A vertical line at the largest speed closes the region.
     outline_speeds = RPM * np.append(speed, speed[-1])
-    axes.plot(outline_speeds, np.append(short, 0.0), label="short-term", **LIMIT)
+    axes.plot(outline_speeds, np.append(peak_limit, 0.0), label="short-term", **LIMIT)
     i = JOINTS.index(verdict.joint)
     torque = 1e3 * np.abs(verdict.requirement.torque)
     speeds = RPM * np.abs(verdict.load.speed())
@@ -147,8 +146,8 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
         linewidth=1.0,
         label="RMS of the motion",
     )
-    top = 1.15 * max(torque.max(), 0.0 if steady is None else 1e3 * steady, 1e-9)
-    axes.set_ylim(0.0, max(top, min(1.05 * short.max(), 3 * top)))
+    top = 1.15 * max(torque.max(), 1e3 * (continuous_limit or 0.0), 1e-9)
+    axes.set_ylim(0.0, max(top, min(1.05 * peak_limit.max(), 3 * top)))
     axes.set_xlim(0.0, min(1.05 * RPM * motor.max_speed, 3 * float(speeds.max())))
     mark = ", placeholder figures" if motor.placeholder else ""
     answer = "suffices" if verdict.adequate else "does not suffice"
