@@ -40,9 +40,13 @@ COMMANDS = {
 """Module in ssm_planner.cli, help text, example and usage line (if it is special) of every command.
 
 A module is imported only if one of its commands is used. arguments.csv lists the arguments of a
-command. The function `run_<command>(options)` of its module runs the command and returns the exit
-status: 0 if all checks passed, 1 if the problem is infeasible or a check failed, 2 if the input is
-invalid, and 4 if a limit could not be judged.
+command. The function `run_<command>(options)` of its module runs the command and returns one of
+these exit statuses:
+
+    0  All checks passed.
+    1  The problem is infeasible, or a check failed.
+    2  The input is invalid.
+    4  A limit could not be judged.
 """
 
 

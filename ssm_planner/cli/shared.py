@@ -173,12 +173,12 @@ def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -
         raise ProblemError(error.reason, key=option, value=value, allowed=error.allowed) from None
 
 
-def share(text: str, option: str = "--speed") -> float:
-    """Convert a percentage or a fraction to a fraction: `10%`, `10 %` and `0.1` all give 0.1.
+def share(text: str) -> float:
+    """Convert the value of `--speed`, a percentage or a fraction, to a fraction.
 
-    `option` is the name of the option, for messages. Raises ProblemError for other texts.
+    `10%`, `10 %` and `0.1` all give 0.1. Raises ProblemError for other texts.
     """
-    return part_quantity(option, text, "share")
+    return part_quantity("--speed", text, "share")
 
 
 REPORT_INTERVAL = 1.0

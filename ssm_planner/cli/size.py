@@ -131,6 +131,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
     path : Path
         plan.json, motorisation file, or any trajectory file if `robot_file` is given.
     robot_file : Path, optional
+        File of the robot that performs a trajectory.
 
     Raises
     ------

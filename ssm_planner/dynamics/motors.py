@@ -53,8 +53,11 @@ def motor_motion(
     Parameters
     ----------
     robot : Robot
+        Robot that performs the motion.
     body : RigidBody
+        Dynamics of the robot.
     samples : Samples
+        Sampled motion.
     direction : (n, 4)
         Direction of each joint, +1 or −1, or 0 for a joint that rests while its drive holds it.
         See `directions`.
@@ -111,6 +114,7 @@ def drive_torque(
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     tau_rigid, qd, qdd : array or expression
         Rigid-body effort, velocity and acceleration of the joint in SI units.
     direction : array or expression

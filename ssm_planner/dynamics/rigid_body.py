@@ -87,9 +87,10 @@ def _newton_euler(
 LOAD = Layout(first_turn=2, second_turn=2, gravity=3, first_moments=9, inertias=18, mass=1, com=3)
 """Numbers that determine the efforts of a robot, in the frames of `axes_frames`.
 
-These are the cosine and sine of the angles between adjacent axes, gravity in the base frame, first
-moments and inertias (xx, xy, xz, yy, yz, zz) about the RCM of the three rotating bodies, and mass
-and centre of mass of the fourth body. The third inertia includes the fourth body.
+`first_turn` and `second_turn` are the cosine and the sine of the angles between adjacent axes.
+`gravity` is the acceleration of gravity in the base frame. `first_moments` and `inertias` (xx, xy,
+xz, yy, yz, zz) are those of the three rotating bodies about the RCM. The third inertia includes the
+fourth body. `mass` and `com` are the mass and the centre of mass of the fourth body.
 """
 
 

@@ -218,6 +218,7 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
     Parameters
     ----------
     drive : Drive
+        Drive with its friction.
     mu : array_like, optional
         Friction coefficient μ of the mesh. The default is the kinetic coefficient.
 

@@ -149,6 +149,7 @@ class NativeElements:
         library : ctypes.CDLL
             The compiled library.
         element : ElementModel
+            Model of one element of the mesh.
         parameters : sequence of (size,) or (count, size) arrays
             Parameters of the model.
         count : int
@@ -231,6 +232,7 @@ def _parameter_arrays(
     Parameters
     ----------
     element : ElementModel
+        Model of one element of the mesh.
     constant_arrays : dict of arrays
         Arrays that do not depend on the parameters, see `_ElementInputs`.
     parameters : sequence of arrays
@@ -417,6 +419,7 @@ def native_elements(
     Parameters
     ----------
     element : ElementModel
+        Model of one element of the mesh.
     parameters : sequence of (size,) or (count, size) arrays
         Parameters of the model.
     count : int
@@ -563,6 +566,7 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
     Parameters
     ----------
     element : ElementModel
+        Model of one element of the mesh.
     z : (n, size) array
         The elements.
     parameters : sequence of (size,) or (n, size) arrays
@@ -598,6 +602,7 @@ def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = Fals
     Parameters
     ----------
     drive : Drive
+        Drive of the joint.
     nominal : float
         Nominal torque of the motor, N·m.
     breakaway : bool

@@ -195,6 +195,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     q : casadi.SX, (4,)
         Joint positions, rad and m.
     parameters : SimpleNamespace
@@ -223,6 +224,7 @@ def rate_rows(
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     q, qd : casadi.SX, (4,)
         Joint positions and velocities, rad and m.
     parameters : SimpleNamespace
@@ -248,7 +250,9 @@ def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[Pa
     Parameters
     ----------
     eye : Eye
+        Eye that the tool must not injure.
     mechanism : Mechanism
+        Kinematics of the robot.
     q : casadi.SX, (4,)
         Joint positions, rad and m.
     easing : casadi.SX

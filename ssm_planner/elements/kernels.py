@@ -112,6 +112,7 @@ class _Writer:
         Parameters
         ----------
         name : str
+            Name of the C function.
         inputs, outputs : dict of casadi.SX
             Arguments by name.
         adds : bool

@@ -69,6 +69,7 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
     Parameters
     ----------
     robot : Robot
+        Robot whose limits the rows represent.
     cooling : (4,) array, optional
         Cost of one second of each motor at its nominal torque, s. The default is 0.
 
@@ -116,6 +117,7 @@ def tool_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[RowN
     Parameters
     ----------
     limits : iterable of ToolLimit
+        Limits of the tool.
     moving : collection of int
         Indices of the joints that move. Each of them has its own row for the stop travel.
     """
@@ -264,7 +266,9 @@ def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> l
     Parameters
     ----------
     instant : Instant
+        Motion and loads at one instant.
     joints : tuple of Joint
+        Joints of the robot.
     jerk : bool
         Include the rows of the jerk.
     """
@@ -285,6 +289,7 @@ def sense_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstra
     Parameters
     ----------
     instant : Instant
+        Motion and loads at one instant.
     i : int
         Index of the joint.
     sense : casadi.SX or int
@@ -328,7 +333,9 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
     Parameters
     ----------
     instant : Instant
+        Motion and loads at one instant.
     robot : Robot
+        Robot whose limits the rows represent.
     breakaway : bool
         Use the static friction coefficient, for an instant at which the joints start to move.
     """
@@ -401,6 +408,7 @@ def torque_places(robot: Robot, start: int) -> list[RowPlace]:
     Parameters
     ----------
     robot : Robot
+        Robot whose limits the rows represent.
     start : int
         Index of the first torque row in native/elements.c.
     """
@@ -421,6 +429,7 @@ def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
     Parameters
     ----------
     robot : Robot
+        Robot whose limits the rows represent.
     jerk : bool
         Include the rows of the jerk.
     """
@@ -464,9 +473,11 @@ def effort(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     Parameters
     ----------
     instant : Instant
+        Motion and loads at one instant.
     slow : Instant
         The same instant without velocity and acceleration.
     joints : tuple of Joint
+        Joints of the robot.
     """
     accelerations = [instant.qdd[i] / instant.limits.acceleration[i] for i in motorless(joints)]
     motorless_cost = ACCELERATION_SHARE * ca.sumsqr(ca.vertcat(ca.SX(0, 1), *accelerations))
@@ -492,7 +503,9 @@ def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.
     Parameters
     ----------
     drive : Drive
+        Drive of the joint.
     instant : Instant
+        Motion and loads at one instant.
     i : int
         Index of the joint.
     nominal : float

@@ -193,6 +193,7 @@ def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
     coefficients : casadi.SX, (curves, powers)
         Coefficients of xi⁰, xi¹, …
     xi : casadi.SX
+        Points at which the polynomials are evaluated.
 
     Returns
     -------

@@ -78,6 +78,7 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan. The code does not contain it.
     folder : Path
@@ -109,6 +110,7 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
     Parameters
     ----------
     robot : Robot
+        Robot whose data the code contains.
     remarks : sequence of str
         Lines that are added to the comment at the beginning.
     suffix : str
@@ -148,6 +150,7 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     remarks : sequence of str
         Lines that are added to the comment at the beginning.
     suffix : str

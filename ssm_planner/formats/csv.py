@@ -77,6 +77,7 @@ def table(
     samples : Samples
         n samples of the joint motion, such as `Trajectory.uniform` returns.
     robot : Robot
+        Robot that performs the motion.
     columns : sequence of str
         Groups of `COLUMNS`: joint derivatives, motor quantities, task coordinates.
 
@@ -124,7 +125,9 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
     path : Path
         File to write.
     trajectory : Trajectory
+        Motion that is written.
     robot : Robot
+        Robot that performs the motion.
     rate : float, optional
         Rows per second, Hz. The default is RATE, divided by 10 until the file has at most ROWS
         rows.
@@ -151,9 +154,11 @@ def export_csv(
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan.
     folder : Path
+        Export folder.
     suffix : str
         Text that marks unverified files, before the extension.
     rate : float, optional
@@ -214,10 +219,13 @@ def read_csv_export(
     Parameters
     ----------
     folder : Path
+        Export folder.
     manifest : dict
+        Content of the manifest.json of the folder.
     names : Collection[str]
         Files of the manifest whose content is unchanged since the export.
     robot : Robot
+        Robot that performs the motion.
 
     Raises
     ------
@@ -261,7 +269,9 @@ def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, A
     folder : Path
         Export folder, for messages.
     manifest : dict
+        Content of the manifest.json of an export.
     robot : Robot
+        Robot that performs the motion.
 
     Returns
     -------
@@ -328,6 +338,7 @@ def _rows(
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan.
     rate : float or None
@@ -484,6 +495,7 @@ def read_csv(path: Path, robot: Robot) -> Reading:
     Parameters
     ----------
     path : Path
+        File that is read.
     robot : Robot
         Robot that defines the joints of the file.
 
@@ -550,6 +562,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
     Parameters
     ----------
     path : Path
+        File that is read.
     layout : Layout
         Layout of the file.
     selected : sequence of Heading
@@ -635,7 +648,9 @@ def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
     Parameters
     ----------
     path : Path
+        File of the table.
     layout : Layout
+        Header and separator of the table.
     message : str
         Message of the reader, which is used if every row seems to be valid.
     start : int

@@ -66,9 +66,11 @@ def export_epos4(
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan.
     folder : Path
+        Export folder.
     suffix : str
         Text that marks unverified files, before the extension.
     rate : float
@@ -223,6 +225,7 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     period : int
         Interval between setpoints, ms.
 
@@ -405,10 +408,13 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
     Parameters
     ----------
     folder : Path
+        Export folder.
     manifest : dict
+        Content of the manifest.json of the folder.
     names : Collection[str]
         Files of the manifest whose content is unchanged since the export.
     robot : Robot
+        Robot that performs the motion.
 
     Raises
     ------

@@ -47,6 +47,7 @@ def offset_checks(
     Parameters
     ----------
     robot : Robot
+        Robot that performs the motion.
     t : (n,)
         Times, s.
     q : (n, 4)
@@ -91,11 +92,13 @@ def _velocity_check(
     Parameters
     ----------
     joint : Joint
+        Joint with its limit of the acceleration.
     t : (n,) array
         Times of the setpoints, s.
     slope : (n − 1,) array
         Slopes of the positions between the setpoints.
     offset : Offsets
+        Offsets of the axis of the joint.
     rounding : float
         Largest rounding error of a position, rad or m.
     """
@@ -171,6 +174,7 @@ def _accelerations(
     Parameters
     ----------
     robot : Robot
+        Robot that performs the motion.
     t : (n,) array
         Times of the setpoints, s.
     qd : (n, 4) array

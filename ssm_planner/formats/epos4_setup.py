@@ -71,6 +71,7 @@ def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
     Parameters
     ----------
     robot : Robot
+        Robot that performs the motion.
     counts_per_turn : int or mapping from joint to int, optional
         Increments per motor turn (4 × encoder counts), for all joints or by joint. The default
         comes from the motor files.
@@ -322,6 +323,7 @@ def rounding_bounds(axis: Axis, period: int) -> dict[str, float]:
     Parameters
     ----------
     axis : Axis
+        Settings of one axis.
     period : int
         Interval between the positions, ms.
 
@@ -343,7 +345,9 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     Parameters
     ----------
     axis : Axis
+        Settings of one axis.
     mode : str
+        Mode of operation of the controller.
     period : int
         Interpolation period, ms. The limits in the drive allow for `rounding_bounds`.
 

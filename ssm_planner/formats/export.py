@@ -141,6 +141,7 @@ def slower(plan: Plan, speed: float, is_verified: bool) -> Plan:
     Parameters
     ----------
     plan : Plan
+        Plan that is played more slowly.
     speed : float
         Fraction of the speed, in (0, 1].
     is_verified : bool
@@ -172,6 +173,7 @@ def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject)
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     folder : Path
         Export folder. If its table of positions states velocities and keeps all limits, the stops
         start from the motion of this table.
@@ -216,6 +218,7 @@ def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     force : bool
         Also accept a plan that does not pass.
 

@@ -104,6 +104,7 @@ def yaml_text(message: Message, comments: Sequence[str], under: str) -> str:
     Parameters
     ----------
     message : Message
+        Message that is written.
     comments : sequence of str
         Comment lines at the beginning.
     under : str
@@ -139,6 +140,7 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
     Parameters
     ----------
     path : Path
+        YAML file that is read.
     robot : Robot
         Robot with the joints of the message.
 
@@ -221,6 +223,7 @@ def read_message(
     Parameters
     ----------
     message : Message
+        Message that is read.
     robot : Robot
         Robot with the joints of the message, in any order.
     location : str
@@ -263,6 +266,7 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
     Parameters
     ----------
     message : Message
+        Message that is checked.
     joints : sequence of str
         Names of the joints of the robot.
 
@@ -373,6 +377,7 @@ def _numbers(point: JsonObject, key: str, k: int, location: str) -> Sequence[flo
     Parameters
     ----------
     point : dict
+        One point of the message.
     key : str
         Key of the list. If it is missing, the result is empty.
     k : int

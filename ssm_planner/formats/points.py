@@ -85,6 +85,7 @@ class Reading:
         Parameters
         ----------
         robot : Robot
+            Robot that performs the motion.
         limits : TaskLimits
             Limits of the task, with the rates at both ends.
 
@@ -130,7 +131,9 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
     Parameters
     ----------
     points : Points
+        Points of the motion.
     robot : Robot
+        Robot that performs the motion.
     notes : tuple of str
         Notes to pass on with the trajectory.
 
@@ -301,6 +304,7 @@ def check_magnitudes(q: Array, robot: Robot, point_name: Callable[[int], str], s
     q : (n, 4) array
         Joint positions, rad and m.
     robot : Robot
+        Robot that performs the motion.
     point_name : callable
         Function that returns the name of a point for messages.
     start : int
@@ -332,6 +336,7 @@ def check_derivatives(
     value, derivative : (n, 4) arrays
         Values and their derivatives.
     robot : Robot
+        Robot that performs the motion.
     names : (str, str)
         Names of the values and of the derivatives for messages.
     """

@@ -110,9 +110,11 @@ def export_pvt(
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan.
     folder : Path
+        Export folder.
     suffix : str
         Text that marks unverified files, before the extension.
     counts_per_turn : int or mapping from joint to int, optional
@@ -167,6 +169,7 @@ def content(
     Parameters
     ----------
     robot : Robot
+        Robot that performs the motion.
     axes : mapping of str to Axis
         Drives by joint.
     t : (n,) array
@@ -235,6 +238,7 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
     names : collection of str
         Files that are unchanged since the export.
     robot : Robot
+        Robot that performs the motion.
 
     Returns
     -------
@@ -270,6 +274,7 @@ def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
     Parameters
     ----------
     joint : Joint
+        Joint of the table.
     driven : bool
         True if the joint has a drive, so that its unit is an increment.
     """
@@ -283,6 +288,7 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan. If it did not pass, the first table is returned.
     axes : dict of Axis
@@ -365,6 +371,7 @@ class _Fit:
         Parameters
         ----------
         plan : Plan
+            Plan that is exported.
         i : int
             Index of the joint.
         t : (n,) array

@@ -73,9 +73,11 @@ def export_ros2(
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan.
     folder : Path
+        Export folder.
     suffix : str
         Text that marks unverified files, before the extension.
     rate : float
@@ -131,6 +133,7 @@ def _content(message: Message, rate: float, suffix: str, marks: tuple[str, ...] 
     Parameters
     ----------
     message : Message
+        Message with the points of the motion.
     rate : float
         Rate of the joint states in the bag, Hz.
     suffix : str
@@ -158,10 +161,13 @@ def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot:
     Parameters
     ----------
     folder : Path
+        Export folder.
     manifest : dict
+        Content of the manifest.json of the folder.
     names : Collection[str]
         Files of the manifest whose content is unchanged since the export.
     robot : Robot
+        Robot that performs the motion.
 
     Raises
     ------

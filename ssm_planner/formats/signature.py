@@ -82,6 +82,7 @@ def _read_key(path: Path, key_type: str) -> Any:
     Parameters
     ----------
     path : Path
+        File of the key.
     key_type : str
         "private" or "public".
 

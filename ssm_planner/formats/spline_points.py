@@ -63,6 +63,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     certificate : Certificate
         Certificate of the plan. If it did not pass, the first choice of points is returned.
     tick : float, optional
@@ -108,6 +109,7 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     t : (n,) array
         Instants of the slower motion, s. An instant that exceeds the end by less than ROUNDED
         counts as the end.
@@ -138,6 +140,7 @@ def _trial(
     Parameters
     ----------
     plan : Plan
+        Plan that is exported.
     divisions : int
         Number of equal parts into which each piece of the plan is divided.
     with_acceleration : bool

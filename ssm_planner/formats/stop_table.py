@@ -42,6 +42,7 @@ def stop_table(
     stops : Stops or StopMotions
         The stops, which follow one after the other in the file.
     robot : Robot
+        Robot that performs the motion.
     axes : mapping
         Drive axes of the export by joint. Positions of these joints are in increments.
     name : str
@@ -94,6 +95,7 @@ def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robo
     reading : Reading
         The motion of the folder.
     robot : Robot
+        Robot that performs the motion.
 
     Returns
     -------
@@ -146,6 +148,7 @@ def _played(
     reading : Reading
         The motion.
     robot : Robot
+        Robot that performs the motion.
     path : Path
         File of the table, for messages.
 

@@ -166,6 +166,7 @@ def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
     tokens : list of str
         Words in lower case.
     robot : Robot
+        Robot that performs the motion.
 
     Returns
     -------

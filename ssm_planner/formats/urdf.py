@@ -98,6 +98,7 @@ def urdf(robot: Robot, mark: str = "") -> str:
     Parameters
     ----------
     robot : Robot
+        Robot that is described.
     mark : str
         Warning that is added to the comment at the beginning.
     """

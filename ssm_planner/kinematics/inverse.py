@@ -93,10 +93,11 @@ def inverse_tip(
 
     The tool can reach a tip from both sides of the RCM, so there are two depths (subproblem 3′ of
     the paper). Each depth has two branches. The solutions are ordered as (depth > 0, +1), (depth >
-    0, −1), (depth < 0, +1), (depth < 0, −1). A tip at the RCM does not determine the direction of
-    the tool. The tool then has the direction of `reference`, or that at q = 0 without a reference,
-    and the two solutions with depth < 0 are marked as not reaching the tip, because they repeat the
-    others.
+    0, −1), (depth < 0, +1), (depth < 0, −1).
+
+    A tip at the RCM does not determine the direction of the tool. The tool then has the direction
+    of `reference`, or that at q = 0 without a reference. The two solutions with depth < 0 repeat
+    the others, so they are marked as not reaching the tip.
 
     Parameters
     ----------

@@ -160,6 +160,7 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     tilt : array_like
         Tilts φ, rad.
 

@@ -193,6 +193,7 @@ def limit_cells(
     Parameters
     ----------
     limit : LimitCheck
+        Result of the limit in a certificate.
     degree : str
         Symbol of degrees.
     digits : int
@@ -353,6 +354,7 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     folder : Path, optional
         Folder of the written results.
     verbose : bool, optional
@@ -980,6 +982,7 @@ def _joint_verdict(joint: JointSizing, confidence: float) -> str:
     Parameters
     ----------
     joint : JointSizing
+        Sizing of the joint.
     confidence : float
         Probability with which the smallest suitable motor suffices.
     """

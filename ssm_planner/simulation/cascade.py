@@ -7,9 +7,9 @@ computes the demanded current from the error e = demanded − measured motor ang
     i_demand = P·e + I·∫e dt + D·ė filtered + FF_v·w + FF_a·ẇ + torque offset / k
 
 w is the demanded motor speed, and k the torque constant. The filter of the derivative has the time
-constant D / (10 P). The current follows its demand with a lag. Two limits apply to the current: the
-largest current of the power stage, and the current that the supply voltage U can drive through the
-winding resistance R against the back-EMF k·w, that is |k·w + R·i| ≤ U.
+constant D / (10 P). The current i follows its demand with a lag. The power stage limits the
+current. The supply voltage U limits it as well: with the winding resistance R and the back-EMF k·w,
+|k·w + R·i| ≤ U.
 """
 
 import math

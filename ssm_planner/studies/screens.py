@@ -274,6 +274,7 @@ def _start_faults(joint: Joint, load: Array, direction: Array) -> dict[int, Reje
     Parameters
     ----------
     joint : Joint
+        Joint of the candidate.
     load : (n, k)
         Efforts of the weight in k configurations of n robots, N·m or N.
     direction : (n, k)

@@ -111,10 +111,11 @@ def hash_of(*contents: object) -> str:
 
 
 class Store(AbstractContextManager["Store"]):
-    """Database of candidates by key. It is used as a context manager.
+    """Database that contains the candidates of a study by key. It is used as a context manager.
 
-    Opening raises ProblemError if the file is not such a database or if another process writes it,
-    and ExportError if the file cannot be written or if a file of the study is a symbolic link.
+    Opening raises ProblemError if the file is not such a database, or if another process writes it.
+    Opening raises ExportError if the file cannot be written, or if a file of the study is a
+    symbolic link.
     """
 
     def __init__(self, path: Path) -> None:

@@ -213,6 +213,7 @@ def _changes(coefficients: Array) -> Indices:
     Parameters
     ----------
     coefficients : (m, n + 1) array
+        Coefficients of m polynomials in Bernstein form.
 
     Returns
     -------

@@ -351,6 +351,7 @@ def subjects(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
     Parameters
     ----------
     unjudged : iterable of Unjudged
+        Limits that could not be judged.
 
     Returns
     -------

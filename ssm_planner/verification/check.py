@@ -155,8 +155,11 @@ def _worst_values(
     Parameters
     ----------
     trajectory : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
+        Limits of the task.
     checked : list of Quantity
         The quantities to evaluate.
     rate : float
@@ -257,6 +260,7 @@ def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
     Parameters
     ----------
     robot : Robot
+        Robot whose limits must hold.
     share : float or None
         Fraction of the friction range that the motion must be valid for. The check uses the
         smallest friction coefficient in it. None means the smallest plausible coefficient of the
@@ -312,6 +316,7 @@ def check_stops(
     motion : Trajectory
         The motion from which the stops start. It is checked in their place if it always rests.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
         Limits of the task. Its motions and its limit on the stop travel do not apply to stops.
 
@@ -338,8 +343,11 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
     Parameters
     ----------
     motion : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
+        Limits of the task.
 
     Returns
     -------

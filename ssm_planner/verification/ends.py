@@ -150,7 +150,9 @@ def end_checks(
     Parameters
     ----------
     trajectory : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
         The declared rates at both ends. A task without them requires rest.
     straight : bool

@@ -105,6 +105,7 @@ class Worst:
     Attributes
     ----------
     quantity : Quantity
+        Quantity whose values are compared.
     excess : float
         Relative excess of the value over its bound, which is the negative margin.
     value : float

@@ -154,7 +154,9 @@ class PathRows:
         i : int
             Index of the joint.
         drive : Drive
+            Drive of the joint, with its friction.
         motor : Motor
+            Motor of the joint.
         mu : (m n,) array
             Friction coefficients.
 

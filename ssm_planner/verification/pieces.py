@@ -182,6 +182,7 @@ def find_extremes(pieces: Pieces, extremes: Sequence[Worst]) -> None:
     Parameters
     ----------
     pieces : Pieces
+        Polynomial pieces of the motion.
     extremes : sequence of Worst
         Worst values of all quantities. Those without `order` are skipped.
     """

@@ -42,8 +42,11 @@ def linear_limits(
     Parameters
     ----------
     trajectory : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
+        Limits of the task.
     resolution : (4,) array
         Largest rounding error of a point, rad or m.
     checks : mapping of Quantity to LimitCheck
@@ -95,6 +98,7 @@ class _Speeds:
         Parameters
         ----------
         robot : Robot
+            Robot whose limits must hold.
         resolution : (4,) array
             Largest rounding error of a point, rad or m.
         start : (4,) array
@@ -221,6 +225,7 @@ def _longer_windows(
     Parameters
     ----------
     trajectory : Trajectory
+        Motion that is checked.
     i : int
         Index of the joint.
     bound : float
@@ -265,7 +270,9 @@ def _of_tool(
     limit : LimitCheck
         Result for the linear pieces themselves.
     trajectory : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     resolution : (4,) array
         Largest rounding error of a point, rad or m.
     """

@@ -358,6 +358,7 @@ def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     task : (4,) array
         Task coordinates, whose angles give the direction of the tool.
     centre : (3,) array
@@ -378,6 +379,7 @@ def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     start, end : (4,) arrays
         Task coordinates of both points.
     s : (n,) array
@@ -511,6 +513,7 @@ def _leaving(promise: PathPromise, t: Array, tips: Array, distances: Array) -> l
     Parameters
     ----------
     promise : PathPromise
+        Promise about the path of the tip.
     t : (n,) array
         Instants, s.
     tips : (n, 3) array

@@ -10,12 +10,12 @@ Bracketing: The cubic through the four values lies between its Bernstein coeffic
 assumes that a quantity overshoots the four values by at most CAUTION times as much as this cubic.
 A quantity with kinks (`kinked`) may also continue with the slope between two of the instants.
 
-Refinement: The intervals of the first pass are PARTS times as wide as the rate requires. An
-interval is cut into PARTS parts if its bracket exceeds the worst value so far, if it is next to a
-start, a stop or a reversal, where friction changes quickly, or if a torque has a kink in it.
-Intervals whose brackets exceed the worst value are then halved until none is left, or until the
-bracket is within the fraction CLOSE of the limit. According to the brackets, no other interval
-contains a worse value.
+Refinement: The intervals of the first pass are PARTS times as wide as the rate requires. The search
+cuts three kinds of intervals into PARTS parts: those whose bracket exceeds the worst value so far,
+those in which a torque has a kink, and those next to a start, a stop or a reversal, where friction
+changes quickly. It then halves the intervals whose brackets exceed the worst value, until none is
+left or until the bracket is within the fraction CLOSE of the limit. According to the brackets, no
+other interval contains a worse value.
 
 `RmsTorques` integrates the torques at these instants.
 """
@@ -126,7 +126,9 @@ class SampledExtremes:
         Parameters
         ----------
         trajectory : Trajectory
+            Motion that is checked.
         robot : Robot
+            Robot whose limits must hold.
         extremes : sequence of Worst
             Worst values of all quantities. The search updates those that are not polynomials.
         rate : float
@@ -331,7 +333,9 @@ class Intervals:
         Parameters
         ----------
         pieces : Pieces
+            Polynomial pieces of the motion.
         robot : Robot
+            Robot whose limits must hold.
         piece : (m,) array
             Index of the piece of each segment.
         start, end : (m,) arrays
@@ -457,7 +461,9 @@ class RmsTorques:
         Parameters
         ----------
         robot : Robot
+            Robot whose limits must hold.
         trajectory : Trajectory
+            Motion that is checked.
         pause : float
             Time before the motion repeats, s. It counts as time without torque.
 
@@ -506,7 +512,9 @@ def _law(
     Parameters
     ----------
     robot : Robot
+        Robot whose limits must hold.
     eye : Eye or None
+        Eye that limits the tool, if the robot has one.
     keys : tuple
         Type of limit, its name, index of the joint or coordinate, and case of each quantity. For a
         nut contact, the function returns the effort of the drive.

@@ -92,7 +92,9 @@ def check_slower(
     Parameters
     ----------
     motion : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
         Limits of the motion at full speed.
     speed : float
@@ -130,7 +132,9 @@ def check_speeds(
     Parameters
     ----------
     motion : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
         Limits of the motion at full speed.
     slowest : float
@@ -187,7 +191,9 @@ def _worst_speed(
     Parameters
     ----------
     motion : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     factors : (m,) array
         Speeds of the grid, as fractions.
     values : (m,) array
@@ -212,7 +218,9 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> 
     Parameters
     ----------
     motion : Trajectory
+        Motion that is checked.
     robot : Robot
+        Robot whose limits must hold.
     factors : (m,) array
         Speeds as fractions.
     pause : float

@@ -241,6 +241,7 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
     motion : Trajectory
         The part.
     robot : Robot
+        Robot whose limits must hold.
     times : (n,) array
         Instants in s from the start of the part.
     """
@@ -487,6 +488,7 @@ class _MotorAlong:
         Parameters
         ----------
         path : _Path
+            Path of the planned motion.
         joint : Joint
             A joint with a drive and a motor.
         index : tuple
@@ -583,6 +585,7 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     Parameters
     ----------
     path : _Path
+        Path of the planned motion.
     count : int
         Number of stops.
     columns : list of six (m,) arrays

@@ -52,7 +52,9 @@ def torque_bands(
     trajectory : Trajectory
         The table. All its pieces are linear.
     robot : Robot
+        Robot whose limits must hold.
     limits : TaskLimits
+        Limits of the task.
     resolution : (4,) array
         Largest rounding error of a row, rad or m.
     undefined : str
@@ -121,6 +123,7 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
     at_rest : (n, 4) array of bool
         True if all rows of the window have the same position of the joint.
     robot : Robot
+        Robot whose limits must hold.
     resolution : (4,) array
         Largest rounding error of a row, rad or m.
 
@@ -182,6 +185,7 @@ def _load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...
     Parameters
     ----------
     body : RigidBody
+        Dynamics of the robot.
     q, qd : (n, 4) arrays
         Joint positions and velocities in the middle of each window.
     errors : tuple of three arrays
@@ -212,6 +216,7 @@ def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
     Parameters
     ----------
     drive : Drive
+        Drive of the joint, with its friction.
     speed : (n,) array
         Magnitudes of the joint speed.
     error : (n,) array
@@ -235,6 +240,7 @@ def _band(
     Parameters
     ----------
     drive : Drive
+        Drive of the joint, with its friction.
     direction : int
         Direction of the torque and of the joint, 1 or −1.
     mu : (2, n) array

@@ -80,6 +80,7 @@ def view_page(study: "Study", token: str) -> str:
     Parameters
     ----------
     study : Study
+        Design study that the page shows.
     token : str
         Secret that every POST request of the page must contain.
     """
@@ -463,6 +464,7 @@ def number(request: JsonObject, key: str, low: float, high: float, unit: str = "
     Parameters
     ----------
     request : dict
+        Content of the request.
     key : str
         Key of the number.
     low, high : float

@@ -237,7 +237,9 @@ class Handler(BaseHTTPRequestHandler):
         Parameters
         ----------
         status : HTTPStatus
+            Status of the HTTP answer.
         message : str
+            Reason for the refusal.
         key : str, optional
             Name of the wrong entry.
         reason : str, optional

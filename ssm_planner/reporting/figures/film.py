@@ -58,6 +58,7 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     Parameters
     ----------
     plan : Plan, str or Path
+        Plan that is filmed, or its plan.json.
     path : str or Path
         Folder of the files, or the path of a single .gif or .mp4.
     speed : float
@@ -151,6 +152,7 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     Parameters
     ----------
     robot : Robot
+        Robot that performs the motion.
     q : (n, 4) array
         Joint positions, rad and m.
 
@@ -208,6 +210,7 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     speed : float
         Playback speed as a share of the planned speed.
     """

@@ -64,7 +64,9 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     Parameters
     ----------
     trajectory : Trajectory
+        Motion that is drawn.
     robot : Robot
+        Robot that performs the motion.
     width : float
         Width of the figure, inches.
     """
@@ -145,7 +147,9 @@ def motors_figure(
     Parameters
     ----------
     trajectory : Trajectory
+        Motion that is drawn.
     robot : Robot
+        Robot that performs the motion.
     requirements : sequence of MotorRequirement
         Required torques and speeds, one for each driven joint.
     width : float

@@ -201,6 +201,7 @@ def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = Non
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     folder : Path
         Existing folder of the files.
     drawer : FigureProcess, optional
@@ -236,7 +237,9 @@ def write_figures_of_file(plan: "Plan", folder: Path, width: float = WIDE) -> Fi
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     folder : Path
+        Folder of the figures.
     width : float
         Width of the figures, inches.
 

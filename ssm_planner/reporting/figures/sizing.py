@@ -238,7 +238,9 @@ def _bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels: boo
     Parameters
     ----------
     axes : Axes
+        Axes of matplotlib on which the function draws.
     drive : Drive
+        Drive with its friction.
     w : (n,) array
         Motor speeds, rad/s.
     load : float

@@ -88,6 +88,7 @@ def new_panels(
     width, height : float
         Size of the figure, inches.
     rows, columns : int
+        Numbers of rows and columns of panels.
     edges : (4,)
         Space to the left, to the right, below and above the panels, inches.
     gaps : (2,)
@@ -132,6 +133,7 @@ def finish(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     Parameters
     ----------
     axes : Axes
+        Panel that is completed.
     x, y : str
         Labels of the axes.
     title : str, optional
@@ -157,6 +159,7 @@ def render_figure(
     Parameters
     ----------
     figure : Figure
+        Figure that is converted.
     pdf : bool
         Render a PDF file, too.
     subject : str, optional
@@ -304,7 +307,9 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
     Parameters
     ----------
     axes : Axes
+        Axes of matplotlib on which the function draws.
     trajectory : Trajectory
+        Motion that is drawn.
     with_names : bool
         Write the name of each phase above the panel, in the longest form that fits.
     """

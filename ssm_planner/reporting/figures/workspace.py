@@ -326,6 +326,7 @@ def pointings(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     tilt : array_like
         Tilt angles, rad. They must broadcast to the shape of `roll`.
     roll : (...) array

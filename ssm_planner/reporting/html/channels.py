@@ -59,6 +59,7 @@ def channels_of(plan: Plan, t: Array) -> Arrays:
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     t : (n,)
         Instants, s. After the end of the motion, quantities keep their last value.
 
@@ -118,9 +119,11 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     samples : Samples
         n samples of the joint motion.
     limits : TaskLimits
+        Limits of the task.
 
     Returns
     -------

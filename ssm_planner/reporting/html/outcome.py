@@ -31,6 +31,7 @@ def write_outcome(
     lines : iterable of str
         Text that the command prints in the terminal.
     tables : iterable of Table
+        Tables of the page.
     figures : iterable of Path
         PNG files that become part of the page. Other files are ignored.
     steps : sequence of str

@@ -175,6 +175,7 @@ def limit_line(limit: Limit, index: int, channel: str) -> JsonObject:
     Parameters
     ----------
     limit : Limit
+        Limit that is shown.
     index : int
         Index of the colour.
     channel : str
@@ -270,6 +271,7 @@ def _runs(t: Array, active: Mask) -> list[Range]:
     t : (n,) array
         Instants, s.
     active : (n,) array of bool
+        Values at these instants.
     """
     edges = np.flatnonzero(np.diff(np.concatenate(([0], active.astype(int), [0]))))
     runs: list[Range] = []
@@ -334,6 +336,7 @@ def motor_map(i: int, motor: Motor) -> JsonObject:
     i : int
         Index of the joint.
     motor : Motor
+        Motor whose limits are drawn.
 
     Returns
     -------

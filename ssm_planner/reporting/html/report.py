@@ -227,6 +227,7 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     panels : list of Panel
         Panels of the plan, which contain the intervals of active limits.
     """
@@ -320,6 +321,7 @@ def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     channels : mapping of (n,) arrays
         Sampled quantities of the plan, see `channels_of`.
 

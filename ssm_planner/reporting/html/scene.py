@@ -39,6 +39,7 @@ def mechanism_scene(
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     ranges : mapping of str to (float, float)
         Permitted ranges of task coordinates, rad or m.
     sides : list of int, optional
@@ -73,6 +74,7 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
     Parameters
     ----------
     mechanism : Mechanism
+        Kinematics of the robot.
     tilt, roll : (float, float)
         Ranges of these coordinates, rad.
 

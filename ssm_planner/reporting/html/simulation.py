@@ -102,7 +102,9 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
     Parameters
     ----------
     plan : Plan
+        Plan that is reported.
     result : SimulationResult
+        Result of the simulation.
     t : (n,) array
         Instants, s.
 
