@@ -6,9 +6,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
-def suggestion(word: object, known: Iterable[str]) -> str:
-    """Return the most similar known word as the end of a message, or "" if none is similar."""
-    matches = difflib.get_close_matches(str(word), list(known), n=1)
+def suggestion(name: object, known_names: Iterable[str]) -> str:
+    """Return the most similar known name as the end of a message, or "" if none is similar."""
+    matches = difflib.get_close_matches(str(name), list(known_names), n=1)
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 

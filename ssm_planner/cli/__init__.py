@@ -61,23 +61,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         gc.set_threshold(OBJECTS)
     _prepare_streams()
-    words = [_shield(word) for word in (sys.argv[1:] if arguments is None else arguments)]
-    as_json = "--json" in words
+    arguments_given = sys.argv[1:] if arguments is None else arguments
+    command_line = [_shield(argument) for argument in arguments_given]
+    as_json = "--json" in command_line
     signals = _Signals(for_good=arguments is None)
     try:
         with signals:
             if arguments is None:
                 _fix_kernels()
-            if not words and "_ARGCOMPLETE" not in os.environ:
-                _parser(words).print_help(sys.stderr)
+            if not command_line and "_ARGCOMPLETE" not in os.environ:
+                _parser(command_line).print_help(sys.stderr)
                 return BAD_INPUT
-            options = _parser(words).parse_args(words)
+            options = _parser(command_line).parse_args(command_line)
             status = int(options.run(options))
             sys.stdout.flush()
         return status if signals.arrived is None else _report_interruption(signals)
     except SsmPlannerError as error:
         if isinstance(error, ProblemError):
-            _name_option(error, words)
+            _name_option(error, command_line)
         return _report_error(error, as_json)
     except BrokenPipeError:  # the reader has closed the pipe
         _discard_output()
@@ -257,15 +258,16 @@ def _prepare_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Build the argument parser, with the arguments of only the commands that `words` contain.
+def _parser(command_line: Sequence[str]) -> argparse.ArgumentParser:
+    """Build the argument parser.
 
-    Raises UsageError for an unknown command.
+    Only the commands whose names occur in `command_line` have their arguments, so that the program
+    starts quickly. Raises UsageError for an unknown command.
     """
     from ssm_planner.cli.terminal import Parser, UsageError
 
-    request = next((word for word in words if not word.startswith("-")), None)
-    asks_for_help = not {"-h", "--help", "--version"}.isdisjoint(words)
+    request = next((argument for argument in command_line if not argument.startswith("-")), None)
+    asks_for_help = not {"-h", "--help", "--version"}.isdisjoint(command_line)
     if request is not None and request not in COMMANDS and not asks_for_help:
         hint = suggestion(request, COMMANDS)
         raise UsageError(f"unknown command {request!r}{hint} (one of {', '.join(COMMANDS)})")
@@ -280,7 +282,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument(
         "--version", action="version", version=f"ssm-planner {metadata.version('ssm-planner')}"
     )
-    requested = list(words) + os.environ.get("COMP_LINE", "").split()
+    requested = list(command_line) + os.environ.get("COMP_LINE", "").split()
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for name, (module, text, example, usage) in COMMANDS.items():
         command = commands.add_parser(

@@ -94,19 +94,19 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
                 gears[joint.name] += gears_of(path, joint.drive, stroke)
     progress_reporter(f"judging {len(motors)} motors")
     joints = select(duty, motors, gears, conditions, options.payload)
-    # The best pair of each joint: 1 is adequate, 0 is not known, and −1 is not adequate.
-    best = [joint.adequate.max(initial=-1) for joint in joints]
-    adequate = None if 0 in best or not best else True
-    if -1 in best:
+    # The verdict on the best pair of each joint: 1 is adequate, 0 is not known, and −1 is not adequate.
+    best_verdicts = [joint.adequate.max(initial=-1) for joint in joints]
+    adequate = None if 0 in best_verdicts or not best_verdicts else True
+    if -1 in best_verdicts:
         adequate = False
     notes = list(duty.notes)
     if options.gears:
         notes.append("gears without friction get the friction of the joint's present drive")
     notes += [
-        f"motor {part.label}: placeholder figures ({', '.join(part.of.placeholders)}), so its "
+        f"motor {motor.label}: placeholder figures ({', '.join(motor.of.placeholders)}), so its "
         "answer is not known"
-        for part in motors
-        if part.of.placeholder
+        for motor in motors
+        if motor.of.placeholder
     ]
     document: JsonObject = {
         "motion": duty.name,

@@ -29,7 +29,7 @@ COLOURS = (
     (YELLOW, r"not known|not checked|not decided|placeholder figures|CANNOT TELL"),
 )
 """Colours of the words of a verdict."""
-VERDICT = re.compile("|".join(rf"(?P<c{colour}>\b(?:{words})\b)" for colour, words in COLOURS))
+VERDICT = re.compile("|".join(rf"(?P<c{colour}>\b(?:{pattern})\b)" for colour, pattern in COLOURS))
 OPTION = re.compile(r"unrecognized arguments: (.*)")
 
 

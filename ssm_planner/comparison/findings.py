@@ -289,10 +289,10 @@ def map_to_clock(
     step = float(np.median(np.diff(measured.time)))
     speed = planned_speed_at(plan.time, plan.speed, t)
     speed_error = measured.w - speed
-    for rest in (t < 0, t > plan.duration):
-        if rest.any():
+    for is_resting in (t < 0, t > plan.duration):
+        if is_resting.any():
             half = measured.speed_resolution / 2
-            speed_error[rest] -= np.clip(np.mean(speed_error[rest]), -half, half)
+            speed_error[is_resting] -= np.clip(np.mean(speed_error[is_resting]), -half, half)
     distance = integrated(t, speed_error / plan.ratio)
     distance -= np.interp(0.0, t, distance)
     return AlignedAxis(

@@ -242,8 +242,8 @@ def read_message(
     """
     faults, remarks = controller_faults(message, [joint.name for joint in robot.joints])
     if faults:
-        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        raise TrajectoryError(f"{location}: {faults[0]}{more}")
+        others = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
+        raise TrajectoryError(f"{location}: {faults[0]}{others}")
     order = [message.names.index(joint.name) for joint in robot.joints]
     q, _ = _table(message.positions, order)
     qd, has_qd = _table(message.velocities, order)

@@ -396,9 +396,9 @@ class _Fit:
         self._where = np.searchsorted(self._dense, t[:-1])
         instants = motion.breaks[0] + self._dense / stretch
         sides = [motion.sample(instants, "left"), motion.sample(instants, "right")]
-        planned = np.array([samples.qdd[:, i] for samples in sides]) * unit * tau**2
+        planned_accelerations = np.array([samples.qdd[:, i] for samples in sides]) * unit * tau**2
         # The bounds include the accelerations of the plan and those of the slower plan.
-        accelerations = np.concatenate([planned, planned / stretch**2])
+        accelerations = np.concatenate([planned_accelerations, planned_accelerations / stretch**2])
         a = self._nearby(accelerations)
         v = self._nearby(np.array([samples.qd[:, i] for samples in sides]) * unit * tau)
         p = self._nearby(np.array([samples.q[:, i] for samples in sides]) * unit)
@@ -408,14 +408,14 @@ class _Fit:
         # 6 / h², and seldom by more than 3 / h².
         maximum = max(limit, float(np.abs(accelerations).max())) - 3 / h**2
         a = np.maximum(a[0] - SLACK * limit, -maximum), np.minimum(a[1] + SLACK * limit, maximum)
-        zero = np.zeros(n - 1)
-        one = np.ones(n - 1)
+        zeros = np.zeros(n - 1)
+        ones = np.ones(n - 1)
         self.rows_of = (
             ((-6 / h**2, 6 / h**2, -4 / h, -2 / h), a, limit),
             ((6 / h**2, -6 / h**2, 2 / h, 4 / h), a, limit),
-            ((-3 / h, 3 / h, -one, -one), v, 0.0),
-            ((one, zero, h / 3, zero), p, 0.0),
-            ((zero, one, zero, -h / 3), p, 0.0),
+            ((-3 / h, 3 / h, -ones, -ones), v, 0.0),
+            ((ones, zeros, h / 3, zeros), p, 0.0),
+            ((zeros, ones, zeros, -h / 3), p, 0.0),
         )
         """Factors of positions and velocities, bounds of their sum, and tolerance for ε = 1."""
 

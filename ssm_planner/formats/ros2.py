@@ -187,9 +187,9 @@ def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot:
     if in_bag:
         with TemporaryDirectory() as temporary:
             expected = Path(temporary) / bag
-            stated = _bag_content(folder / bag)
+            bag_content = _bag_content(folder / bag)
             write_bag(expected, robot, message, rate)
-            fault = difference(stated, _bag_content(expected), bag)
+            fault = difference(bag_content, _bag_content(expected), bag)
             if fault:
                 raise TrajectoryError(f"{folder}: changed after the export: {fault}")
             in_bag = {f"{bag}/{file.name}" for file in expected.iterdir()}

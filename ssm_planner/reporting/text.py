@@ -425,8 +425,8 @@ def answers(plan: "Plan", folder: Path | None = None) -> list[str]:
         limits = certificate.limits
         violations = certificate.violations
         binding = sum(limit.margin <= BINDING for limit in limits)
-        kept = f"{len(limits)} limits kept{proof_words(plan)}"
-        verdict = f"PASSED: {kept}; {binding} bind by design"
+        kept_text = f"{len(limits)} limits kept{proof_words(plan)}"
+        verdict = f"PASSED: {kept_text}; {binding} bind by design"
         if violations:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
         lines.append(f"check    {verdict}")

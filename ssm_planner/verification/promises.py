@@ -445,10 +445,10 @@ def _distances_from(line: Curve, tips: Array) -> Array:
     positions = line(shares)
     s = shares[np.argmin((positions**2).sum(axis=1) - 2 * tips @ positions.T, axis=1)]
     for _ in range(STEPS):
-        nearest = line(s)
-        slope = (line(s + STEP) - nearest) / STEP
+        nearest_points = line(s)
+        slope = (line(s + STEP) - nearest_points) / STEP
         square = np.maximum((slope**2).sum(axis=1), np.finfo(float).tiny)
-        s = np.clip(s + ((tips - nearest) * slope).sum(axis=1) / square, 0.0, 1.0)
+        s = np.clip(s + ((tips - nearest_points) * slope).sum(axis=1) / square, 0.0, 1.0)
     return np.linalg.norm(tips - line(s), axis=1)
 
 

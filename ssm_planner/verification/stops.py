@@ -385,12 +385,12 @@ class _Bounds:
                 continue
             motor = _MotorAlong.from_joint(path, robot.joints[i], (end, interval, i), grows)
             zero = np.zeros(3 * m)
-            one = np.ones(3 * m)
+            ones = np.ones(3 * m)
             # The torques are linear in (s̈, ṡ², ṡ), so four evaluations give all coefficients.
             at_zero = motor.torques(zero, zero, zero)
-            at_unit_u = motor.torques(one, zero, zero)
-            at_unit_square = motor.torques(zero, one, zero)
-            at_unit_root = motor.torques(zero, zero, one)
+            at_unit_u = motor.torques(ones, zero, zero)
+            at_unit_square = motor.torques(zero, ones, zero)
+            at_unit_root = motor.torques(zero, zero, ones)
             for row in (0, 1):
                 slope = at_unit_u[row] - at_zero[row]
                 square_term = at_unit_square[row] - at_zero[row]
