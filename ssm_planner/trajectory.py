@@ -266,8 +266,11 @@ class Trajectory:
 
     def positions(self, t: Array) -> Array:
         """Return the joint positions q (n, 4) in rad and m at times t (n,) in s."""
-        index = self.piece_of(t)
-        return self._derivatives(index, t - self.breaks[index], 0)[0]
+        q = np.empty((len(t), 4), order="F")  # the order of the results of `_derivatives`
+        for block in blocks(len(t), BLOCK):
+            index = self.piece_of(t[block])
+            q[block] = self._derivatives(index, t[block] - self.breaks[index], 0)[0]
+        return q
 
     def _derivatives(self, index: Indices, local: Array, highest: int) -> list[Array]:
         """Evaluate q and its derivatives up to order `highest`, each (n, 4), by Horner's method.

@@ -15,7 +15,7 @@ from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.agreement import Content, suffix_of
 from ssm_planner.formats.csv import read_columns, stated_axes, table_text
-from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
+from ssm_planner.formats.epos4_offsets import Offsets, offset_checks, velocities
 from ssm_planner.formats.epos4_setup import (
     INT16,
     INT32,
@@ -168,10 +168,7 @@ class Setpoints:
         limits = self.limits
         if self.mode == "csp":
             q, _, offsets = self.joint_side()
-            qd = np.gradient(q, t, axis=0)
-            for i, offset in offsets.items():
-                qd[:, i] = offset.velocity
-            limits = rates_of_rows(limits, self.robot, q, qd)
+            limits = rates_of_rows(limits, self.robot, q, velocities(t, q, offsets))
         return Content(
             {
                 **limits.declared_rates,

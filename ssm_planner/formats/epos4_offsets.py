@@ -58,9 +58,7 @@ def offset_checks(
         Offsets by joint index.
     """
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
-    qd = np.gradient(q, t, axis=0)
-    for i, offset in offsets.items():
-        qd[:, i] = offset.velocity
+    qd = velocities(t, q, offsets)
     checks = []
     for i, offset in offsets.items():
         joint = robot.joints[i]
@@ -79,6 +77,25 @@ def offset_checks(
         torque_limit = joint.limit(MotorTorque)
         checks.append(LimitCheck.from_extreme(torque_limit, float(torque[k]), float(t[k])))
     return checks
+
+
+def velocities(t: Array, q: Array, offsets: dict[int, Offsets]) -> Array:
+    """Return the joint velocities (n, 4) of a stream, rad/s and m/s.
+
+    Parameters
+    ----------
+    t : (n,) array
+        Times, s.
+    q : (n, 4) array
+        Joint positions, rad and m.
+    offsets : dict[int, Offsets]
+        Offsets by joint index. They contain the velocities of their joints. The velocities of other
+        joints are differences of the positions.
+    """
+    qd = np.gradient(q, t, axis=0)
+    for i, offset in offsets.items():
+        qd[:, i] = offset.velocity
+    return qd
 
 
 def _velocity_check(

@@ -239,7 +239,7 @@ def _longer_windows(
         Mean speed without the effect of rounding, and start of the window in s.
     """
     t = trajectory.breaks
-    q = np.concatenate([trajectory.positions(t[block])[:, i] for block in blocks(len(t), BLOCK)])
+    q = trajectory.positions(t)[:, i]
     largest_rise = 0.0
     speed = 0.0
     start = 0.0

@@ -68,7 +68,7 @@ def torque_bands(
         Other torques with their bands.
     """
     t = trajectory.breaks
-    q = np.concatenate([trajectory.positions(t[block]) for block in blocks(len(t), BLOCK)])
+    q = trajectory.positions(t)
     moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
     # Acceleration and torque that occur at least at some instant, torque that no instant exceeds.
     extremes = np.array([robot.accelerations * (1 + TOLERANCE), np.zeros(4), np.full(4, np.inf)])

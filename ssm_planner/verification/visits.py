@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.kinematics import Mechanism, task_from_joints
 from ssm_planner.problem import Dwell, Joints, Motion, PathDeparture, Point, Problem, Scan
-from ssm_planner.trajectory import BLOCK, Span, Trajectory, blocks
+from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, worst_of_each
 from ssm_planner.verification.promises import lines_kept, task_at, unchecked_lines
@@ -157,8 +157,7 @@ class _Path:
         count = int(np.clip(INSTANTS / len(lengths), 1, MOST))
         inner = motion.breaks[:-1, None] + np.arange(count) / count * lengths[:, None]
         self.t = np.append(inner, motion.breaks[-1])
-        index_blocks = blocks(len(self.t), BLOCK)
-        self.q = np.concatenate([motion.positions(self.t[block]) for block in index_blocks])
+        self.q = motion.positions(self.t)
         self.tasks = task_from_joints(mechanism, self.q)
         self.mechanism = mechanism
         self.branch = int(mechanism.branch_of(self.q[0]))
