@@ -94,7 +94,7 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
                 gears[joint.name] += gears_of(path, joint.drive, stroke)
     progress_reporter(f"judging {len(motors)} motors")
     joints = select(duty, motors, gears, conditions, options.payload)
-    # The verdict on the best pair of each joint: 1 is adequate, 0 is not known, and −1 is not adequate.
+    # Verdict on the best pair of each joint: 1 is adequate, 0 is not known, −1 is not adequate.
     best_verdicts = [joint.adequate.max(initial=-1) for joint in joints]
     adequate = None if 0 in best_verdicts or not best_verdicts else True
     if -1 in best_verdicts:
