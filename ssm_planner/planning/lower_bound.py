@@ -265,6 +265,12 @@ class SCurve:
     speed: float = 0.0
     """Initial velocity."""
 
+    @classmethod
+    def of_pieces(cls, lengths: Array, start: Array, end: Array, speed: float = 0.0) -> "SCurve":
+        """Return the motion without the pieces that are shorter than rounding."""
+        lasting = lengths > 1e-13 * lengths.sum()
+        return cls(lengths[lasting], start[lasting], end[lasting], speed)
+
     @property
     def duration(self) -> float:
         """Duration, s."""
@@ -331,18 +337,6 @@ class SCurve:
             np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1
         )
 
-    @property
-    def peaks(self) -> tuple[float, float, float]:
-        """Largest absolute velocity, acceleration and jerk.
-
-        The jerk is infinite if the acceleration jumps.
-        """
-        velocity = np.append(self._cubics.v, self._cubics.end[1])
-        acceleration = float(np.abs([self.start, self.end]).max())
-        jumps = np.abs(np.append(self.start, 0.0) - np.append(0.0, self.end))
-        jerk = np.inf if jumps.max() > ROUNDING * acceleration else np.abs(self._cubics.jerk).max()
-        return float(np.abs(velocity).max()), acceleration, float(jerk)
-
 
 def _sums(values: Array) -> Array:
     """Return the cumulative sums of values (m,), with a leading 0, (m + 1,)."""
@@ -375,10 +369,8 @@ def rest_to_rest(
     speed_up = np.array([[ramp, 0.0, peak], [constant_time, peak, peak], [ramp, peak, 0.0]])
     cruise = [max(distance / speed - speed_up[:, 0].sum(), 0.0), 0.0, 0.0]
     slow_down = speed_up[::-1, [0, 2, 1]] * (1, -1, -1)
-    pieces = np.vstack([speed_up, cruise, slow_down])
-    # Pieces shorter than rounding are left out.
-    lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
-    return SCurve(lengths, start, end)
+    lengths, start, end = np.vstack([speed_up, cruise, slow_down]).T
+    return SCurve.of_pieces(lengths, start, end)
 
 
 def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) -> SCurve:
@@ -417,8 +409,8 @@ def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) 
             [peak / jerk, -peak, 0.0],
         ]
     )
-    lengths, start, end = pieces[pieces[:, 0] > 1e-13 * pieces[:, 0].sum()].T
-    return SCurve(lengths, sign * start, sign * end, speed)
+    lengths, start, end = (pieces * (1, sign, sign)).T
+    return SCurve.of_pieces(lengths, start, end, speed)
 
 
 def stopping_curves(

@@ -122,14 +122,9 @@ class PhasePlanner:
                 return reason
         solve = partial(
             solve_free,
-            self.problem,
-            phase.mechanism,
-            phase.points,
+            phase,
             strict=self.strict,
             cooling=self.cooling,
-            duration=phase.motion.duration,
-            speeds=(phase.qd_start, phase.qd_end),
-            start_acceleration=phase.qdd_start,
             borders=borders,
             cutoff=cutoff,
             count=count,
@@ -152,8 +147,7 @@ class PhasePlanner:
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
-        duration = self.phase.motion.duration
-        motion = find_best_free(fastest.motion, self.problem.objective, duration, cutoff)
+        motion = find_best_free(fastest.motion, cutoff)
         return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
 
     @property
@@ -233,15 +227,11 @@ class PhasePlanner:
             return no_motion(self.phase, path, retiming.message)
         solve = partial(
             solve_straight,
-            problem.robot,
+            self.phase,
             path,
             retiming,
-            limits=problem.task_limits,
             strict=self.strict,
             cooling=self.cooling,
-            objective=problem.objective,
-            duration=self.phase.motion.duration,
-            speeds=speeds,
             work=self.work,
         )
         result = self.phase_result(path, self._solved(solve))

@@ -15,7 +15,6 @@ from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
 from ssm_planner.planning.retiming.retime import motion_along, retime, retime_motion
 from ssm_planner.problem import Robot
-from ssm_planner.trajectory import Trajectory
 
 TOPPRA = "TOPP-RA"
 """Name of the solver of a motion whose timing is TOPP-RA's."""
@@ -48,7 +47,7 @@ def slowed_to_stop(phase: Phase, strict: Robot, motion: PhaseSolution) -> PhaseS
     limit, mechanism = phase.problem.stop_travel, phase.mechanism
     if limit is None or not motion.solved:
         return motion
-    trajectory = Trajectory(motion.breaks, motion.coefficients, ())
+    trajectory = motion.trajectory
     knots = motion.border_instants / trajectory.duration
     path = MotionPath(mechanism, trajectory, knots, motion.directions)
     samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))

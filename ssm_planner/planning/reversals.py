@@ -14,11 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ssm_planner.planning.ocp.guesses import LEAST_SEGMENT
 from ssm_planner.planning.ocp.motion import Borders, DirectionMultipliers, PhaseSolution
-from ssm_planner.planning.ocp.turning import LEAST_SEGMENT
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP
-from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask
 
 MULTIPLIER = 1e-3
@@ -81,42 +80,36 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_sum <= MULTIPLIER:
         return None
-    guess = Trajectory(motion.breaks, motion.coefficients, ())
     middles = (multipliers.instants[1:] + multipliers.instants[:-1]) / 2
-    speed = np.abs(guess.sample(middles).qd)
+    speed = np.abs(motion.trajectory.sample(middles).qd)
     directions = _reversed_directions(multipliers, speed <= NEGLIGIBLE * speed.max(axis=0))
     if np.array_equal(directions, multipliers.directions):
         return None
-    return _reversals(phase, multipliers, directions, guess)
+    return reversals_of(phase, motion, directions)
 
 
-def current_reversals(phase: Phase, motion: PhaseSolution) -> Borders:
-    """Return the reversals that a free motion already has.
-
-    The caller solves the motion again on a mesh whose borders are these reversals.
-    """
-    multipliers = motion.direction_multipliers
-    assert multipliers is not None
-    guess = Trajectory(motion.breaks, motion.coefficients, ())
-    return _reversals(phase, multipliers, multipliers.directions, guess)
-
-
-def _reversals(
-    phase: Phase, multipliers: DirectionMultipliers, directions: Array, guess: Trajectory
-) -> Borders:
-    """Build the borders at the points of a phase and at changes of direction.
+def reversals_of(phase: Phase, motion: PhaseSolution, directions: Array | None = None) -> Borders:
+    """Return the reversals of a free motion as borders, with the motion as guess.
 
     Parameters
     ----------
     phase : Phase
         The free phase.
-    multipliers : DirectionMultipliers
-        Elements and points of the motion.
-    directions : (n, 4) array
-        Directions of the joints in the elements: +1, −1 or 0.
-    guess : Trajectory
-        Motion from which the positions at the borders are taken.
+    motion : PhaseSolution
+        Its motion with the multipliers of the directions.
+    directions : (n, 4) array or None
+        New directions of the joints in the elements: +1, −1 or 0. None: those of the motion.
+
+    Returns
+    -------
+    Borders
+        The points of the phase and the changes of direction. A solve at them begins on a mesh whose
+        borders are the reversals.
     """
+    multipliers, guess = motion.direction_multipliers, motion.trajectory
+    assert multipliers is not None
+    if directions is None:
+        directions = multipliers.directions
     instants = _borders(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
     middles = np.searchsorted(multipliers.instants, (instants[1:] + instants[:-1]) / 2) - 1

@@ -32,11 +32,15 @@ def test_the_profile_arrives_at_rest_within_its_limits(
     profile = rest_to_rest(distance, velocity, acceleration, jerk)
     position, speed, _ = profile.evaluate(np.array([0.0, profile.duration]))
     assert position == pytest.approx([0.0, distance], rel=1e-6)
-    assert np.abs(speed).max() <= 1e-6 * profile.peaks[0]
-    peaks = profile.peaks
-    assert peaks[0] <= velocity * (1 + 1e-6)
-    assert peaks[1] <= acceleration * (1 + 1e-6)
-    assert jerk is None or peaks[2] <= jerk * (1 + 1e-6)
+    _, largest, _ = profile.evaluate(profile.switches)
+    assert np.abs(speed).max() <= 1e-6 * np.abs(largest).max()
+    assert np.abs(largest).max() <= velocity * (1 + 1e-6)
+    assert np.abs([profile.start, profile.end]).max() <= acceleration * (1 + 1e-6)
+    if jerk is not None:
+        slopes = (profile.end - profile.start) / profile.lengths
+        jumps = np.append(profile.start, 0.0) - np.append(0.0, profile.end)
+        assert np.abs(slopes).max() <= jerk * (1 + 1e-6)
+        assert np.abs(jumps).max() <= 1e-9 * acceleration
 
 
 @given(distance=positive, velocity=positive, acceleration=positive)

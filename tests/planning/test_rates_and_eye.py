@@ -195,9 +195,8 @@ def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -
 def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     """Twice as many elements gain less than 0.2 %."""
     problem = moving(laser_scan, "free", SWING, FAR, eye=in_the_way(laser_scan))
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    points = feasible_phases(problem)[0][0].points
-    coarse, fine = (solve_free(problem, mechanism, points, count=n) for n in (40, 80))
+    phase = feasible_phases(problem)[0][0]
+    coarse, fine = (solve_free(phase, count=n) for n in (40, 80))
     assert coarse.solved
     assert fine.solved
     assert coarse.breaks[-1] / fine.breaks[-1] - 1 < 2e-3
@@ -212,9 +211,8 @@ def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(
     problem = moving(
         with_insertion_motor(laser_scan, strength), "free", SWING, FAR, eye=in_the_way(laser_scan)
     )
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    points = feasible_phases(problem)[0][0].points
-    durations = [solve_free(problem, mechanism, points, count=n).duration for n in (40, 57, 80)]
+    phase = feasible_phases(problem)[0][0]
+    durations = [solve_free(phase, count=n).duration for n in (40, 57, 80)]
     assert max(durations) / min(durations) - 1 < 2e-3
 
 

@@ -15,6 +15,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning import phase_planner
+from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.lower_bound import minimum_times
 from ssm_planner.planning.ocp.free import ELEMENTS, solve_free
 from ssm_planner.planning.ocp.motion import PhaseSolution
@@ -198,10 +199,8 @@ def test_the_mesh_is_fine_enough(tilt_insert: Problem, weaker: Weaker) -> None:
     """Twice as many elements gain less than 0.2 %, where motors bind."""
     problem = through(tilt_insert, ASIDE, LAST)
     problem = dataclasses.replace(problem, robot=weaker(problem.robot, 0.36), objective="time")
-    mechanism = Mechanism.from_geometry(problem.robot.geometry)
-    coarse, fine = (
-        solve_free(problem, mechanism, np.array([FIRST, ASIDE, LAST]), count=n) for n in (40, 80)
-    )
+    phase = feasible_phases(problem)[0][0]
+    coarse, fine = (solve_free(phase, count=n) for n in (40, 80))
     assert coarse.solved
     assert fine.solved
     assert abs(coarse.breaks[-1] / fine.breaks[-1] - 1) < 2e-3

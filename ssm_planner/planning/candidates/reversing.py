@@ -11,7 +11,7 @@ from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.reversals import current_reversals, refine_directions
+from ssm_planner.planning.reversals import refine_directions, reversals_of
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.planning.via_velocities import PAYS, passing_turns
 from ssm_planner.problem import Duration, Free
@@ -78,7 +78,7 @@ class Reversing(PhaseCandidate):
         """Return the motion with the reversals that save most."""
         if estimate is None:
             return self._beside_points()
-        borders = current_reversals(self.planner.phase, estimate.motion)
+        borders = reversals_of(self.planner.phase, estimate.motion)
         solution = self.planner.free(borders, count=2 * ELEMENTS)
         fast = self.planner.problem.planner == "fast" and self.planner.problem.objective == "time"
         if (

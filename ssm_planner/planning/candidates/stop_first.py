@@ -22,7 +22,6 @@ from ssm_planner.planning.retiming.paths import MotionPath
 from ssm_planner.planning.retiming.retime import keeps_limits
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.problem import Robot
-from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 
 STOP_MARGIN = 1.1
@@ -104,7 +103,7 @@ class DirectByIpopt(Direct):
 
 def _onward(phase: Phase, stop: PhaseSolution) -> Phase:
     """Return the part of a phase that follows a stop."""
-    end = Trajectory(stop.breaks, stop.coefficients, ()).positions(stop.breaks[-1:])
+    end = stop.trajectory.positions(stop.breaks[-1:])
     points = np.vstack([end, phase.points[1:]])
     if len(points) == 2 and np.abs(np.diff(points, axis=0)).max() <= ROUNDING:
         points[1] = points[0]
@@ -121,21 +120,17 @@ def _stop_in_closed_form(
     curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share, together=together)
     switches = np.unique(np.concatenate([curve.switches for curve in curves if curve is not None]))
     instants = switches[np.append(True, np.diff(switches) > ROUNDING)]
-    pieces = guess_of_curves(
-        phase.q_start, curves, instants.tolist(), density=0.0, least_count=1
-    ).elements
-    zeros = np.zeros_like(pieces.u)
-    coefficients = [pieces.u, pieces.v, pieces.a0 / 2, pieces.jerk / 6, zeros, zeros]
-    motion = Trajectory(instants, np.stack(coefficients, axis=1), ())
+    guess = guess_of_curves(phase.q_start, curves, instants.tolist(), density=0.0, least_count=1)
+    motion, middle = guess.motion, guess.elements.evaluate(0.5)
     # Rounding gives joints at rest a small velocity.
-    signs = np.sign(np.round(pieces.evaluate(0.5)[1] / robot.velocities, 9))
-    path = MotionPath(phase.mechanism, motion, instants / motion.duration, signs)
+    signs = np.sign(np.round(middle[1] / robot.velocities, 9))
+    path = MotionPath(phase.mechanism, motion, motion.breaks / motion.duration, signs)
     stop = PhaseSolution(
         "solved",
         "",
-        breaks=instants,
+        breaks=motion.breaks,
         coefficients=motion.coefficients,
-        border_instants=instants,
+        border_instants=motion.breaks,
         directions=signs,
     )
     parts = replace(phase, path=path), _onward(phase, stop)

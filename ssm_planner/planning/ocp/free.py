@@ -4,13 +4,12 @@
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.elements.rows import joint_limits, limits_jerk
-from ssm_planner.kinematics import Mechanism, retina_row, tip_position
+from ssm_planner.kinematics import retina_row, tip_position
 from ssm_planner.planning.ocp.free_problem import FreeProblem
 from ssm_planner.planning.ocp.guesses import (
     KINEMATIC,
@@ -22,9 +21,10 @@ from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
 from ssm_planner.planning.ocp.segments import SegmentChain
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.planning.work import Work
-from ssm_planner.problem import Objective, Problem, Robot
+from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, keyword_record
 
 ELEMENTS = 40
@@ -34,52 +34,37 @@ FINER = 2
 
 
 def solve_free(
-    problem: Problem,
-    mechanism: Mechanism,
-    points: Array,
+    phase: Phase,
     *,
     strict: Robot | None = None,
     cooling: Array | None = None,
-    duration: float | None = None,
-    speeds: tuple[Array, Array] | None = None,
     count: int | None = None,
     method: Method = "Ipopt",
-    start_acceleration: Array | None = None,
     borders: Borders | None = None,
     cutoff: float = np.inf,
     fastest_only: bool = False,
     work: Work | None = None,
 ) -> PhaseSolution:
-    """Compute the motion through given joint positions that is best for the objective of a problem.
+    """Compute the motion of a free phase that is best for the objective of its problem.
 
-    A free motion is not bound to a given path: the solver chooses the joint path between the
-    points. The motion is at rest at both ends unless `speeds` are given.
+    A free motion is not bound to a given path: the solver chooses the joint path between the points
+    of the phase.
 
     Parameters
     ----------
-    problem : Problem
-        The problem with its robot, objective and limits.
-    mechanism : Mechanism
-        Geometry of the robot.
-    points : (k + 1, 4) array
-        Joint positions at the start, at the via points and at the end, rad and m.
+    phase : Phase
+        The phase with its problem, points, velocities at both ends and requested duration.
     strict : Robot or None
-        The robot with tighter limits, which the motion must keep. None: those of `problem.robot`.
+        The robot with tighter limits, which the motion must keep. None: that of the problem.
     cooling : (4,) array or None
         Weights of the motors' heat relative to time, for a problem whose motors get too hot.
-    duration : float or None
-        Requested duration, s. None: as short as possible.
-    speeds : ((4,), (4,)) arrays or None
-        Joint velocities q̇ at both ends, rad/s and m/s. None: at rest.
     count : int or None
         Approximate number of mesh elements. None: chosen by the kind of motion.
     method : str
         Solution method, see `nlp.Method`.
-    start_acceleration : (4,) array or None
-        Joint accelerations q̈ at the start if jerk is limited, rad/s² and m/s². None: 0.
     borders : Borders or None
-        Positions between which no joint reverses, in place of `points`. None: joints may only
-        reverse at `points`.
+        Positions between which no joint reverses, in place of the points of the phase. None: joints
+        may only reverse at these points.
     cutoff : float
         Duration in s. A solution that takes longer is not refined further, because it is of no use.
     fastest_only : bool
@@ -92,40 +77,33 @@ def solve_free(
     PhaseSolution
         Joint polynomials of the motion, or the status of the failure.
     """
-    borders = borders or Borders(points)
+    problem = phase.problem
+    borders = borders or Borders(phase.points)
     displacements = np.diff(borders.points, axis=0)
     displacements[np.abs(displacements) <= ROUNDING] = 0.0
-    ends = speeds or (np.zeros(4), np.zeros(4))
     limits = joint_limits(strict or problem.robot, cooling)
     if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     if limits_jerk(problem.robot):
-        limits["jerk"] = jerk_for_all(limits, displacements, ends)
+        limits["jerk"] = jerk_for_all(limits, displacements, (phase.qd_start, phase.qd_end))
     builder = _FreeProblemBuilder(
-        problem=problem,
-        mechanism=mechanism,
+        phase=phase,
         displacements=displacements,
         limits=limits,
-        ends=ends,
-        start_acceleration=np.zeros(4) if start_acceleration is None else start_acceleration,
         method=method,
         borders=borders,
         work=work or Work(),
     )
     ocp = builder.build(count)
-    scaled_duration = None if duration is None else duration / ocp.time_scale
-    fastest = find_fastest_motion(ocp, ocp.guess, scaled_duration, cutoff=cutoff / ocp.time_scale)
+    fastest = find_fastest_motion(
+        ocp, ocp.guess, ocp.requested_duration, cutoff=cutoff / ocp.time_scale
+    )
     motion = replace(ocp.result(fastest.solution), refined=fastest)
-    return motion if fastest_only else find_best_free(motion, problem.objective, duration, cutoff)
+    return motion if fastest_only else find_best_free(motion, cutoff)
 
 
-def find_best_free(
-    motion: PhaseSolution,
-    objective: Objective,
-    duration: float | None = None,
-    cutoff: float = np.inf,
-) -> PhaseSolution:
-    """Compute the motion that is best for an objective, starting from the fastest motion.
+def find_best_free(motion: PhaseSolution, cutoff: float = np.inf) -> PhaseSolution:
+    """Compute the motion that is best for the objective, starting from the fastest motion.
 
     Ipopt confirms the result if the solution method of the fastest motion is "confirmed".
 
@@ -133,10 +111,6 @@ def find_best_free(
     ----------
     motion : PhaseSolution
         Result of `solve_free` with `fastest_only`.
-    objective : str
-        "time", "time then heat" or "effort".
-    duration : float or None
-        Requested duration, s. None: as short as possible.
     cutoff : float
         Duration in s beyond which a motion is of no use.
 
@@ -148,10 +122,11 @@ def find_best_free(
     assert motion.refined is not None
     ocp = motion.refined.state.problem
     assert isinstance(ocp, FreeProblem)
-    scaled_duration = None if duration is None else duration / ocp.time_scale
-    return ocp.result(
-        find_best_motion(motion.refined, objective, scaled_duration, cutoff=cutoff / ocp.time_scale)
+    objective = ocp.phase.problem.objective
+    best = find_best_motion(
+        motion.refined, objective, ocp.requested_duration, cutoff=cutoff / ocp.time_scale
     )
+    return ocp.result(best)
 
 
 @keyword_record
@@ -161,15 +136,11 @@ class _FreeProblemBuilder:
     The fields without a description are the arguments of `solve_free`.
     """
 
-    problem: Problem
-    mechanism: Mechanism
+    phase: Phase
     displacements: Array
     """Displacements of the joints from each point to the next one, (k, 4), rad and m."""
     limits: dict[str, Array]
     """Limits of the joints by their names in `elements.rows.LIMITS`, (4,) each."""
-    ends: tuple[Array, Array]
-    """Joint velocities q̇ at both ends, (4,) each, rad/s and m/s."""
-    start_acceleration: Array
     method: Method
     borders: Borders
     work: Work
@@ -177,12 +148,7 @@ class _FreeProblemBuilder:
     @property
     def jerk(self) -> bool:
         """True if the robot has a jerk limit."""
-        return limits_jerk(self.problem.robot)
-
-    @property
-    def at_rest(self) -> bool:
-        """True if the joints are at rest at both ends."""
-        return not (self.ends[0].any() or self.ends[1].any())
+        return limits_jerk(self.phase.problem.robot)
 
     @property
     def is_structured(self) -> bool:
@@ -192,7 +158,7 @@ class _FreeProblemBuilder:
         another initial acceleration.
         """
         return self.method == "estimated" or (
-            self.method != "Ipopt" and not self.start_acceleration.any()
+            self.method != "Ipopt" and not self.phase.qdd_start.any()
         )
 
     @property
@@ -211,9 +177,10 @@ class _FreeProblemBuilder:
         motion that begins or ends at speed, because its initial acceleration must end within one
         element.
         """
-        confirmed = self.method == "confirmed" and self.at_rest and not self.borders.free
+        at_rest = self.phase.begins_and_ends_at_rest
+        confirmed = self.method == "confirmed" and at_rest and not self.borders.free
         between_two_points = len(self.displacements) == 1
-        at_speed = self.jerk and not self.at_rest
+        at_speed = self.jerk and not at_rest
         return FINER * ELEMENTS if at_speed or (confirmed and between_two_points) else ELEMENTS
 
     def elements_per_segment(self, count: int) -> int:
@@ -238,10 +205,15 @@ class _FreeProblemBuilder:
             Approximate number of elements between two points.
         """
         chain = SegmentChain.joined(self._chains(per_segment), self.borders.free)
-        if self.problem.eye is None:
+        eye, mechanism = self.phase.problem.eye, self.phase.mechanism
+        if eye is None:
             return chain
-        is_outside = partial(_is_outside, self.problem, self.mechanism)
-        return chain.cut_at(self.problem.eye.port, is_outside, self.least_count)
+
+        def is_outside(q: Array) -> bool:
+            """Return True if only the port of the eye allows the position of the tip at q (4,)."""
+            return bool(retina_row(NUMPY, eye, tip_position(mechanism, q[None])[0]) > 0)
+
+        return chain.cut_at(eye.port, is_outside, self.least_count)
 
     def _chains(self, per_segment: int) -> list[SegmentChain]:
         """Build the segments and guesses of the motion, one chain for each pair of points.
@@ -259,17 +231,19 @@ class _FreeProblemBuilder:
         via_velocity = borders.via_velocity
         if via_velocity is None:
             via_velocity = np.zeros((len(displacements) - 1, 4))
-        speeds = np.vstack([self.ends[0], via_velocity, self.ends[1]])
+        phase = self.phase
+        speeds = np.vstack([phase.qd_start, via_velocity, phase.qd_end])
         kinematic_limits = np.stack([self.limits[name] for name in KINEMATIC])
+        if not self.jerk:
+            kinematic_limits[2] = np.inf
         return [
             guess_between(
                 borders.points[k],
                 displacements[k],
                 speeds[k : k + 2],
                 kinematic_limits,
-                jerk=self.jerk,
                 # Only the first segment begins with the initial acceleration.
-                start_acceleration=self.start_acceleration * (k == 0),
+                start_acceleration=phase.qdd_start * (k == 0),
                 count=per_segment,
                 least_count=self.least_count,
             )
@@ -294,13 +268,10 @@ class _FreeProblemBuilder:
             joint_limits=self.limits,
             time_scale=float(lengths.sum()),
             method=self.method if self.is_structured else "Ipopt",
-            problem=self.problem,
-            mechanism=self.mechanism,
+            phase=self.phase,
             chain=chain,
             directions=chain.directions,
-            speeds=self.ends,
-            start_acceleration=self.start_acceleration,
-            starting=self.ends[0] == 0.0,
+            starting=self.phase.qd_start == 0.0,
             work=self.work,
         )
 
@@ -321,12 +292,3 @@ class _FreeProblemBuilder:
         # A jerk-limited motion with one duration per segment is up to 0.13 % longer.
         reverses = not np.delete(chain.fixed, chain.ports, axis=0).all()
         return not reverses and not (self.jerk and len(self.displacements) > 1)
-
-
-def _is_outside(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
-    """Return True if only the port of the eye allows the present position of the tip.
-
-    Outside the port, the tip at joint positions q (4,) would be too close to the retina.
-    """
-    assert problem.eye is not None
-    return bool(retina_row(NUMPY, problem.eye, tip_position(mechanism, q[None])[0]) > 0)

@@ -19,7 +19,6 @@ from ssm_planner.elements.element import shared
 from ssm_planner.elements.free_element import RATED, WATCHED, FreeElement
 from ssm_planner.elements.rows import UNLIMITED, RowName, tool_limits, tool_names, torque_names
 from ssm_planner.kinematics import (
-    Mechanism,
     retina_row,
     task_from_joints,
     task_of_joints,
@@ -37,9 +36,9 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
 from ssm_planner.planning.ocp.segments import SegmentChain
-from ssm_planner.planning.phases import reversal_ranges
+from ssm_planner.planning.phases import Phase, reversal_ranges
 from ssm_planner.planning.tolerances import ROUNDING, SAME
-from ssm_planner.problem import TASK, Problem, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.problem import TASK, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
@@ -59,14 +58,16 @@ class FreeProblem(OcpProblem):
     joint.
     """
 
-    problem: Problem
-    mechanism: Mechanism
+    phase: Phase
+    """The phase with its problem, and the velocities and acceleration at its ends."""
     chain: SegmentChain
     """Segments with their borders, directions and guesses."""
-    speeds: tuple[Array, Array]
-    """Joint velocities q̇ at both ends, (4,) each, rad/s and m/s."""
-    start_acceleration: Array
-    """Joint accelerations q̈ at the start if jerk is limited, (4,), rad/s² and m/s²."""
+
+    @property
+    def requested_duration(self) -> float | None:
+        """Requested duration in scaled time. None: as short as possible."""
+        duration = self.phase.motion.duration
+        return None if duration is None else duration / self.time_scale
 
     @cached_property
     def moving(self) -> Indices:
@@ -88,20 +89,19 @@ class FreeProblem(OcpProblem):
     @cached_property
     def ranges(self) -> Array:
         """Smallest and largest positions at which joints may reverse, (2, 4), rad and m."""
-        return reversal_ranges(
-            self.problem, self.mechanism, self.chain.points[self.chain.fixed.all(axis=1)]
-        )
+        points = self.chain.points[self.chain.fixed.all(axis=1)]
+        return reversal_ranges(self.phase.problem, self.phase.mechanism, points)
 
     @property
     def boundary(self) -> BoundaryConditions:
         """Positions and velocities of the coordinates at borders and ends, in scaled units."""
-        start, end = (self.scaled(speed, 1) for speed in self.speeds)
+        start, end = (self.scaled(speed, 1) for speed in (self.phase.qd_start, self.phase.qd_end))
         # NaN stands for a position that the solver determines.
         points = self.scaled(
             np.where(self.chain.fixed, self.chain.points, np.nan) - self.chain.points[0], 0
         )
         ranges = self.scaled(self.ranges - self.chain.points[0], 0)
-        start_acceleration = self.scaled(self.start_acceleration, 2)
+        start_acceleration = self.scaled(self.phase.qdd_start, 2)
         return BoundaryConditions(
             points,
             self.directions[:, self.moving],
@@ -145,16 +145,16 @@ class FreeProblem(OcpProblem):
         bound = base.path_bound.copy()
         # The columns contain the constraints at the start, in the middle and at the end.
         constraint_count = backoff.shape[1]
-        if self.speeds[0].any():
+        if self.phase.qd_start.any():
             bound[0, :constraint_count] = np.where(
                 np.isfinite(bound[0, :constraint_count]), 1 + SAME, np.inf
             )
-        if self.speeds[1].any():
+        if self.phase.qd_end.any():
             bound[-1, -constraint_count:] = np.where(
                 np.isfinite(bound[-1, -constraint_count:]), 1 + SAME, np.inf
             )
         # The robot can stop first instead.
-        brief = self.problem.planner == "fast" and bool(self.speeds[0].any())
+        brief = self.phase.problem.planner == "fast" and bool(self.phase.qd_start.any())
         return replace(base, path_bound=bound, brief=brief)
 
     def scaled(self, values: Array, order: int) -> Array:
@@ -183,7 +183,7 @@ class FreeProblem(OcpProblem):
         They are the limits of task coordinates, tool speeds, the eye, and the motor torques of
         moving joints.
         """
-        problem = self.problem
+        problem = self.phase.problem
         rows: set[RowName] = {
             (TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges
         }
@@ -195,7 +195,7 @@ class FreeProblem(OcpProblem):
         return shared(
             FreeElement(
                 robot=problem.robot,
-                mechanism=self.mechanism,
+                mechanism=self.phase.mechanism,
                 moving=tuple(self.moving.tolist()),
                 active=frozenset(rows),
                 eye=problem.eye,
@@ -209,9 +209,9 @@ class FreeProblem(OcpProblem):
         The distance to the retina is not limited where the tip is outside the eye or in its port.
         """
         mask = super().ignored_rows.copy()
-        if self.problem.eye is not None:
+        if self.phase.problem.eye is not None:
             mask[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(
-                self.problem.eye.port
+                self.phase.problem.eye.port
             )
         return mask
 
@@ -233,7 +233,7 @@ class FreeProblem(OcpProblem):
 
         They are the scales of the program, and the limits of joints, tool and task coordinates.
         """
-        problem = self.problem
+        problem = self.phase.problem
         ranges = np.array([problem.ranges.get(name, (-UNLIMITED, UNLIMITED)) for name in WATCHED])
         return FreeElement.layout.pack(
             q0=self.chain.points[0],
@@ -255,8 +255,8 @@ class FreeProblem(OcpProblem):
         constraints does not. The ranges are shifted by the difference.
         """
         start = self.chain.points[0]
-        unwrapped = task_of_joints(NUMPY, self.mechanism, tuple(start))
-        wrapped = task_from_joints(self.mechanism, start[None])
+        unwrapped = task_of_joints(NUMPY, self.phase.mechanism, tuple(start))
+        wrapped = task_from_joints(self.phase.mechanism, start[None])
         return np.array([float(unwrapped[k]) - wrapped[0, k] for k in map(TASK.index, WATCHED)])
 
     @property
@@ -265,12 +265,12 @@ class FreeProblem(OcpProblem):
 
         The check accepted these points because its tolerance covers the amount.
         """
-        if self.problem.eye is None:
+        if self.phase.problem.eye is None:
             return 0.0
-        in_eye = np.abs(self.chain.points[:, 3]) > self.problem.eye.port + ROUNDING
+        in_eye = np.abs(self.chain.points[:, 3]) > self.phase.problem.eye.port + ROUNDING
         points = self.chain.points[self.chain.fixed.all(axis=1) & in_eye]
         constraint_values = retina_row(
-            NUMPY, self.problem.eye, tip_position(self.mechanism, points).T
+            NUMPY, self.phase.problem.eye, tip_position(self.phase.mechanism, points).T
         )
         return float(constraint_values.max(initial=0.0))
 
@@ -373,9 +373,7 @@ class FreeProblem(OcpProblem):
             The motion, or the status and message of the failure.
         """
         if not solution.solved:
-            return PhaseSolution(
-                solution.status, solution.message, solution.iterations, solver=solution.solver
-            )
+            return PhaseSolution.from_solver(solution)
         count = len(solution.elements)
         pieces = cubics(solution.elements)
         boundary = self.boundary
@@ -401,15 +399,11 @@ class FreeProblem(OcpProblem):
         border_indices = [k for k in range(len(self.chain.points)) if k not in self.chain.ports]
         border_instants = breaks[[*solution.structure.borders, count]][border_indices]
         directions = np.sign(np.add.reduceat(self.directions, border_indices[:-1]))
-        return PhaseSolution(
-            "solved",
-            solution.message,
-            solution.iterations,
-            breaks,
-            coefficients,
-            solver=solution.solver,
+        return PhaseSolution.from_solver(
+            solution,
+            breaks=breaks,
+            coefficients=coefficients,
             border_instants=border_instants,
             directions=directions,
             direction_multipliers=self.direction_multipliers(solution),
-            confirmation=solution.confirmation,
         )

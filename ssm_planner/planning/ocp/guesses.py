@@ -1,7 +1,7 @@
 """Initial guesses of a free motion, from each of its points to the next one.
 
-The guess is a closed form if the joints begin and end at rest, or at speed (`turning`). A motion
-with reversals is sampled from the earlier motion that suggested the reversals.
+The guess follows from the closed forms of the joints (`joint_profile`). A motion with reversals is
+sampled from the earlier motion that suggested the reversals.
 """
 
 from itertools import pairwise
@@ -9,14 +9,16 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.elements.rows import UNLIMITED
-from ssm_planner.planning.lower_bound import SCurve, rest_to_rest
+from ssm_planner.planning.ocp.joint_profile import JointProfile
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.ocp.segments import SegmentChain, SegmentGuess, guess_of_curves
-from ssm_planner.planning.ocp.turning import braking, guess_with_reversals
-from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array
 
+LEAST_SEGMENT = 4e-3
+"""Smallest time between two reversals of the guess, as a share of the duration.
+
+The solver may reduce it to a hundredth of that.
+"""
 RAMP = 5e-4
 """Share of the time between two points in which a joint without a jerk limit reaches its largest
 acceleration.
@@ -31,28 +33,28 @@ def guess_between(
     start: Array,
     displacement: Array,
     speeds: Array,
-    kinematic_limits: Array,
+    limits: Array,
     *,
-    jerk: bool,
     start_acceleration: Array,
     count: int,
     least_count: int,
 ) -> SegmentChain:
     """Build the guess of joints that move between two points.
 
+    All joints take the duration of the slowest one. If a joint must reverse because of its velocity
+    at an end, the reversals of all joints, ordered in time, divide the motion into segments.
+
     Parameters
     ----------
-    start : (4,) array
+    start : (m,) array
         Joint positions at the first point, rad and m.
-    displacement : (4,) array
+    displacement : (m,) array
         Displacements to the second point, rad and m.
-    speeds : (2, 4) array
+    speeds : (2, m) array
         Joint velocities q̇ at both points.
-    kinematic_limits : (3, 4) array
+    limits : (3, m) array
         Limits of velocity, acceleration and jerk of the joints.
-    jerk : bool
-        True if the jerk limits count.
-    start_acceleration : (4,) array
+    start_acceleration : (m,) array
         Joint accelerations q̈ at the first point.
     count : int
         Approximate number of elements.
@@ -62,24 +64,84 @@ def guess_between(
     Returns
     -------
     SegmentChain
-        One segment, or several if a joint must reverse because of its velocity at an end.
+        Segments between the reversals of all joints.
     """
-    if not speeds.any():
-        return guess_from_rest(
-            start, displacement, kinematic_limits, jerk=jerk, count=count, least_count=least_count
+    profiles = [
+        JointProfile.from_limits(
+            float(displacement[k]),
+            (float(speeds[0, k]), float(speeds[1, k])),
+            limits[:, k],
+            acceleration,
         )
-    # Constant accelerations replace jerk-limited braking in the guess.
-    velocity, acceleration, _ = kinematic_limits
-    brake = acceleration
-    if jerk:
-        brake = np.minimum(
-            braking(speeds[0], start_acceleration, kinematic_limits),
-            braking(speeds[1], np.zeros(4), kinematic_limits),
+        for k, acceleration in enumerate(start_acceleration.tolist())
+    ]
+    slowest = max(profiles, key=lambda profile: profile.duration)
+    duration = slowest.duration
+    curves = [profile.with_duration(duration) if profile.moves else None for profile in profiles]
+    borders, directions = _reversals_in_order(profiles, duration)
+    switches = slowest.with_duration(duration).switches.tolist()
+    # The solver determines the instants of the reversals, so it needs no elements close to them.
+    gap = LEAST_SEGMENT * duration if speeds.any() else 0.0
+    guesses = []
+    for begin, end in pairwise(borders):
+        instants = [begin]
+        for switch in switches:
+            if instants[-1] + gap < switch < end - gap:
+                instants.append(switch)
+        guesses.append(
+            guess_of_curves(
+                start,
+                curves,
+                [*instants, end],
+                density=count / borders[-1],
+                least_count=least_count,
+            )
         )
-    limits = np.stack([velocity, acceleration, brake])
-    return guess_with_reversals(
-        start, displacement, speeds, limits, count=count, least_count=least_count
-    )
+    # The positions of joints that rest are given, all others only at both ends.
+    points = np.array([*(guess.elements.u[0] for guess in guesses), start + displacement])
+    fixed = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
+    fixed[[0, -1]] = True
+    return SegmentChain(points, fixed, directions, tuple(guesses))
+
+
+def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[list[float], Array]:
+    """Return the borders between segments in the order of time, and the directions of the joints.
+
+    Parameters
+    ----------
+    profiles : list of JointProfile
+        Motions of the m joints.
+    duration : float
+        Duration of the motion, s.
+
+    Returns
+    -------
+    borders : list of k + 1 floats
+        Start, reversals and end, s. Neighbours have a distance of at least LEAST_SEGMENT ·
+        duration.
+    directions : (k, m) array
+        Direction +1, −1 or 0 of each joint between two borders.
+    """
+    reversals = [
+        (t if side == 0 else max(duration - t, 0.0), i)
+        for i, profile in enumerate(profiles)
+        for side, t in enumerate(profile.reversal_times)
+        if t > 0
+    ]
+    borders = [0.0]
+    directions = [
+        [
+            profile.sign * (-1.0 if profile.reversal_times[0] else 1.0) if profile.moves else 0.0
+            for profile in profiles
+        ]
+    ]
+    # Each reversal begins a segment in which one joint has the other direction.
+    for t, i in sorted(reversals):
+        borders.append(max(t, borders[-1] + LEAST_SEGMENT * duration))
+        directions.append(directions[-1].copy())
+        directions[-1][i] *= -1
+    borders.append(max(duration, borders[-1] + LEAST_SEGMENT * duration))
+    return borders, np.array(directions)
 
 
 def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[SegmentChain]:
@@ -107,79 +169,13 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
         signs, points = borders.directions[k], borders.points[k : k + 2]
         element_count = max(2 * least_count, round(count * (end - start) / motion.duration))
         t = np.linspace(start, end, element_count + 1)
-        before, after = motion.sample(t[:-1]), motion.sample(t[1:], side="left")
+        guess = SegmentGuess.sampled(motion, t, (element_count,))
         # Velocities against the direction of the segment are not allowed.
-        velocity = np.where(before.qd * signs > 0, before.qd, 0.0)
-        elements = Cubic(before.q, velocity, before.qdd, after.qdd, np.diff(t)[:, None])
+        velocity = guess.elements.v
+        velocity[velocity * signs <= 0] = 0.0
         fixed = np.ones(points.shape, dtype=bool)
-        chains.append(
-            SegmentChain(points, fixed, signs[None], (SegmentGuess(elements, (element_count,)),))
-        )
+        chains.append(SegmentChain(points, fixed, signs[None], (guess,)))
     return chains
-
-
-def guess_from_rest(
-    start: Array, displacement: Array, limits: Array, *, jerk: bool, count: int, least_count: int
-) -> SegmentChain:
-    """Build the guess of joints that move by `displacement` from rest to rest.
-
-    The joint that needs the longest time moves as fast as it can. Another joint moves
-    proportionally to it if that keeps its limits. Otherwise it makes its own fastest motion,
-    stretched to the same duration. If nothing but these joint limits counts, the guess is optimal.
-
-    Parameters
-    ----------
-    start : (m,) array
-        Joint positions at the start, rad and m.
-    displacement : (m,) array
-        Displacements in rad and m. Those of joints at rest are 0.
-    limits : (3, m) array
-        Limits of velocity, acceleration and jerk.
-    jerk : bool
-        True if the jerk limits count.
-    count : int
-        Approximate number of elements.
-    least_count : int
-        Smallest number of elements between two switching points.
-
-    Returns
-    -------
-    SegmentChain
-        One segment with its guess.
-    """
-    moving = np.flatnonzero(displacement)
-    distances = np.abs(displacement)
-    velocity, acceleration, jerks = limits.tolist()
-    # Fastest motion of each joint as if it were alone.
-    fastest_curves = {
-        k: rest_to_rest(
-            float(distances[k]), velocity[k], acceleration[k], jerks[k] if jerk else None
-        )
-        for k in moving
-    }
-    # All joints take the time of the slowest one.
-    slowest_joint = max(moving, key=lambda k: fastest_curves[k].duration)
-    slowest = fastest_curves[slowest_joint]
-    curves: list[SCurve | None] = [None] * len(displacement)
-    for k in moving:
-        proportional = slowest.scaled(distances[k] / distances[slowest_joint])
-        keeps_limits = all(
-            peak <= limit * (1 + ROUNDING)
-            for peak, limit in zip(proportional.peaks[: 2 + jerk], limits[:, k], strict=False)
-        )
-        profile = proportional if keeps_limits else fastest_curves[k].stretched(slowest.duration)
-        curves[k] = profile.scaled(np.sign(displacement[k]))
-    guess = guess_of_curves(
-        start,
-        curves,
-        slowest.switches.tolist(),
-        density=count / slowest.duration,
-        least_count=least_count,
-    )
-    points = np.stack([start, start + displacement])
-    return SegmentChain(
-        points, np.ones(points.shape, dtype=bool), np.sign(displacement[None]), (guess,)
-    )
 
 
 def jerk_for_all(

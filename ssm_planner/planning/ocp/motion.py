@@ -1,10 +1,11 @@
 """Motion of a phase in SI units: joint polynomials, directions and reversals of the joints."""
 
 from dataclasses import field, replace
+from typing import Any
 
 import numpy as np
 
-from ssm_planner.planning.ocp.nlp import Confirmation
+from ssm_planner.planning.ocp.nlp import Confirmation, NlpSolution
 from ssm_planner.planning.ocp.refinement import RefinedMotion
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
@@ -85,6 +86,26 @@ class PhaseSolution:
     """Ipopt's confirmation of the optimum. None without it."""
     refined: RefinedMotion | None = None
     """Refinement of the fastest motion. None if the motion is already best for its objective."""
+
+    @classmethod
+    def from_solver(cls, solution: NlpSolution, **motion: Any) -> "PhaseSolution":
+        """Return the result of a solver in SI units.
+
+        `motion` contains the fields that describe the motion. It is empty after a failure.
+        """
+        return cls(
+            solution.status,
+            solution.message,
+            solution.iterations,
+            solver=solution.solver,
+            confirmation=solution.confirmation,
+            **motion,
+        )
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The motion as a trajectory."""
+        return Trajectory(self.breaks, self.coefficients, ())
 
     @property
     def solved(self) -> bool:

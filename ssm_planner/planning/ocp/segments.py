@@ -6,7 +6,6 @@ is a given point, a reversal of a joint, or a passage of the port (incision) of 
 
 from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from ssm_planner.planning.lower_bound import SCurve
 from ssm_planner.planning.ocp.mesh import SHORTEST_ARC
 from ssm_planner.planning.ocp.nlp import NlpStructure, blocks_of
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Mask, record
 
 
@@ -27,10 +26,21 @@ class SegmentGuess:
     arcs: tuple[int, ...]
     """Number of elements of each arc between two consecutive switching points."""
 
+    @classmethod
+    def sampled(cls, motion: Trajectory, instants: Array, arcs: tuple[int, ...]) -> "SegmentGuess":
+        """Sample the guess from a motion, with elements that end at instants (n + 1,), s."""
+        starts, ends = motion.sample(instants[:-1]), motion.sample(instants[1:], side="left")
+        lengths = np.diff(instants)[:, None]
+        return cls(Cubic(starts.q, starts.qd, starts.qdd, ends.qdd, lengths), arcs)
+
     @property
-    def instants(self) -> Array:
-        """Ends of the elements, (n + 1,), s after the start of the segment."""
-        return np.append(0.0, np.cumsum(self.elements.h))
+    def motion(self) -> Trajectory:
+        """The guess as joint polynomials. The time begins at 0."""
+        cubic = self.elements
+        zeros = np.zeros_like(cubic.u)
+        coefficients = [cubic.u, cubic.v, cubic.a0 / 2, cubic.jerk / 6, zeros, zeros]
+        breaks = np.append(0.0, np.cumsum(cubic.h))
+        return Trajectory(breaks, np.stack(coefficients, axis=1), ())
 
     def halves(
         self, joint: int, position: float, least_count: int
@@ -53,19 +63,18 @@ class SegmentGuess:
         first, second : SegmentGuess
             Both halves.
         """
-        instants = self.instants
-        duration = float(instants[-1])
-        positions = np.append(self.elements.u[:, joint], self.elements.end[0][-1, joint])
+        motion = self.motion
+        duration = motion.duration
+        positions = motion.positions(motion.breaks)[:, joint]
         direction = np.sign(positions[-1] - positions[0])
-        passing_time = float(np.interp(direction * position, direction * positions, instants))
+        passing_time = float(np.interp(direction * position, direction * positions, motion.breaks))
+        middle = duration / 2
         return (
-            self._guess_between((0.0, duration / 2), joint, (0.0, passing_time), least_count),
-            self._guess_between(
-                (duration / 2, duration), joint, (passing_time, duration), least_count
-            ),
+            self._part((0.0, middle), joint, (0.0, passing_time), least_count),
+            self._part((middle, duration), joint, (passing_time, duration), least_count),
         )
 
-    def _guess_between(
+    def _part(
         self,
         span: tuple[float, float],
         joint: int,
@@ -85,43 +94,19 @@ class SegmentGuess:
         least_count : int
             Smallest number of elements of an arc.
         """
-        start, end = span
-        instants = self.instants
-        gap = SHORTEST_ARC * instants[-1]
-        switches = instants[np.cumsum(self.arcs)]
+        (start, end), motion = span, self.motion
+        gap = SHORTEST_ARC * motion.duration
+        switches = motion.breaks[np.cumsum(self.arcs)]
         inner_switches = switches[(switches > start + gap) & (switches < end - gap)]
-        density = sum(self.arcs) / float(instants[-1])
+        density = sum(self.arcs) / motion.duration
         arcs, t = elements_between([start, *inner_switches.tolist(), end], density, least_count)
         rate = (joint_span[1] - joint_span[0]) / (end - start)
-        states = self._states(t)
-        joint_states = self._states(joint_span[0] + rate * (t - start))
-        for state, joint_state, order in zip(states, joint_states, (0, 1, 2, 2), strict=True):
-            state[:, joint] = rate**order * joint_state[:, joint]
-        return SegmentGuess(Cubic(*states, np.diff(t)[:, None]), arcs)
-
-    def _states(self, t: Array) -> tuple[Array, Array, Array, Array]:
-        """Evaluate the guess at the ends of the intervals between instants t (n + 1,), in s.
-
-        Returns
-        -------
-        q, qd, qdd_start, qdd_end : (n, 4) arrays
-            q and q̇ at the start of each interval, and q̈ at its start and at its end.
-        """
-        q, qd, qdd_start = self._states_at(t[:-1], "right")
-        *_, qdd_end = self._states_at(t[1:], "left")
-        return q, qd, qdd_start, qdd_end
-
-    def _states_at(self, t: Array, side: Literal["left", "right"]) -> tuple[Array, Array, Array]:
-        """Evaluate q, q̇ and q̈ at instants t (n,), in s, (n, 4) each.
-
-        q̈ may jump between two elements. At such an instant, `side` selects the element that ends
-        there ("left") or begins there ("right").
-        """
-        instants, motion = self.instants, self.elements
-        element = np.searchsorted(instants[1:-1], t, side)
-        fields = motion.u, motion.v, motion.a0, motion.a1, motion.h
-        cubic = Cubic(*(values[element] for values in fields))
-        return cubic.at_time((t - instants[element])[:, None])
+        result = self.sampled(motion, t, arcs)
+        stretched = self.sampled(motion, joint_span[0] + rate * (t - start), arcs).elements
+        for name, order in (("u", 0), ("v", 1), ("a0", 2), ("a1", 2)):
+            values = getattr(stretched, name)[:, joint]
+            getattr(result.elements, name)[:, joint] = rate**order * values
+        return result
 
 
 def elements_between(

@@ -37,6 +37,7 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
 from ssm_planner.planning.ocp.path_fit import fit
 from ssm_planner.planning.ocp.problem import OcpProblem
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAMPLES
@@ -46,9 +47,7 @@ from ssm_planner.problem import (
     JointAcceleration,
     JointJerk,
     JointVelocity,
-    Objective,
     Robot,
-    TaskLimits,
     ToolLimit,
 )
 from ssm_planner.trajectory import hermite
@@ -72,42 +71,30 @@ Between their ends, the motion then deviates from the path by about 1e-9 rad.
 
 
 def solve_straight(
-    robot: Robot,
+    phase: Phase,
     path: JointPath,
     guess: Retiming,
     *,
-    limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     strict: Robot | None = None,
     cooling: Array | None = None,
-    objective: Objective = "time",
-    duration: float | None = None,
-    speeds: tuple[float, float] = (0.0, 0.0),
     count: int | None = None,
     method: Method = "Ipopt",
     work: Work | None = None,
 ) -> PhaseSolution:
-    """Compute the motion along a path that is best for an objective.
+    """Compute the motion along a path that is best for the objective of a phase.
 
     Parameters
     ----------
-    robot : Robot
-        The robot.
+    phase : Phase
+        The phase with its problem, velocities at both ends and requested duration.
     path : JointPath
         The path q(s) of the joints.
     guess : Retiming
         Motion of TOPP-RA along the path.
-    limits : TaskLimits
-        Limits on speeds of the tool and on rates of task coordinates.
     strict : Robot or None
-        The robot with tighter limits, which the motion must keep. None: those of `robot`.
+        The robot with tighter limits, which the motion must keep. None: that of the problem.
     cooling : (4,) array or None
         Weights of the motors' heat relative to time, as in `rows.LIMITS`.
-    objective : str
-        "time", "time then heat" or "effort".
-    duration : float or None
-        Requested duration, s. None: as short as possible.
-    speeds : (float, float)
-        ṡ at both ends, 1/s.
     count : int or None
         Number of elements. None: chosen by the path.
     method : str
@@ -120,6 +107,8 @@ def solve_straight(
     PhaseSolution
         Joint polynomials of the motion, or the status of the failure.
     """
+    robot, limits, duration = phase.problem.robot, phase.problem.task_limits, phase.motion.duration
+    speeds = phase.speeds_along(path)
     jerk = limits_jerk(robot)
     knots, signs = path.directions
     elements_per_break = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
@@ -151,7 +140,9 @@ def solve_straight(
     )
     scaled_duration = None if duration is None else duration / scale
     fastest = find_fastest_motion(problem, mesh.elements(guess), scaled_duration)
-    return problem.result(find_best_motion(fastest, objective, scaled_duration), speeds[1])
+    return problem.result(
+        find_best_motion(fastest, phase.problem.objective, scaled_duration), speeds[1]
+    )
 
 
 def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
@@ -233,24 +224,18 @@ class _StraightProblem(OcpProblem):
             ṡ at the end, 1/s. It replaces the solver's value, which contains rounding.
         """
         if not solution.solved:
-            return PhaseSolution(
-                solution.status, solution.message, solution.iterations, solver=solution.solver
-            )
+            return PhaseSolution.from_solver(solution)
         scale = self.time_scale
         # From scaled time to seconds.
         elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
         breaks, coefficients = joint_pieces(self.path, elements, SUBDIVISION, end_speed)
         positions = np.append(elements[:, 0], 1.0)
         borders = np.interp(self.path.directions[0], positions, breaks[::SUBDIVISION])
-        return PhaseSolution(
-            "solved",
-            solution.message,
-            solution.iterations,
-            breaks,
-            coefficients,
-            solver=solution.solver,
+        return PhaseSolution.from_solver(
+            solution,
+            breaks=breaks,
+            coefficients=coefficients,
             border_instants=borders,
-            confirmation=solution.confirmation,
         )
 
     @property

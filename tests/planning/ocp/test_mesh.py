@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.planning.ocp.guesses import guess_from_rest
+from ssm_planner.planning.ocp.guesses import guess_between
 from ssm_planner.planning.ocp.mesh import FEWEST, _element_ends
 from ssm_planner.planning.ocp.segments import SegmentGuess
 
@@ -24,8 +24,9 @@ def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
 
 
 def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:
-    chain = guess_from_rest(START, way, LIMITS, jerk=jerk, count=count, least_count=2)
-    return chain.guesses[0]
+    limits = LIMITS if jerk else np.vstack([LIMITS[:2], np.full(4, np.inf)])
+    rest = {"speeds": np.zeros((2, 4)), "start_acceleration": np.zeros(4)}
+    return guess_between(START, way, limits=limits, count=count, least_count=2, **rest).guesses[0]
 
 
 @given(ways, st.booleans(), st.integers(8, 60))
@@ -53,14 +54,14 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
     whole = guess_of(way_, jerk, count)
     place = START[3] + share * way_[3]
     first, second = whole.halves(3, place, 2)
-    duration = first.instants[-1]
-    assert duration == pytest.approx(second.instants[-1])
-    assert 2 * duration == pytest.approx(whole.instants[-1])
+    duration = first.motion.duration
+    assert duration == pytest.approx(second.motion.duration)
+    assert 2 * duration == pytest.approx(whole.motion.duration)
     middle = second.elements.u[0]
     assert middle[3] == pytest.approx(place, abs=1e-3 / count)
     assert np.array_equal(first.elements.u[0], START)
     for half, reached in ((first, middle), (second, START + way_)):
-        assert sum(half.arcs) == len(half.instants) - 1 == len(half.elements.u)
+        assert sum(half.arcs) == len(half.motion.breaks) - 1 == len(half.elements.u)
         end = half.elements.end[0][-1]
         # the guess is of second order in the length of an element
         assert np.abs(end - reached)[:3].max() <= 4 / count**2 * np.abs(way_).max()

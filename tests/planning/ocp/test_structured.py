@@ -11,6 +11,7 @@ import pytest
 from ssm_planner.elements.compiled import compiled
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import rest_to_rest
@@ -19,10 +20,11 @@ from ssm_planner.planning.ocp.free import find_best_free, solve_free
 from ssm_planner.planning.ocp.nlp import NlpSolution, stretched
 from ssm_planner.planning.ocp.structured import NOT_CONVERGED, solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.search import GAP
 from ssm_planner.problem.limits import TaskRate, TipSpeed
-from ssm_planner.problem.motion import Free, Straight, Task
+from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.problem.value import unchecked
 from ssm_planner.reporting.text import verdicts
@@ -206,13 +208,20 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
     assert "agree within" in said[0]
 
 
+def free_phase(problem: Problem) -> Phase:
+    """A free motion of all four joints from rest to rest."""
+    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
+    mechanism = Mechanism.from_geometry(problem.robot.geometry)
+    start, end = task_from_joints(mechanism, points)
+    return Phase(problem, Free(Joints.from_array(points[1])), start, end, points)
+
+
 def test_what_is_longer_than_what_is_known_is_neither_cooled_nor_confirmed(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
 ) -> None:
     monkeypatch.delattr(Transcription, "solve")
-    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
-    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
-    found = solve_free(tilt_insert, mechanism, points, method="confirmed", cutoff=1e-3)
+    phase = free_phase(tilt_insert)
+    found = solve_free(phase, method="confirmed", cutoff=1e-3)
     assert found.solved
     assert found.duration > 1e-3
     assert [element.aim for _, element, *_ in solves] == ["time"]
@@ -231,31 +240,29 @@ def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:
 def test_a_motion_without_torque_limits_that_bind_takes_the_time_of_its_slowest_joint(
     tilt_insert: Problem, weaker: Any
 ) -> None:
-    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
-    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
-    found = solve_free(tilt_insert, mechanism, points, method="confirmed")
+    phase = free_phase(tilt_insert)
+    found = solve_free(phase, method="confirmed")
     limits = ((joint.velocity, joint.acceleration) for joint in tilt_insert.robot.joints)
     alone = [
         rest_to_rest(abs(way), *most).duration
-        for way, most in zip(points[1] - points[0], limits, strict=True)
+        for way, most in zip(phase.points[1] - phase.points[0], limits, strict=True)
     ]
     assert found.duration == pytest.approx(max(alone), rel=1e-6)
     weak = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.35))
-    assert solve_free(weak, mechanism, points, method="confirmed").duration > 1.01 * max(alone)
+    assert solve_free(free_phase(weak), method="confirmed").duration > 1.01 * max(alone)
 
 
 def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
     tilt_insert: Problem, weaker: Any
 ) -> None:
-    mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
-    points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
     problem = dataclasses.replace(
         tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time"
     )
-    whole = solve_free(problem, mechanism, points, method="confirmed")
-    fastest = solve_free(problem, mechanism, points, method="confirmed", fastest_only=True)
+    phase = free_phase(problem)
+    whole = solve_free(phase, method="confirmed")
+    fastest = solve_free(phase, method="confirmed", fastest_only=True)
     assert fastest.confirmation is None
-    confirmed = find_best_free(fastest, "time")
+    confirmed = find_best_free(fastest)
     assert confirmed.confirmation == whole.confirmation
     assert confirmed.coefficients.tobytes() == whole.coefficients.tobytes()
     assert fastest.duration == pytest.approx(whole.duration, rel=1e-6)

@@ -21,8 +21,8 @@ from ssm_planner.kinematics.task import task_rates
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import Replanner, plan, starting_from
 from ssm_planner.planning import phase_planner, planner
+from ssm_planner.planning.ocp.guesses import guess_between
 from ssm_planner.planning.ocp.motion import PhaseSolution
-from ssm_planner.planning.ocp.turning import guess_with_reversals
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.limits import TASK
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
@@ -199,17 +199,19 @@ def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(
 @pytest.mark.parametrize("seed", range(20))
 def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [3.0] * 4])
+    way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [np.inf] * 4])
     speeds = np.stack([rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)])
     start = rng.uniform(-1, 1, 4)
-    found = guess_with_reversals(start, way, speeds, limits, count=40, least_count=2)
+    found = guess_between(
+        start, way, speeds, limits, start_acceleration=np.zeros(4), count=40, least_count=2
+    )
     assert found.points[0] == pytest.approx(start)
     assert found.points[-1] == pytest.approx(start + way)
     for guess, sign in zip(found.guesses, found.directions, strict=True):
         velocity = guess.elements.v
         assert np.abs(velocity).max() <= 1 + 1e-9
         assert np.abs([guess.elements.a0, guess.elements.a1]).max() <= 3 + 1e-9
-        slack = 3.0 * 2 * 4e-3 * sum(each.instants[-1] for each in found.guesses)
+        slack = 3.0 * 2 * 4e-3 * sum(each.motion.duration for each in found.guesses)
         assert (velocity * sign >= -slack).all()
         assert (velocity[:, sign == 0] == 0).all()
 

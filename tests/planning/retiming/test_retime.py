@@ -10,6 +10,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.planning.ocp.straight import solve_straight
+from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.retiming import retime as retiming
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
@@ -53,6 +54,13 @@ def test_the_viscous_tangents_settle(
     assert retime(path, robot).duration == result.duration
 
 
+def phase_along(path: StraightPath, problem: Problem, robot: Robot) -> Phase:
+    """The phase of a path, in the problem with this robot."""
+    problem = replace(problem, robot=robot, objective="time")
+    points = path.sample(np.array([0.0, 1.0])).q
+    return Phase(problem, problem.motion[0], path.start, path.end, points, path=path)
+
+
 def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
     tilt_insert: Problem,
 ) -> None:
@@ -67,7 +75,7 @@ def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
         robot = replace(tilt_insert.robot, joints=(*joints[:3], weak))
         result = retime(path, robot)
         assert result.solved
-        optimum = solve_straight(robot, path, result, objective="time").duration
+        optimum = solve_straight(phase_along(path, tilt_insert, robot), path, result).duration
         assert result.duration == pytest.approx(optimum, rel=3e-4)
         durations.append(result.duration)
     assert durations == sorted(durations)
@@ -92,7 +100,8 @@ def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
     from ssm_planner.kinematics.task import task_from_joints
 
     path = paths(tilt_insert)[0]
-    motion = solve_straight(tilt_insert.robot, path, retime(path, tilt_insert.robot))
+    phase = phase_along(path, tilt_insert, tilt_insert.robot)
+    motion = solve_straight(phase, path, retime(path, tilt_insert.robot))
     trajectory = join([("tilt", motion.breaks, motion.coefficients)])
     samples = trajectory.sample(np.linspace(0, trajectory.duration, 5000))
     task = task_from_joints(path.mechanism, samples.q)

@@ -1,0 +1,191 @@
+"""Motion of one joint alone between two given velocities, as the guess of a free motion.
+
+A joint from rest to rest makes its fastest motion, stretched in time. A joint that begins at speed
+brakes, covers the rest of its displacement, and accelerates to its velocity at the end. If the rest
+points against the velocity at an end, the joint reverses near that end.
+"""
+
+import math
+
+import numpy as np
+
+from ssm_planner.planning.lower_bound import (
+    BISECTIONS,
+    SCurve,
+    minimum_times,
+    quickest_stop,
+    rest_to_rest,
+)
+from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.typing import Array, record
+
+
+@record
+class JointProfile:
+    """Motion of one joint between two given velocities.
+
+    The joint changes its velocity to a peak, cruises, and changes it again. Jerk is only limited
+    from rest to rest.
+    """
+
+    displacement: float
+    """Displacement, rad or m."""
+    speeds: tuple[float, float]
+    """Velocities at both ends, rad/s or m/s."""
+    velocity: float
+    acceleration: float
+    jerk: float
+    """Limits of velocity, acceleration and jerk. The latter may be infinite."""
+    sign: float
+    """Direction of the peak velocity: +1 or −1."""
+
+    @classmethod
+    def from_limits(
+        cls,
+        displacement: float,
+        speeds: tuple[float, float],
+        limits: Array,
+        start_acceleration: float,
+    ) -> "JointProfile":
+        """Build the profile of a joint.
+
+        Parameters
+        ----------
+        displacement : float
+            Displacement, rad or m.
+        speeds : (float, float)
+            Velocities at both ends.
+        limits : (3,) array
+            Limits of velocity, acceleration and jerk.
+        start_acceleration : float
+            Acceleration at the start.
+        """
+        velocity, acceleration, jerk = limits.tolist()
+        # The joint brakes less hard if its jerk is limited. This decides whether it can stop in
+        # time, and thus the direction of the peak.
+        brake = min(
+            _braking(speeds[0], start_acceleration, acceleration, jerk),
+            _braking(speeds[1], 0.0, acceleration, jerk),
+        )
+        sign = _peak_sign(displacement, speeds, brake)
+        if sign != _peak_sign(displacement, speeds, acceleration):
+            acceleration = brake
+        fastest = max(velocity, *map(abs, speeds))
+        return cls(displacement, speeds, fastest, acceleration, jerk=jerk, sign=sign)
+
+    @property
+    def moves(self) -> bool:
+        """True if the joint moves."""
+        return abs(self.displacement) > ROUNDING or any(self.speeds)
+
+    @property
+    def reversal_times(self) -> tuple[float, float]:
+        """Times in s between either end and the reversal next to it. 0 stands for no reversal."""
+        at_start, at_end = (
+            abs(speed) / self.acceleration if speed * self.sign < 0 else 0.0
+            for speed in self.speeds
+        )
+        return at_start, at_end
+
+    @property
+    def duration(self) -> float:
+        """Smallest duration, s. 0 if the joint does not move."""
+        if not self.moves:
+            return 0.0
+        if not any(self.speeds):
+            return self._from_rest().duration
+        limits = self.velocity, self.acceleration
+        return float(minimum_times(self.displacement, *limits, self.speeds))
+
+    def with_duration(self, duration: float) -> SCurve:
+        """Return the motion that takes a given duration.
+
+        From rest to rest, it is the fastest motion, stretched in time. Otherwise a bisection finds
+        its peak velocity.
+
+        Parameters
+        ----------
+        duration : float
+            Duration, s. If a joint at speed needs more, the result is its fastest motion.
+
+        Returns
+        -------
+        SCurve
+            The motion. A joint whose peak velocity is 0 rests between both ramps. A joint that
+            cannot be so slow cruises at its lowest peak velocity, and covers more than the
+            displacement. As a guess this suffices.
+        """
+        if not any(self.speeds):
+            return self._from_rest().stretched(duration)
+        start, end = (self.sign * speed for speed in self.speeds)
+        distance = self.sign * self.displacement
+        acceleration = self.acceleration
+        squares = (start * abs(start) + end * abs(end)) / (2 * acceleration)
+        # Peak velocities of the slowest and of the fastest motion.
+        low = math.sqrt(max(squares - distance, 0.0) * acceleration)
+        high = min(
+            math.sqrt(max(acceleration * distance + (start**2 + end**2) / 2, 0.0)), self.velocity
+        )
+
+        def phase_lengths(peak: float) -> tuple[float, float, float]:
+            """Return the durations of the first ramp, of cruising and of the last ramp, s."""
+            ramps = abs(peak - start) / acceleration, abs(peak - end) / acceleration
+            travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
+            return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
+
+        # A higher peak velocity gives a shorter motion.
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            low, high = (low, middle) if sum(phase_lengths(middle)) < duration else (middle, high)
+        ramp_up, cruise, ramp_down = phase_lengths(high)
+        if distance - squares <= ROUNDING:
+            cruise = max(duration - ramp_up - ramp_down, 0.0)
+        times = np.array([ramp_up, cruise, ramp_down])
+        directions = [math.copysign(1.0, high - start), 0.0, math.copysign(1.0, end - high)]
+        accelerations = self.sign * acceleration * np.array(directions)
+        return SCurve.of_pieces(times, accelerations, accelerations, self.speeds[0])
+
+    def _from_rest(self) -> SCurve:
+        """Return the fastest motion from rest to rest."""
+        limits = self.velocity, self.acceleration, self.jerk
+        return rest_to_rest(abs(self.displacement), *limits).scaled(self.sign)
+
+
+def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: float) -> float:
+    """Return the direction +1 or −1 of a joint between its initial and its final acceleration.
+
+    Parameters
+    ----------
+    displacement : float
+        Displacement, rad or m.
+    speeds : (float, float)
+        Velocities at both ends.
+    acceleration : float
+        Acceleration at both ends, rad/s² or m/s².
+    """
+    start, end = speeds
+    remaining = displacement - (start * abs(start) + end * abs(end)) / (2 * acceleration)
+    if start * end > 0 and remaining * start < 0:
+        # Both velocities have the same direction, so the joint need not stop in between. It only
+        # reverses if the displacement is shorter than a direct change of velocity needs.
+        shortest = (start + end) / 2 * abs(end - start) / acceleration
+        return math.copysign(1.0, start if (displacement - shortest) * start >= 0 else -start)
+    return math.copysign(1.0, remaining if abs(remaining) > ROUNDING else end or start)
+
+
+def _braking(speed: float, acceleration: float, limit: float, jerk: float) -> float:
+    """Return the constant acceleration that gives the stopping distance of the quickest stop.
+
+    A joint at rest, or one that reverses before it stops, gets its acceleration limit.
+
+    Parameters
+    ----------
+    speed, acceleration : float
+        Velocity and acceleration at the beginning of the stop.
+    limit, jerk : float
+        Limits of acceleration and jerk.
+    """
+    if not speed:
+        return limit
+    distance = quickest_stop(speed, acceleration, limit, jerk).distance * math.copysign(1.0, speed)
+    return min(speed**2 / (2 * distance), limit) if distance > 0 else limit
