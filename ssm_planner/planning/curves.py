@@ -20,9 +20,9 @@ from ssm_planner.kinematics import (
     tip_position,
 )
 from ssm_planner.planning.retiming.paths import TipPath
-from ssm_planner.planning.scan_pattern import refuse_tilt, tips_over_retina, tool_axis
+from ssm_planner.planning.scan_pattern import task_of, tips_over_retina, tool_axis
 from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
-from ssm_planner.problem import TASK, Follow, Joints, Point, Problem, Task, Tip
+from ssm_planner.problem import Follow, Joints, Point, Problem, Task, Tip
 from ssm_planner.typing import Array, Mask, record
 
 Curve = tuple[Array, float]
@@ -235,19 +235,9 @@ class CurveFollower:
         rows = [task]
         for k, point in enumerate(points, index):
             assert isinstance(point, Task)
+            key, file = self._key(k, "tilt"), self.motion.file
             # Omitted coordinates are those of the previous point.
-            coordinates = point.set_coordinates
-            rows.append(
-                np.array([coordinates.get(name, rows[-1][i]) for i, name in enumerate(TASK)])
-            )
-            refuse_tilt(
-                self.problem,
-                self.mechanism,
-                float(rows[-1][1]),
-                line=point.line,
-                key=self._key(k, "tilt"),
-                file=self.motion.file,
-            )
+            rows.append(task_of(self.problem, self.mechanism, point, rows[-1], key=key, file=file))
         return np.array(rows)
 
     def _curve_through(self, tips: Array) -> Curve | None:

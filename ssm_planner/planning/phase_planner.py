@@ -96,7 +96,6 @@ class PhasePlanner:
         cutoff: float = np.inf,
         count: int | None = None,
         fastest_only: bool = False,
-        by_ipopt: bool = False,
     ) -> PlannedPhase | Reason:
         """Return a motion whose path the solver chooses.
 
@@ -110,9 +109,6 @@ class PhasePlanner:
             Number of elements. None: chosen by the kind of motion.
         fastest_only : bool
             Return the fastest motion as the first solver finds it. `best_free` makes it final.
-        by_ipopt : bool
-            True if Ipopt alone solves the problem. Otherwise Ipopt is tried if the structured
-            solver fails, unless the motion begins at speed.
         """
         phase = self.phase
         # Joints that already move need not break away, and may come from the other side.
@@ -131,19 +127,11 @@ class PhasePlanner:
             fastest_only=fastest_only,
             work=self.work,
         )
-        fewer = ELEMENTS if count is None and len(phase.points) == 2 else None
-        if by_ipopt:
-            motion = solve(method="Ipopt")
-        else:
-            guessed = borders is not None and borders.guess is not None
-            may_repeat = not (guessed or phase.qd_start.any())
-            motion = self._solved(solve, by_ipopt=may_repeat, fewer=fewer)
+        guessed = borders is not None and borders.guess is not None
+        at_rest_between_two = phase.begins_and_ends_at_rest and len(phase.points) == 2
+        fewer = ELEMENTS if count is None and at_rest_between_two else None
+        motion = self._solved(solve, by_ipopt=not guessed, fewer=fewer)
         return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
-
-    @property
-    def by_ipopt_alone(self) -> bool:
-        """True if no structured solver is used."""
-        return not compiled() or METHODS[self.problem.planner] == "Ipopt"
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
@@ -184,11 +172,10 @@ class PhasePlanner:
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
         attempts: list[dict[str, object]] = [{"method": method if compiled() else "Ipopt"}]
-        if by_ipopt and not (self.approximate or self.by_ipopt_alone):
-            attempts += [{"method": method, "count": fewer}] * (
-                fewer is not None and method == "confirmed"
-            )
-            attempts += [{"method": "Ipopt"}]
+        if fewer is not None and method == "confirmed":
+            attempts.append({"method": method, "count": fewer})
+        if by_ipopt and not self.approximate:
+            attempts.append({"method": "Ipopt"})
         for attempt in attempts:
             solution = solve(**attempt)
             if solution.solved or solution.solver != "structured":
@@ -207,7 +194,7 @@ class PhasePlanner:
         def is_feasible(limit_speed: float) -> bool:
             limits = with_tip_speed(limit_speed).problem.task_limits
             robot = with_margin(self.strict, BETWEEN)
-            retiming = retime(path, robot, path.intervals, limits, (0.0, 0.0))
+            retiming = retime(path, robot, limits)
             return retiming.solved and stays_at(retiming, path, limit_speed)
 
         if is_feasible(speed):
@@ -222,7 +209,7 @@ class PhasePlanner:
         """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA."""
         problem = self.problem
         speeds = self.phase.speeds_along(path)
-        retiming = retime(path, problem.robot, path.intervals, problem.task_limits, speeds)
+        retiming = retime(path, problem.robot, problem.task_limits, speeds)
         if not retiming.solved:
             return no_motion(self.phase, path, retiming.message)
         solve = partial(

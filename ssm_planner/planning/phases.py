@@ -30,12 +30,11 @@ from ssm_planner.planning.retiming.paths import (
     StraightPath,
     smooth_runs,
 )
-from ssm_planner.planning.scan_pattern import refuse_tilt, visits_of
+from ssm_planner.planning.scan_pattern import task_of, visits_of
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import (
     ALONE,
     OF_TIP,
-    TASK,
     Dwell,
     Follow,
     Free,
@@ -243,7 +242,7 @@ def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
     phases: list[Phase] = []
     reference = None
     if isinstance(problem.start, Task):
-        reference = _task_of(problem, mechanism, problem.start, np.zeros(4), "start.tilt")
+        reference = task_of(problem, mechanism, problem.start, np.zeros(4), key="start.tilt")
     task = task_from_joints(mechanism, q[None, :], near=reference)[0]
     keys: list[str] = []
     for k, entry in enumerate(problem.motion):
@@ -307,7 +306,7 @@ class _PhaseBuilder:
     def _straight(self, motion: Straight) -> Phase:
         """Build the phase of a straight line in task coordinates."""
         key = "to" if key_of(motion) in ALONE else "to.tilt"
-        end = _task_of(self.problem, self.mechanism, motion.to, self.start, key)
+        end = task_of(self.problem, self.mechanism, motion.to, self.start, key=key)
         if np.abs(end - self.start).max() < ROUNDING:
             return self._standing(motion)
         path = straight_path(self.problem, self.mechanism, self.start, end, self.q)
@@ -596,7 +595,7 @@ def _solutions(
             )
         return solutions
     assert isinstance(target, Task)
-    task = _task_of(problem, mechanism, target, defaults)
+    task = task_of(problem, mechanism, target, defaults)
     near = None if reference is None else tuple(reference.tolist())
     return _inverse(mechanism, tuple(task.tolist()), limits, near)
 
@@ -614,31 +613,3 @@ def _inverse(
     `inverse_task`, as tuples.
     """
     return inverse_task(mechanism, [task], limits=limits, reference=reference)
-
-
-def _task_of(
-    problem: Problem, mechanism: Mechanism, target: Task, defaults: Array, key: str = "tilt"
-) -> Array:
-    """Return the task coordinates (4,) of a target.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem, for its file name.
-    mechanism : Mechanism
-        Geometry of the robot.
-    target : Task
-        The target.
-    defaults : (4,) array
-        Task coordinates that replace omitted ones.
-    key : str
-        Key of the tilt in the problem file, for error messages.
-
-    Raises
-    ------
-    ProblemError
-        If the mechanism cannot reach the tilt.
-    """
-    task = np.array([target.set_coordinates.get(name, defaults[k]) for k, name in enumerate(TASK)])
-    refuse_tilt(problem, mechanism, float(task[1]), line=target.line, key=key)
-    return task

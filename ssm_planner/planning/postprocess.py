@@ -30,7 +30,7 @@ def retimed(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reas
     """
     robot = with_margin(strict, BETWEEN)
     speeds = phase.speeds_along(path)
-    retiming = retime(path, robot, path.intervals, phase.problem.task_limits, speeds)
+    retiming = retime(path, robot, phase.problem.task_limits, speeds)
     if not retiming.solved:
         return no_motion(phase, path, retiming.message)
     pieces = retimed_pieces(path, retiming, speeds[1])

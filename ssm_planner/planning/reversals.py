@@ -18,7 +18,7 @@ from ssm_planner.planning.ocp.guesses import LEAST_SEGMENT
 from ssm_planner.planning.ocp.motion import Borders, DirectionMultipliers, PhaseSolution
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP
-from ssm_planner.typing import Array, Mask
+from ssm_planner.typing import Array
 
 MULTIPLIER = 1e-3
 """Sum of the multipliers of one joint above which its direction is reversed.
@@ -29,7 +29,7 @@ No stretch is examined if the sum over the whole motion is smaller for every joi
 THRESHOLD = 0.2
 """Share of the largest sum above which other stretches are reversed in the same round."""
 NEGLIGIBLE = 1e-3
-"""Share of the largest sum of multipliers, or of a joint's largest velocity, that counts as 0."""
+"""Share of the largest sum of multipliers that counts as 0."""
 
 
 def refine_directions(
@@ -80,9 +80,7 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_sum <= MULTIPLIER:
         return None
-    middles = (multipliers.instants[1:] + multipliers.instants[:-1]) / 2
-    speed = np.abs(motion.trajectory.sample(middles).qd)
-    directions = _reversed_directions(multipliers, speed <= NEGLIGIBLE * speed.max(axis=0))
+    directions = _reversed_directions(multipliers)
     if np.array_equal(directions, multipliers.directions):
         return None
     return reversals_of(phase, motion, directions)
@@ -119,27 +117,20 @@ def reversals_of(phase: Phase, motion: PhaseSolution, directions: Array | None =
     return Borders(points, free, directions[middles], guess=(guess, instants))
 
 
-def _reversed_directions(multipliers: DirectionMultipliers, at_rest: Mask) -> Array:
+def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
     """Return directions (n, 4) that are reversed where the multipliers show a saving.
 
     A stretch (consecutive elements with multipliers of one sign) is reversed if its sum is large
-    enough. It is extended over neighbouring elements in which its joint rests.
+    enough.
 
     Parameters
     ----------
     multipliers : DirectionMultipliers
         Directions and multipliers of the n elements.
-    at_rest : (n, 4) mask
-        True where a joint rests.
     """
     directions = multipliers.directions.copy()
-    signs = np.sign(
-        np.where(
-            np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum,
-            multipliers.values,
-            0.0,
-        )
-    )
+    counts = np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum
+    signs = np.where(counts, np.sign(multipliers.values), 0.0)
     stretches = [
         (joint, start, stop, float(np.abs(values[start:stop]).sum()))
         for joint, values in enumerate(multipliers.values.T)
@@ -149,8 +140,7 @@ def _reversed_directions(multipliers: DirectionMultipliers, at_rest: Mask) -> Ar
     threshold = max(MULTIPLIER, THRESHOLD * largest)
     for joint, start, stop, size in stretches:
         if size >= threshold:
-            low, end = _extended(start, stop, at_rest[:, joint] & (signs[:, joint] == 0))
-            directions[low:end, joint] = signs[start, joint]
+            directions[start:stop, joint] = signs[start, joint]
     # A joint that rested has a direction in every element, if it moves at all.
     for joint in range(4):
         if not multipliers.directions[:, joint].any() and directions[:, joint].any():
@@ -162,15 +152,6 @@ def _stretches(signs: Array) -> list[tuple[int, int]]:
     """Return the first index and the end index of each run of equal nonzero signs (n,)."""
     borders = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(start, end) for start, end in pairwise(borders) if signs[start]]
-
-
-def _extended(start: int, end: int, allowed: Mask) -> tuple[int, int]:
-    """Extend the elements from `start` to `end` on both sides while `allowed` (n,) is True."""
-    while start > 0 and allowed[start - 1]:
-        start -= 1
-    while end < len(allowed) and allowed[end]:
-        end += 1
-    return start, end
 
 
 def _fill_zeros(directions: Array) -> Array:

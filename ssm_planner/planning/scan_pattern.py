@@ -6,6 +6,8 @@ run in the direction in which roll turns the tool. The spots are projected onto 
 from its centre. The tool always passes through the remote centre, and it points at each spot.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ssm_planner.errors import ProblemError
@@ -18,7 +20,7 @@ from ssm_planner.kinematics import (
 )
 from ssm_planner.planning.lower_bound import least_times
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.problem import TASK, Dwell, Eye, Free, Motion, Problem, Scan, Tip
+from ssm_planner.problem import TASK, Dwell, Eye, Free, Motion, Problem, Scan, Task, Tip
 from ssm_planner.typing import Array, Indices
 
 STARTS = 8
@@ -45,8 +47,9 @@ def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> l
         If the mechanism cannot reach the middle of the pattern, or if a spot cannot be reached at
         the distance from the retina.
     """
-    eye, task = problem.eye, _middle(problem, mechanism, scan)
+    eye, middle = problem.eye, replace(scan.at, line=scan.line)
     assert eye is not None  # A Problem with a scan has an eye.
+    task = task_of(problem, mechanism, middle, np.zeros(4), key="at.tilt")
     (axis,) = tool_axis(mechanism, task)
     # Rows run in the direction in which roll turns the tool.
     side = np.cross(mechanism.omega1, axis)
@@ -138,26 +141,16 @@ def _exit_depths(eye: Eye, axis: Array, radius: float) -> Array:
         return np.asarray(projection + np.sqrt(projection**2 - eye.centre @ eye.centre + radius**2))
 
 
-def _middle(problem: Problem, mechanism: Mechanism, scan: Scan) -> Array:
-    """Return the task coordinates (4,) at which the tool points at the middle of the pattern.
-
-    Raises ProblemError if the mechanism cannot reach the tilt.
-    """
-    task = np.array([scan.at.set_coordinates.get(name, 0.0) for name in TASK])
-    refuse_tilt(problem, mechanism, float(task[1]), line=scan.line, key="at.tilt")
-    return task
-
-
-def refuse_tilt(
+def task_of(
     problem: Problem,
     mechanism: Mechanism,
-    tilt: float,
+    target: Task,
+    defaults: Array,
     *,
-    line: int | None,
-    key: str,
+    key: str = "tilt",
     file: str | None = None,
-) -> None:
-    """Raise an error if the mechanism cannot reach a tilt.
+) -> Array:
+    """Return the task coordinates (4,) of a target.
 
     Parameters
     ----------
@@ -165,12 +158,12 @@ def refuse_tilt(
         The problem, for its file name.
     mechanism : Mechanism
         Geometry of the robot.
-    tilt : float
-        Tilt, rad.
-    line : int or None
-        Line in the file.
+    target : Task
+        The target.
+    defaults : (4,) array
+        Task coordinates that replace omitted ones.
     key : str
-        Key of the tilt in the file.
+        Key of the tilt in the file, for error messages.
     file : str or None
         File. None for the problem's own file.
 
@@ -179,17 +172,19 @@ def refuse_tilt(
     ProblemError
         If the tilt is outside the mechanism's range, or at one of its ends.
     """
+    task = np.array([target.set_coordinates.get(name, defaults[k]) for k, name in enumerate(TASK)])
     low, high = tilt_interval(mechanism)
-    if not low < tilt < high:
+    if not low < task[1] < high:
         raise ProblemError(
             "the mechanism cannot reach this tilt",
             file=file or problem.file,
-            line=line,
+            line=target.line,
             key=key,
-            value=f"{np.degrees(tilt):.6g} deg",
+            value=f"{np.degrees(task[1]):.6g} deg",
             allowed=f"{np.degrees(low):.3f} deg to {np.degrees(high):.3f} deg, "
             "ends excluded (paper, eq. 9): there the speed of joint tilt grows without bound",
         )
+    return task
 
 
 def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: float) -> Array:

@@ -114,39 +114,30 @@ class _Passing:
         limits = np.broadcast_to(self.velocity, speeds.shape)
         signs = np.sign(self.displacements)
         # A joint that must not reverse has velocity 0 at points where its direction changes.
-        low, high = (
-            np.where(
-                may_reverse | (np.minimum(sign * signs[:-1], sign * signs[1:]) > 0),
-                sign * limits,
-                0.0,
-            )
-            for sign in (-1, 1)
-        )
+        forwards = may_reverse | (np.minimum(signs[:-1], signs[1:]) > 0)
+        backwards = may_reverse | (np.maximum(signs[:-1], signs[1:]) < 0)
+        low, high = np.where(backwards, -limits, 0.0), np.where(forwards, limits, 0.0)
+        # The unknowns are T_k / unit, then the velocities divided by their limits.
         unit = self.duration(speeds)
+        start = np.append(self.times(speeds).max(axis=1) / unit, speeds / limits)
+        gradient = np.append(np.ones(segments), np.zeros(speeds.size))
 
-        def total_duration(unknowns: Array) -> float:
-            """Return the objective, the sum of all T_k, in units of the initial duration."""
-            return float(unknowns[:segments].sum())
-
-        def total_gradient(unknowns: Array) -> Array:
-            """Return the gradient of the objective."""
-            return np.append(np.ones(segments), np.zeros(len(unknowns) - segments))
+        def total_gradient(_: Array) -> Array:
+            """Return the gradient of the objective, the sum of all T_k."""
+            return gradient
 
         def margins(unknowns: Array) -> Array:
             """Return the constraints T_k − t_jk ≥ 0 of all segments k and joints j, (4 n,)."""
-            return np.asarray(
-                unknowns[:segments, None]
-                - self.times(unknowns[segments:].reshape(-1, 4) * limits) / unit
-            ).ravel()
+            times = self.times(unknowns[segments:].reshape(-1, 4) * limits)
+            return np.asarray(unknowns[:segments, None] - times / unit).ravel()
 
         def margin_gradients(unknowns: Array) -> Array:
             """Return the gradients of the constraints, (4 n, unknowns)."""
             return self._margin_gradients(unknowns[segments:].reshape(-1, 4), unit)
 
-        # The unknowns are T_k / unit, then the velocities divided by their limits.
         solution = fmin_slsqp(
-            total_duration,
-            np.concatenate([self.times(speeds).max(axis=1) / unit, (speeds / limits).ravel()]),
+            gradient.dot,
+            start,
             fprime=total_gradient,
             bounds=[
                 *[(0.0, np.inf)] * segments,

@@ -20,12 +20,8 @@ class Direct(PhaseCandidate):
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the direct motion at the beginning of the search.
-
-        The structured solver cannot begin with an acceleration if jerk is limited.
-        """
-        by_structured = planner.approximate or not planner.phase.qdd_start.any()
-        if latest is None and (by_structured or planner.by_ipopt_alone):
+        """Yield the direct motion at the beginning of the search."""
+        if latest is None:
             yield cls(planner)
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:

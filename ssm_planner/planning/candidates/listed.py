@@ -9,14 +9,13 @@ from ssm_planner.planning.candidates.detour import Detour
 from ssm_planner.planning.candidates.direct import Direct
 from ssm_planner.planning.candidates.in_parts import InTurn
 from ssm_planner.planning.candidates.reversing import Reversing
-from ssm_planner.planning.candidates.stop_first import DirectByIpopt, StopFirst
+from ssm_planner.planning.candidates.stop_first import StopFirst
 from ssm_planner.planning.candidates.task_line import TaskLine
 
 KINDS: list[type[PhaseCandidate]] = [
-    StopFirst,
     Direct,
-    DirectByIpopt,
     Reversing,
+    StopFirst,
     InTurn,
     Detour,
     TaskLine,

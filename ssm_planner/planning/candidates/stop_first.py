@@ -44,12 +44,10 @@ class StopFirst(InParts):
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if no direct motion was found, or if no direct motion is tried."""
+        """Yield the candidate if no direct motion was found."""
         phase = planner.phase
-        if phase.path is not None or not phase.qd_start.any():
-            return
-        is_first = latest is None and not any(Direct.suggested(planner, None))
-        if is_first or (latest and latest.failed and latest.candidate.kind == Direct.kind):
+        direct_failed = latest and latest.failed and latest.candidate.kind == Direct.kind
+        if direct_failed and phase.path is None and phase.qd_start.any():
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
@@ -76,29 +74,6 @@ class StopFirst(InParts):
                     usable, key=lambda stop: stop.duration + _onward(phase, stop).lower_bound
                 )
         return None
-
-
-@record
-class DirectByIpopt(Direct):
-    """The direct motion, solved by Ipopt. It is tried last, because Ipopt takes longer."""
-
-    kind: ClassVar[str] = "direct by Ipopt"
-
-    @classmethod
-    def suggested(
-        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
-    ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate after `StopFirst`, unless Ipopt has already failed."""
-        tried = latest is not None and latest.candidate.kind == StopFirst.kind
-        if tried and not (planner.approximate or planner.by_ipopt_alone):
-            yield cls(planner)
-
-    def estimate(self, cutoff: float) -> None:
-        """Return None, because an estimate would take as long as the solution."""
-
-    def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion, or the reason why Ipopt did not find one."""
-        return self.planner.free(cutoff=cutoff, by_ipopt=True)
 
 
 def _onward(phase: Phase, stop: PhaseSolution) -> Phase:

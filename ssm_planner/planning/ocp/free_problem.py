@@ -145,14 +145,13 @@ class FreeProblem(OcpProblem):
         bound = base.path_bound.copy()
         # The columns contain the constraints at the start, in the middle and at the end.
         constraint_count = backoff.shape[1]
-        if self.phase.qd_start.any():
-            bound[0, :constraint_count] = np.where(
-                np.isfinite(bound[0, :constraint_count]), 1 + SAME, np.inf
-            )
-        if self.phase.qd_end.any():
-            bound[-1, -constraint_count:] = np.where(
-                np.isfinite(bound[-1, -constraint_count:]), 1 + SAME, np.inf
-            )
+        ends = (
+            (self.phase.qd_start, bound[0, :constraint_count]),
+            (self.phase.qd_end, bound[-1, -constraint_count:]),
+        )
+        for velocity, at_end in ends:
+            if velocity.any():
+                at_end[np.isfinite(at_end)] = 1 + SAME
         # The robot can stop first instead.
         brief = self.phase.problem.planner == "fast" and bool(self.phase.qd_start.any())
         return replace(base, path_bound=bound, brief=brief)
@@ -208,16 +207,11 @@ class FreeProblem(OcpProblem):
 
         The distance to the retina is not limited where the tip is outside the eye or in its port.
         """
-        mask = super().ignored_rows.copy()
-        if self.phase.problem.eye is not None:
-            mask[:, self.row_names.index((RetinaClearance.name, None))] = self.at_port(
-                self.phase.problem.eye.port
-            )
+        mask, eye = super().ignored_rows.copy(), self.phase.problem.eye
+        if eye is not None:
+            retina = self.row_names.index((RetinaClearance.name, None))
+            mask[:, retina] = self.chain.within(eye.port)[self.structure.segment]
         return mask
-
-    def at_port(self, port: float) -> Mask:
-        """Return a mask (n,) of the elements in which the depth of the tip is at most `port`, in m."""
-        return self.chain.within(port)[self.structure.segment]
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
         """Return the directions σ (n, 4) of the joints, and the parameters of the element model.

@@ -6,20 +6,22 @@ from typing import Any, Literal
 
 import casadi as ca
 
+from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.elements.compiled import MappedElements
-from ssm_planner.elements.element import ElementFunctions
+from ssm_planner.elements.element import ElementFunctions, ElementModel
 from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
 from ssm_planner.planning.ocp.nlp import NlpStructure
+from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import record
 
-Start = Literal["cold", "brief", "warm", "confirming"]
+Start = Literal["cold", "brief", "confirming"]
 """Kind of initial point, which decides on Ipopt's options.
 
-"cold": a guess. "brief": a guess, with few iterations. "warm": an earlier solution with its
-multipliers. "confirming": a solution of the structured solver.
+"cold": a guess. "brief": a guess, with few iterations. "confirming": a solution of the structured
+solver.
 """
 ITERATIONS = 300
-"""Largest number of iterations of a cold or warm start, or twice the elements if that is more."""
+"""Largest number of iterations of a cold start, or twice the elements if that is more."""
 COMMON_OPTIONS = {
     "print_level": 0,
     "sb": "yes",
@@ -35,15 +37,6 @@ Of 20 motions that began at speed, 17 took at most 65 iterations. Failures take 
 """
 OPTIONS: dict[Start, dict[str, Any]] = {
     "cold": {"mu_init": 1e-4, "bound_push": 1e-2, "bound_frac": 1e-2},
-    "warm": {
-        "mu_init": 1e-7,
-        "warm_start_init_point": "yes",
-        "warm_start_bound_push": 1e-9,
-        "warm_start_bound_frac": 1e-9,
-        "warm_start_slack_bound_push": 1e-9,
-        "warm_start_slack_bound_frac": 1e-9,
-        "warm_start_mult_bound_push": 1e-9,
-    },
     # Ipopt computes multipliers as barrier weight / slack. At the last barrier weight of the
     # structured solver they are that solver's multipliers, so Ipopt begins at the solution.
     "confirming": {
@@ -63,32 +56,84 @@ OPTIONS: dict[Start, dict[str, Any]] = {
 
 
 @record
-class IpoptProgram:
-    """A program with n elements and m coordinates, without its path constraints G and costs L.
-
-    The complete program is min objective + w Σ L(z_k), subject to bounds on the constraints and to
-    G(z_k) ≤ 1 for every element z_k. `build_solvers` adds G and L.
-    """
+class ProgramSymbols:
+    """CasADi symbols of a program with n elements, m coordinates and b blocks."""
 
     structure: NlpStructure
     x: ca.MX
-    """Variables."""
-    p: ca.MX
-    """Parameters."""
-    objective: ca.MX
-    """Objective without the costs L."""
-    constraints: ca.MX
-    """Constraints without the path constraints G, (rows,)."""
-    cost_weight: ca.MX
-    """Weight w of the costs L."""
+    """u, u̇, ü at the start and ü at the end of every element, (4 m, n)."""
+    times: ca.MX
+    """Durations of the blocks, (b,)."""
+    cubic: Cubic
+    """The elements as cubics, (m, n) each."""
     z: ca.MX
-    """Vectors z_k of the elements as columns, (4 m + 1, n). They are linear in x."""
+    """Vectors [u; u̇; ü; ü; h] of the elements as columns, with their lengths h, (4 m + 1, n)."""
     element_parameters: list[ca.MX]
     """Parameters of the element model, (size, n) or (size, 1) each."""
+    own_parameters: ca.MX
+    """Parameters of the program itself as one vector."""
+    layout: Layout
+    """Positions of the named parameters in this vector."""
+    p: Any
+    """The same parameters by name."""
+
+    @classmethod
+    def build(cls, structure: NlpStructure, element: ElementModel) -> "ProgramSymbols":
+        """Create the CasADi symbols of a program.
+
+        Parameters
+        ----------
+        structure : NlpStructure
+            Numbers of elements, coordinates and blocks.
+        element : ElementModel
+            Element model, which determines the sizes of its parameters.
+        """
+        n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
+        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
+        u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
+        element_parameters = [
+            ca.MX.sym(f"p{i}", size, n if per_element else 1)
+            for i, (size, per_element) in enumerate(element.parameters)
+        ]
+        layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
+        own_parameters = ca.MX.sym("p", layout.size)
+        p = layout.unpack(own_parameters)
+        # The length of element k is h_k = fraction_k · T_b, with the duration T_b of its block b.
+        h = p.fractions.T * ca.horzcat(
+            *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
+        )
+        cubic = Cubic(u, v, a0, a1, ca.repmat(h, m, 1))
+        z = ca.vertcat(x, h)
+        return cls(
+            structure,
+            x=x,
+            times=times,
+            cubic=cubic,
+            z=z,
+            element_parameters=element_parameters,
+            own_parameters=own_parameters,
+            layout=layout,
+            p=p,
+        )
+
+    @property
+    def variables(self) -> ca.MX:
+        """Variables of the program: the states of all elements, then the durations of the blocks."""
+        return ca.vertcat(ca.vec(self.x), self.times)
+
+    @property
+    def parameters(self) -> ca.MX:
+        """All parameters as one vector: those of the element model, then those of the program."""
+        return ca.vertcat(*map(ca.vec, self.element_parameters), self.own_parameters)
 
 
 def build_solvers(
-    program: IpoptProgram, functions: ElementFunctions, native: MappedElements | None
+    symbols: ProgramSymbols,
+    objective: ca.MX,
+    constraints: ca.MX,
+    *,
+    functions: ElementFunctions,
+    native: MappedElements | None,
 ) -> Callable[[Start], ca.Function]:
     """Build Ipopt solvers with exact sparse derivatives, one for each kind of start.
 
@@ -106,8 +151,12 @@ def build_solvers(
 
     Parameters
     ----------
-    program : IpoptProgram
-        The program without path constraints and costs.
+    symbols : ProgramSymbols
+        Variables and parameters of the program.
+    objective : MX
+        Objective without the costs L of the elements.
+    constraints : (rows,) MX
+        Constraints without the path constraints G of the elements.
     functions : ElementFunctions
         Path constraints and costs of one element, and their derivatives.
     native : MappedElements or None
@@ -118,10 +167,9 @@ def build_solvers(
     callable
         Returns the solver for a kind of start, and keeps it for the next call.
     """
-    x, p, z = program.x, program.p, program.z
-    objective, constraints, weight = program.objective, program.constraints, program.cost_weight
+    x, p, z, weight = symbols.variables, symbols.parameters, symbols.z, symbols.p.weights[1]
     n, z_by_x = z.size2(), ca.jacobian(ca.vec(z), x)
-    evaluate = partial(_map_elements, native, z, program.element_parameters)
+    evaluate = partial(_map_elements, native, z, symbols.element_parameters)
     # Constraints and their Jacobian.
     jacobians = _block_diagonal(evaluate(functions.jacobian), functions.jacobian.sparsity_out(0), n)
     g = ca.vertcat(constraints, ca.vec(evaluate(functions.rows)))
@@ -146,7 +194,7 @@ def build_solvers(
     hess += z_by_x.T @ hessians @ z_by_x
     nlp = {"x": x, "p": p, "f": f, "g": g}
     hess_lag = ca.Function("hess_lag", [x, p, lam_f, lam_g], [ca.triu(hess)])
-    return _ipopt_by_start(program.structure, nlp, grad_f, jac_g=jac_g, hess_lag=hess_lag)
+    return _ipopt_by_start(symbols.structure, nlp, grad_f, jac_g=jac_g, hess_lag=hess_lag)
 
 
 def _ipopt_by_start(

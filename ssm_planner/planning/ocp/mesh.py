@@ -37,11 +37,6 @@ class Mesh:
     the program.
     """
 
-    @property
-    def interval_sizes(self) -> tuple[int, ...]:
-        """Number of elements of each interval."""
-        return tuple(np.bincount(self.interval).tolist())
-
     @classmethod
     def from_retiming(
         cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None
@@ -82,7 +77,9 @@ class Mesh:
         if jerk is not None:
             borders, reversals = _with_ramps(borders, reversals, guess, jerk)
         instants = _element_ends(borders, count)
-        return cls(instants, _interval(instants, reversals))
+        middles = (instants[1:] + instants[:-1]) / 2
+        interval = np.clip(np.searchsorted(reversals, middles) - 1, 0, len(reversals) - 2)
+        return cls(instants, interval)
 
     def elements(self, motion: Retiming) -> Array:
         """Return the elements of a motion as the program's first guess, for a duration of 1.
@@ -103,20 +100,6 @@ class Mesh:
         speed = np.sqrt(np.interp(s, motion.s, motion.speed_squared)) * scale
         acceleration = np.diff(speed) / np.diff(shares)
         return np.stack([s[:-1], speed[:-1], acceleration, acceleration, np.diff(shares)], axis=1)
-
-
-def _interval(instants: Array, reversals: Array) -> Indices:
-    """Return the index (n,) of the interval between reversals that contains each element.
-
-    Parameters
-    ----------
-    instants : (n + 1,) array
-        Ends of the elements, s.
-    turns : (k + 1,) array
-        Start, reversals and end of the motion, s.
-    """
-    middles = (instants[1:] + instants[:-1]) / 2
-    return np.clip(np.searchsorted(reversals, middles) - 1, 0, len(reversals) - 2)
 
 
 def _element_ends(borders: Array, count: int) -> Array:
@@ -170,14 +153,13 @@ def _with_ramps(
         Both with a later end of the motion, because the last ramp makes it longer.
     """
     middle = (guess.times[1:] + guess.times[:-1]) / 2
-    acceleration = np.diff(guess.speed_squared) / (2 * np.diff(guess.s))
     # s̈ before and after a jump is the mean over a short window.
     window = SHORTEST_ARC / 2 * guess.duration
     ends = np.append(borders[1:], np.inf)
     with_ramps = []
     for border, end in zip(borders, ends, strict=True):
-        previous = acceleration[(middle < border) & (middle > border - window)]
-        following = acceleration[(middle > border) & (middle < border + window)]
+        previous = guess.acceleration[(middle < border) & (middle > border - window)]
+        following = guess.acceleration[(middle > border) & (middle < border + window)]
         jump = abs(
             (following.mean() if len(following) else 0.0)
             - (previous.mean() if len(previous) else 0.0)

@@ -318,8 +318,7 @@ class NlpSolution:
     iterations: int
     solver: Solver = "Ipopt"
     structured_state: State | None = None
-    ipopt_multipliers: tuple[Array, Array] | None = None
-    """Internal state of either solver at its end. A solve of a similar program may start there."""
+    """Internal state of the structured solver. A solve of a similar program may start there."""
     objective: float = np.nan
     """Value of the objective."""
     residual: float = np.nan

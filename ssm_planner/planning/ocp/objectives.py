@@ -130,71 +130,38 @@ def _least_cost_motion(
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None
-        Requested duration in scaled time. None: little more than that of the fastest motion.
+        Requested duration in scaled time. None: at most a share LONGER more than that of the
+        fastest motion, or any duration if heat weights are given.
 
     Returns
     -------
     NlpSolution or None
         None if only the time counts, or if the solver finds no such motion.
     """
-    problem = fastest.state.problem
+    solution, problem = fastest.solution, fastest.state.problem
     cooled = bool(problem.joint_limits["cooling"].any())
     if duration is not None:
-        return _least_effort_motion(fastest, duration, "cooling" if cooled else "effort")
+        # The fastest motion, stretched in time, is the guess.
+        guess = stretched(solution.elements, duration / solution.duration)
+        state = RefinementState.from_guess(problem, guess)
+        interval = duration, duration
+        result = _solve_and_confirm(state, "cooling" if cooled else "effort", interval)
+        if not result.solution.solved:
+            # If there is no motion of least cost, any motion of this duration will do.
+            result = solve_to_tolerance(state, "time", duration=interval)
+        return result.solution
     # Without motors there is no heat to reduce.
     heated = objective != "time" and any(motorised(problem.complete_element.robot.joints))
-    return _least_heat_motion(fastest, cooled=cooled) if heated or cooled else None
-
-
-def _least_heat_motion(fastest: RefinedMotion, *, cooled: bool) -> NlpSolution | None:
-    """Compute the motion of least heat that takes little more time than the fastest motion.
-
-    Parameters
-    ----------
-    fastest : RefinedMotion
-        The fastest motion. The result takes at most a share LONGER more time.
-    cooled : bool
-        True if heat weights are given. The weighted sum of time and heat is then minimised instead,
-        and the duration is free.
-
-    Returns
-    -------
-    NlpSolution or None
-        None if the solver finds no motion that keeps all limits.
-    """
-    solution, problem = fastest.solution, fastest.state.problem
+    if not (heated or cooled):
+        return None
     if solution.solver == "structured" and problem.has_free_borders:
         # Heat barely depends on when the motion passes a free border. With separate durations,
         # some segments would shrink to nothing over many iterations.
         problem = problem.with_one_time(solution.elements[:, -1])
     state = replace(fastest.state, problem=problem).restarted(solution.elements)
-    max_duration = np.inf if cooled else (1 + LONGER) * solution.duration
-    result = _solve_and_confirm(state, "cooling" if cooled else "heat", (0.0, max_duration))
+    longest = np.inf if cooled else (1 + LONGER) * solution.duration
+    result = _solve_and_confirm(state, "cooling" if cooled else "heat", (0.0, longest))
     return result.solution if result.solution.solved and result.feasible else None
-
-
-def _least_effort_motion(fastest: RefinedMotion, duration: float, aim: Aim) -> NlpSolution:
-    """Compute the motion of least effort of the motors that takes the requested duration.
-
-    Parameters
-    ----------
-    fastest : RefinedMotion
-        The fastest motion. It is stretched in time to become the guess.
-    duration : float
-        Requested duration in scaled time.
-    aim : str
-        "effort", or "cooling" to minimise the weighted heat of the motors instead.
-    """
-    solution = fastest.solution
-    guess = stretched(solution.elements, duration / solution.duration)
-    state = RefinementState.from_guess(fastest.state.problem, guess)
-    result = _solve_and_confirm(state, aim, (duration, duration)).solution
-    # If there is no motion of least cost, any motion of this duration will do.
-    return (
-        result
-        if result.solved
-        else solve_to_tolerance(state, "time", duration=(duration, duration)).solution
-    )
 
 
 def _solve_and_confirm(

@@ -170,11 +170,6 @@ class OcpProblem(ABC):
         """True where a path constraint does not apply to an element, (n, r)."""
         return np.zeros((self.structure.elements, len(self.row_names)), dtype=bool)
 
-    @cached_property
-    def _row_cache(self) -> list[tuple[Array, Array]]:
-        """Cache with at most one entry: the last argument of `row_maxima`, and its result."""
-        return []
-
     def row_maxima(self, elements: Array) -> Array:
         """Return the largest value of each path constraint in each element of a motion.
 
@@ -194,14 +189,9 @@ class OcpProblem(ABC):
         n = len(elements)
         if not self.row_names:
             return np.zeros((n, 0))
-        if self._row_cache and np.array_equal(self._row_cache[0][0], elements):
-            return self._row_cache[0][1]
         values = rows_between(self.complete_element, elements, self.element_parameters(elements))
         peaks = parabolic_peak(values.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
-        maxima = np.where(self.ignored_rows, -np.inf, peaks)
-        maxima.setflags(write=False)
-        self._row_cache[:] = [(elements.copy(), maxima)]
-        return maxima
+        return np.where(self.ignored_rows, -np.inf, peaks)
 
     def _breakaway_bound(self) -> Array:
         """Return the upper bounds of the breakaway constraints, (pairs, joints).

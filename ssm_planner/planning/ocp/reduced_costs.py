@@ -10,12 +10,9 @@ mean(c/w) − c_k / w_k. Its size is the multiplier of "q̇_j = 0".
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.vectorised import call
 from ssm_planner.elements.compiled import native_elements
 from ssm_planner.elements.element import ElementModel, element_functions
 from ssm_planner.typing import Array
@@ -42,28 +39,16 @@ def constraint_gradient(
     (n, size of z) array
         ∂(λᵀ G)/∂z.
     """
-    native = native_elements(element, parameters, len(z))
+    n, size = z.shape
+    native = native_elements(element, parameters, n)
     if native is not None:
-        return np.asarray(np.einsum("kr,krz->kz", multipliers, native.call("jacobian", z)))
-    per_element = (
-        values if values.ndim == 2 else np.broadcast_to(values, (len(z), len(values)))
-        for values in parameters
-    )
-    return call(_gradient_function(element), z, *per_element, multipliers)[0]
-
-
-@lru_cache(maxsize=8)
-def _gradient_function(element: ElementModel) -> ca.Function:
-    """Build the CasADi Function that evaluates ∂(λᵀ G)/∂z of one element.
-
-    Its arguments are the element's vector z, the parameters of the element model, and the
-    multipliers λ of the path constraints G.
-    """
-    rows = element_functions(element).rows
-    z, *p = (ca.MX.sym(rows.name_in(i), rows.sparsity_in(i)) for i in range(rows.n_in()))
-    multipliers = ca.MX.sym("multipliers", rows.size1_out(0))
-    gradient = ca.gradient(ca.dot(multipliers, rows(z, *p)), z)
-    return ca.Function("gradient", [z, *p, multipliers], [ca.densify(gradient)])
+        jacobians = native.call("jacobian", z)
+    else:
+        columns = (np.broadcast_to(values, (n, values.shape[-1])).T for values in parameters)
+        # CasADi returns the matrices of all elements side by side.
+        matrices = element_functions(element).jacobian.map(n)(z.T, *columns)
+        jacobians = matrices.full().reshape(-1, n, size).swapaxes(0, 1)
+    return np.asarray(np.einsum("kr,krz->kz", multipliers, jacobians))
 
 
 def steepest_descent(gradient: Array, lengths: Array) -> Array:

@@ -122,7 +122,7 @@ class RefinementState:
         """Solve a program by Ipopt or by the structured solver, depending on the method."""
         structure, element, data = program
         if self.problem.method == "Ipopt":
-            return Transcription.build(structure, element).solve(data, self.elements, self.warm)
+            return Transcription.build(structure, element).solve(data, self.elements)
         # The constraint of the lens has rounded edges, so the barrier must decrease slowly.
         beside_lens = any(name == LensClearance.name for name, _ in self.active)
         return solve_structured(

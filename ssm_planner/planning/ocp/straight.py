@@ -38,7 +38,7 @@ from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_m
 from ssm_planner.planning.ocp.path_fit import fit
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.retiming.paths import JointPath, SplinePath, StraightPath
+from ssm_planner.planning.retiming.paths import JointPath, SplinePath
 from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAMPLES
 from ssm_planner.planning.work import Work
@@ -121,10 +121,18 @@ def solve_straight(
     # Unit of time: the duration of the guess, or a lower bound if that is longer.
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
     speed_limit = rate_ceiling(path, limits.rates) * scale
+    # Each interval between two reversals is a segment and a block.
+    sizes = tuple(np.bincount(mesh.interval).tolist())
+    structure = NlpStructure(
+        moves=((True,),) * len(sizes),
+        segment_sizes=sizes,
+        block_sizes=sizes,
+        smooth=jerk,
+        velocity_limits=bool(speed_limit.min() < UNLIMITED),
+        joints=False,
+    )
     problem = _StraightProblem(
-        structure=_structure(
-            mesh, smooth=jerk, velocity_limits=bool(speed_limit.min() < UNLIMITED)
-        ),
+        structure=structure,
         lengths=np.diff(mesh.instants) / mesh.instants[-1],
         joint_limits=joint_limits(strict or robot, cooling),
         time_scale=scale,
@@ -166,35 +174,10 @@ def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tup
     coefficients : (n, 6, 4) array
         Coefficients of the pieces by powers of the time since their start.
     """
-    s, speed = retiming.s, np.sqrt(retiming.speed_squared)
-    acceleration = np.diff(retiming.speed_squared) / (2 * np.diff(s))
-    elements = np.column_stack(
-        [s[:-1], speed[:-1], acceleration, acceleration, np.diff(retiming.times)]
-    )
+    accelerations = [retiming.acceleration, retiming.acceleration]
+    states = [retiming.s[:-1], np.sqrt(retiming.speed_squared[:-1])]
+    elements = np.column_stack([*states, *accelerations, np.diff(retiming.times)])
     return joint_pieces(path, elements, 1, end_speed)
-
-
-def _structure(mesh: Mesh, *, smooth: bool, velocity_limits: bool) -> NlpStructure:
-    """Return the structure of a program with the coordinate s on a mesh.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        The mesh. Each interval between two reversals is a segment and a block.
-    smooth : bool
-        True if s̈ is continuous, because jerk is limited.
-    velocity_limits : bool
-        True if rates of task coordinates limit ṡ.
-    """
-    sizes = mesh.interval_sizes
-    return NlpStructure(
-        moves=((True,),) * len(sizes),
-        segment_sizes=sizes,
-        block_sizes=sizes,
-        smooth=smooth,
-        velocity_limits=velocity_limits,
-        joints=False,
-    )
 
 
 @keyword_record
@@ -316,22 +299,16 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
         limit.
     """
     knots = path.directions[0]
-    if isinstance(path, StraightPath) or not rates:
-        # Task coordinates are linear in s on a straight path.
-        slopes = (
-            np.abs(path.end - path.start)[None, None]
-            if isinstance(path, StraightPath)
-            else np.zeros((1, 1, 4))
-        )
-    else:
-        s = knots[:-1, None] + np.linspace(0.0, 1.0, SAMPLES) * np.diff(knots)[:, None]
-        samples = path.sample(s.ravel())
-        slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
-    ceilings = [np.full((len(slopes), 1), UNLIMITED)]
-    with np.errstate(divide="ignore"):
-        ceilings += [rate / slopes[:, :, TASK.index(name)] for name, rate in rates.items()]
-    ceiling = np.minimum(np.hstack(ceilings).min(axis=1), UNLIMITED)
-    return np.asarray(np.broadcast_to(ceiling, (len(knots) - 1,)))
+    ceiling = np.full(len(knots) - 1, UNLIMITED)
+    if not rates:
+        return ceiling
+    s = knots[:-1, None] + np.linspace(0.0, 1.0, SAMPLES) * np.diff(knots)[:, None]
+    samples = path.sample(s.ravel())
+    slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
+    for name, rate in rates.items():
+        steepest = slopes[:, :, TASK.index(name)].max(axis=1)
+        ceiling = np.minimum(ceiling, rate / np.maximum(steepest, rate / UNLIMITED))
+    return ceiling
 
 
 def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.elements.compiled import MappedElements, mapped_elements
 from ssm_planner.elements.element import ElementModel, element_functions
-from ssm_planner.planning.ocp.ipopt import IpoptProgram, Start, build_solvers, ipopt
+from ssm_planner.planning.ocp.ipopt import ProgramSymbols, Start, build_solvers, ipopt
 from ssm_planner.planning.ocp.nlp import (
     Multipliers,
     NlpData,
@@ -24,7 +24,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpStructure,
 )
 from ssm_planner.trajectory import Cubic
-from ssm_planner.typing import Array, frozen, record
+from ssm_planner.typing import Array, frozen
 
 SMOOTHING = 3e-6
 """Weight of the term 3 ∫ (ü/limit)² dt of the joints in the objective.
@@ -36,66 +36,6 @@ EVEN = 1e-5
 
 It makes the mesh unique.
 """
-
-
-@record
-class _Symbols:
-    """CasADi symbols of a program with n elements, m coordinates and b blocks."""
-
-    x: ca.MX
-    """u, u̇, ü at the start and ü at the end of every element, (4 m, n)."""
-    times: ca.MX
-    """Durations of the blocks, (b,)."""
-    cubic: Cubic
-    """The elements as cubics, (m, n) each."""
-    z: ca.MX
-    """Vectors [u; u̇; ü; ü; h] of the elements as columns, with their lengths h, (4 m + 1, n)."""
-    element_parameters: list[ca.MX]
-    """Parameters of the element model, (size, n) or (size, 1) each."""
-    own_parameters: ca.MX
-    """Parameters of the program itself as one vector."""
-    layout: Layout
-    """Positions of the named parameters in this vector."""
-    p: Any
-    """The same parameters by name."""
-
-    @classmethod
-    def build(cls, structure: NlpStructure, element: ElementModel) -> "_Symbols":
-        """Create the CasADi symbols of a program.
-
-        Parameters
-        ----------
-        structure : NlpStructure
-            Numbers of elements, coordinates and blocks.
-        element : ElementModel
-            Element model, which determines the sizes of its parameters.
-        """
-        n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
-        x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
-        u, v, a0, a1 = (x[i * m : (i + 1) * m, :] for i in range(4))
-        element_parameters = [
-            ca.MX.sym(f"p{i}", size, n if per_element else 1)
-            for i, (size, per_element) in enumerate(element.parameters)
-        ]
-        layout = Layout(fractions=n, end=2 * m, jerk=m, acceleration=m, weights=2, least_times=b)
-        own_parameters = ca.MX.sym("p", layout.size)
-        p = layout.unpack(own_parameters)
-        # The length of element k is h_k = fraction_k · T_b, with the duration T_b of its block b.
-        h = p.fractions.T * ca.horzcat(
-            *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
-        )
-        cubic = Cubic(u, v, a0, a1, ca.repmat(h, m, 1))
-        z = ca.vertcat(x, h)
-        return cls(
-            x=x,
-            times=times,
-            cubic=cubic,
-            z=z,
-            element_parameters=element_parameters,
-            own_parameters=own_parameters,
-            layout=layout,
-            p=p,
-        )
 
 
 @frozen
@@ -132,7 +72,7 @@ class Transcription:
         constraints G and the cost L (heat or effort) follow from the element model. Matrices have
         the shape (coordinates, elements), because CasADi maps functions over columns.
         """
-        symbols = _Symbols.build(structure, element)
+        symbols = ProgramSymbols.build(structure, element)
         duration = ca.sum1(symbols.times)
         objective = symbols.p.weights[0] * duration + _regularisation(
             structure, symbols.cubic, symbols.times, symbols.p
@@ -148,31 +88,19 @@ class Transcription:
             "duration": duration,
         }
         native = mapped_elements(element, structure.elements)
-        parameters = (ca.vec(parameter) for parameter in symbols.element_parameters)
-        program = IpoptProgram(
-            structure,
-            x=ca.vertcat(ca.vec(symbols.x), symbols.times),
-            p=ca.vertcat(*parameters, symbols.own_parameters),
-            objective=objective,
-            constraints=ca.vertcat(*constraints.values()),
-            cost_weight=symbols.p.weights[1],
-            z=symbols.z,
-            element_parameters=symbols.element_parameters,
+        solver = build_solvers(
+            symbols,
+            objective,
+            ca.vertcat(*constraints.values()),
+            functions=element_functions(element),
+            native=native,
         )
-        solver = build_solvers(program, element_functions(element), native)
         sizes = {name: rows.numel() for name, rows in constraints.items()}
         return cls(
             structure, element, solver, native=native, parameters=symbols.layout, sizes=sizes
         )
 
-    def solve(
-        self,
-        data: NlpData,
-        elements: Array,
-        warm: NlpSolution | None = None,
-        *,
-        confirming: bool = False,
-    ) -> NlpSolution:
+    def solve(self, data: NlpData, elements: Array, *, confirming: bool = False) -> NlpSolution:
         """Solve the nonlinear program with Ipopt.
 
         Parameters
@@ -181,8 +109,6 @@ class Transcription:
             Parameters and bounds.
         elements : (n, 4 m + 1) array
             Initial point: u, u̇, ü at the start, ü at the end, and length of each element.
-        warm : NlpSolution or None
-            Ipopt's solution of a similar program, whose multipliers are used. None: a cold start.
         confirming : bool
             True if the initial point is a solution of the structured solver.
 
@@ -192,11 +118,10 @@ class Transcription:
             The solution, or Ipopt's status of the failure.
         """
         n, m = self.structure.elements, self.structure.coordinates
+        start_kind: Start = "brief" if data.brief else "cold"
         if confirming:
-            data = self._as_structured(data)
-        cold: Start = "brief" if data.brief else "cold"
-        start_kind: Start = "confirming" if confirming else cold if warm is None else "warm"
-        result, stats = ipopt(self.solver(start_kind), **self._inputs(data, elements, warm))
+            start_kind, data = "confirming", self._as_structured(data)
+        result, stats = ipopt(self.solver(start_kind), **self._inputs(data, elements))
         if self.native is not None:
             self.native.check()
         x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
@@ -210,7 +135,6 @@ class Transcription:
             elements,
             iterations=int(stats["iter_count"]),
             residual=max(stats["iterations"][name][-1] for name in ("inf_pr", "inf_du")),
-            ipopt_multipliers=(lam_x, lam_g),
             objective=float(result["f"]),
             multipliers=self._multipliers(data, lam_x, lam_g),
         )
@@ -255,7 +179,7 @@ class Transcription:
         upper[:, positions][~needed] = np.inf
         return replace(data, lower=lower, upper=upper)
 
-    def _inputs(self, data: NlpData, elements: Array, warm: NlpSolution | None) -> dict[str, Array]:
+    def _inputs(self, data: NlpData, elements: Array) -> dict[str, Array]:
         """Return the arguments with which CasADi calls the solver, by their names in `nlpsol`.
 
         Parameters
@@ -264,8 +188,6 @@ class Transcription:
             Parameters and bounds.
         elements : (n, 4 m + 1) array
             Elements of the initial point.
-        warm : NlpSolution or None
-            Solution with the initial multipliers.
         """
         limited = self.structure.moving & self.structure.velocity_limits
         # Lower and upper bounds of the groups of constraints.
@@ -285,7 +207,7 @@ class Transcription:
         own_parameters = self.parameters.pack(
             **{name: getattr(data, name) for name in self.parameters.slices}
         )
-        inputs = {
+        return {
             "x0": self.structure.variables(elements),
             "p": np.concatenate([*map(np.ravel, data.element_parameters), own_parameters]),
             "lbx": np.append(data.lower.ravel(), data.least_times),
@@ -293,9 +215,6 @@ class Transcription:
             "lbg": np.concatenate([*lower, np.full(path_bound.size, -np.inf)]),
             "ubg": np.concatenate([*upper, path_bound]),
         }
-        if warm is not None and warm.ipopt_multipliers is not None:
-            inputs["lam_x0"], inputs["lam_g0"] = warm.ipopt_multipliers
-        return inputs
 
 
 def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any) -> ca.MX:
@@ -379,7 +298,7 @@ def _limits(structure: NlpStructure, cubic: Cubic, jerk: ca.MX) -> dict[str, ca.
     }
 
 
-def _breakaway(structure: NlpStructure, element: ElementModel, symbols: _Symbols) -> ca.MX:
+def _breakaway(structure: NlpStructure, element: ElementModel, symbols: ProgramSymbols) -> ca.MX:
     """Return the constraints of static friction at the instants at which joints may start to move.
 
     Parameters
@@ -388,7 +307,7 @@ def _breakaway(structure: NlpStructure, element: ElementModel, symbols: _Symbols
         Structure of the program. Its `breakaways` contain the instants.
     element : ElementModel
         Element model, which contains the friction law.
-    symbols : _Symbols
+    symbols : ProgramSymbols
         Variables and parameters of the program.
     """
     sigma, *other_parameters = symbols.element_parameters

@@ -24,9 +24,9 @@ from ssm_planner.dynamics import (
     friction_coefficient,
     friction_of,
     motor_torque_rows,
-    motorised,
     output_effort,
 )
+from ssm_planner.elements.rows import joint_limits
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem import TASK, Drive, Robot, TaskLimits, TipSpeed
@@ -331,9 +331,7 @@ def _speed_ceiling(
     limits : TaskLimits
         Limits on the tool and on rates of task coordinates.
     """
-    limit = robot.velocities
-    for i, drive, motor in motorised(robot.joints):
-        limit[i] = min(limit[i], motor.max_speed / drive.ratio)
+    limit = joint_limits(robot)["velocity"]
     with np.errstate(divide="ignore", over="ignore"):
         # Each entry is the largest ṡ that one limit allows, (n,).
         speeds = [*(limit / np.abs(samples.dq)).T]

@@ -64,6 +64,11 @@ class Retiming:
         return _times(self.s, self.speed_squared)
 
     @property
+    def acceleration(self) -> Array:
+        """s̈ on each interval, (n,), 1/s²."""
+        return np.diff(self.speed_squared) / (2 * np.diff(self.s))
+
+    @property
     def duration(self) -> float:
         """Duration, s. Infinite without a motion."""
         return float(self.times[-1]) if self.solved else np.inf
@@ -72,9 +77,9 @@ class Retiming:
 def retime(
     path: JointPath,
     robot: Robot,
-    points: int = FEW,
     limits: TaskLimits = TaskLimits(),  # noqa: B008  frozen
     speeds: tuple[float, float] = (0.0, 0.0),
+    points: int | None = None,
 ) -> Retiming:
     """Compute the time-optimal motion along a path by TOPP-RA.
 
@@ -84,12 +89,12 @@ def retime(
         The path.
     robot : Robot
         The robot with its limits.
-    points : int
-        Number of grid intervals.
     limits : TaskLimits
         Limits on the tool and on rates of task coordinates.
     speeds : (float, float)
         ṡ at both ends, 1/s.
+    points : int or None
+        Number of grid intervals. None: that of the path.
 
     Returns
     -------
@@ -97,8 +102,8 @@ def retime(
         The motion, or the status "infeasible".
     """
     # A motion on a coarse grid determines where the points of the fine grid lie.
-    rough_points = SAMPLES // 2
-    rough = retime(path, robot, rough_points, limits, speeds) if points > rough_points else None
+    points, coarse = points or path.intervals, SAMPLES // 2
+    rough = retime(path, robot, limits, speeds, points=coarse) if points > coarse else None
     grid = _grid(path.directions[0], points, rough)
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
     tangent = path_limits.ceiling

@@ -13,10 +13,10 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan, starting_from
-from ssm_planner.planning.candidates.direct import Direct
-from ssm_planner.planning.candidates.stop_first import DirectByIpopt
 from ssm_planner.planning.lower_bound import quickest_stop
 from ssm_planner.planning.phase_planner import PhasePlanner
+from ssm_planner.planning.planned_phase import PlannedPhase
+from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Straight, Task
@@ -161,13 +161,14 @@ def test_the_quickest_stop_is_that_of_ruckig(seed: int) -> None:
 @pytest.fixture
 def stops_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Phases that begin at speed have no direct motion."""
-    suggested = Direct.suggested
+    free = PhasePlanner.free
 
-    def from_rest(planner: PhasePlanner, latest: Any) -> Any:
-        return iter(()) if planner.phase.qd_start.any() else suggested(planner, latest)
+    def from_rest(planner: PhasePlanner, *given: Any, **named: Any) -> PlannedPhase | Reason:
+        if planner.phase.qd_start.any():
+            return Reason(message="no direct motion")
+        return free(planner, *given, **named)
 
-    monkeypatch.setattr(Direct, "suggested", from_rest)
-    monkeypatch.setattr(DirectByIpopt, "suggested", lambda *_: iter(()))
+    monkeypatch.setattr(PhasePlanner, "free", from_rest)
 
 
 @pytest.mark.usefixtures("stops_alone")

@@ -207,7 +207,7 @@ def test_grids_have_a_point_on_every_knot(path: PolylinePath, robot: Robot) -> N
     assert np.count_nonzero(grid != np.linspace(0, 1, 21)) == 2
     tiny = _grid(np.array([0.0, 1e-4, 1 - 1e-4, 1.0]), 10, None)
     assert (tiny[0], tiny[1], tiny[-2], tiny[-1]) == (0.0, 1e-4, 1 - 1e-4, 1.0)
-    rough = retime(path, robot, 60)
+    rough = retime(path, robot, points=60)
     assert rough.solved
     fine = _grid(knots[[0, -1]], 200, rough)
     steps = np.diff(np.interp(fine, rough.s, rough.times))
@@ -222,7 +222,7 @@ def test_a_motion_within_acceleration_alone_is_the_triangle(
     """Without motors, from rest to rest: T = 2 √(|Δq| / a) of the slowest joint."""
     joints = tuple(replace(joint, drive=None, motor=None, velocity=1e3) for joint in robot.joints)
     free = replace(robot, joints=joints)
-    found = retime(path, free, 300)
+    found = retime(path, free, points=300)
     share = max(abs(w) / j.acceleration for w, j in zip(WAY, joints, strict=True))
     assert found.duration == pytest.approx(2 * np.sqrt(share), rel=1e-4)
     assert found.times[-1] == pytest.approx(found.duration)
@@ -232,12 +232,12 @@ def test_a_motion_within_acceleration_alone_is_the_triangle(
     assert (found.active[: half - 1] == 2 * slowest + signs[0]).all()
     assert (found.active[half + 1 :] == 2 * slowest + signs[1]).all()
     limits = TaskLimits((TipSpeed(2e-3),))
-    steady = retime(path, free, 300, limits)
+    steady = retime(path, free, limits, points=300)
     assert stays_at(steady, path, 2e-3 * 0.99)
     assert not stays_at(found, path, 10.0)
-    moving = retime(path, free, 300, speeds=(0.1, 0.2))
+    moving = retime(path, free, points=300, speeds=(0.1, 0.2))
     assert moving.speed_squared[[0, -1]] == pytest.approx([0.01, 0.04])
-    impossible = retime(path, free, 60, speeds=(1e4, 0.0))
+    impossible = retime(path, free, points=60, speeds=(1e4, 0.0))
     assert (impossible.status, impossible.solved) == ("infeasible", False)
 
 
