@@ -49,11 +49,6 @@ class Outcome:
         return trajectory.duration if self.passed and trajectory is not None else np.inf
 
     @property
-    def duration_or_reason(self) -> float | Reason:
-        """Duration of the certified motion in s, or the reason why there is none."""
-        return self.reason or self.duration
-
-    @property
     def excess_heat(self) -> float | None:
         """Relative excess of heat of the hottest motor, (RMS torque / continuous torque)² − 1.
 

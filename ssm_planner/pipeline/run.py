@@ -324,8 +324,8 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
 def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
     """Return True if the task coordinates of joint positions (4,) are within their ranges."""
     task = task_from_joints(mechanism, q[None])[0]
-    ranges = [problem.ranges.get(name, (-np.inf, np.inf)) for name in TASK]
-    return all(low <= x <= high for x, (low, high) in zip(task, ranges, strict=True))
+    ranges = problem.ranges.items()
+    return all(low <= task[TASK.index(name)] <= high for name, (low, high) in ranges)
 
 
 def _merged(base: Point, point: Point) -> Point:
@@ -419,7 +419,7 @@ def _duration_or_reason(
     """
     attempt = partial(_attempt, work=work)
     outcome, _, _ = plan_mission(problem, attempt, work, first_suffices=first_suffices)
-    return outcome.duration_or_reason
+    return outcome.reason or outcome.duration
 
 
 def _feasible(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:

@@ -131,11 +131,14 @@ class PhasePlanner:
         at_rest_between_two = phase.begins_and_ends_at_rest and len(phase.points) == 2
         fewer = ELEMENTS if count is None and at_rest_between_two else None
         motion = self._solved(solve, by_ipopt=not guessed, fewer=fewer)
-        return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
+        return self._free_result(motion)
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
         """Return the motion for the objective from a free motion with `fastest_only`."""
-        motion = find_best_free(fastest.motion, cutoff)
+        return self._free_result(find_best_free(fastest.motion, cutoff))
+
+    def _free_result(self, motion: PhaseSolution) -> PlannedPhase | Reason:
+        """Return the phase with a free motion, from which the tip can always stop in time."""
         return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
 
     @property

@@ -158,3 +158,20 @@ class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
 
 
 PhaseEvaluation = Evaluation[PhasePlanner, PlannedPhase]
+
+
+class InsteadOfDirect(PhaseCandidate):
+    """A candidate that the failure of the direct motion may suggest."""
+
+    @classmethod
+    def suggested(
+        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
+    ) -> Iterator[PhaseCandidate]:
+        """Yield the candidates of `instead` after the direct motion has failed."""
+        if latest is not None and latest.candidate.kind == "direct" and latest.failed is not None:
+            yield from cls.instead(planner, latest.failed)
+
+    @classmethod
+    @abstractmethod
+    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+        """Yield the candidates, in view of the reason why there is no direct motion."""

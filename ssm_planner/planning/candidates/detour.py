@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
+from ssm_planner.planning.candidates.candidate import InsteadOfDirect, PhaseCandidate
 from ssm_planner.planning.feasibility import nearest_to_eye
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phase_planner import PhasePlanner
@@ -22,21 +22,17 @@ They are tried in this order.
 
 
 @record
-class Detour(PhaseCandidate):
+class Detour(InsteadOfDirect):
     """A free motion on which the joints reverse once, so that the tool passes retina or lens."""
 
     kind: ClassVar[str] = "detour"
 
     @classmethod
-    def suggested(
-        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
-    ) -> Iterator[PhaseCandidate]:
+    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the eye blocks the direct motion between two points."""
-        if latest is None or latest.failed is None or latest.candidate.kind != "direct":
-            return
         phase = planner.phase
         between_two_points = phase.path is None and len(phase.points) == 2
-        by_eye = isinstance(latest.failed.limit, (RetinaClearance, LensClearance))
+        by_eye = isinstance(reason.limit, (RetinaClearance, LensClearance))
         if between_two_points and by_eye and not planner.approximate:
             yield cls(planner)
 

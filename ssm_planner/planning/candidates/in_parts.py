@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
+from ssm_planner.planning.candidates.candidate import InsteadOfDirect, PhaseCandidate
 from ssm_planner.planning.candidates.detour import Detour
 from ssm_planner.planning.candidates.direct import Direct
 from ssm_planner.planning.feasibility import infeasible_place
@@ -30,7 +30,7 @@ MOST = 4
 """Largest number of orders of the joints that are tried."""
 
 
-class InParts(PhaseCandidate):
+class InParts(InsteadOfDirect):
     """A free motion in two parts."""
 
     label: ClassVar[str]
@@ -100,17 +100,13 @@ class InTurn(InParts):
     label: ClassVar[str] = "in turn"
 
     @classmethod
-    def suggested(
-        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
-    ) -> Iterator[PhaseCandidate]:
-        """Yield the orders with the smallest bounds, after a motor was too weak for the direct motion.
+    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+        """Yield the orders with the smallest bounds, if a motor is too weak for the direct motion.
 
         In each of them, every motor is strong enough at the ends of both parts.
         """
-        if latest is None or latest.failed is None or latest.candidate.kind != Direct.kind:
-            return
         phase = planner.phase
-        is_too_weak = isinstance(latest.failed.limit, MotorTorque)
+        is_too_weak = isinstance(reason.limit, MotorTorque)
         between_points = phase.path is None and len(phase.points) == 2
         if not (is_too_weak and between_points and phase.begins_and_ends_at_rest):
             return

@@ -1,7 +1,26 @@
-"""List of the kinds of candidates for a phase.
+"""Kinds of candidates for the motion of a phase, in the order in which the search asks them.
 
-Other joints at a target move the whole problem, so `pipeline/mission.py` searches them. The search
-asks the kinds for suggestions in this order. A new kind of candidate is one more line here.
+============  ===========================================  =========================================
+kind          motion                                       suggested
+============  ===========================================  =========================================
+direct        along the given path, or freely between the  at the beginning
+              points
+reversing     freely, with reversals that save time        after the estimate of `direct`, or if it
+                                                           misses the requested duration
+stop first    a stop in closed form, then from rest        if a phase begins at speed and `direct`
+                                                           fails
+in turn       some joints first, the others after a rest   if a motor is too weak for `direct`
+detour        around the eye, with the tool drawn back     if the eye blocks `direct`
+task line     along a straight line in task coordinates    if `direct` fails
+============  ===========================================  =========================================
+
+`search.find_fastest` always advances the candidate with the smallest known duration: from its bound
+to its estimate, and from there to its solution. A candidate loses if its bound or its estimate is
+not shorter than the best motion by a share of `tolerances.GAP`, or if it has no motion.
+`Evaluation.to_dict` states the reason, which `ssm-planner plan --explain` prints.
+
+A new kind of candidate is a class in a file of its own, and one more line here. Other joints at a
+target move the whole problem, so `pipeline/mission.py` searches them.
 """
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate
@@ -12,11 +31,4 @@ from ssm_planner.planning.candidates.reversing import Reversing
 from ssm_planner.planning.candidates.stop_first import StopFirst
 from ssm_planner.planning.candidates.task_line import TaskLine
 
-KINDS: list[type[PhaseCandidate]] = [
-    Direct,
-    Reversing,
-    StopFirst,
-    InTurn,
-    Detour,
-    TaskLine,
-]
+KINDS: list[type[PhaseCandidate]] = [Direct, Reversing, StopFirst, InTurn, Detour, TaskLine]

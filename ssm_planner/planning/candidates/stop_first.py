@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
-from ssm_planner.planning.candidates.direct import Direct
+from ssm_planner.planning.candidates.candidate import PhaseCandidate
 from ssm_planner.planning.candidates.in_parts import InParts, InTurn
 from ssm_planner.planning.candidates.task_line import TaskLine
 from ssm_planner.planning.feasibility import infeasible_place
@@ -41,13 +40,9 @@ class StopFirst(InParts):
     label: ClassVar[str] = "stops first"
 
     @classmethod
-    def suggested(
-        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
-    ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if no direct motion was found."""
-        phase = planner.phase
-        direct_failed = latest and latest.failed and latest.candidate.kind == Direct.kind
-        if direct_failed and phase.path is None and phase.qd_start.any():
+    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+        """Yield the candidate if the free phase begins at speed."""
+        if planner.phase.path is None and planner.phase.qd_start.any():
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:

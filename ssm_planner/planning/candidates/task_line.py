@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 
-from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
+from ssm_planner.planning.candidates.candidate import InsteadOfDirect, PhaseCandidate
 from ssm_planner.planning.feasibility import straight_instead
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phases import Phase
@@ -14,7 +14,7 @@ from ssm_planner.typing import record
 
 
 @record
-class TaskLine(PhaseCandidate):
+class TaskLine(InsteadOfDirect):
     """The straight motion to the target of a free motion."""
 
     line: Phase
@@ -22,12 +22,8 @@ class TaskLine(PhaseCandidate):
     kind: ClassVar[str] = "task line"
 
     @classmethod
-    def suggested(
-        cls, planner: PhasePlanner, latest: PhaseEvaluation | None
-    ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if no direct motion was found and all of the line is allowed."""
-        if latest is None or latest.failed is None or latest.candidate.kind != "direct":
-            return
+    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+        """Yield the candidate if all of the line is allowed."""
         phase = planner.phase
         if phase.path is None and not phase.stands:
             line = straight_instead(phase)
