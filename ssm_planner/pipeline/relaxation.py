@@ -355,11 +355,8 @@ class _Trials:
 
         The search begins at the change that the reason of the failure asks for.
         """
-        shares = [
-            share
-            for factor in GROWTH
-            if relaxation.limit.relaxed(relaxation.value(share := factor * (1 + SAME))) is not None
-        ]
+        limit, growth = relaxation.limit, [factor * (1 + SAME) for factor in GROWTH]
+        shares = [share for share in growth if limit.relaxed(relaxation.value(share)) is not None]
         return self.smallest(relaxation, shares, stop_if=_is_enough) if shares else None
 
     def together(self, relaxation: Relaxation) -> Cure | None:

@@ -448,7 +448,7 @@ def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
     depend on one joint alone.
     """
     problem = phase.problem
-    ranges = reversal_ranges(problem, phase.mechanism, phase.points)
+    ranges = reversal_ranges(phase, phase.points)
     ends = (
         (phase.qd_start, 0, "cannot stop before"),
         (-phase.qd_end, -1, "would have to start from"),

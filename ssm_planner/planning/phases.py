@@ -480,7 +480,7 @@ def straight_path(
     return StraightPath(mechanism, start=start, end=end, branch=branch, first=q, watched=driven)
 
 
-def reversal_ranges(problem: Problem, mechanism: Mechanism, points: Array) -> Array:
+def reversal_ranges(phase: Phase, points: Array) -> Array:
     """Return the ranges in which joints may reverse on a free motion.
 
     They are the ranges of the joints. Those of joints 2 and 4 are narrowed by the ranges of tilt
@@ -488,18 +488,17 @@ def reversal_ranges(problem: Problem, mechanism: Mechanism, points: Array) -> Ar
 
     Parameters
     ----------
-    problem : Problem
-        The problem with its ranges.
-    mechanism : Mechanism
-        Geometry of the robot.
+    phase : Phase
+        The free phase.
     points : (k, 4) array
-        Joint positions at the points.
+        Joint positions at its points.
 
     Returns
     -------
     (2, 4) array
         Smallest and largest joint positions, rad and m.
     """
+    problem, mechanism = phase.problem, phase.mechanism
     ranges = np.array([joint.position for joint in problem.robot.joints]).T
     depth = np.sort(mechanism.insertion_sign * np.array(problem.ranges["depth"]))
     ranges[:, 3] = max(ranges[0, 3], depth[0]), min(ranges[1, 3], depth[1])

@@ -12,7 +12,6 @@ from ssm_planner.planning.lower_bound import minimum_times
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem import Problem
 from ssm_planner.typing import Array, record
 
 PAYS = 2e-3
@@ -23,7 +22,7 @@ IDLE = 5e-4
 """Share of the duration below whose saving a velocity at a via point is dropped."""
 
 
-def passing_turns(problem: Problem, phase: Phase) -> Borders | None:
+def passing_turns(phase: Phase) -> Borders | None:
     """Suggest reversals for joints that should pass a via point at speed where they could rest.
 
     With the displacements d_jk of the joints j in the segments k and the unknown velocities v_jk at
@@ -36,10 +35,8 @@ def passing_turns(problem: Problem, phase: Phase) -> Borders | None:
 
     Parameters
     ----------
-    problem : Problem
-        The problem with its robot and limits.
     phase : Phase
-        A free phase.
+        A free phase with its problem.
 
     Returns
     -------
@@ -47,9 +44,8 @@ def passing_turns(problem: Problem, phase: Phase) -> Borders | None:
         The points with the velocities there. None if reversals elsewhere save less than a share
         PAYS.
     """
-    velocity, acceleration = np.array(
-        [(joint.velocity, joint.acceleration) for joint in problem.robot.joints]
-    ).T
+    problem = phase.problem
+    velocity, acceleration = problem.robot.velocities, problem.robot.accelerations
     velocity[3] = min(velocity[3], problem.rates.get("depth", np.inf))
     displacements = np.diff(phase.points, axis=0)
     joints = _Passing(displacements, (phase.qd_start, phase.qd_end), velocity, acceleration)

@@ -96,7 +96,7 @@ def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phase = feasible_phases(problem)[0][0]
     first, last = phase.points
-    room = reversal_ranges(problem, mechanism, phase.points)
+    room = reversal_ranges(phase, phase.points)
     velocity, acceleration = np.array(
         [(j.velocity, j.acceleration) for j in problem.robot.joints]
     ).T

@@ -47,7 +47,7 @@ class Reversing(PhaseCandidate):
 
     def _beside_points(self) -> PlannedPhase | Reason:
         """Return a motion on which joints pass beyond a point, or take a run-up to the next one."""
-        turns = passing_turns(self.planner.problem, self.planner.phase)
+        turns = passing_turns(self.planner.phase)
         if turns is None:
             return NONE_PAYS
         cutoff = np.inf if self.unreversed is None else (1 - PAYS) * self.unreversed.duration

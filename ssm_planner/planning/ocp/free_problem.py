@@ -90,7 +90,7 @@ class FreeProblem(OcpProblem):
     def ranges(self) -> Array:
         """Smallest and largest positions at which joints may reverse, (2, 4), rad and m."""
         points = self.chain.points[self.chain.fixed.all(axis=1)]
-        return reversal_ranges(self.phase.problem, self.phase.mechanism, points)
+        return reversal_ranges(self.phase, points)
 
     @property
     def boundary(self) -> BoundaryConditions:
@@ -125,15 +125,13 @@ class FreeProblem(OcpProblem):
 
         A row contains u, u̇, ü at the start and ü at the end of an element, and its length.
         """
-        scaled_states = []
+        states = []
         for guess in self.chain.guesses:
             motion = guess.elements
-            values = motion.u - self.chain.points[0], motion.v, motion.a0, motion.a1
-            scaled_parts = (
-                self.scaled(value, order) for value, order in zip(values, (0, 1, 2, 2), strict=True)
-            )
-            scaled_states.append(np.hstack([*scaled_parts]))
-        return np.column_stack([np.vstack(scaled_states), self.lengths])
+            position = self.scaled(motion.u - self.chain.points[0], 0)
+            accelerations = self.scaled(motion.a0, 2), self.scaled(motion.a1, 2)
+            states.append(np.hstack([position, self.scaled(motion.v, 1), *accelerations]))
+        return np.column_stack([np.vstack(states), self.lengths])
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """Return the parameters and bounds of the program, see `OcpProblem.data`.

@@ -232,18 +232,6 @@ class NlpData:
         counts[structure.borders[1:]] = True
         return np.asarray(counts & ~self.is_fixed[:, : structure.coordinates])
 
-    def least_cost(self, duration: tuple[float, float], time: float = 0.0) -> "NlpData":
-        """Return the data of the program that minimises the cost plus `time` times the duration.
-
-        Parameters
-        ----------
-        duration : (float, float)
-            Smallest and largest duration.
-        time : float
-            Weight of the duration.
-        """
-        return replace(self, duration=duration, weights=(time, 1.0))
-
 
 @frozen
 class Confirmation:

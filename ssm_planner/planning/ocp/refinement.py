@@ -115,7 +115,8 @@ class RefinementState:
         backoff = np.where(self.problem.ignored_rows, -np.inf, self.backoff)
         data = self.problem.data(self.elements, backoff[:, is_active])
         if duration is not None:
-            data = data.least_cost(duration, time=float(aim == "cooling"))
+            time_weight = float(aim == "cooling")
+            data = replace(data, duration=duration, weights=(time_weight, 1.0))
         return structure, element, data
 
     def solve(self, program: NlpProgram) -> NlpSolution:

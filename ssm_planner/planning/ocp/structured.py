@@ -348,12 +348,8 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     identity = np.eye(5 * m + 1)[columns]
     is_bounded = np.hstack([is_bounded, ~data.is_fixed[:, m:]])
     v_bounds = data.velocity if structure.velocity_limits else (v_min, np.full((n, m), np.inf))
-    lower, upper = (
-        np.hstack([np.where(is_bounded, bound, sign * np.inf)[:, offset:], middle_bounds])
-        for sign, bound, middle_bounds in zip(
-            (-1, 1), (data.lower, data.upper), v_bounds, strict=True
-        )
-    )
+    lower = np.hstack([np.where(is_bounded, data.lower, -np.inf)[:, offset:], v_bounds[0]])
+    upper = np.hstack([np.where(is_bounded, data.upper, np.inf)[:, offset:], v_bounds[1]])
     matrix = np.vstack([identity, -identity])
     bound = np.hstack([upper, -lower])
     if structure.smooth and structure.joints:

@@ -14,7 +14,6 @@ joints, the direction then turns without overshoot: q' = (1 − h) q'_i + h q'_{
 
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -163,22 +162,18 @@ def rounded(
         key is the index of the corner.
     """
     cuts = []
-    for k, ((incoming, outgoing), distance) in enumerate(
-        zip(pairwise(pieces), distances, strict=True)
-    ):
-        shares = [
-            _share(path, distance, from_end)
-            for path, from_end in ((incoming, True), (outgoing, False))
-        ]
-        limit = min(reach for _, reach in shares)
-        if not all(np.isfinite(share) for share, _ in shares):
+    for k, distance in enumerate(distances):
+        before, reach_before = _share(pieces[k], distance, from_end=True)
+        after, reach_after = _share(pieces[k + 1], distance, from_end=False)
+        if not np.isfinite([before, after]).all():
+            limit = min(reach_before, reach_after)
             reason = "the rounding of the corner would take more than half of an adjacent motion"
             allowed = f"up to {np.floor(1e7 * limit) / 1e4:g} mm here"
             if limit <= ROUNDING:
                 reason = "an adjacent motion does not move the tip, so the corner cannot be rounded"
                 allowed = "motions that move the tip, or no blend"
             raise ProblemError(reason, key=str(k), allowed=allowed)
-        cuts.append([share for share, _ in shares])
+        cuts.append([before, after])
     path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
     # The joints are divided by their largest |q'|, which makes rad and m comparable.
     largest_slope = np.abs(path.sample(np.linspace(0.0, 1.0, SAMPLES)).dq).max(axis=0) + ROUNDING
@@ -196,7 +191,7 @@ def rounded(
     return path
 
 
-def _share(path: ClosedPath, distance: float, from_end: bool) -> tuple[float, float]:
+def _share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float, float]:
     """Return the share of a piece that a rounding cuts off.
 
     Parameters

@@ -147,15 +147,12 @@ class ClosedPath(JointPath):
     watched: tuple[int, ...]
     """Joints whose reversals matter, because they have a drive."""
 
-    @property
     @abstractmethod
-    def _closed_form(self) -> tuple[ca.Function, list[float]]:
-        """Function of s and parameters for q without whole turns, q' and q'', and the parameters."""
-
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
-        """Evaluate q without whole turns, q' and q'' at s (n,), (n, 4) each."""
-        function, parameters = self._closed_form
-        return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
+        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+
+        The results q, q' and q'' have the shape (n, 4).
+        """
 
     def sample(self, s: Array) -> PathSamples:
         """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
@@ -193,10 +190,13 @@ class StraightPath(ClosedPath):
     first: Array
     watched: tuple[int, ...] = (0, 1, 2, 3)
 
-    @property
-    def _closed_form(self) -> tuple[ca.Function, list[float]]:
-        """Function of s and parameters for q without whole turns, q' and q'', and the parameters."""
-        return _line(self.mechanism, self.branch), [*self.start, *(self.end - self.start)]
+    def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+
+        The results q, q' and q'' have the shape (n, 4).
+        """
+        function = _line(self.mechanism, self.branch)
+        return _evaluated(function, s, [*self.start, *(self.end - self.start)])
 
 
 @lru_cache(maxsize=16)
@@ -216,6 +216,11 @@ def _with_derivatives(joints: ca.SX, s: ca.SX, parameters: ca.SX) -> ca.Function
     """Build a CasADi Function from s and parameters to joint positions and two derivatives by s."""
     slope: Any = ca.jacobian(joints, s)
     return ca.Function("path", [s, parameters], ca.cse([joints, slope, ca.jacobian(slope, s)]))
+
+
+def _evaluated(function: ca.Function, s: Array, parameters: list[float]) -> tuple[Array, ...]:
+    """Evaluate a Function of s and parameters at s (n,) with the same parameters, (n, 4) each."""
+    return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
 
 
 @record
@@ -245,11 +250,14 @@ class TipPath(ClosedPath):
             np.column_stack([np.ones_like(s), s, np.cos(turn), np.sin(turn)]) @ self.terms
         )
 
-    @property
-    def _closed_form(self) -> tuple[ca.Function, list[float]]:
-        """Function of s and parameters for q without whole turns, q' and q'', and the parameters."""
+    def _derivatives(self, s: Array) -> tuple[Array, ...]:
+        """Evaluate q without whole turns, and its derivatives by s, at n values of s.
+
+        The results q, q' and q'' have the shape (n, 4).
+        """
+        function = _tip_curve(self.mechanism, self.branch)
         parameters = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
-        return _tip_curve(self.mechanism, self.branch), parameters
+        return _evaluated(function, s, parameters)
 
     @cached_property
     def _middle_roll(self) -> float:
