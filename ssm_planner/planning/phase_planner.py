@@ -14,7 +14,7 @@ import numpy as np
 from ssm_planner.elements.compiled import compiled
 from ssm_planner.elements.rows import limits_jerk, with_margin
 from ssm_planner.planning.motor_strength import motor_too_weak, no_motion
-from ssm_planner.planning.ocp.free import ELEMENTS, find_best_free, solve_free
+from ssm_planner.planning.ocp.free import find_best_free, solve_free
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.straight import solve_straight
@@ -128,9 +128,7 @@ class PhasePlanner:
             work=self.work,
         )
         guessed = borders is not None and borders.guess is not None
-        at_rest_between_two = phase.begins_and_ends_at_rest and len(phase.points) == 2
-        fewer = ELEMENTS if count is None and at_rest_between_two else None
-        motion = self._solved(solve, by_ipopt=not guessed, fewer=fewer)
+        motion = self._solved(solve, by_ipopt=not guessed)
         return self._free_result(motion)
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
@@ -162,28 +160,16 @@ class PhasePlanner:
         return PlannedPhase(self.phase, motion, duration or self.phase.lower_bound)
 
     def _solved(
-        self,
-        solve: Callable[..., PhaseSolution],
-        *,
-        by_ipopt: bool = True,
-        fewer: int | None = None,
+        self, solve: Callable[..., PhaseSolution], *, by_ipopt: bool = True
     ) -> PhaseSolution:
-        """Solve by one method after the other until one of them finds a motion.
+        """Solve by the structured solver, with the confirmation that the planner asks for.
 
-        The methods are the structured solver with the confirmation that the planner asks for, the
-        same on `fewer` elements, and Ipopt alone if `by_ipopt` is true.
+        If it fails and `by_ipopt` is true, solve by Ipopt alone.
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
-        attempts: list[dict[str, object]] = [{"method": method if compiled() else "Ipopt"}]
-        if fewer is not None and method == "confirmed":
-            attempts.append({"method": method, "count": fewer})
-        if by_ipopt and not self.approximate:
-            attempts.append({"method": "Ipopt"})
-        for attempt in attempts:
-            solution = solve(**attempt)
-            if solution.solved or solution.solver != "structured":
-                break
-        return solution
+        solution = solve(method=method if compiled() else "Ipopt")
+        failed = not solution.solved and solution.solver == "structured"
+        return solve(method="Ipopt") if failed and by_ipopt and not self.approximate else solution
 
     def _at_constant_speed(self, path: JointPath, speed: float) -> PlannedPhase | Reason:
         """Return a motion that reaches a constant tip speed, m/s, and leaves it as fast as it can.

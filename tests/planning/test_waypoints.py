@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 
-from ssm_planner.elements.compiled import compiled
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning import phase_planner
 from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.lower_bound import minimum_times
-from ssm_planner.planning.ocp.free import ELEMENTS, solve_free
-from ssm_planner.planning.ocp.motion import PhaseSolution
+from ssm_planner.planning.ocp.free import solve_free
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRange
@@ -140,32 +136,6 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
         for way, v, a, speed in zip(ways[1], velocity, acceleration, (first, second), strict=True)
     )
     return float((np.maximum(*there) + np.maximum(*onward)).min())
-
-
-@pytest.mark.skipif(not compiled(), reason="the package is built without its compiled part")
-def test_both_solvers_may_do_on_fewer_elements_where_one_of_them_fails(
-    tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """On those that Ipopt alone would take, which takes much longer."""
-    problem = through(dataclasses.replace(tilt_insert, objective="time"), LAST)
-    asked: list[tuple[str, int | None]] = []
-
-    def solve(
-        *arguments: Any, method: str, count: int | None = None, **named: Any
-    ) -> PhaseSolution:
-        asked.append((method, count))
-        if method == "confirmed" and count is None:
-            return PhaseSolution(
-                "not converged", "Structured_Solver_Not_Converged", solver="structured"
-            )
-        return solve_free(*arguments, method=method, count=count, **named)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(phase_planner, "solve_free", solve)
-    found = plan(problem)
-    assert found.passed
-    assert found.phases[0].confirmation_iterations is not None
-    assert ("confirmed", ELEMENTS) in asked
-    assert not any(method == "Ipopt" for method, _ in asked)
 
 
 def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> None:
