@@ -58,7 +58,8 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
     assert duration == pytest.approx(second.motion.duration)
     assert 2 * duration == pytest.approx(whole.motion.duration)
     middle = second.elements.u[0]
-    assert middle[3] == pytest.approx(place, abs=1e-3 / count)
+    # the place is interpolated between nodes, so its error is of second order in their distance
+    assert middle[3] == pytest.approx(place, abs=4 / count**2 * abs(way_[3]))
     assert np.array_equal(first.elements.u[0], START)
     for half, reached in ((first, middle), (second, START + way_)):
         assert sum(half.arcs) == len(half.motion.breaks) - 1 == len(half.elements.u)
