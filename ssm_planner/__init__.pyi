@@ -112,7 +112,12 @@ from .problem.motion import (
     Tip as Tip,
 )
 from .problem.motor import Motor as Motor
-from .problem.posterior import Harmonics as Harmonics, Posterior as Posterior, Ripple as Ripple
+from .problem.posterior import (
+    Harmonics as Harmonics,
+    Posterior as Posterior,
+    Reaction as Reaction,
+    Ripple as Ripple,
+)
 from .problem.problem import (
     Eye as Eye,
     Lens as Lens,

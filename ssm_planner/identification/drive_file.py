@@ -7,6 +7,7 @@ from typing import Any
 from ssm_planner.atomic import write_text
 from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
+from ssm_planner.loading.drives import PART_TYPES
 from ssm_planner.problem import (
     LOAD_OFFSET,
     Drive,
@@ -128,7 +129,7 @@ def _posterior(posterior: Posterior) -> JsonObject:
             "speeds": _numbers(posterior.speeds),
             "departures": _numbers(posterior.departures),
         }
-    for name in ("forwards", "backwards", "harmonics_forwards", "harmonics_backwards"):
+    for name in PART_TYPES:
         if (part := getattr(posterior, name)) is not None:
             table[name] = {
                 key: value if isinstance(value, bool) else _numbers(value)

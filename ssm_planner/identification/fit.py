@@ -16,6 +16,8 @@ from ssm_planner.dynamics import friction_of, nut_contact, output_effort
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import (
     ALL,
+    CHANGE,
+    CHANGES,
     locking_mu,
     names_of,
     rest_coefficient,
@@ -32,8 +34,9 @@ from ssm_planner.identification.posterior import (
 )
 from ssm_planner.identification.recordings import rms
 from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
+from ssm_planner.identification.session import share_of_session
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
-from ssm_planner.problem import LAW, LAWS, LOAD_OFFSET, Drive, Posterior
+from ssm_planner.problem import CONFIDENCE, LAW, LAWS, LOAD_OFFSET, Drive, Posterior
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.typing import Array, Arrays, Numbers, frozen, record
 
@@ -192,6 +195,8 @@ def fit_map(
     weight = np.ones(len(data.w))
     for outlier in outliers:
         weight[outlier.index] = outlier.weight
+    elapsed = share_of_session(data.times)
+    is_dated = bool(np.isfinite(elapsed).any())
     prototype = MapModel(
         drive=drive,
         law=law,
@@ -201,6 +206,9 @@ def fit_map(
         w=data.w,
         tau=data.tau,
         weight=weight,
+        friction=data.friction,
+        elapsed=elapsed,
+        middle=float(np.median(elapsed[np.isfinite(elapsed)])) if is_dated else 0.0,
         load=load + fixed.get(LOAD_OFFSET, 0.0),
         scatter=max(
             _INITIAL_SCATTER * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))
@@ -211,15 +219,20 @@ def fit_map(
     for k, model in enumerate(models):
         progress(Step(f"fitting the {model.law.replace('_', ' ')} law", k, len(models) + 1))
         fitted.append((model, most_likely(model)))
-    (model, z), criterion = _choose_model(_determined(fitted))
     progress(Step("computing the confidence intervals", len(models), len(models) + 1))
-    fit = _report(model, z, data, _possible(fitted, model.law))
+    determined = _determined(fitted)
+    probabilities = _probabilities(fitted)
+    (model, z), criterion = _choose_model(determined, probabilities)
+    fit = _report(model, z, data, _possible(probabilities, model.law))
     rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=rows, criterion=criterion)
 
 
 def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel]:
-    """Return the models that are compared: each law, without and with a load offset.
+    """Return the models that are compared.
+
+    They are each law without and with a load offset, and without and with a change during the
+    session.
 
     Parameters
     ----------
@@ -231,9 +244,15 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     Returns
     -------
     list of MapModel
-        Two models for each law, or one if the user fixed the load offset.
+        Models of each law. The last one has all parameters. There is none with a load offset if
+        the user fixed it, and none with a change if the recordings have no dates.
     """
     fixed = prototype.fixed
+    additions: list[tuple[str, ...]] = [()]
+    if LOAD_OFFSET not in fixed:
+        additions.append((LOAD_OFFSET,))
+    if np.isfinite(prototype.elapsed).any():
+        additions += [(*names, *CHANGES) for names in additions]
     models = []
     for law in LAWS if prototype.law == "auto" else (prototype.law,):
         names = tuple(name for name in (*names_of(law), *free) if name not in fixed)
@@ -245,21 +264,24 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
             names=names,
             fixed={name: value for name, value in fixed.items() if name not in stribeck},
         )
-        models.append(model)
-        if LOAD_OFFSET not in fixed:
-            models.append(replace(model, names=(*names, LOAD_OFFSET)))
+        models += [replace(model, names=(*names, *addition)) for addition in additions]
     return models
 
 
 def _choose_model(
-    determined: FittedModels,
+    determined: FittedModels, probabilities: PossibleLaws
 ) -> tuple[tuple[MapModel, Array], dict[str, float]]:
     """Select the simplest model that predicts well the recordings that its fit has not used.
+
+    The Coulomb law is selected unless its probability is below 5 %. Otherwise, a change of friction
+    during the session would often be taken for a Stribeck term.
 
     Parameters
     ----------
     determined : list of (MapModel, (k,))
         Models with the most likely coordinates of their parameters.
+    probabilities : list of (Sample, float)
+        Samples and probabilities of all laws.
 
     Returns
     -------
@@ -268,14 +290,20 @@ def _choose_model(
     criterion : dict
         RMS error of each law in the cross-validation, N·m.
     """
-    models = [model for model, _ in determined]
+    laws = [s.model.law for s, share in probabilities if share > 1 - CONFIDENCE]
     errors = [blind_errors(model, z) for model, z in determined]
-    rms_errors = [rms(error) for error in errors]
     criterion: dict[str, float] = {}
-    for model, rms_error in zip(models, rms_errors, strict=True):
-        criterion[model.law] = min(rms_error, criterion.get(model.law, math.inf))
-    chosen = simplest(models, errors)
-    criterion[models[chosen].law] = rms_errors[chosen]
+    for (model, _), error in zip(determined, errors, strict=True):
+        criterion[model.law] = min(rms(error), criterion.get(model.law, math.inf))
+    candidates = [
+        k
+        for k, (model, _) in enumerate(determined)
+        if (model.law == "coulomb") == ("coulomb" in laws)
+    ] or list(range(len(determined)))
+    chosen = candidates[
+        simplest([determined[k][0] for k in candidates], [errors[k] for k in candidates])
+    ]
+    criterion[determined[chosen][0].law] = rms(errors[chosen])
     return determined[chosen], criterion
 
 
@@ -322,38 +350,45 @@ def _determined(fitted: FittedModels) -> FittedModels:
     return determined
 
 
-def _possible(fitted: FittedModels, chosen: str) -> PossibleLaws:
-    """Sample the posterior of each law, and return the samples of all possible laws.
+def _probabilities(fitted: FittedModels) -> PossibleLaws:
+    """Sample the posterior of each law, and return the samples with the probabilities of the laws.
 
-    A law is possible if its probability is at least SMALLEST_PROBABILITY. Laws with more parameters
-    than points are possible as well, because the prior bounds their parameters. A load offset that
-    does not reduce the error in the cross-validation is 0 in the fit, but it remains uncertain. The
-    samples therefore belong to the models with a free load offset.
+    A load offset or a change during the session that does not reduce the error in the
+    cross-validation is 0 in the fit, but it remains uncertain. The samples therefore belong to the
+    models with all parameters.
 
     Parameters
     ----------
     fitted : list of (MapModel, (k,))
-        Models with the most likely coordinates. For each law, the model with a load offset is last.
-    chosen : str
-        Law that is in the result even if it is improbable.
-
-    Returns
-    -------
-    list of (Sample, float)
-        Samples and probabilities of the laws. The probabilities have the sum 1.
+        Models with the most likely coordinates. For each law, that with all parameters is last.
     """
     models = {model.law: (model, z) for model, z in fitted}
     samples = [sample(model, z) for model, z in models.values()]
     evidence = np.array([law_sample.log_evidence for law_sample in samples])
     probability = np.exp(evidence - np.logaddexp.reduce(evidence))
-    minimum = [SMALLEST_PROBABILITY if law == chosen else 0.0 for law in models]
-    probability = np.where(probability < SMALLEST_PROBABILITY, minimum, probability)
-    pairs = zip(samples, (probability / probability.sum()).tolist(), strict=True)
-    return [(law_sample, share) for law_sample, share in pairs if share]
+    return list(zip(samples, probability.tolist(), strict=True))
+
+
+def _possible(probabilities: PossibleLaws, chosen: str) -> PossibleLaws:
+    """Return the laws whose probability is at least SMALLEST_PROBABILITY, and the chosen law.
+
+    Laws with more parameters than points are possible as well, because the prior bounds their
+    parameters. The probabilities in the result have the sum 1.
+    """
+    possible = [
+        (law_sample, max(share, SMALLEST_PROBABILITY))
+        for law_sample, share in probabilities
+        if share >= SMALLEST_PROBABILITY or law_sample.model.law == chosen
+    ]
+    total = sum(share for _, share in possible)
+    return [(law_sample, share / total) for law_sample, share in possible]
 
 
 def _pooled(possible: PossibleLaws, slow: Array) -> Arrays:
     """Combine the parameter sets of all possible laws to one table with columns (sets,) by name.
+
+    Half of the sets contain the friction at the beginning of the session, the others that at its
+    end.
 
     The columns are the parameters, the torques at the slow speeds `slow` (2,) in rad/s, and the
     weights (WEIGHT). If several laws are possible, there is also the column LAW with the index of
@@ -362,6 +397,7 @@ def _pooled(possible: PossibleLaws, slow: Array) -> Arrays:
     laws = []
     for law_sample, share in possible:
         model, (z, weight) = law_sample.model, law_sample.ordered
+        z = model.at_ends(z)
         columns = {name: column[:, 0] for name, column in model.parameters(z).items()}
         if len(possible) > 1:
             constants = {"mu_stribeck": 0.0} if model.law == "coulomb" else model.fixed
@@ -388,7 +424,7 @@ def _draw_sets(pooled: Arrays) -> Arrays:
     indices = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
     indices = np.random.default_rng(SEED).permutation(indices)
     ending = (LOAD_OFFSET, LAW)
-    names = [name for name in pooled if name not in (*ending, *_DIRECTIONS, WEIGHT)]
+    names = [name for name in pooled if name not in (*ending, *_DIRECTIONS, *CHANGES, WEIGHT)]
     columns = {name: pooled[name][indices] for name in (*names, *ending) if name in pooled}
     for column in columns.values():
         missing = np.isnan(column)
@@ -398,9 +434,6 @@ def _draw_sets(pooled: Arrays) -> Arrays:
 
 def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) -> MapFit:
     """Compute estimates, posterior, errors and remarks for the selected model.
-
-    If the most likely friction coefficient of a self-locking drive is too small for self-locking,
-    the other parameters are fitted again with the smallest permitted coefficient.
 
     Parameters
     ----------
@@ -413,10 +446,6 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
     possible : list of (Sample, float)
         Samples and probabilities of the possible laws.
     """
-    smallest = locking_mu(model.drive)
-    mu_at_bound = "mu" in model.names and model.parameters(z[None])["mu"].item() < smallest
-    if mu_at_bound:
-        z = most_likely(model, z, (model.names.index("mu"), model.coordinate("mu", smallest)))
     predicted = model.torque(z[None])[0]
     # The torque of slow motion does not contain viscous friction.
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
@@ -430,12 +459,14 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
         for name in posterior.names
         if name in values
     }
+    mu_at_bound = values.get("mu", math.inf) <= locking_mu(model.drive) * (1 + 1e-9)
     if mu_at_bound:
         estimates["mu"] = replace(estimates["mu"], at_bound=True)
     estimates |= {
         name: Estimate(value, value, value, fixed=True) for name, value in model.fixed.items()
     }
-    inseparable_names = tuple(name for name in model.names if name not in separable)
+    inseparable_names = tuple(name for name in model.names if name not in (*separable, *CHANGES))
+    of_drive = np.flatnonzero([name not in CHANGES for name in model.names])
     offset = values.pop(LOAD_OFFSET)
     drive = _identified(model, values, posterior, offset)
     torques = zip(_DIRECTIONS, model.torque(z[None], slow)[0].tolist(), strict=True)
@@ -444,8 +475,8 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
         drive=drive,
         load=model.total_load(offset),
         estimates=estimates,
-        correlation_names=model.names,
-        correlation=data_correlation(model, z),
+        correlation_names=tuple(np.array(model.names)[of_drive]),
+        correlation=data_correlation(model, z)[np.ix_(of_drive, of_drive)],
         inseparable=(inseparable_names,) if inseparable_names else (),
         combinations={name: _estimate(value, pooled, name) for name, value in torques},
         predicted=predicted,
@@ -453,7 +484,12 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
         outliers=(),
         criterion={},
         law_shares=posterior.law_shares(model.law),
-        notes=(*_notes(model, drive, predicted, offset), *_unreliable(possible)),
+        notes=(
+            *_notes(model, drive, predicted, offset),
+            *_unexpected(model, estimates),
+            *_change_note(model, pooled),
+            *_unreliable(possible),
+        ),
     )
 
 
@@ -519,6 +555,36 @@ def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
     return Estimate(value, min(low, value), max(high, value))
 
 
+def _unexpected(model: MapModel, estimates: dict[str, Estimate]) -> list[str]:
+    """Return a note on bearing friction whose whole interval is far from the expected value."""
+    notes = []
+    for name in ("b_c", "b_v"):
+        expected = model.reference.get(name, 0.0)
+        ends = estimates[name].low, estimates[name].high
+        if name not in model.names or expected <= 0:
+            continue
+        if ends[0] > LARGEST_RATIO * expected or ends[1] * LARGEST_RATIO < expected:
+            notes.append(
+                f"{name} is {estimates[name].value / expected:.2g} times the expected value: are "
+                "these recordings of this drive?"
+            )
+    return notes
+
+
+def _change_note(model: MapModel, pooled: Arrays) -> list[str]:
+    """Return a note on the change of friction during the session if the model contains one.
+
+    `pooled` contains the parameter sets of all possible laws, see `_pooled`.
+    """
+    if CHANGE not in model.names:
+        return []
+    low, high = np.expm1(weighted_interval(pooled[CHANGE], pooled[WEIGHT]))
+    return [
+        f"friction changed by {low:.0%} to {high:.0%} during the session: the values are those in "
+        "its middle, and the intervals include its beginning and its end"
+    ]
+
+
 def _unreliable(possible: PossibleLaws) -> list[str]:
     """Return a note if one parameter set has too much weight for reliable intervals.
 
@@ -569,14 +635,6 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
             "the most likely mu is below the smallest with which the drive locks itself: the value "
             "is this smallest one, and the interval is not cut there"
         )
-    for name in ("b_c", "b_v"):
-        expected = model.reference.get(name, 0.0)
-        ratio = getattr(friction, name) / expected if expected > 0 else 1.0
-        if name in model.names and not 1 / LARGEST_RATIO < ratio < LARGEST_RATIO:
-            notes.append(
-                f"{name} is {ratio:.2g} times the expected value: are these recordings of this "
-                "drive?"
-            )
     error = rms(model.tau - predicted) / float(np.mean(np.abs(model.tau)))
     if error > LARGEST_ERROR:
         notes.append(

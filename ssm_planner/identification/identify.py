@@ -14,6 +14,7 @@ from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
 from ssm_planner.identification.fit import Estimate, MapFit, fit_map
 from ssm_planner.identification.harmonics import fit_harmonics
 from ssm_planner.identification.prediction import Prediction, predict_recording
+from ssm_planner.identification.reaction import fit_reaction
 from ssm_planner.identification.recordings import Recording, distinct, read_recordings
 from ssm_planner.identification.session import session_notes
 from ssm_planner.identification.torque_map import (
@@ -24,7 +25,7 @@ from ssm_planner.identification.torque_map import (
     torque_map,
 )
 from ssm_planner.loading import find, load_drive
-from ssm_planner.problem import Drive, Harmonics
+from ssm_planner.problem import Drive, Harmonics, Reaction
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.typing import JsonObject, Keywords, record
 
@@ -203,8 +204,8 @@ def identify(
     }
     fit = replace(
         fit,
-        drive=_with_harmonics(fit.drive, harmonics),
-        notes=(*fit.notes, *session_notes(steady, moving)),
+        drive=_with_ripple(fit.drive, harmonics, fit_reaction(steady)),
+        notes=(*fit.notes, *session_notes(data, moving)),
     )
     if moving:
         progress(Step(f"fitting {len(moving)} start–stop recordings"))
@@ -220,8 +221,10 @@ def identify(
     )
 
 
-def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> Drive:
-    """Return the drive with harmonics in the posterior of its friction.
+def _with_ripple(
+    drive: Drive, harmonics: Mapping[str, Harmonics | None], reaction: Reaction | None
+) -> Drive:
+    """Return the drive with harmonics and reaction in the posterior of its friction.
 
     `harmonics` contains the harmonics by direction (`forwards`, `backwards`). A drive without a
     posterior is returned unchanged.
@@ -230,7 +233,7 @@ def _with_harmonics(drive: Drive, harmonics: Mapping[str, Harmonics | None]) -> 
     if friction.posterior is None:
         return drive
     fields: Keywords = {f"harmonics_{name}": series for name, series in harmonics.items()}
-    posterior = replace(friction.posterior, **fields)
+    posterior = replace(friction.posterior, reaction=reaction, **fields)
     return replace(drive, friction=replace(friction, posterior=posterior))
 
 

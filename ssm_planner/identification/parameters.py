@@ -18,17 +18,12 @@ It applies if the drive file does not state μ.
 _ABOVE_CRITICAL = 1.005
 """Ratio of the smallest fitted μ of a self-locking drive to the μ at which self-locking begins."""
 
-_FRICTION_FIELDS = (
-    "b_c",
-    "b_v",
-    "mu",
-    "b_oc",
-    "b_ov",
-    "mu_stribeck",
-    "stribeck_speed",
-    "mu_static",
-)
-ALL = (*_FRICTION_FIELDS[:-1], "preload")
+FRICTIONS = ("b_c", "b_v", "mu", "b_oc", "b_ov", "mu_stribeck")
+"""Parameters that change in proportion if friction changes during a session."""
+CHANGE, WARM_UP = CHANGES = ("change", "warm_up")
+"""Change of ln friction during a session, and its time constant as a share of the session."""
+_FRICTION_FIELDS = (*FRICTIONS, "stribeck_speed", "mu_static")
+ALL = (*FRICTIONS, "stribeck_speed", "preload")
 """Names of the parameters that can be fitted to a torque–velocity map or fixed by the user."""
 
 

@@ -13,6 +13,11 @@ recordings, and c is one of SHARED_FRACTIONS. If s and c are integrated out, the
 
     p(θ | τ) ∝ p(θ) · Σ_c p(c) |R_c|^(−1/2) (ν s₀² + eᵀ R_c⁻¹ e)^(−(n + ν)/2).
 
+Friction may change during the session, for example by warming up. Its logarithm changes by δ from the
+beginning (t = 0) to the end (t = 1), in proportion to 1 − exp(−t / T), where δ has the prior N(0, d²).
+If the speeds are in random order, the data determine δ. Otherwise δ widens the intervals of the
+parameters with which it can be confused.
+
 The functions use the coordinates z_i = (ln θ_i − ln c_i) / d_i, whose prior is standard normal.
 Parameters only have to be positive, so intervals do not end at a bound. The module `sampling`
 samples this posterior.
@@ -28,7 +33,15 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.dynamics import mesh_coefficients
-from ssm_planner.identification.parameters import TYPICAL_MU, map_torque, with_parameters
+from ssm_planner.identification.parameters import (
+    CHANGE,
+    FRICTIONS,
+    TYPICAL_MU,
+    WARM_UP,
+    locking_mu,
+    map_torque,
+    with_parameters,
+)
 from ssm_planner.problem import LOAD_OFFSET, Drive, Posterior
 from ssm_planner.typing import Array, Arrays, Indices, Keywords, Mask, Numbers, record
 
@@ -41,8 +54,10 @@ SPREADS = {
     "preload": 0.5,
     "mu_stribeck": 1.0,
     "stribeck_speed": 1.2,
+    CHANGE: 0.12,
+    WARM_UP: 1.0,
 }
-"""Prior standard deviations d_i of ln θ_i."""
+"""Prior standard deviations d_i of ln θ_i, and of δ."""
 LOAD_SPREAD = 0.3
 """Prior standard deviation of the constant load.
 
@@ -62,6 +77,8 @@ SMALLEST_SPEED = 0.1
 """Lower bound of motor speeds in K, rad/s. It is about 1 rpm, the resolution of recorders."""
 SCATTER_DEGREES = 3.0
 """Degrees of freedom of the t-distribution of a new recording's scatter, because of outliers."""
+_NORMAL = (LOAD_OFFSET, CHANGE)
+"""Parameters that have a normal prior, and may be negative."""
 NEGLIGIBLE = 1e-5
 """Share of the torque range below which errors are neglected."""
 SEED = 20_210_521
@@ -91,6 +108,12 @@ class MapModel:
     """Mean motor torques, N·m."""
     weight: Array
     """Factors of the residuals: 1, or less for outliers."""
+    friction: Array
+    """Part of the mean torques that is due to friction, (points,) N·m."""
+    elapsed: Array
+    """Time of the recordings as a share of the session, (points,). NaN without a date."""
+    middle: float
+    """Median of `elapsed`."""
     load: float
     """Effort on the output including a fixed offset, N·m or N."""
     scatter: float
@@ -100,7 +123,7 @@ class MapModel:
     def prior(self) -> tuple[Array, Array]:
         """Prior centres and standard deviations, (k,) each.
 
-        They refer to ln θ, except that those of the load offset refer to its value.
+        They refer to ln θ, but those of the load offset and of δ refer to the value.
         """
         friction, top_speed = 0.5 * float(np.mean(np.abs(self.tau))), float(np.abs(self.w).max())
         effort = friction / float(mesh_coefficients(self.drive, TYPICAL_MU)[0])
@@ -113,12 +136,13 @@ class MapModel:
             "preload": self.drive.preload or effort,
             "mu_stribeck": 0.03,
             "stribeck_speed": 0.05 * top_speed,
+            WARM_UP: 0.4,
         }
         centre |= {
             name: value for name, value in self.reference.items() if name in centre and value > 0
         }
         spread = {**SPREADS, LOAD_OFFSET: LOAD_SPREAD * max(abs(self.load), effort)}
-        centres = [0.0 if name == LOAD_OFFSET else math.log(centre[name]) for name in self.names]
+        centres = [math.log(centre.get(name, 1.0)) for name in self.names]
         return np.array(centres), np.array([spread[name] for name in self.names])
 
     @cached_property
@@ -139,14 +163,14 @@ class MapModel:
         centre, spread = self.prior
         values = centre + z * spread
         return {
-            name: values[:, [i]] if name == LOAD_OFFSET else np.exp(values[:, [i]])
+            name: values[:, [i]] if name in _NORMAL else np.exp(values[:, [i]])
             for i, name in enumerate(self.names)
         }
 
     def coordinate(self, name: str, value: float) -> float:
         """Return the coordinate z of a parameter with the given value in SI units.
 
-        The load offset has another scale, so `name` must be another parameter.
+        The parameter must not be the load offset or δ, which have another scale.
         """
         i = self.names.index(name)
         centre, spread = self.prior
@@ -157,14 +181,41 @@ class MapModel:
 
         `z` (sets, k) contains coordinates of the parameters.
 
-        `w` contains motor speeds (points,) in rad/s. The default is the speeds of the map.
+        `w` contains motor speeds (points,) in rad/s, at which friction is that in the middle of the
+        session. The default is the speeds of the map, at which friction is that at the time of each
+        recording.
         """
         values: Keywords = {**self.fixed, **self.parameters(z)}
         load = self.total_load(values.pop(LOAD_OFFSET, 0.0))
         torque = map_torque(
             with_parameters(self.drive, self.law, values), self.w if w is None else w, load
         )
+        if w is None:
+            torque = torque - self.friction * np.expm1(-self.change(z, self.elapsed))
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
+
+    def change(self, z: Array, elapsed: Array) -> Array:
+        """Return the change of ln friction since the middle of the session, (sets, times).
+
+        `elapsed` contains times (times,) as shares of the session. The result is 0 where they are
+        NaN, and for a law without change. `z` (sets, k) contains coordinates of the parameters.
+        """
+        values = self.parameters(z)
+        if CHANGE not in values:
+            return np.zeros((len(z), len(elapsed)))
+        rate = 1 / values[WARM_UP]
+        progress = np.expm1(-elapsed * rate) - np.expm1(-self.middle * rate)
+        return np.nan_to_num(values[CHANGE] * progress / np.expm1(-rate))
+
+    def at_ends(self, z: Array) -> Array:
+        """Return z (sets, k) with the friction at the beginning and the end of the session in turn.
+
+        Intervals of such sets include the change of friction during the session.
+        """
+        changes = self.change(z, np.array([0.0, 1.0]))
+        log_factor = np.where(np.arange(len(z)) % 2, changes[:, 1], changes[:, 0])
+        is_friction = np.array([name in FRICTIONS for name in self.names])
+        return z + np.outer(log_factor, is_friction / self.prior[1])
 
     def total_load(self, offset: Any) -> Any:
         """Return the effort on the output with a load offset, N·m or N.
@@ -210,9 +261,8 @@ class MapModel:
     def without(self, points: Indices) -> "MapModel":
         """Return the model without the points at some indices, but with the same prior."""
         remaining = np.setdiff1d(np.arange(len(self.w)), points)
-        model = replace(
-            self, w=self.w[remaining], tau=self.tau[remaining], weight=self.weight[remaining]
-        )
+        arrays = ("w", "tau", "weight", "friction", "elapsed")
+        model = replace(self, **{name: getattr(self, name)[remaining] for name in arrays})
         model.__dict__["prior"] = self.prior
         return model
 
@@ -223,7 +273,8 @@ def most_likely(
     """Find the coordinates z (k,) at which the posterior density is largest.
 
     The search alternates between a least-squares fit with a fixed scatter and an update of the
-    scatter.
+    scatter. If the friction coefficient of a self-locking drive becomes too small for self-locking,
+    the other parameters are fitted again with the smallest permitted coefficient.
 
     Parameters
     ----------
@@ -248,7 +299,12 @@ def most_likely(
                 z = _least_squares(model, z, free, scatter)
             scatter = _scatter(model, z)
         optima.append(z)
-    return max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
+    best = max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
+    smallest = locking_mu(model.drive)
+    if held is None and "mu" in model.names and model.parameters(best[None])["mu"] < smallest:
+        bound = model.names.index("mu"), model.coordinate("mu", smallest)
+        return most_likely(model, best, bound)
+    return best
 
 
 def _scatter(model: MapModel, z: Array) -> float:
@@ -317,8 +373,7 @@ def blind_errors(model: MapModel, z: Array) -> Array:
         test = np.flatnonzero(fold == k)
         if len(test):
             optimum = most_likely(model.without(test), z)
-            predicted = model.torque(optimum[None], model.w[test])[0]
-            errors[test] = (predicted - model.tau[test]) * model.weight[test]
+            errors[test] = model.residual(optimum[None])[0, test]
     return errors
 
 

@@ -22,6 +22,7 @@ from ssm_planner.dynamics.transmission import (
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
+from ssm_planner.identification.reaction import deviation_of, shifted
 from ssm_planner.identification.recordings import Recording, rms, runs
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
@@ -83,7 +84,7 @@ class Prediction:
     recording: Recording
     """Measured speed and torque."""
     tau: Array
-    """Predicted torque."""
+    """Predicted torque: the sum of the friction law, `position_ripple` and `reaction`."""
     rest: Array
     """Mask (samples,) of the samples at rest, for which the holding torque is predicted."""
     nrmsd: float
@@ -95,11 +96,26 @@ class Prediction:
     """
     band: PredictionBand | None = None
     """95 % band of the torque. None if the drive file does not contain a posterior."""
+    position_ripple: Array | None = None
+    """Part of `tau` that repeats with the motor angle. None if it is unknown."""
+    reaction: Array | None = None
+    """Part of `tau` with which the controller answers the recorded speed. None if it is unknown."""
     unseen: float | None = None
     """Motor speed that is farthest from the recordings of the fit, rad/s.
 
     None if these recordings cover all speeds.
     """
+
+    @property
+    def law(self) -> Array:
+        """Torque (samples,) of the friction law alone, which planning uses."""
+        known_parts = (self.position_ripple, self.reaction)
+        return self.tau - sum(part for part in known_parts if part is not None)
+
+    @staticmethod
+    def _rms_of(part: Array | None) -> float | None:
+        """Return the RMS of a part of the torque. None if it is unknown."""
+        return None if part is None else rms(part)
 
     @property
     def mean_inside(self) -> bool | None:
@@ -152,6 +168,9 @@ class Prediction:
         return {
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
+            "nrmsd_law": nrmsd(self.law, self.recording.tau),
+            "position_ripple_rms": self._rms_of(self.position_ripple),
+            "reaction_rms": self._rms_of(self.reaction),
             "mean_measured": float(self.recording.tau.mean()),
             "mean_band": None if self.band is None else list(self.band.mean),
             "mean_inside": self.mean_inside,
@@ -210,9 +229,11 @@ def predict_recording(
         Predicted torque, its band and its error.
     """
     w = recording.w
-    if kind_of(recording) == "steady":
+    is_steady = kind_of(recording) == "steady"
+    if is_steady:
         w = np.full_like(w, w.mean())
     motion = Motion.from_speed(recording.time, w)
+    deviation = recording.w - w if is_steady else deviation_of(w, motion.direction)
     tau = predict_torque(drive, motion, load, load_inertia)
     loaded = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     effort = output_effort(
@@ -220,9 +241,14 @@ def predict_recording(
     )
     contact_lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
     tau = tau + departure(drive, motion, load)
+    answer = controller_reaction(drive, motion, deviation)
     wave = repeating(drive, recording, motion)
-    band = band_of(drive, motion, tau, load, wave=wave)
-    tau = tau if wave is None else tau + wave
+    if wave is not None and answer is not None:
+        # The answer of the controller contains the ripple that repeats with the angle.
+        wave = np.where(answer == 0.0, wave, 0.0)
+    band = band_of(drive, motion, tau, load, wave=wave, reaction=answer)
+    for part in (wave, answer):
+        tau = tau if part is None else tau + part
     return Prediction(
         recording,
         tau,
@@ -230,6 +256,8 @@ def predict_recording(
         nrmsd=nrmsd(tau, recording.tau),
         contact_lost=contact_lost,
         band=band,
+        position_ripple=wave,
+        reaction=answer,
         unseen=unseen_speed(drive, motion),
     )
 
@@ -250,6 +278,21 @@ def repeating(drive: Drive, recording: Recording, motion: "Motion") -> Array | N
         if harmonics is not None and harmonics.phased
     ]
     return np.sum(waves, axis=0) if waves else None
+
+
+def controller_reaction(drive: Drive, motion: "Motion", deviation: Array) -> Array | None:
+    """Return the torque (samples,) in N·m with which the controller answers a deviation of the speed.
+
+    The result is None if the drive file does not contain the reaction, and 0 at speeds at which the
+    recordings of the fit do not confirm it. `deviation` (samples,) is in rad/s.
+    """
+    posterior = friction_of(drive).posterior
+    if posterior is None or posterior.reaction is None:
+        return None
+    reaction = posterior.reaction
+    torque = shifted(motion.time, deviation, np.array(reaction.delays)) @ np.array(reaction.taps)
+    is_known = (reaction.explained_share(motion.w) > 0) & (motion.direction != 0)
+    return np.where(is_known, torque, 0.0)
 
 
 def unseen_speed(drive: Drive, motion: "Motion") -> float | None:
@@ -349,7 +392,13 @@ def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
 
 
 def band_of(
-    drive: Drive, motion: "Motion", tau: Array, load: float, *, wave: Array | None = None
+    drive: Drive,
+    motion: "Motion",
+    tau: Array,
+    load: float,
+    *,
+    wave: Array | None = None,
+    reaction: Array | None = None,
 ) -> PredictionBand | None:
     """Return the 95 % band around a predicted torque, or None for a drive without a posterior.
 
@@ -365,6 +414,8 @@ def band_of(
         Constant effort on the output including the rig's load_offset, N·m or N.
     wave : (samples,), optional
         Predicted torque that repeats with the angle, N·m. It reduces the unpredicted ripple.
+    reaction : (samples,), optional
+        Predicted reaction of the controller, N·m. It reduces the unpredicted ripple.
     """
     posterior = friction_of(drive).posterior
     if posterior is None:
@@ -379,6 +430,9 @@ def band_of(
     low, high = interval_of(
         tau.mean() + spread @ (np.bincount(index, minlength=len(w)) / len(index))
     )
+    unexplained = np.ones(len(w))
+    if reaction is not None and posterior.reaction is not None:
+        unexplained -= posterior.reaction.explained_share(w)
     peaks = np.zeros(count)
     for sign in (1, -1):
         same, ripple = direction == sign, posterior.ripple(sign)
@@ -389,12 +443,13 @@ def band_of(
         if ripple is not None:
             peak += ripple.draw_peak(rng, count)
             series, known_square = posterior.harmonics(sign), 0.0
-            if wave is not None and series is not None and series.phased:
+            remaining = np.sqrt(unexplained[same])
+            if wave is not None and series is not None and series.phased and remaining.min() == 1:
                 known_square = float(np.sum(series.amplitudes**2) / 2)
-            spread[:, same] += ripple.draw(rng, count, known_square)[:, None]
+            spread[:, same] += remaining * ripple.draw(rng, count, known_square)[:, None]
         peaks = np.maximum(peaks, peak)
     ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, index]
-    ends += tau if wave is None else tau + wave
+    ends += sum((part for part in (wave, reaction) if part is not None), start=tau)
     return PredictionBand((low, high), ends[0], ends[1], float(np.quantile(peaks, PEAK_CONFIDENCE)))
 
 

@@ -218,8 +218,7 @@ def parse_table(text: str, path: Path) -> Table:
             raise RecordingError(
                 f"{path}:{k + 1}: a line of {len(line)} characters is too long for a table"
             )
-    separator = _separator(lines, path)
-    names_at = _find_names(lines, separator, path)
+    separator, names_at = _find_names(lines, path)
     header: dict[str, str] = {}
     for line in lines[:names_at]:
         key, _, value = _strip(line).replace('"', "").partition(separator)
@@ -297,35 +296,25 @@ def _column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -
     return Column(index, name, unit, allowed[key], relative=key in _RELATIVE_UNITS)
 
 
-def _separator(lines: list[str], path: Path) -> str:
-    """Return the character that separates the columns: a semicolon, a tab or a comma.
-
-    Raises RecordingError for a file without columns.
-    """
-    for separator in (";", "\t", ","):
-        if any(separator in line for line in lines[:40]):
-            return separator
-    raise RecordingError(f"{path}: no columns found (separators are ; tab and ,)")
-
-
-def _find_names(lines: list[str], separator: str, path: Path) -> int:
-    """Return the index of the line that contains the names of the columns.
+def _find_names(lines: list[str], path: Path) -> tuple[str, int]:
+    """Return the character that separates the columns, and the index of the line with their names.
 
     Such a line has a column whose name begins with a word for speed or torque. Raises
     RecordingError if there is none.
     """
     prefixes = ("velocity", "speed", "torque", "tau", "omega")
-    for k, line in enumerate(lines[:200]):
+    for separator, (k, line) in itertools.product((";", "\t", ","), enumerate(lines[:200])):
         fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
         if (
             len(fields) >= 2
             and any(f.startswith(prefixes) for f in fields)
             and not fields[0].startswith("trigger")
         ):
-            return k
+            return separator, k
     raise RecordingError(
-        f"{path}: no line of channel names found (a velocity and a torque column are needed); "
-        "the file is not an EPOS recorder export or a CSV with named columns"
+        f"{path}: no line of channel names found (a velocity and a torque column are needed, "
+        "separated by ; tab or ,); the file is not an EPOS recorder export or a CSV with named "
+        "columns"
     )
 
 

@@ -3,7 +3,9 @@
 The names of the channels select the columns. Every repair of a file is stated.
 """
 
+import math
 from dataclasses import field
+from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +83,16 @@ class Recording:
     """Time of the first sample in the file, s. The array `time` begins with 0."""
     doubts: tuple[str, ...] = ()
     """Sentences on values of the file that are not in the channels, or differ from them."""
+
+    @property
+    def date(self) -> float:
+        """Time of the recording in s since 1970, from its header. NaN without a valid date."""
+        text = self.header.get("date", "")[: len("2020-07-06 15:29:47")]
+        try:
+            # The drive states no time zone. UTC makes differences the same on every computer.
+            return datetime.fromisoformat(text).replace(tzinfo=timezone.utc).timestamp()
+        except ValueError:
+            return math.nan
 
 
 def read_recording(
@@ -343,13 +355,23 @@ def _in_si(
 
 
 def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
-    """Return a remark if the times (samples,) in s contradict the sampling period in the header."""
-    period, step = header.get("sampling period", ""), 1e3 * float(np.median(np.diff(time)))
-    if not NUMBER.fullmatch(period) or float(period) <= 0 or 0.5 < step / float(period) < 2.0:
-        return []
-    return [
-        f"samples lie {step:.3g} ms apart, the header says {period}: is the unit of time right?"
-    ]
+    """Return remarks on times (samples,) in s that contradict the header's sampling period.
+
+    Many missing samples also give a remark.
+    """
+    period, steps = header.get("sampling period", ""), 1e3 * np.diff(time)
+    step = float(np.median(steps))
+    remarks = []
+    if NUMBER.fullmatch(period) and float(period) > 0 and not 0.5 < step / float(period) < 2.0:
+        remarks.append(
+            f"samples lie {step:.3g} ms apart, the header says {period}: is the unit of time right?"
+        )
+    missing = int(np.sum(np.round(steps / step) - 1))
+    if missing > MOST_LEFT_OUT * len(time):
+        remarks.append(
+            f"about {missing} samples are missing between the {len(time)} samples of the file"
+        )
+    return remarks
 
 
 def _torque_remarks(

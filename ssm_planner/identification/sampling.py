@@ -39,14 +39,14 @@ POINTS = 2**17
 """
 BLOCK = 2**13
 """Number of points that are evaluated at once, which bounds the memory."""
-WIDENING = 0.01
+WIDENING = 0.1
 """Share of the total covariance that is added to the covariance of each t-distribution."""
 UNCLIPPED_WEIGHTS = 100
 """Number of points with the largest weights, whose weights are clipped to the smallest of them."""
-LARGEST_WEIGHT = 1e-3
+LARGEST_WEIGHT = 5e-3
 """Largest weight of one set in a reliable sample.
 
-Above it, 1000 draws would repeat the set.
+Above it, 1000 draws would contain the set more than five times.
 """
 TINY = 1e-300
 """Smallest value of numbers that must stay positive."""

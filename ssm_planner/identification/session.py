@@ -5,12 +5,12 @@ for example) cannot be told from a dependence of friction on speed.
 """
 
 from collections.abc import Sequence
-from datetime import datetime, timezone
 from itertools import pairwise
 
 import numpy as np
 
 from ssm_planner.identification.recordings import Recording
+from ssm_planner.identification.torque_map import TorqueMap
 from ssm_planner.typing import Array
 
 FEWEST = 5
@@ -21,36 +21,59 @@ PAUSE = 1800.0
 """Time between two recordings above which the drive may have cooled down, s."""
 
 
-def session_notes(steady: Sequence[Recording], moving: Sequence[Recording]) -> tuple[str, ...]:
-    """Return remarks on the order of recordings and on pauses between them.
+def share_of_session(times: Array) -> Array:
+    """Return the times of recordings as shares of their session, (recordings,), from 0 to 1.
 
-    Recordings without a date in their header are ignored.
+    The result is NaN if fewer than FEWEST recordings have a date.
 
     Parameters
     ----------
-    steady : sequence of Recording
-        Recordings at constant speed.
+    times : (recordings,)
+        Time of each recording in s. NaN without a date. Pauses longer than PAUSE count as PAUSE.
+    """
+    share = np.full(len(times), np.nan)
+    order = np.argsort(times)[: np.isfinite(times).sum()]
+    if len(order) >= FEWEST and np.ptp(times[order]):
+        gaps = np.diff(times[order], prepend=times[order[0]])
+        elapsed = np.cumsum(np.minimum(gaps, PAUSE))
+        share[order] = elapsed / elapsed[-1]
+    return share
+
+
+def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> tuple[str, ...]:
+    """Return remarks on the order of recordings, on missing dates, and on pauses.
+
+    Parameters
+    ----------
+    data : TorqueMap
+        Map of the recordings at constant speed.
     moving : sequence of Recording
         Recordings with starts and stops.
     """
     notes = []
-    dated = [(time, recording) for recording in steady if (time := _time(recording)) is not None]
-    times = np.array([time for time, _ in dated])
-    speeds = np.array([abs(float(recording.w.mean())) for _, recording in dated])
-    if len(times) >= FEWEST:
-        correlation = _rank_correlation(times, speeds)
+    is_dated = np.isfinite(data.times)
+    if is_dated.sum() < FEWEST:
+        notes.append(
+            "too few recordings have a date: a change of friction during the session cannot be told "
+            "from its dependence on speed, and no interval includes it"
+        )
+    else:
+        correlation = _rank_correlation(data.times[is_dated], np.abs(data.w[is_dated]))
         if abs(correlation) > ORDERED:
             order = "rise" if correlation > 0 else "fall"
             notes.append(
                 f"the speeds of the recordings {order} with time (rank correlation "
                 f"{correlation:.2f}): a change of friction during the session cannot be told from "
-                "its dependence on speed, and no interval includes it. Record the speeds in random "
+                "its dependence on speed, and widens the intervals. Record the speeds in random "
                 "order"
             )
     everything = sorted(
-        (time, recording.name)
-        for recording in (*steady, *moving)
-        if (time := _time(recording)) is not None
+        (date, name)
+        for date, name in (
+            *zip(data.times.tolist(), data.names, strict=True),
+            *((recording.date, recording.name) for recording in moving),
+        )
+        if np.isfinite(date)
     )
     for (before, _), (after, name) in pairwise(everything):
         if after - before > PAUSE:
@@ -59,16 +82,6 @@ def session_notes(steady: Sequence[Recording], moving: Sequence[Recording]) -> t
                 "the drive may have cooled down or changed in between"
             )
     return tuple(notes)
-
-
-def _time(recording: Recording) -> float | None:
-    """Return the time of the recording's date in s. None without a valid date."""
-    date = recording.header.get("date", "")[: len("2020-07-06 15:29:47")]
-    try:
-        # The drive states no time zone. UTC makes the differences the same on every computer.
-        return datetime.fromisoformat(date).replace(tzinfo=timezone.utc).timestamp()
-    except ValueError:
-        return None
 
 
 def _rank_correlation(a: Array, b: Array) -> float:

@@ -28,8 +28,12 @@ FIGURES_HEADER = (
     "torque_ripple_N_m",
     "torque_peak_N_m",
     "samples",
+    "date_s",
 )
-"""Columns of a table of maps. Signs refer to the drive's positive direction."""
+"""Columns of a table of maps. Signs refer to the drive's positive direction.
+
+The last column, the time since 1970, may be missing.
+"""
 
 REST_TIME = 0.3
 """Shortest time at zero speed that counts as rest, s.
@@ -101,6 +105,25 @@ class TorqueMap:
     """RMS of the torque that repeats with the motor angle. NaN for less than two turns."""
     peak: Array | None = None
     """Largest |torque| minus |mean torque|."""
+    dates: Array | None = None
+    """Time of each recording, s. NaN without a date."""
+
+    @property
+    def times(self) -> Array:
+        """Time of each recording, (points,) in s. NaN without a date."""
+        return np.full(len(self.w), np.nan) if self.dates is None else self.dates
+
+    @property
+    def friction(self) -> Array:
+        """Part of the torque that is due to friction, (points,) in N·m.
+
+        It is half the difference between the torques at a speed and at the opposite speed.
+        """
+        opposite = np.empty(len(self.w))
+        for side in (self.w > 0, self.w < 0):
+            other = np.argsort(-self.w[~side])
+            opposite[side] = np.interp(self.w[side], -self.w[~side][other], self.tau[~side][other])
+        return (self.tau - opposite) / 2
 
     def spread(self, sign: int) -> Ripple | None:
         """Return the ripple and the noise of the torque in one direction (±1).
@@ -208,6 +231,7 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
             ripple_rms(travelled(recording), recording.tau),
             np.abs(recording.tau).max() - abs(recording.tau.mean()),
             len(recording.w),
+            recording.date,
         ]
         for recording in order
     ]
@@ -248,10 +272,10 @@ def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
     """
     table = np.array(rows)
     order = np.argsort(table[:, 0], kind="stable")
-    columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples")
+    columns = ("w", "tau", "w_deviation", "tau_deviation", "ripple", "peak", "samples", "dates")
     return TorqueMap(
         names=tuple(names[k] for k in order),
-        **dict(zip(columns, np.ascontiguousarray(table[order].T), strict=True)),
+        **dict(zip(columns, np.ascontiguousarray(table[order].T), strict=False)),
     )
 
 
@@ -275,7 +299,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     """
     path = Path(path)
     lines = table_rows(path)
-    if tuple(next(lines)[1]) != FIGURES_HEADER:
+    if tuple(next(lines)[1]) not in (FIGURES_HEADER, FIGURES_HEADER[:-1]):
         raise RecordingError(f"{path}: the first line must be {','.join(FIGURES_HEADER)}")
     tables: dict[str, list[tuple[str, list[float]]]] = {}
     for line, fields in lines:
@@ -294,15 +318,15 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
 def _parse_figures(fields: list[str], location: str) -> list[float]:
     """Convert the fields of one row to numbers.
 
-    Raises RecordingError, with the text `location`, unless all are finite. Only the ripple may be
-    NaN.
+    Raises RecordingError, with the text `location`, unless all are finite. Only the ripple and the
+    date may be NaN.
     """
     try:
         row = [float(field) for field in fields]
     except ValueError as error:
         raise RecordingError(f"{location}: {error}") from error
     # The fifth figure is the ripple, which needs two turns of the motor.
-    if not np.all(np.isfinite([*row[:4], *row[5:]])):
+    if not np.all(np.isfinite([*row[:4], *row[5:7]])):
         raise RecordingError(f"{location}: {len(FIGURES_HEADER)} finite columns are needed")
     return row
 

@@ -46,6 +46,7 @@ from ssm_planner.problem import (
     Harmonics,
     Posterior,
     Ratings,
+    Reaction,
     Rig,
     Ripple,
     Transmission,
@@ -83,21 +84,28 @@ HarmonicsModel = model_from(
 )
 
 
-DIRECTION_TYPES = {
+ReactionModel = model_from(dict.fromkeys(hints(Reaction), (_Numbers, ...)), value_types=(Reaction,))
+
+PART_TYPES = {
     "forwards": Ripple,
     "backwards": Ripple,
     "harmonics_forwards": Harmonics,
     "harmonics_backwards": Harmonics,
+    "reaction": Reaction,
 }
-"""Parts of a posterior for each direction of motion, or None."""
-_PART_MODELS = {Ripple: nested(RippleModel), Harmonics: nested(HarmonicsModel)}
+"""Parts of a posterior, which may be None."""
+_PART_MODELS = {
+    Ripple: nested(RippleModel),
+    Harmonics: nested(HarmonicsModel),
+    Reaction: nested(ReactionModel),
+}
 PosteriorModel = model_of(
     Posterior,
     {
         "scatter": (Annotated[float, quantity("torque", Bound(at_least=0.0))], ...),
         "common": (float, 0.0),
         **dict.fromkeys(("speeds", "departures"), (_Numbers, ())),
-        **{name: optional(_PART_MODELS[part_of]) for name, part_of in DIRECTION_TYPES.items()},
+        **{name: optional(_PART_MODELS[part_of]) for name, part_of in PART_TYPES.items()},
         "draws": (
             dict[str, _Numbers],
             PydanticField(min_length=1, description="Equally likely values of each parameter."),
@@ -385,7 +393,7 @@ def _posterior(model: Any) -> Posterior:
             allowed="as many sets of each parameter",
         )
     fields = dict(model)
-    for name, part_of in DIRECTION_TYPES.items():
+    for name, part_of in PART_TYPES.items():
         if fields[name] is not None:
             fields[name] = part_of(**dict(fields[name]))
     fields["draws"] = np.column_stack(list(model.draws.values()))

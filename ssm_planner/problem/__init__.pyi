@@ -80,6 +80,7 @@ from .posterior import (
     LOAD_OFFSET as LOAD_OFFSET,
     Harmonics as Harmonics,
     Posterior as Posterior,
+    Reaction as Reaction,
     Ripple as Ripple,
     interval_of as interval_of,
 )

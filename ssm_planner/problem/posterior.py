@@ -203,6 +203,44 @@ class Harmonics(Value):
 
 
 @record
+class Reaction(Value):
+    """Torque with which the speed controller answers the recorded deviation of the speed.
+
+    It is the sum over k of taps_k times the deviation of the speed, delayed by delays_k.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> reaction = ssm.Reaction((0.0,), taps=(-1e-3,), speeds=(5.0, 20.0), explained=(0.4, 0.8))
+    >>> reaction.explained_share(np.array([12.5])).tolist()
+    [0.0]
+    """
+
+    delays: tuple[float, ...]
+    """Delays, s. Negative ones are due to the averaging of the recorded speed."""
+    taps: tuple[float, ...]
+    """Torque per speed, N·m·s/rad."""
+    speeds: tuple[float, ...]
+    """Motor speeds of the recordings of the fit in increasing order, rad/s."""
+    explained: tuple[NotNegative, ...]
+    """Share of the variance of each recording's torque that the taps of the others explain."""
+
+    def _check(self) -> None:
+        """Raise ProblemError unless the pairs of fields have equal lengths."""
+        for name, other in (("taps", self.delays), ("explained", self.speeds)):
+            if not 0 < len(getattr(self, name)) == len(other):
+                raise self._wrong(name, "has the wrong length", f"{len(other)} values")
+
+    def explained_share(self, w: Array) -> Array:
+        """Return the explained share of the torque's variance at motor speeds w (n,) in rad/s.
+
+        Shares below 1/2 count as 0, because the recorded speed is then mostly noise.
+        """
+        share = np.interp(w, self.speeds, self.explained)
+        return np.where(share >= 0.5, share, 0.0)
+
+
+@record
 class Posterior(Value):
     """Equally likely sets of friction parameters after identification, in SI units.
 
@@ -244,6 +282,8 @@ class Posterior(Value):
     """Periodic part of the ripple in positive motion, or None if it is unknown."""
     harmonics_backwards: Harmonics | None = None
     """Periodic part of the ripple in negative motion, or None if it is unknown."""
+    reaction: Reaction | None = None
+    """Reaction of the speed controller of the recordings, or None if it is unknown."""
 
     def _check(self) -> None:
         """Raise ProblemError if names, parameter sets and recordings do not fit each other."""

@@ -121,6 +121,8 @@ def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_
     found = identify(DRIVE, [tmp_path / "fit"])
     file = found.save(tmp_path / "drive.yaml")
     posterior = load_drive(file).friction.posterior
+    stored_taps, taps = posterior.reaction.taps, found.drive.friction.posterior.reaction.taps
+    np.testing.assert_allclose(stored_taps, taps, rtol=1e-5)
     for sign in (1, -1):
         stored = posterior.harmonics(sign)
         assert stored.phased

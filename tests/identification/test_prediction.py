@@ -231,4 +231,4 @@ def test_a_shipped_drive_by_its_name_has_its_table_of_figures_too(
     steps: list[str] = []
     assert "rig_figures.csv" in identify("rig3_worm", progress=steps.append).evidence
     assert steps[0].message == "fitting the map of 38 points"
-    assert [(step.done, step.total) for step in steps[1:]] == [(k, 7) for k in range(7)]
+    assert [(step.done, step.total) for step in steps[1:]] == [(k, 13) for k in range(13)]

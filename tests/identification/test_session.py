@@ -36,7 +36,7 @@ def recording(speed: float, minute: float | None, tau: float = 0.0) -> Recording
 def test_speeds_in_order_of_time_are_stated(sign: int, word: str) -> None:
     minutes = np.arange(len(SPEEDS))[::sign]
     steady = [recording(w, t) for w, t in zip(SPEEDS, minutes.tolist(), strict=True)]
-    (note,) = session_notes(steady, [])
+    (note,) = session_notes(torque_map(steady), [])
     assert f"{word} with time (rank correlation {-sign:.2f})" in note
 
 
@@ -44,22 +44,25 @@ def test_speeds_in_order_of_time_are_stated(sign: int, word: str) -> None:
 def test_the_order_does_not_depend_on_the_order_of_the_files(random: object) -> None:
     steady = [recording(w, float(t)) for t, w in enumerate(SPEEDS)]
     random.shuffle(steady)  # type: ignore[attr-defined]
-    assert len(session_notes(steady, [])) == 1
+    assert len(session_notes(torque_map(steady), [])) == 1
 
 
-def test_a_session_in_random_order_and_one_without_dates_need_no_remark() -> None:
+def test_a_session_in_random_order_needs_no_remark_and_one_without_dates_needs_one() -> None:
     minutes = [3.0, 6.0, 0.0, 5.0, 1.0, 7.0, 2.0, 4.0]
-    assert not session_notes([recording(w, t) for w, t in zip(SPEEDS, minutes, strict=True)], [])
-    assert not session_notes([recording(w, None) for w in SPEEDS], [])
-    same_time = [recording(w, 0.0) for w in SPEEDS]
-    assert not session_notes(same_time, [])
+    steady = [recording(w, t) for w, t in zip(SPEEDS, minutes, strict=True)]
+    assert not session_notes(torque_map(steady), [])
+    assert not session_notes(torque_map([recording(w, 0.0) for w in SPEEDS]), [])
+    (note,) = session_notes(torque_map([recording(w, None) for w in SPEEDS]), [])
+    assert "too few recordings have a date" in note
+    assert "no interval includes it" in note
 
 
 @pytest.mark.parametrize(
     ("minutes", "words"), [(45.0, "45 minutes"), (180.0, "3 hours"), (4 * 1440.0, "4 days")]
 )
 def test_pauses_are_stated(minutes: float, words: str) -> None:
-    (note,) = session_notes([recording(100.0, 0.0)], [recording(50.0, minutes)])
+    steady = [recording(w, 0.0) for w in SPEEDS]
+    (note,) = session_notes(torque_map(steady), [recording(50.0, minutes)])
     assert f"50 was recorded {words} after" in note
 
 
@@ -94,8 +97,8 @@ def test_pauses_do_not_depend_on_the_time_zone(monkeypatch: pytest.MonkeyPatch) 
     for zone in ("UTC", "Europe/Berlin"):
         monkeypatch.setenv("TZ", zone)
         time.tzset()
-        notes.append(session_notes(pair, []))
+        notes.append(session_notes(torque_map(pair), [])[-1])
     monkeypatch.undo()
     time.tzset()
     assert notes[0] == notes[1]
-    assert "100 minutes" in notes[0][0]
+    assert "100 minutes" in notes[0]

@@ -40,7 +40,15 @@ def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> 
                     m.ripple[k],
                     m.peak[k],
                 )
-                writer.writerow([rig, name, *(f"{v:.9g}" for v in numbers), int(m.samples[k])])
+                writer.writerow(
+                    [
+                        rig,
+                        name,
+                        *(f"{v:.9g}" for v in numbers),
+                        int(m.samples[k]),
+                        f"{m.times[k]:.0f}",
+                    ]
+                )
 
 
 def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
