@@ -30,8 +30,6 @@ _GRID = (
     (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4),
 )
 """Values of each parameter θ_i that are tried before the search."""
-_STEPS = np.array([1e-3, 1e-2, 2e-3])
-"""Steps of θ in difference quotients."""
 _SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 2))
 """Indices of the parameters that are fitted together. Growth at rest needs static friction."""
 
@@ -148,7 +146,7 @@ def fit_dynamic(
         s: independent * math.log(problem.cost(theta)) + 2 * len(s) for s, theta in starts.items()
     }
     subset = min(criterion, key=lambda s: criterion[s])
-    theta = _polished(problem, starts[subset], list(subset))
+    theta, jacobian = _polished(problem, starts[subset], list(subset))
     undetermined = [PARAMETERS[k] for k in range(3) if k not in subset]
     gain = criterion[()] - criterion[subset]
     notes = []
@@ -162,7 +160,7 @@ def fit_dynamic(
         )
     return DynamicFit(
         drive=problem.model(theta),
-        estimates=_estimates(problem, theta, list(subset), independent),
+        estimates=_estimates(problem, theta, list(subset), jacobian, independent),
         before=problem.nrmsd(problem.default),
         after=problem.nrmsd(theta),
         notes=tuple(notes),
@@ -179,15 +177,16 @@ def _best_of_grid(problem: _Problem, subset: tuple[int, ...]) -> Array:
     return min(points, key=problem.cost)
 
 
-def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
-    """Minimise the cost over some parameters by least squares, and return θ (3,).
+def _polished(problem: _Problem, theta: Array, free: list[int]) -> tuple[Array, Array]:
+    """Minimise the cost over some parameters by least squares.
 
-    The search starts at `theta` (3,). Only the parameters with the indices `free` vary.
+    The search starts at `theta` (3,). Only the parameters with the indices `free` vary. Returns θ
+    (3,) and the derivatives of the residuals by the free parameters, (all samples, free).
     """
     from scipy.optimize import least_squares
 
     if not free:
-        return theta
+        return theta, np.zeros((len(problem.residual(theta)), 0))
 
     def completed(free_values: Array) -> Array:
         values = theta.copy()
@@ -204,7 +203,7 @@ def _polished(problem: _Problem, theta: Array, free: list[int]) -> Array:
         x_scale=(0.1 * UPPER)[free],
         diff_step=np.full(len(free), 1e-3),
     )
-    return min((theta, completed(solution.x)), key=problem.cost)
+    return min((theta, completed(solution.x)), key=problem.cost), np.asarray(solution.jac)
 
 
 def _independent(residual: Array) -> float:
@@ -220,7 +219,7 @@ def _independent(residual: Array) -> float:
 
 
 def _estimates(
-    problem: _Problem, theta: Array, free: list[int], independent: float
+    problem: _Problem, theta: Array, free: list[int], jacobian: Array, independent: float
 ) -> dict[str, Estimate]:
     """Return the estimates of the parameters by name, with asymptotic 95 % intervals.
 
@@ -232,6 +231,8 @@ def _estimates(
         Fitted parameters.
     free : list of int
         Indices of the fitted parameters. The others have an interval of length 0.
+    jacobian : (all samples, free)
+        Derivatives of the residuals by the fitted parameters.
     independent : float
         Number of independent samples.
     """
@@ -240,12 +241,6 @@ def _estimates(
     half = np.zeros(3)
     if free:
         value = problem.residual(theta)
-        columns = []
-        for k in free:
-            low, high = theta.copy(), theta.copy()
-            low[k], high[k] = max(theta[k] - _STEPS[k], 0.0), theta[k] + _STEPS[k]
-            columns.append((problem.residual(high) - problem.residual(low)) / (high[k] - low[k]))
-        jacobian = np.stack(columns, axis=1)
         variance = float(value @ value) / max(independent - len(free), 1.0)
         information = jacobian.T @ jacobian / variance * (independent / len(value))
         covariance = np.linalg.pinv(information + np.diag(1e-9 / UPPER[free] ** 2))

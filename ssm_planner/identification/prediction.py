@@ -21,23 +21,27 @@ from ssm_planner.dynamics.transmission import (
 )
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque
-from ssm_planner.identification.posterior import SCATTER_DEGREES, expected_departure, outside
+from ssm_planner.identification.posterior import (
+    SCATTER_DEGREES,
+    SEED,
+    expected_departure,
+    outside,
+)
 from ssm_planner.identification.reaction import deviation_of, shifted
 from ssm_planner.identification.recordings import Recording, rms, runs
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
 from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record
 
-START_LEAD = 0.05
-"""Time before the first nonzero speed reading in which the motor already pushes, s.
+ONSET = 0.1
+"""Angle of the usual speed in which the motor pushes before the first nonzero speed reading, rad.
 
-The recorder averages and rounds the speed, so it shows motion only after the breakaway.
+The motor winds up the drive, and the recorder averages and rounds the speed. A slow start therefore
+takes a longer time than a fast one. The angle agrees with the recordings of all three rigs.
 """
 
 EXTRAPOLATED = 0.25
 """Distance from the recorded speeds above which a speed counts as extrapolated, see `outside`."""
-SEED = 20_210_521
-"""Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 PEAK_CONFIDENCE = 0.99
 """Probability with which the largest torque is below its bound."""
 IMPLAUSIBLE = 0.5
@@ -84,7 +88,13 @@ class Prediction:
     recording: Recording
     """Measured speed and torque."""
     tau: Array
-    """Predicted torque: the sum of the friction law, `position_ripple` and `reaction`."""
+    """Predicted torque: the sum of `law`, `position_ripple` and `reaction`."""
+    law: Array
+    """Torque of the friction law alone, which planning uses."""
+    position_ripple: Array
+    """Torque that repeats with the motor angle. 0 if it is unknown."""
+    reaction: Array
+    """Torque with which the controller answers the recorded speed. 0 if it is unknown."""
     rest: Array
     """Mask (samples,) of the samples at rest, for which the holding torque is predicted."""
     nrmsd: float
@@ -96,26 +106,11 @@ class Prediction:
     """
     band: PredictionBand | None = None
     """95 % band of the torque. None if the drive file does not contain a posterior."""
-    position_ripple: Array | None = None
-    """Part of `tau` that repeats with the motor angle. None if it is unknown."""
-    reaction: Array | None = None
-    """Part of `tau` with which the controller answers the recorded speed. None if it is unknown."""
     unseen: float | None = None
     """Motor speed that is farthest from the recordings of the fit, rad/s.
 
     None if these recordings cover all speeds.
     """
-
-    @property
-    def law(self) -> Array:
-        """Torque (samples,) of the friction law alone, which planning uses."""
-        known_parts = (self.position_ripple, self.reaction)
-        return self.tau - sum(part for part in known_parts if part is not None)
-
-    @staticmethod
-    def _rms_of(part: Array | None) -> float | None:
-        """Return the RMS of a part of the torque. None if it is unknown."""
-        return None if part is None else rms(part)
 
     @property
     def mean_inside(self) -> bool | None:
@@ -169,8 +164,8 @@ class Prediction:
             "recording": self.recording.name,
             "nrmsd": self.nrmsd,
             "nrmsd_law": nrmsd(self.law, self.recording.tau),
-            "position_ripple_rms": self._rms_of(self.position_ripple),
-            "reaction_rms": self._rms_of(self.reaction),
+            "position_ripple_rms": rms(self.position_ripple),
+            "reaction_rms": rms(self.reaction),
             "mean_measured": float(self.recording.tau.mean()),
             "mean_band": None if self.band is None else list(self.band.mean),
             "mean_inside": self.mean_inside,
@@ -234,61 +229,55 @@ def predict_recording(
         w = np.full_like(w, w.mean())
     motion = Motion.from_speed(recording.time, w)
     deviation = recording.w - w if is_steady else deviation_of(w, motion.direction)
-    tau = predict_torque(drive, motion, load, load_inertia)
+    law = predict_torque(drive, motion, load, load_inertia) + departure(drive, motion, load)
     loaded = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     effort = output_effort(
         loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction
     )
     contact_lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
-    tau = tau + departure(drive, motion, load)
-    answer = controller_reaction(drive, motion, deviation)
-    wave = repeating(drive, recording, motion)
-    if wave is not None and answer is not None:
-        # The answer of the controller contains the ripple that repeats with the angle.
-        wave = np.where(answer == 0.0, wave, 0.0)
-    band = band_of(drive, motion, tau, load, wave=wave, reaction=answer)
-    for part in (wave, answer):
-        tau = tau if part is None else tau + part
+    reaction = controller_reaction(drive, motion, deviation)
+    # The reaction of the controller contains the ripple that repeats with the angle.
+    wave = np.where(reaction == 0.0, repeating(drive, recording, motion), 0.0)
+    tau = law + wave + reaction
     return Prediction(
         recording,
         tau,
+        law=law,
+        position_ripple=wave,
+        reaction=reaction,
         rest=motion.direction == 0,
         nrmsd=nrmsd(tau, recording.tau),
         contact_lost=contact_lost,
-        band=band,
-        position_ripple=wave,
-        reaction=answer,
+        band=band_of(drive, motion, law, load, position_ripple=wave, reaction=reaction),
         unseen=unseen_speed(drive, motion),
     )
 
 
-def repeating(drive: Drive, recording: Recording, motion: "Motion") -> Array | None:
+def repeating(drive: Drive, recording: Recording, motion: "Motion") -> Array:
     """Return the part of the torque (samples,) in N·m that repeats with the motor angle.
 
-    The result is None if the recording lacks the angle, or the drive file lacks the phases of the
+    The result is 0 if the recording lacks the angle, or the drive file lacks the phases of the
     harmonics.
     """
-    posterior = friction_of(drive).posterior
+    wave, posterior = np.zeros(len(motion.w)), friction_of(drive).posterior
     if posterior is None or recording.angle is None:
-        return None
-    series = [(sign, posterior.harmonics(sign)) for sign in (1, -1)]
-    waves = [
-        np.where(motion.direction == sign, harmonics.torque(recording.angle), 0.0)
-        for sign, harmonics in series
-        if harmonics is not None and harmonics.phased
-    ]
-    return np.sum(waves, axis=0) if waves else None
+        return wave
+    for sign in (1, -1):
+        harmonics = posterior.harmonics(sign)
+        if harmonics is not None and harmonics.phased:
+            wave += np.where(motion.direction == sign, harmonics.torque(recording.angle), 0.0)
+    return wave
 
 
-def controller_reaction(drive: Drive, motion: "Motion", deviation: Array) -> Array | None:
+def controller_reaction(drive: Drive, motion: "Motion", deviation: Array) -> Array:
     """Return the torque (samples,) in N·m with which the controller answers a deviation of the speed.
 
-    The result is None if the drive file does not contain the reaction, and 0 at speeds at which the
+    The result is 0 if the drive file does not contain the reaction, and at speeds at which the
     recordings of the fit do not confirm it. `deviation` (samples,) is in rad/s.
     """
     posterior = friction_of(drive).posterior
     if posterior is None or posterior.reaction is None:
-        return None
+        return np.zeros(len(motion.w))
     reaction = posterior.reaction
     torque = shifted(motion.time, deviation, np.array(reaction.delays)) @ np.array(reaction.taps)
     is_known = (reaction.explained_share(motion.w) > 0) & (motion.direction != 0)
@@ -397,8 +386,8 @@ def band_of(
     tau: Array,
     load: float,
     *,
-    wave: Array | None = None,
-    reaction: Array | None = None,
+    position_ripple: Array | float = 0.0,
+    reaction: Array | float = 0.0,
 ) -> PredictionBand | None:
     """Return the 95 % band around a predicted torque, or None for a drive without a posterior.
 
@@ -409,13 +398,11 @@ def band_of(
     motion : Motion
         Motion whose torque is predicted.
     tau : (samples,)
-        Predicted torque including `departure`, N·m.
+        Predicted torque including `departure`, without ripple, N·m.
     load : float
         Constant effort on the output including the rig's load_offset, N·m or N.
-    wave : (samples,), optional
-        Predicted torque that repeats with the angle, N·m. It reduces the unpredicted ripple.
-    reaction : (samples,), optional
-        Predicted reaction of the controller, N·m. It reduces the unpredicted ripple.
+    position_ripple, reaction : float or (samples,)
+        Predicted parts of the ripple, N·m.
     """
     posterior = friction_of(drive).posterior
     if posterior is None:
@@ -430,26 +417,25 @@ def band_of(
     low, high = interval_of(
         tau.mean() + spread @ (np.bincount(index, minlength=len(w)) / len(index))
     )
-    unexplained = np.ones(len(w))
-    if reaction is not None and posterior.reaction is not None:
-        unexplained -= posterior.reaction.explained_share(w)
+    wave = np.broadcast_to(position_ripple, len(tau))
     peaks = np.zeros(count)
     for sign in (1, -1):
-        same, ripple = direction == sign, posterior.ripple(sign)
+        same, unpredicted = direction == sign, posterior.ripple(sign)
         if not same.any():
             continue
         top = int(np.argmax(np.abs(tau) * (motion.direction == sign)))
         peak = np.abs(tau[top] + spread[:, index[top]])
-        if ripple is not None:
-            peak += ripple.draw_peak(rng, count)
-            series, known_square = posterior.harmonics(sign), 0.0
-            remaining = np.sqrt(unexplained[same])
-            if wave is not None and series is not None and series.phased and remaining.min() == 1:
-                known_square = float(np.sum(series.amplitudes**2) / 2)
-            spread[:, same] += remaining * ripple.draw(rng, count, known_square)[:, None]
+        if unpredicted is not None:
+            peak += unpredicted.draw_peak(rng, count)
+            known_square = float(np.mean(wave[motion.direction == sign] ** 2))
+            draws = unpredicted.draw(rng, count, known_square)[:, None]
+            if posterior.reaction is not None:
+                square = posterior.reaction.remaining_rms(w[same]) ** 2 - known_square
+                draws = np.sqrt(np.maximum(square, 0.0)) * rng.standard_normal((count, 1))
+            spread[:, same] += draws
         peaks = np.maximum(peaks, peak)
     ends = np.quantile(spread, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)[:, index]
-    ends += sum((part for part in (wave, reaction) if part is not None), start=tau)
+    ends += tau + wave + reaction
     return PredictionBand((low, high), ends[0], ends[1], float(np.quantile(peaks, PEAK_CONFIDENCE)))
 
 
@@ -464,7 +450,7 @@ class Motion:
     wd: Array
     """Motor acceleration, rad/s²."""
     direction: Array
-    """Direction in which the motor pushes, ±1, already START_LEAD before a start. 0 at rest."""
+    """Direction in which the motor pushes, ±1, already before a start (ONSET). 0 at rest."""
     rests: tuple[tuple[int, int], ...]
     """Index of the first sample and one past the last sample of each rest."""
 
@@ -472,8 +458,8 @@ class Motion:
     def from_speed(time: Array, w: Array) -> "Motion":
         """Find rests, directions and accelerations in a recorded speed.
 
-        The speed channel averages and rounds, so it shows a start too late. The direction is
-        therefore set START_LEAD before the end of each rest.
+        The speed channel shows a start too late. The direction is therefore set before the end of
+        each rest, by the time in which the usual speed passes the angle ONSET.
 
         Parameters
         ----------
@@ -486,9 +472,11 @@ class Motion:
         rests = [(start, stop) for start, stop in runs(rest)]
         direction = np.sign(_fill_gaps(np.where(rest, np.nan, w)))
         direction[rest] = 0.0
+        usual_speed = np.median(np.abs(w[~rest])) if not rest.all() else np.inf
+        lead_time = ONSET / max(usual_speed, STANDSTILL)
         for start, stop in rests:
             if stop < len(w):
-                lead = time[start:stop] > time[stop] - START_LEAD
+                lead = time[start:stop] > time[stop] - lead_time
                 lead[-1] = True
                 direction[start:stop][lead] = direction[stop]
         return Motion(time, w, np.gradient(w, time), direction, tuple(rests))

@@ -48,6 +48,7 @@ def fit_reaction(recordings: Sequence[Recording]) -> Reaction | None:
         delays=tuple(DELAYS.tolist()),
         taps=tuple(_solution(square, product).tolist()),
         speeds=tuple(float(recording.w.mean()) for recording in ordered),
+        deviations=tuple(np.sqrt(variances).tolist()),
         explained=tuple(np.maximum(explained, 0.0).tolist()),
     )
 

@@ -210,10 +210,13 @@ class Reaction(Value):
 
     Examples
     --------
+    >>> import numpy as np
     >>> import ssm_planner as ssm
-    >>> reaction = ssm.Reaction((0.0,), taps=(-1e-3,), speeds=(5.0, 20.0), explained=(0.4, 0.8))
-    >>> reaction.explained_share(np.array([12.5])).tolist()
-    [0.0]
+    >>> reaction = ssm.Reaction(
+    ...     (0.0,), taps=(-1e-3,), speeds=(5.0, 9.0), deviations=(1e-4, 3e-4), explained=(0.0, 0.8)
+    ... )
+    >>> reaction.explained_share(np.array([5.0, 9.0])).tolist()
+    [0.0, 0.8]
     """
 
     delays: tuple[float, ...]
@@ -222,12 +225,18 @@ class Reaction(Value):
     """Torque per speed, N·m·s/rad."""
     speeds: tuple[float, ...]
     """Motor speeds of the recordings of the fit in increasing order, rad/s."""
+    deviations: tuple[NotNegative, ...]
+    """Standard deviation of the torque in each recording, N·m."""
     explained: tuple[NotNegative, ...]
     """Share of the variance of each recording's torque that the taps of the others explain."""
 
     def _check(self) -> None:
         """Raise ProblemError unless the pairs of fields have equal lengths."""
-        for name, other in (("taps", self.delays), ("explained", self.speeds)):
+        for name, other in (
+            ("taps", self.delays),
+            ("deviations", self.speeds),
+            ("explained", self.speeds),
+        ):
             if not 0 < len(getattr(self, name)) == len(other):
                 raise self._wrong(name, "has the wrong length", f"{len(other)} values")
 
@@ -238,6 +247,11 @@ class Reaction(Value):
         """
         share = np.interp(w, self.speeds, self.explained)
         return np.where(share >= 0.5, share, 0.0)
+
+    def remaining_rms(self, w: Array) -> Array:
+        """Return the RMS of the torque that is not explained at motor speeds w (n,), N·m."""
+        deviation = np.interp(w, self.speeds, self.deviations)
+        return deviation * np.sqrt(np.maximum(1 - self.explained_share(w), 0.0))
 
 
 @record

@@ -74,15 +74,14 @@ def test_a_prediction_states_law_and_reaction_apart() -> None:
     with_reaction, law_alone = (
         predict_recording(d, recording, d.rig.F_payload) for d in (drive, plain)
     )
-    assert law_alone.reaction is None
-    assert with_reaction.reaction is not None
+    assert not law_alone.reaction.any()
     np.testing.assert_allclose(with_reaction.law, law_alone.tau, atol=1e-12)
     np.testing.assert_allclose(with_reaction.tau - with_reaction.law, with_reaction.reaction)
     assert with_reaction.nrmsd < 0.1 * law_alone.nrmsd
     content = with_reaction.to_dict()
     assert content["nrmsd_law"] == pytest.approx(law_alone.nrmsd)
     assert content["reaction_rms"] == pytest.approx(np.std(recording.tau), rel=0.1)
-    assert content["position_ripple_rms"] is None
+    assert content["position_ripple_rms"] == 0.0
 
 
 def test_the_reaction_needs_regular_motion_at_a_confirmed_speed() -> None:
@@ -92,8 +91,11 @@ def test_the_reaction_needs_regular_motion_at_a_confirmed_speed() -> None:
     assert not deviation.any()
     ripple = np.where(np.abs(w) == 15.0, 0.3 * np.sin(20 * time), 0.0)
     np.testing.assert_allclose(deviation_of(w + ripple, direction), ripple, atol=0.03)
-    reaction = Reaction((0.0,), taps=(-1.0,), speeds=(5.0, 20.0), explained=(0.2, 0.8))
-    assert reaction.explained_share(np.array([5.0, 11.0, 20.0])).tolist() == [0.0, 0.0, 0.8]
+    reaction = Reaction(
+        (0.0,), taps=(-1.0,), speeds=(5.0, 20.0), deviations=(1.0, 2.0), explained=(0.2, 0.75)
+    )
+    assert reaction.explained_share(np.array([5.0, 11.0, 20.0])).tolist() == [0.0, 0.0, 0.75]
+    assert reaction.remaining_rms(np.array([5.0, 20.0])).tolist() == [1.0, 1.0]
     with pytest.raises(ProblemError, match="wrong length"):
         replace(reaction, taps=(1.0, 2.0))
 
