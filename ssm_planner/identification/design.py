@@ -149,6 +149,7 @@ def design_session(
         w_deviation=np.zeros(count),
         tau_deviation=(SCATTER * np.abs(tau))[order],
         samples=np.full(count, 500.0),
+        dates=order.astype(float),
     )
     fit = fit_map(known, data, load, reference=reference_of(template))
     return SessionDesign(

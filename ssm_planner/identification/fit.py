@@ -134,7 +134,7 @@ class MapFit:
     outlier.
     """
     criterion: dict[str, float]
-    """RMS error of each law on recordings that the fit has not used (cross-validation), N·m."""
+    """RMS error of each plausible law on recordings that the fit has not used, N·m."""
     law_shares: dict[str, float]
     """Probability of each law, as a share of the parameter sets."""
     notes: tuple[str, ...] = ()
@@ -222,7 +222,7 @@ def fit_map(
     progress(Step("computing the confidence intervals", len(models), len(models) + 1))
     determined = _determined(fitted)
     probabilities = _probabilities(fitted)
-    (model, z), criterion = _choose_model(determined, probabilities)
+    (model, z), criterion = _choose_model(_plausible(determined, probabilities))
     fit = _report(model, z, data, _possible(probabilities, model.law))
     rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=rows, criterion=criterion)
@@ -268,13 +268,10 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     return models
 
 
-def _choose_model(
-    determined: FittedModels, probabilities: PossibleLaws
-) -> tuple[tuple[MapModel, Array], dict[str, float]]:
-    """Select the simplest model that predicts well the recordings that its fit has not used.
+def _plausible(determined: FittedModels, probabilities: PossibleLaws) -> FittedModels:
+    """Return the models of the Coulomb law unless its probability is below 5 %, else the others.
 
-    The Coulomb law is selected unless its probability is below 5 %. Otherwise, a change of friction
-    during the session would often be taken for a Stribeck term.
+    Otherwise, a change of friction during the session would often be taken for a Stribeck term.
 
     Parameters
     ----------
@@ -282,6 +279,22 @@ def _choose_model(
         Models with the most likely coordinates of their parameters.
     probabilities : list of (Sample, float)
         Samples and probabilities of all laws.
+    """
+    laws = {s.model.law for s, share in probabilities if share > 1 - CONFIDENCE}
+    is_coulomb = "coulomb" in laws
+    plausible = [pair for pair in determined if (pair[0].law == "coulomb") == is_coulomb]
+    return plausible or determined
+
+
+def _choose_model(
+    determined: FittedModels,
+) -> tuple[tuple[MapModel, Array], dict[str, float]]:
+    """Select the simplest model that predicts well the recordings that its fit has not used.
+
+    Parameters
+    ----------
+    determined : list of (MapModel, (k,))
+        Models with the most likely coordinates of their parameters.
 
     Returns
     -------
@@ -290,20 +303,14 @@ def _choose_model(
     criterion : dict
         RMS error of each law in the cross-validation, N·m.
     """
-    laws = [s.model.law for s, share in probabilities if share > 1 - CONFIDENCE]
+    models = [model for model, _ in determined]
     errors = [blind_errors(model, z) for model, z in determined]
+    rms_errors = [rms(error) for error in errors]
     criterion: dict[str, float] = {}
-    for (model, _), error in zip(determined, errors, strict=True):
-        criterion[model.law] = min(rms(error), criterion.get(model.law, math.inf))
-    candidates = [
-        k
-        for k, (model, _) in enumerate(determined)
-        if (model.law == "coulomb") == ("coulomb" in laws)
-    ] or list(range(len(determined)))
-    chosen = candidates[
-        simplest([determined[k][0] for k in candidates], [errors[k] for k in candidates])
-    ]
-    criterion[determined[chosen][0].law] = rms(errors[chosen])
+    for model, rms_error in zip(models, rms_errors, strict=True):
+        criterion[model.law] = min(rms_error, criterion.get(model.law, math.inf))
+    chosen = simplest(models, errors)
+    criterion[models[chosen].law] = rms_errors[chosen]
     return determined[chosen], criterion
 
 
@@ -456,17 +463,15 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
     separable = _separable(possible)
     estimates = {
         name: replace(_estimate(values[name], pooled, name), separable=name in separable)
-        for name in posterior.names
+        for name in (*posterior.names, *CHANGES)
         if name in values
     }
-    mu_at_bound = values.get("mu", math.inf) <= locking_mu(model.drive) * (1 + 1e-9)
-    if mu_at_bound:
+    if values.get("mu", math.inf) <= locking_mu(model.drive) * (1 + 1e-9):
         estimates["mu"] = replace(estimates["mu"], at_bound=True)
     estimates |= {
         name: Estimate(value, value, value, fixed=True) for name, value in model.fixed.items()
     }
-    inseparable_names = tuple(name for name in model.names if name not in (*separable, *CHANGES))
-    of_drive = np.flatnonzero([name not in CHANGES for name in model.names])
+    inseparable_names = tuple(name for name in model.names if name not in separable)
     offset = values.pop(LOAD_OFFSET)
     drive = _identified(model, values, posterior, offset)
     torques = zip(_DIRECTIONS, model.torque(z[None], slow)[0].tolist(), strict=True)
@@ -475,8 +480,8 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
         drive=drive,
         load=model.total_load(offset),
         estimates=estimates,
-        correlation_names=tuple(np.array(model.names)[of_drive]),
-        correlation=data_correlation(model, z)[np.ix_(of_drive, of_drive)],
+        correlation_names=model.names,
+        correlation=data_correlation(model, z),
         inseparable=(inseparable_names,) if inseparable_names else (),
         combinations={name: _estimate(value, pooled, name) for name, value in torques},
         predicted=predicted,
@@ -486,8 +491,7 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
         law_shares=posterior.law_shares(model.law),
         notes=(
             *_notes(model, drive, predicted, offset),
-            *_unexpected(model, estimates),
-            *_change_note(model, pooled),
+            *_notes_on(model, estimates),
             *_unreliable(possible),
         ),
     )
@@ -555,34 +559,33 @@ def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
     return Estimate(value, min(low, value), max(high, value))
 
 
-def _unexpected(model: MapModel, estimates: dict[str, Estimate]) -> list[str]:
-    """Return a note on bearing friction whose whole interval is far from the expected value."""
+def _notes_on(model: MapModel, estimates: dict[str, Estimate]) -> list[str]:
+    """Return notes on single estimates.
+
+    They concern self-locking, a change of friction, and bearing friction far from the expected one.
+    """
     notes = []
+    if "mu" in estimates and estimates["mu"].at_bound:
+        notes.append(
+            "the most likely mu is below the smallest with which the drive locks itself: the value "
+            "is this smallest one, and the interval is not cut there"
+        )
+    if CHANGE in model.names:
+        low, high = np.expm1([estimates[CHANGE].low, estimates[CHANGE].high])
+        notes.append(
+            f"friction changed by {low:.0%} to {high:.0%} during the session: the values are those "
+            "in its middle, and the intervals include its beginning and its end"
+        )
     for name in ("b_c", "b_v"):
-        expected = model.reference.get(name, 0.0)
-        ends = estimates[name].low, estimates[name].high
+        expected, estimate = model.reference.get(name, 0.0), estimates[name]
         if name not in model.names or expected <= 0:
             continue
-        if ends[0] > LARGEST_RATIO * expected or ends[1] * LARGEST_RATIO < expected:
+        if estimate.low > LARGEST_RATIO * expected or estimate.high * LARGEST_RATIO < expected:
             notes.append(
-                f"{name} is {estimates[name].value / expected:.2g} times the expected value: are "
-                "these recordings of this drive?"
+                f"{name} is {estimate.value / expected:.2g} times the expected value: are these "
+                "recordings of this drive?"
             )
     return notes
-
-
-def _change_note(model: MapModel, pooled: Arrays) -> list[str]:
-    """Return a note on the change of friction during the session if the model contains one.
-
-    `pooled` contains the parameter sets of all possible laws, see `_pooled`.
-    """
-    if CHANGE not in model.names:
-        return []
-    low, high = np.expm1(weighted_interval(pooled[CHANGE], pooled[WEIGHT]))
-    return [
-        f"friction changed by {low:.0%} to {high:.0%} during the session: the values are those in "
-        "its middle, and the intervals include its beginning and its end"
-    ]
 
 
 def _unreliable(possible: PossibleLaws) -> list[str]:
@@ -602,8 +605,7 @@ def _unreliable(possible: PossibleLaws) -> list[str]:
 def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
     """Return remarks on implausible results of the fit, as sentences.
 
-    They concern the sign of the load, the contact of preloaded nuts, unusual friction coefficients,
-    and a large error.
+    They concern the sign of the load, the contact of preloaded nuts, and a large error.
 
     Parameters
     ----------
@@ -628,12 +630,6 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
         notes.append(
             f"the preload does not keep both half nuts in contact at {losses} points: the law does "
             "not hold there"
-        )
-    friction = friction_of(drive)
-    if friction.mu <= locking_mu(drive) * (1 + 1e-9):
-        notes.append(
-            "the most likely mu is below the smallest with which the drive locks itself: the value "
-            "is this smallest one, and the interval is not cut there"
         )
     error = rms(model.tau - predicted) / float(np.mean(np.abs(model.tau)))
     if error > LARGEST_ERROR:

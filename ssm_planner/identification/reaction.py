@@ -32,30 +32,30 @@ def fit_reaction(recordings: Sequence[Recording]) -> Reaction | None:
     if len(recordings) < 2:
         return None
     ordered = sorted(recordings, key=lambda recording: float(recording.w.mean()))
-    squares, products, variances = [], [], []
-    for recording in ordered:
-        columns = shifted(recording.time, recording.w - recording.w.mean())
-        torque = recording.tau - recording.tau.mean()
-        squares.append(columns.T @ columns / len(torque))
-        products.append(columns.T @ torque / len(torque))
-        variances.append(torque @ torque / len(torque))
-    square, product = np.sum(squares, axis=0), np.sum(products, axis=0)
-    explained = []
-    for own_square, own_product, variance in zip(squares, products, variances, strict=True):
-        taps = _solution(square - own_square, product - own_product)
-        explained.append((2 * taps @ own_product - taps @ own_square @ taps) / variance)
+    products = np.array([_products(recording) for recording in ordered])
+    errors = np.array([_error(products.sum(axis=0) - own) for own in products])
+    remaining = np.einsum("ki,kij,kj->k", errors, products, errors)
+    variance = products[:, -1, -1]
     return Reaction(
         delays=tuple(DELAYS.tolist()),
-        taps=tuple(_solution(square, product).tolist()),
+        taps=tuple((-_error(products.sum(axis=0))[:-1]).tolist()),
         speeds=tuple(float(recording.w.mean()) for recording in ordered),
-        deviations=tuple(np.sqrt(variances).tolist()),
-        explained=tuple(np.maximum(explained, 0.0).tolist()),
+        deviations=tuple(np.sqrt(variance).tolist()),
+        explained=tuple(np.maximum(1 - remaining / variance, 0.0).tolist()),
     )
 
 
-def _solution(square: Array, product: Array) -> Array:
-    """Return the taps (delays,) of the normal equations, with the smallest norm if several solve them."""
-    return np.asarray(np.linalg.lstsq(square, product, rcond=1e-9)[0])
+def _products(recording: Recording) -> Array:
+    """Return the mean products (delays + 1, delays + 1) of the delayed speeds and the torque."""
+    delayed = shifted(recording.time, recording.w - recording.w.mean())
+    channels = np.column_stack([delayed, recording.tau - recording.tau.mean()])
+    return channels.T @ channels / len(channels)
+
+
+def _error(products: Array) -> Array:
+    """Return the factors (delays + 1,) of speeds and torque whose sum is the unexplained torque."""
+    taps = np.linalg.lstsq(products[:-1, :-1], products[:-1, -1], rcond=1e-9)[0]
+    return np.append(-taps, 1.0)
 
 
 def shifted(time: Array, deviation: Array, delays: Array = DELAYS) -> Array:

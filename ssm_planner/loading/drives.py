@@ -76,15 +76,12 @@ def _numbers(value: Any) -> tuple[float, ...]:
 _Numbers = Annotated[
     tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")
 ]
-RippleModel = model_from(dict.fromkeys(hints(Ripple), (_Numbers, ...)), value_types=(Ripple,))
 
 HarmonicsModel = model_from(
     dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)},
     value_types=(Harmonics,),
 )
 
-
-ReactionModel = model_from(dict.fromkeys(hints(Reaction), (_Numbers, ...)), value_types=(Reaction,))
 
 PART_TYPES = {
     "forwards": Ripple,
@@ -94,11 +91,10 @@ PART_TYPES = {
     "reaction": Reaction,
 }
 """Parts of a posterior, which may be None."""
-_PART_MODELS = {
-    Ripple: nested(RippleModel),
-    Harmonics: nested(HarmonicsModel),
-    Reaction: nested(ReactionModel),
-}
+_PART_MODELS: dict[type, Any] = {
+    part: nested(model_from(dict.fromkeys(hints(part), (_Numbers, ...)), value_types=(part,)))
+    for part in (Ripple, Reaction)
+} | {Harmonics: nested(HarmonicsModel)}
 PosteriorModel = model_of(
     Posterior,
     {
