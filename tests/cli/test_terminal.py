@@ -375,4 +375,4 @@ def test_identified_parameters_have_their_units(
         "load_offset": "N",
         "b_ov": "N·s/m",
     }
-    assert "coulomb law (1 of 3)" in said.err
+    assert "coulomb law (1 of 5)" in said.err

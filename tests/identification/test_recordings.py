@@ -264,7 +264,7 @@ def test_fewer_samples_than_promised_is_said(tmp_path):
         (b"\n \n", "empty"),
         (bytes(range(256)) * 40, "not a text file"),
         (b"time;velocity;torque\n" + b"1;" * 100_000, "too long for a table"),
-        (b"just some words\nand more\n", "no columns"),
+        (b"just some words\nand more\n", "no line of channel names"),
         (b"a;b;c\n1;2;3\n", "channel names"),
         (HEADER.encode(), "no sample"),
         ((HEADER + "\n".join(samples(3))).encode(), "3 samples"),
@@ -354,3 +354,31 @@ def test_every_real_recording_is_read_and_told_apart(rig):
     np.testing.assert_allclose(points.w, -commanded * -RPM, rtol=0.1)
     edited = {r.name for r in steady if any("restored" in repair for repair in r.repairs)}
     assert edited == ({"1.csv", "2.csv", "n1.csv"} if rig == "drive3_worm" else set())
+
+
+def test_missing_samples_are_stated(tmp_path: Path) -> None:
+    every = np.arange(200)
+    kept = every[np.random.default_rng(0).random(200) > 0.3]
+    for name, samples in (("gaps", kept), ("whole", every)):
+        rows = [f"{0.01 * k:.2f};{100 + k % 3};{30 + k % 7}" for k in samples]
+        text = "time [s];velocity [rpm];torque [%]\n" + "\n".join(rows)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    gaps, whole = (
+        read_recording(tmp_path / name, nominal_torque=1e-3) for name in ("gaps", "whole")
+    )
+    missing = kept[-1] - kept[0] + 1 - len(kept)
+    assert f"about {missing} samples are missing" in gaps.repairs[-1]
+    assert not any("missing" in repair for repair in whole.repairs)
+
+
+@pytest.mark.parametrize("separator", [";", ",", "\t"])
+@pytest.mark.parametrize("comment", ["", "rig; bench\n", "rig, bench\n"])
+def test_the_line_of_names_tells_the_separator(
+    tmp_path: Path, separator: str, comment: str
+) -> None:
+    rows = [["time [s]", "velocity [rpm]", "torque [%]"]]
+    rows += [[f"{0.01 * k:.2f}", f"{100 + k % 3}", f"{30 + k % 7}"] for k in range(50)]
+    text = comment + "\n".join(separator.join(row) for row in rows)
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    recording = read_recording(tmp_path / "a.csv", nominal_torque=1e-3)
+    assert recording.tau[:3].tolist() == pytest.approx([3e-4, 3.1e-4, 3.2e-4])
