@@ -13,7 +13,13 @@ import numpy as np
 
 from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate
-from ssm_planner.identification.prediction import Motion, departure, predict_torque
+from ssm_planner.identification.prediction import (
+    Motion,
+    controller_reaction,
+    departure,
+    predict_torque,
+)
+from ssm_planner.identification.reaction import deviation_of
 from ssm_planner.identification.recordings import Recording, rms
 from ssm_planner.problem import CONFIDENCE, Drive
 from ssm_planner.typing import Array, record
@@ -74,7 +80,10 @@ class _Problem:
         self.load, self.load_inertia = load, load_inertia
         self.motions = [Motion.from_speed(r.time, r.w) for r in recordings]
         self.measured = [
-            r.tau - departure(drive, m, load) for r, m in zip(recordings, self.motions, strict=True)
+            r.tau
+            - departure(drive, m, load)
+            - controller_reaction(drive, m, deviation_of(r.w, m.direction))
+            for r, m in zip(recordings, self.motions, strict=True)
         ]
         """Torques (samples,) that the friction law must explain, N·m."""
         base = friction_of(drive)

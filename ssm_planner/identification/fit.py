@@ -19,6 +19,7 @@ from ssm_planner.identification.parameters import (
     CHANGE,
     CHANGES,
     locking_mu,
+    map_torque,
     names_of,
     rest_coefficient,
     with_parameters,
@@ -46,8 +47,8 @@ LARGEST_PULL = 0.2
 """Largest prior pull of a parameter that counts as determined by the data, see `prior_pull`."""
 SMALLEST_PROBABILITY = 0.01
 """Smallest probability with which a law is part of the posterior."""
-LARGEST_RATIO = 2.5
-"""Ratio of fitted to expected bearing friction above which another drive is suspected."""
+LARGEST_RATIO = 1.5
+"""Ratio of measured to expected torque above which another drive is suspected."""
 LARGEST_ERROR = 0.2
 """RMS error, as a share of the mean torque, above which another drive is suspected."""
 WEIGHT = "weight"
@@ -195,8 +196,6 @@ def fit_map(
     weight = np.ones(len(data.w))
     for outlier in outliers:
         weight[outlier.index] = outlier.weight
-    elapsed = share_of_session(data.times)
-    is_dated = bool(np.isfinite(elapsed).any())
     prototype = MapModel(
         drive=drive,
         law=law,
@@ -207,8 +206,7 @@ def fit_map(
         tau=data.tau,
         weight=weight,
         friction=data.friction,
-        elapsed=elapsed,
-        middle=float(np.median(elapsed[np.isfinite(elapsed)])) if is_dated else 0.0,
+        elapsed=share_of_session(data.times),
         load=load + fixed.get(LOAD_OFFSET, 0.0),
         scatter=max(
             _INITIAL_SCATTER * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))
@@ -562,7 +560,7 @@ def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
 def _notes_on(model: MapModel, estimates: dict[str, Estimate]) -> list[str]:
     """Return notes on single estimates.
 
-    They concern self-locking, a change of friction, and bearing friction far from the expected one.
+    They concern self-locking and a change of friction.
     """
     notes = []
     if "mu" in estimates and estimates["mu"].at_bound:
@@ -576,15 +574,6 @@ def _notes_on(model: MapModel, estimates: dict[str, Estimate]) -> list[str]:
             f"friction changed by {low:.0%} to {high:.0%} during the session: the values are those "
             "in its middle, and the intervals include its beginning and its end"
         )
-    for name in ("b_c", "b_v"):
-        expected, estimate = model.reference.get(name, 0.0), estimates[name]
-        if name not in model.names or expected <= 0:
-            continue
-        if estimate.low > LARGEST_RATIO * expected or estimate.high * LARGEST_RATIO < expected:
-            notes.append(
-                f"{name} is {estimate.value / expected:.2g} times the expected value: are these "
-                "recordings of this drive?"
-            )
     return notes
 
 
@@ -605,7 +594,8 @@ def _unreliable(possible: PossibleLaws) -> list[str]:
 def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
     """Return remarks on implausible results of the fit, as sentences.
 
-    They concern the sign of the load, the contact of preloaded nuts, and a large error.
+    They concern the sign of the load, the contact of preloaded nuts, and another torque than
+    expected.
 
     Parameters
     ----------
@@ -631,7 +621,16 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
             f"the preload does not keep both half nuts in contact at {losses} points: the law does "
             "not hold there"
         )
-    error = rms(model.tau - predicted) / float(np.mean(np.abs(model.tau)))
+    size = float(np.mean(np.abs(model.tau)))
+    if set(names_of("coulomb")) <= set(model.reference):
+        expected = with_parameters(model.drive, "coulomb", model.reference)
+        ratio = size / float(np.mean(np.abs(map_torque(expected, model.w, model.load))))
+        if not 1 / LARGEST_RATIO < ratio < LARGEST_RATIO:
+            notes.append(
+                f"the mean torque is {ratio:.2g} times that of the expected friction: are these "
+                "recordings of this drive?"
+            )
+    error = rms(model.tau - predicted) / size
     if error > LARGEST_ERROR:
         notes.append(
             f"the error of the law is {error:.0%} of the mean torque: are these recordings of this "

@@ -6,7 +6,7 @@ from typing import cast
 from ssm_planner.dynamics import friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
-from ssm_planner.problem import LAWS, Drive, Friction, FrictionLawName, unchecked
+from ssm_planner.problem import LAW_NAMES, LAWS, Drive, Friction, FrictionLawName, unchecked
 from ssm_planner.typing import Array, Keywords
 
 TYPICAL_MU = 0.15
@@ -22,7 +22,6 @@ FRICTIONS = ("b_c", "b_v", "mu", "b_oc", "b_ov", "mu_stribeck")
 """Parameters that change in proportion if friction changes during a session."""
 CHANGE, WARM_UP = CHANGES = ("change", "warm_up")
 """Change of ln friction during a session, and its time constant as a share of the session."""
-_FRICTION_FIELDS = (*FRICTIONS, "stribeck_speed", "mu_static")
 ALL = (*FRICTIONS, "stribeck_speed", "preload")
 """Names of the parameters that can be fitted to a torque–velocity map or fixed by the user."""
 
@@ -50,7 +49,7 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
     values : Mapping
         Parameters by name, in SI units. Arrays represent many parameter sets at once.
     """
-    friction: Keywords = {name: values[name] for name in _FRICTION_FIELDS if name in values}
+    friction: Keywords = {name: values[name] for name in LAW_NAMES if name in values}
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
     if law == "coulomb":
         friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}

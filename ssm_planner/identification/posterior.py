@@ -112,8 +112,6 @@ class MapModel:
     """Part of the mean torques that is due to friction, (points,) N·m."""
     elapsed: Array
     """Time of the recordings as a share of the session, (points,). NaN without a date."""
-    middle: float
-    """Median of `elapsed`."""
     load: float
     """Effort on the output including a fixed offset, N·m or N."""
     scatter: float
@@ -195,7 +193,7 @@ class MapModel:
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
 
     def change(self, z: Array, elapsed: Array) -> Array:
-        """Return the change of ln friction since the middle of the session, (sets, times).
+        """Return the change of ln friction since half of the session had passed, (sets, times).
 
         `elapsed` contains times (times,) as shares of the session. The result is 0 where they are
         NaN, and for a law without change. `z` (sets, k) contains coordinates of the parameters.
@@ -204,7 +202,7 @@ class MapModel:
         if CHANGE not in values:
             return np.zeros((len(z), len(elapsed)))
         rate = 1 / values[WARM_UP]
-        progress = np.expm1(-elapsed * rate) - np.expm1(-self.middle * rate)
+        progress = np.expm1(-elapsed * rate) - np.expm1(-0.5 * rate)
         return np.nan_to_num(values[CHANGE] * progress / np.expm1(-rate))
 
     def at_ends(self, z: Array) -> Array:

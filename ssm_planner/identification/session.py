@@ -67,15 +67,12 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> tuple[str, ..
                 "its dependence on speed, and widens the intervals. Record the speeds in random "
                 "order"
             )
-    everything = sorted(
-        (date, name)
-        for date, name in (
-            *zip(data.times.tolist(), data.names, strict=True),
-            *((recording.date, recording.name) for recording in moving),
-        )
-        if np.isfinite(date)
-    )
-    for (before, _), (after, name) in pairwise(everything):
+    everything = [
+        *zip(data.times.tolist(), data.names, strict=True),
+        *((recording.date, recording.name) for recording in moving),
+    ]
+    dated = sorted(pair for pair in everything if np.isfinite(pair[0]))
+    for (before, _), (after, name) in pairwise(dated):
         if after - before > PAUSE:
             notes.append(
                 f"{name} was recorded {_duration(after - before)} after the recordings before it: "

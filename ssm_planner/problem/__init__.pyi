@@ -76,6 +76,7 @@ from .posterior import (
     CONFIDENCE as CONFIDENCE,
     FRICTION_NAMES as FRICTION_NAMES,
     LAW as LAW,
+    LAW_NAMES as LAW_NAMES,
     LAWS as LAWS,
     LOAD_OFFSET as LOAD_OFFSET,
     Harmonics as Harmonics,

@@ -38,7 +38,6 @@ def model_of(rig: str, **fixed: float) -> MapModel:
         weight=np.ones(len(figures.w)),
         friction=figures.friction,
         elapsed=np.full(len(figures.w), np.nan),
-        middle=0.0,
         load=drive.rig.F_payload,
         scatter=0.1 * float(np.median(figures.tau_deviation)),
     )
