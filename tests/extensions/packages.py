@@ -25,17 +25,18 @@ class Package(NamedTuple):
     """Entry point of the format, module:object."""
 
 
-def _package(file: Path) -> Package:
-    project = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
-    ((form, entry),) = project["entry-points"][GROUP].items()
-    return Package(file.parent, project["name"], form, entry)
+def _packages() -> dict[str, Package]:
+    """Return the packages that add an export format, by the name of their folder."""
+    packages = {}
+    for file in sorted((ROOT / "examples/extensions").glob("*/pyproject.toml")):
+        project = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+        for form, entry in project.get("entry-points", {}).get(GROUP, {}).items():
+            packages[file.parent.name] = Package(file.parent, project["name"], form, entry)
+    return packages
 
 
-PACKAGES = {
-    file.parent.name: _package(file)
-    for file in sorted((ROOT / "examples/extensions").glob("*/pyproject.toml"))
-}
-"""Packages by the name of their folder."""
+PACKAGES = _packages()
+"""Packages with an export format by the name of their folder."""
 
 
 def install(site: Path) -> str:
