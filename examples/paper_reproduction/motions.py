@@ -20,12 +20,8 @@ from paper_reproduction.published import (
     SpeedRow,
 )
 from paper_reproduction.section import Section
-from ssm_planner.kinematics import (
-    Mechanism,
-    joint_speed_per_tilt_speed,
-    task_rates,
-    tilt_rate_bound,
-)
+from paper_reproduction.tilt_rate import tilt_rate_bound
+from ssm_planner.kinematics import Mechanism, joint_speed_per_tilt_speed, task_rates
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (

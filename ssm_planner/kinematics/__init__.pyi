@@ -48,5 +48,4 @@ from .workspace import (
     smallest_singular_value as smallest_singular_value,
     theta2_from_tilt as theta2_from_tilt,
     tilt_interval as tilt_interval,
-    tilt_rate_bound as tilt_rate_bound,
 )

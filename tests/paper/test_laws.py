@@ -26,12 +26,12 @@ from paper_reproduction.friction import (
 )
 from paper_reproduction.motions import payloads, tilts_of
 from paper_reproduction.published import BOUNDS, Inputs
+from paper_reproduction.tilt_rate import tilt_rate_bound
 from paper_reproduction.workspace import design_choice, tilt_range
 from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
-from ssm_planner.kinematics.workspace import tilt_rate_bound
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.duty import DutyCycle
 from tests.support.paper_cases import Made

@@ -7,13 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from paper_reproduction.tilt_rate import tilt_rate_bound
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.workspace import (
-    joint_speed_per_tilt_speed,
-    theta2_from_tilt,
-    tilt_rate_bound,
-)
+from ssm_planner.kinematics.workspace import joint_speed_per_tilt_speed, theta2_from_tilt
 from tests.support.tilts import tilt_from_theta2
 
 
