@@ -277,11 +277,20 @@ def rows(drive, motion, sign, mu):
 
     F = τ + J_out q̈ + b_oc sgn + b_ov q̇. Row: γ tan(λ ± φ) F + J_in k q̈ + b_c sgn + b_v k q̇, with
     tan(λ ± φ) = (tan λ ± tan φ)/(1 ∓ tan λ tan φ) and tan φ = μ/cos θ. The nuts of a preloaded
-    screw carry F − P and P + m₂ q̈, and the direction alone selects both signs: one row.
+    screw carry F − P and P + m₂ q̈, and the direction alone selects both signs: one row. A gear
+    stage with ratio N divides a row by N η if it opposes the motion, and multiplies it by η_b/N if
+    it drives the motor.
     """
     (load, v, a), law, k, (lead, normal) = motion, drive["friction"], drive["ratio"], locking(drive)
     wedge, preload = mu * power(normal, -1), drive["preload"]
     up, down = ((lead + x) * power(lead * -x + 1.0, -1) * drive["gamma"] for x in (wedge, -wedge))
+    for stage in filter(None, (drive.get("gearhead"), drive.get("belt"))):
+        per_turn = power(given(stage["ratio"]), -1)
+        driving = per_turn * power(given(stage["efficiency"]), -1)
+        driven = per_turn * given(stage["backward_efficiency"] or stage["efficiency"])
+        up *= driving
+        down = hull(*(np.minimum(*x) for x in zip(bounds(down * driving), bounds(down * driven),
+                                                  strict=True)))
     effort = load + a * drive["output_inertia"] + v * law["b_ov"] + sign * law["b_oc"]
     base = a * k * drive["input_inertia"] + v * k * law["b_v"] + sign * law["b_c"]
     if drive["kind"] != "antibacklash_screw":

@@ -14,6 +14,10 @@ The motor supplies F/(ratio·η₊) while the load opposes the motion, and recei
 load drives it. A thread with a lead angle of 45° has the same two slopes (`of_efficiencies`), so
 the same equations apply to all drives.
 
+A gear stage between motor and drive multiplies the torque of the mesh by 1/(ratio·efficiency) while
+that torque opposes the motion, and by efficiency_back/ratio while it drives the motor. Inertia and
+bearing friction act on the motor shaft.
+
 The law is piecewise linear in the acceleration. The motor accelerates the inertia
 `effective_inertia(...)[0]` while the load opposes the motion, and `effective_inertia(...)[1]` while
 the load drives it. Friction can make the second inertia negative if the inertia of the load is
@@ -49,6 +53,10 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
     tan_phi = mu * drive.wedging
     uphill = (tan_lead + tan_phi) * drive.gamma / (1.0 - tan_lead * tan_phi)
     downhill = (tan_lead - tan_phi) * drive.gamma / (1.0 + tan_lead * tan_phi)
+    for stage in drive.stages.values():
+        uphill = uphill * stage.forwards
+        # The torque of a self-locking mesh opposes the motion even if the load drives it.
+        downhill = namespace_of(mu).minimum(downhill * stage.forwards, downhill * stage.backwards)
     return uphill, downhill
 
 

@@ -20,13 +20,16 @@ from ssm_planner.dynamics import (
     breakaway_coefficient,
     friction_of,
     load_figures,
+    mesh_coefficients,
     motorised,
     motorless,
+    of_efficiencies,
 )
 from ssm_planner.elements.element import COLLOCATION, DENSE, SIMPSON, ElementModel
 from ssm_planner.elements.free_element import FreeElement
 from ssm_planner.elements.rows import ACCELERATION_SHARE, actuations_by_load
 from ssm_planner.elements.straight_element import DEGREE, StraightElement
+from ssm_planner.errors import ProblemError
 from ssm_planner.interior.problem import ElementGroup
 from ssm_planner.kinematics import JACOBIANS, Mechanism, lens_limit
 from ssm_planner.native.library import load
@@ -614,7 +617,30 @@ def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = Fals
     values["stribeck_speed"] = friction.stribeck_speed or 1.0
     if breakaway:  # At breakaway the law of a constant coefficient holds.
         values["mu"] = breakaway_coefficient(friction)
+    if drive.stages:
+        values |= _with_stages(drive, values["mu"])
     return DRIVE.pack(**values, limit=1.0, nominal=nominal)
+
+
+def _with_stages(drive: Drive, mu: float) -> dict[str, float]:
+    """Return the values of a thread without gear stages that has the same torque law as a drive.
+
+    A self-locking mesh always opposes the motor, so the stages only change its effort arm. Another
+    mesh needs a constant friction coefficient `mu`. Raises ProblemError if it is not constant.
+    """
+    uphill, downhill = mesh_coefficients(drive, mu)
+    if downhill <= 0:
+        return {"gamma": drive.gamma * math.prod(stage.forwards for stage in drive.stages.values())}
+    if friction_of(drive).law != "coulomb":
+        raise ProblemError(
+            "a gearhead or belt before a thread that is not self-locking needs constant friction",
+            file=drive.file,
+            key="friction.law",
+            value=friction_of(drive).law,
+            allowed="coulomb",
+        )
+    gamma, mu = of_efficiencies(1.0, 1.0 / uphill, downhill)
+    return {"gamma": gamma, "mu": mu, "lead_slope": 1.0, "wedging": 1.0}
 
 
 def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:

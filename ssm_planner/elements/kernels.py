@@ -274,6 +274,7 @@ def _drives(writer: _Writer) -> None:
     for (two_nuts, mesh), law in product(enumerate(MESHES), LAWS):
         drive: Any = DRIVE.unpack(drive_symbols)
         drive.two_nuts = two_nuts
+        drive.stages = {}  # the values of the thread contain them
         drive.friction = DRIVE.unpack(drive_symbols)
         drive.friction.law = law
         if law == "coulomb":

@@ -1,8 +1,10 @@
 """Read drive files, complete the geometry of the gear, and record the source of each figure."""
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,6 +13,7 @@ from pydantic import FiniteFloat, field_validator
 
 from ssm_planner.dynamics import of_efficiencies
 from ssm_planner.errors import ProblemError
+from ssm_planner.loading.motors import check_rule
 from ssm_planner.loading.schema import (
     POSITIVE,
     SOURCE,
@@ -34,6 +37,7 @@ from ssm_planner.loading.schema import (
     wrong,
 )
 from ssm_planner.loading.yaml_nodes import Section
+from ssm_planner.package_table import package_table
 from ssm_planner.problem import (
     PARAMETERS,
     RANGED,
@@ -43,6 +47,7 @@ from ssm_planner.problem import (
     Bound,
     Drive,
     Friction,
+    Gearhead,
     Harmonics,
     Posterior,
     Ratings,
@@ -142,6 +147,8 @@ def _range(name: str, slides: bool) -> Any:
 
 SCREW_RATINGS = ("free_length", "root_diameter", "ends")
 """Ratings that only a drive with a linear output has."""
+GEARHEAD_RULES = package_table(Path(__file__).with_name("gearheads.csv"))
+"""Ranges of the figures of gear stages in SI units, in the form of `motors.RULES`."""
 THREAD_FIELDS = ("self_locking", "friction_ranges", "rig")
 """Fields that only a worm or screw has."""
 ANTIBACKLASH_FIELDS = ("preload", "second_nut_mass")
@@ -169,14 +176,12 @@ def drive_model(drive_kind: str) -> Any:
     """
     kind: Any = TRANSMISSIONS.find(drive_kind)
     slides = kind.slides
-    screw_ratings = () if slides else SCREW_RATINGS
-    ratings = model_of(
-        Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=screw_ratings
-    )
     keys = {
         "kind": (Literal[drive_kind], ...),
         "source": SOURCE,
-        "ratings": optional(nested(ratings)),
+        "ratings": optional(nested(_ratings_model(slides))),
+        "gearhead": optional(nested(gearhead_model())),
+        "belt": optional(nested(gearhead_model())),
     }
     if hints(kind):
         geometry = model_of(kind, sourced=True)
@@ -191,6 +196,33 @@ def drive_model(drive_kind: str) -> Any:
         without += ANTIBACKLASH_FIELDS
     base = _ThreadModel if kind.threaded else Model
     return model_of(Drive, keys, slides=slides, sourced=True, without=without, base=base)
+
+
+def _ratings_model(slides: bool) -> Any:
+    """Return the model of the ratings of a drive with a rotary or a linear output (`slides`)."""
+    without = () if slides else SCREW_RATINGS
+    return model_of(Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=without)
+
+
+@cache
+def gearhead_model() -> Any:
+    """Return the model of a gear stage between motor and drive."""
+    return model_of(Gearhead, {"ratings": optional(nested(_ratings_model(slides=False)))})
+
+
+def gearhead_from(section: Section, model: Any = None) -> Gearhead:
+    """Build the gear stage that a section describes. Raises ProblemError if a value is invalid."""
+    fields = dict(model or validated(section, gearhead_model()))
+    figures = {name: math.nan if fields[name] is None else fields[name] for name in fields}
+    with located(section.sub("ratings")):
+        if fields["ratings"] is not None:
+            ratings = _values(fields["ratings"])
+            fields["ratings"] = Ratings(**ratings)
+            figures |= {f"ratings.{name}": value for name, value in ratings.items()}
+    for rule in GEARHEAD_RULES:
+        check_rule(section, defaultdict(lambda: math.nan, figures), rule)
+    with located(section):
+        return Gearhead(**fields)
 
 
 def _thread_keys(slides: bool) -> Keywords:
@@ -265,6 +297,11 @@ def drive_from(section: Section) -> Drive:
         section, model, kind, dimensions
     )
     sources, placeholders = _origins(model)
+    for name in ("gearhead", "belt"):
+        if getattr(model, name) is not None:
+            fields[name] = stage = gearhead_from(section.sub(name), getattr(model, name))
+            fields["ratio"] *= stage.ratio
+            placeholders += (name,) * stage.placeholder
     with located(section.sub("ratings")):
         ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
     with located(section):

@@ -111,11 +111,14 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
     if "mechanical_time_constant" not in values:
         figures["rotor_time"] = figures["rotor_inertia"] * resistance / constant**2
     for rule in RULES:
-        _check_rule(section, figures, rule)
+        check_rule(section, figures, rule)
 
 
-def _check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[str]) -> None:
-    """Raise ProblemError if figures violate a rule. A product of NaN violates none."""
+def check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[str]) -> None:
+    """Raise ProblemError if figures violate a rule such as those of RULES.
+
+    A product of NaN violates none.
+    """
     figure, product_text, *numbers, fault = rule
     factors = (factor.partition("^") for factor in product_text.split())
     powers = {name: int(power or 1) for name, _, power in factors}
@@ -129,6 +132,6 @@ def _check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[s
     allowed = "{:.3g} to {:.3g} in SI units: figures of one datasheet and one winding"
     raise section.error(
         fault.format(value=scale * product, expected=scale * expected),
-        figure,
+        *figure.split("."),
         allowed=allowed.format(*sorted(ends)),
     )

@@ -12,6 +12,7 @@ from .drive import (
     Drive as Drive,
     Friction as Friction,
     FrictionLawName as FrictionLawName,
+    Gearhead as Gearhead,
     Ratings as Ratings,
     Rig as Rig,
     ScrewEnds as ScrewEnds,

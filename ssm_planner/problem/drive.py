@@ -15,6 +15,7 @@ from ssm_planner.problem.value import (
     Names,
     NotNegative,
     Positive,
+    Share,
     Sign,
     Speed,
     Torque,
@@ -196,7 +197,7 @@ class Ratings(Value):
     """Largest output effort at any instant, N·m (worm) or N (screws)."""
     input_speed: Speed | None = None
     """Largest motor speed, rad/s."""
-    duty: Annotated[Positive, "number"] | None = None
+    duty: Share | None = None
     """Largest share of time in motion."""
     free_length: Length | None = None
     """Unsupported length of a screw, m."""
@@ -206,15 +207,13 @@ class Ratings(Value):
     """Bearings of the screw, for buckling and critical speed."""
 
     def _check(self) -> None:
-        """Raise ProblemError if two ratings contradict each other or the duty exceeds 100 %."""
+        """Raise ProblemError if two ratings contradict each other."""
         continuous = self.continuous_output
         peak = self.peak_output
         if continuous is not None and peak is not None and peak < continuous:
             raise self._wrong(
                 "peak_output", "smaller than continuous_output", f"at least {continuous:g} in SI"
             )
-        if self.duty is not None and self.duty > 1:
-            raise self._wrong("duty", "more than 100 % of the time", "above 0 and at most 1")
         length = self.free_length
         diameter = self.root_diameter
         if length is not None and diameter is not None and diameter > length:
@@ -223,6 +222,56 @@ class Ratings(Value):
                 "the diameter exceeds the length: check the unit",
                 "less than free_length",
             )
+
+
+@record
+class Gearhead(Value):
+    """Gear stage between motor and drive, such as a planetary gearhead or a belt.
+
+    While the motor drives, a torque τ at the output needs τ / (ratio · efficiency) at the input.
+    While the load drives, τ · backward_efficiency / ratio arrives at the input. A value is None if
+    the file does not state it.
+
+    Examples
+    --------
+    >>> import ssm_planner as ssm
+    >>> ssm.Gearhead("planetary", ratio=14.0, efficiency=0.8).backwards
+    0.05714285714285715
+    """
+
+    name: str
+    """Name such as the manufacturer's designation."""
+    ratio: Annotated[Positive, "number"]
+    """Turns of the input per turn of the output."""
+    efficiency: Share
+    """Ratio of output to input power while the motor drives."""
+    backward_efficiency: Share | None = None
+    """Ratio of output to input power while the load drives. The default is `efficiency`."""
+    inertia: Annotated[NotNegative, "inertia"] | None = None
+    """Inertia at the input, kg·m²."""
+    backlash: Annotated[NotNegative, "angle"] | None = None
+    """Total play of the output with the input locked, rad."""
+    mass: Annotated[Positive, "mass"] | None = None
+    """Mass, kg."""
+    length: Length | None = None
+    """Length, m."""
+    ratings: Ratings | None = None
+    """Manufacturer's ratings. Without them, the stage is not checked."""
+    placeholder: bool = False
+    """True if the figures replace unknown ones."""
+    source: str | None = None
+    """Source of the figures."""
+
+    @property
+    def forwards(self) -> float:
+        """Input torque per output torque while the motor drives."""
+        return 1.0 / (self.ratio * self.efficiency)
+
+    @property
+    def backwards(self) -> float:
+        """Input torque per output torque while the load drives."""
+        backward = self.backward_efficiency
+        return (self.efficiency if backward is None else backward) / self.ratio
 
 
 @record
@@ -283,6 +332,21 @@ class Drive(Value):
 
     They cover lubrication, temperature and wear.
     """
+    gearhead: Gearhead | None = None
+    """Gearhead on the motor. `ratio`, input_inertia, b_c and b_v refer to the motor shaft."""
+    belt: Gearhead | None = None
+    """Belt between gearhead and drive."""
+
+    @property
+    def stages(self) -> dict[str, Gearhead]:
+        """Gear stages between motor and drive by field, from the motor on."""
+        stages = {"gearhead": self.gearhead, "belt": self.belt}
+        return {name: stage for name, stage in stages.items() if stage is not None}
+
+    @property
+    def stage_ratio(self) -> float:
+        """Turns of the motor per turn of the drive's input shaft."""
+        return math.prod(stage.ratio for stage in self.stages.values())
 
     @property
     def lead_slope(self) -> float:

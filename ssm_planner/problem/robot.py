@@ -200,7 +200,10 @@ class Joint(Value):
     motor_direction: Sign = 1
     """Sign of the motor controller's position relative to the joint."""
     backlash: Annotated[NotNegative, "angle or length"] | None = None
-    """Total play of the joint with the motor locked. None if it is unknown."""
+    """Total play of the joint with the motor locked, without that of gear stages, which is added.
+
+    None if it is unknown.
+    """
     stiffness: Annotated[Positive, "rotary_stiffness or linear_stiffness"] | None = None
     """Effort per deflection of the joint with the motor locked. None if it is unknown."""
     homing_error: Annotated[NotNegative, "angle or length"] | None = None
@@ -242,6 +245,21 @@ class Joint(Value):
             reason = f"a {drive.kind} drive does not fit a {self.kind} joint"
             raise self._wrong("drive", reason, ", ".join(kinds), drive.name)
         drive.check_travel(self.position[1] - self.position[0])
+
+    def plays(self) -> dict[str, float | None]:
+        """Return the play due to each gear stage, by a name such as "gearhead backlash".
+
+        The play is in rad or m. It is None if the backlash is unknown or a placeholder.
+        """
+        plays: dict[str, float | None] = {}
+        ratio = 1.0
+        if self.drive is None:
+            return plays
+        for name, stage in self.drive.stages.items():
+            ratio *= stage.ratio
+            known = None if stage.placeholder else stage.backlash
+            plays[f"{name} backlash"] = None if known is None else known * ratio / self.drive.ratio
+        return plays
 
     @property
     def slides(self) -> bool:

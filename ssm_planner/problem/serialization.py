@@ -43,8 +43,8 @@ from ssm_planner.typing import Fields, JsonObject
 
 PRIMITIVE = {type(None), bool, int, float, str}
 """Types that JSON represents directly."""
-ADDED = "no_load_current"
-"""Field that earlier versions do not have. Without a value, it does not change a certificate."""
+ADDED = ("no_load_current", "gearhead", "belt")
+"""Fields that earlier versions do not have. Without a value, they do not change a certificate."""
 
 
 def plain(value: Any) -> Any:
@@ -63,7 +63,7 @@ def plain(value: Any) -> Any:
         return _SPECIAL[value_type](value)
     if names := _names(value_type):
         items = ((name, plain(getattr(value, name))) for name in names)
-        return {name: item for name, item in items if item is not None or name != ADDED}
+        return {name: item for name, item in items if item is not None or name not in ADDED}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -90,6 +90,8 @@ Time = Annotated[Positive, "time"]
 """Positive time, s."""
 Coefficient = Annotated[NotNegative, "number"]
 """Number without a unit, at least 0."""
+Share = Annotated[float, Bound(above=0.0, at_most=1.0), "number"]
+"""Number above 0 and at most 1."""
 Position = Annotated[Vector, "length"]
 """Position or lengths along the axes, m, (3,)."""
 Speed = Annotated[Positive, "motor_speed"]

@@ -159,6 +159,7 @@ def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> C
     assumed = Compliance.of_frequency(body, np.zeros(4), frequency)
     for k, (name, joint) in enumerate(zip(JOINTS, robot.joints, strict=True)):
         backlash[k] = backlash[k] if joint.backlash is None else joint.backlash
+        backlash[k] += sum(play or 0.0 for play in joint.plays().values())
         if joint.stiffness is not None:
             frequency[k] *= float(np.sqrt(joint.stiffness / assumed.stiffness[k]))
         settings = controller.compliance.get(name)

@@ -268,8 +268,7 @@ def _mesh(lossless: Drive, effort: Array, direction: Array) -> Array:
 
 
 def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:
-    """Return the drive without losses in the mesh. Without losses, γ = 1/ratio."""
+    """Return the drive without losses in mesh and gear stages. Without losses, γ = 1/ratio."""
     friction = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings)
-    return unchecked(
-        drive, friction=friction, gamma=drive.gamma if drive.threaded else 1.0 / drive.ratio
-    )
+    gamma = drive.gamma / drive.stage_ratio if drive.threaded else 1.0 / drive.ratio
+    return unchecked(drive, friction=friction, gamma=gamma, gearhead=None, belt=None)

@@ -9,7 +9,7 @@ turn the tool by Δφ,
 where J is the geometric Jacobian of the tip. Each joint has five errors:
 
 * half an increment of the encoder, divided by the gear ratio,
-* half of the backlash,
+* half of the backlash of the joint, and of each gear stage between motor and drive,
 * the largest error of the zero position after homing,
 * the largest tracking error,
 * the deflection under load, effort / stiffness, which the dynamics determine.
@@ -146,7 +146,7 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
     rng = np.random.default_rng(0)
     for i, name, largest in errors:
         # The load presses the joint against one of both flanks.
-        is_play = name == "backlash"
+        is_play = name.endswith("backlash")
         shares = rng.choice([-1.0, 1.0], DRAWS) if is_play else rng.uniform(-1.0, 1.0, DRAWS)
         draws[i] += largest * shares
     return TipError(
@@ -185,6 +185,9 @@ def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:
         yield "encoder", increment / 2
     if joint.backlash is not None:
         yield "backlash", joint.backlash / 2
+    for name, play in joint.plays().items():
+        if play is not None:
+            yield name, play / 2
     if joint.homing_error is not None:
         yield "homing error", joint.homing_error
     if joint.tracking_error is not None:
@@ -197,6 +200,8 @@ def _missing(robot: Robot) -> Iterator[str]:
         for name in STATED:
             if getattr(joint, name) is None:
                 yield f"{joint.name}: {name.replace('_', ' ')}"
+        plays = joint.plays().items()
+        yield from (f"{joint.name}: {name}" for name, play in plays if play is None)
         # The position of a joint without a drive is set by hand, without an encoder.
         if joint.drive is not None and not (joint.motor and joint.motor.encoder_known):
             yield f"{joint.name}: encoder"

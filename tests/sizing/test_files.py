@@ -192,7 +192,7 @@ def test_ratings_and_ranges_are_read(tmp_path: Path) -> None:
             "ratings.peak_output",
             "a torque, not a force",
         ),
-        (("duty: 0.5", "duty: 50"), "ratings.duty", "more than 100 %"),
+        (("duty: 0.5", "duty: 50"), "ratings.duty", "at most 1"),
         (
             ("root_diameter: 2.4 mm", "root_diameter: 240 mm"),
             "ratings.root_diameter",

@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner import Plan, fk, load_plan
 from ssm_planner.dynamics import RigidBody
-from ssm_planner.problem import Robot
+from ssm_planner.problem import Gearhead, Robot
 from ssm_planner.problem.value import unchecked
 from ssm_planner.sizing.tip_error import tip_error
 from tests.support.paths import ROOT
@@ -139,3 +139,20 @@ def test_the_plan_states_the_tip_error() -> None:
     entry = plan.summary()["tip_error"]
     assert entry["bound"] == plan.tip_error.bound
     assert entry["sources"][0]["tip"] >= entry["sources"][-1]["tip"]
+
+
+def test_the_backlash_of_a_gearhead_counts_at_the_joint():
+    robot = accurate()
+    drive = robot.joints[0].drive
+    head = Gearhead("head", 5.0, 0.8, backlash=0.2)
+    staged = unchecked(drive, gearhead=head, ratio=5.0 * drive.ratio)
+    joints = (unchecked(robot.joints[0], drive=staged), *robot.joints[1:])
+    error = tip_error(made().motion, unchecked(robot, joints=joints))
+    (source,) = (source for source in error.sources if source.name == "gearhead backlash")
+    assert source.error == pytest.approx(0.1 / drive.ratio)
+    assert error.bound > tip_error(made().motion, robot).bound
+    unknown = unchecked(staged, gearhead=replace(head, backlash=None))
+    joints = (unchecked(robot.joints[0], drive=unknown), *robot.joints[1:])
+    error = tip_error(made().motion, unchecked(robot, joints=joints))
+    assert error.bound is None
+    assert error.missing == ("roll: gearhead backlash",)
