@@ -27,7 +27,7 @@ def run_size(options: Namespace) -> int:
 
     duty = read_duty(options.plan, options.robot)
     conditions = _conditions(options, duty)
-    if options.catalogue is not None or options.gears:
+    if options.catalogue is not None or options.gears or options.gearheads:
         return _run_selection(options, duty, conditions)
     candidates = read_candidates(options.motor, duty)
     progress(Step("judging motors"))
@@ -68,15 +68,15 @@ MAX_PAIRS = 10
 
 def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Conditions") -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
-    from ssm_planner.loading import Part, gears_of, motors_of
+    from ssm_planner.loading import Part, gearheads_of, gears_of, motors_of
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select
 
     if options.catalogue is None:
         raise ProblemError(
             "needs a catalogue of motors",
-            key="--gears",
-            allowed="--gears together with --catalogue",
+            key="--gears" if options.gears else "--gearheads",
+            allowed="--catalogue together with --gears or --gearheads",
         )
     if options.motor or options.what_if:
         raise ProblemError(
@@ -92,8 +92,9 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
             gears[joint.name] = []
             for path in options.gears:
                 gears[joint.name] += gears_of(path, joint.drive, stroke)
+    gearheads = [part for path in options.gearheads for part in gearheads_of(path)]
     progress_reporter(f"judging {len(motors)} motors")
-    joints = select(duty, motors, gears, conditions, options.payload)
+    joints = select(duty, motors, gears, conditions, options.payload, gearheads=gearheads)
     # Verdict on the best pair of each joint: 1 is adequate, 0 is not known, −1 is not adequate.
     best_verdicts = [joint.adequate.max(initial=-1) for joint in joints]
     adequate = None if 0 in best_verdicts or not best_verdicts else True
@@ -108,6 +109,8 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
         for motor in motors
         if motor.of.placeholder
     ]
+    if any(part.of.placeholder for part in gearheads):
+        notes.append("gearheads with placeholder figures: the answer of their chains is not known")
     document: JsonObject = {
         "motion": duty.name,
         "adequate": adequate,

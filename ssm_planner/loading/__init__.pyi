@@ -3,6 +3,7 @@
 from .catalogues import (
     Part as Part,
     entries as entries,
+    gearheads_of as gearheads_of,
     gears_of as gears_of,
     motors_of as motors_of,
     number_or_text as number_or_text,

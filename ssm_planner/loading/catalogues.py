@@ -7,17 +7,25 @@ from typing import Generic, TypeVar
 
 from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.drives import drive_from
+from ssm_planner.loading.drives import drive_from, gearhead_from
 from ssm_planner.loading.files import read, shipped_folder
 from ssm_planner.loading.motors import MotorModel, motor_from
 from ssm_planner.loading.schema import located
 from ssm_planner.loading.tables import table_rows, with_points
 from ssm_planner.loading.yaml_nodes import Section, plain_node
-from ssm_planner.problem import TRANSMISSIONS, Drive, Motor, Transmission
+from ssm_planner.problem import (
+    TRANSMISSIONS,
+    Drive,
+    Friction,
+    Gearhead,
+    Motor,
+    Transmission,
+    hints,
+)
 from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.units import BadQuantity, of_heading, quantity
 
-T = TypeVar("T", Motor, Drive)
+T = TypeVar("T", Motor, Drive, Gearhead)
 
 LARGEST_CATALOGUE = 10_000
 """Largest number of entries."""
@@ -132,6 +140,36 @@ def gears_of(path: Path, drive: Drive, travel: float = 0.0) -> list[Part[Drive]]
         for row in rows
         if row.cells.get("kind", drive.kind) == drive.kind and _describes(row, drive.transmission)
     ]
+
+
+def gearheads_of(path: Path) -> list[Part[Gearhead]]:
+    """Read the gearheads of a catalogue, which must state the inertia of each.
+
+    Raises ProblemError if the catalogue is missing or invalid.
+    """
+    file = catalogue_file(path)
+    sections = _sections(file) if file.is_dir() else {}
+    for row in [] if file.is_dir() else rows_of(file):
+        values = {"name": row.label, "source": f"{file.name}, {row.label}"}
+        sections[row.label] = _section(file, row, _nest(row.cells, values))
+    gearheads = {label: gearhead_from(section) for label, section in sections.items()}
+    for label, gearhead in gearheads.items():
+        if gearhead.inertia is None:
+            raise sections[label].error(
+                "missing", "inertia", allowed="the inertia at the input", show=False
+            )
+    return [
+        Part(label, gearhead, gearhead.mass, gearhead.length)
+        for label, gearhead in gearheads.items()
+    ]
+
+
+def _nest(cells: JsonObject, values: JsonObject) -> JsonObject:
+    """Add cells to values. A cell `part.name` becomes the key `name` of the mapping `part`."""
+    for key, cell in cells.items():
+        prefix, _, name = key.rpartition(".")
+        (values.setdefault(prefix, {}) if prefix else values)[name] = cell
+    return values
 
 
 def _describes(row: Row, kind: type[Transmission]) -> bool:
@@ -296,15 +334,10 @@ def _with_gear(file: Path, row: Row, drive: Drive, travel: float) -> Drive:
             "preload": f"{drive.preload!r} N",
             "second_nut_mass": f"{drive.second_nut_mass!r} kg",
         }
-    of_friction = []
-    stated = {key.rpartition(".")[2] for key in row.cells}
-    for key, cell in row.cells.items():
-        if key in SIZE_COLUMNS:
-            continue
-        prefix, _, name = key.rpartition(".")
-        (values.setdefault(prefix, {}) if prefix else values)[name] = cell
-        of_friction += [name] if prefix == "friction" else []
-    section = _section(file, row, values)
+    cells = {key: cell for key, cell in row.cells.items() if key not in SIZE_COLUMNS}
+    stated = {key.rpartition(".")[2] for key in cells}
+    of_friction = [name for name in hints(Friction) if f"friction.{name}" in cells]
+    section = _section(file, row, _nest(cells, values))
     result = _for_joint(section, drive, travel)
     ratings = result.ratings
     with located(section):

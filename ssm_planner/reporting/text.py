@@ -828,7 +828,7 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
     selection : sequence of dict
         Entry `selection` in the output of `size --json`.
     """
-    head = "motor, gear, adequate, binds, margin, g, mm, load/rotor inertia, to bus mJ"
+    head = "motor, gear, adequate, binds, margin, g, gearhead g, mm, load/rotor inertia, to bus mJ"
     lines = []
     for joint in selection:
         answers = list(chain.from_iterable(joint["adequate"]))
@@ -844,13 +844,13 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
             row = [pair["motor"], pair["gear"], VERDICT_LABELS[pair["adequate"]]]
             row.append(plain_words(pair["binds"] or NOTHING))
             row.append(percent(pair["margins"].get(pair["binds"])))
-            for key in ("mass", "length", "inertia_ratio", "energy_to_bus"):
+            for key in ("mass", "gearhead_mass", "length", "inertia_ratio", "energy_to_bus"):
                 scale = 1.0 if key == "inertia_ratio" else 1e3
                 row.append(NOTHING if pair[key] is None else number(scale * pair[key]))
             rows.append(row)
             for name, needs in pair["not_checked"].items():
                 missing.add(f"{plain_words(name)}: {needs}")
-        lines += Table(head, rows, range(4, 9)).lines() if rows else ["no pair remains"]
+        lines += Table(head, rows, range(4, 10)).lines() if rows else ["no pair remains"]
         reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
         if reasons:
             lines.append(f"ruled out by: {', '.join(reasons)}")

@@ -11,6 +11,7 @@ import numpy as np
 
 from ssm_planner.dynamics import FrictionSpread, friction_of, spread_of
 from ssm_planner.problem import Drive, Motor
+from ssm_planner.problem import unchecked as changed
 from ssm_planner.sizing.checks import (
     TOLERANCE,
     Case,
@@ -19,6 +20,7 @@ from ssm_planner.sizing.checks import (
     below,
     binding,
     gear_checks,
+    stage_checks,
     unchecked,
 )
 from ssm_planner.sizing.demand import (
@@ -183,7 +185,7 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
         requirement,
         case.band,
         checks=(*checks, confidence),
-        gear=gear_checks(case),
+        gear=drive_checks(case),
         probability=confidence.worst,
         heat=heat,
         regions=operating_shares(
@@ -198,6 +200,23 @@ def gear_case(load: JointLoad, conditions: Conditions) -> Case:
     spread = spread_of(load.drive, conditions.spread)
     band = band_of(replace(load, motor=None), spread, conditions)
     return Case(load, band, spread, conditions)
+
+
+def drive_checks(case: Case) -> tuple[Check, ...]:
+    """Run the checks of a drive and of its gear stages."""
+    load = case.load
+    if not load.drive.stages:
+        return gear_checks(case)
+    return (*gear_checks(case), *stage_checks(shaft_case(load, case.conditions), load.drive))
+
+
+def shaft_case(load: JointLoad, conditions: Conditions) -> Case:
+    """Return the case of a drive without inertia and without the added friction of a motor.
+
+    Its torque passes through the gear stages.
+    """
+    drive = changed(load.drive, input_inertia=0.0)
+    return gear_case(replace(load, drive=drive, motor_friction=(0.0, 0.0)), conditions)
 
 
 def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
@@ -228,7 +247,7 @@ def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, 
     """
     low, high = shaft_inertia(load, motor)
     original = load.motor
-    friction = motor_friction(original, motor)
+    friction = motor_friction(load, motor)
     if _is_own(original, motor):
         return replace(load, motor=motor), None, ()
     missing_from = [
@@ -237,22 +256,33 @@ def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, 
         if candidate is not None and candidate.rotor_inertia is None
     ]
     rotors = [f"rotor_inertia of {candidate.name}" for candidate in missing_from]
-    if original is None:
+    if load.shaft is None and original is None:
         rotors.insert(0, "the motor whose rotor input_inertia includes")
+    elif load.shaft is not None and load.shaft[0] < load.shaft[1]:
+        rotors.insert(0, "rotor_inertia of the original motor")
     drive = replace(load.drive, input_inertia=high)
     load = replace(load, drive=drive, motor=motor, motor_friction=friction)
     return load, (low, high) if rotors else None, tuple(rotors)
 
 
-def motor_friction(original: Motor | None, motor: Motor) -> Range:
+def motor_friction(load: JointLoad, motor: Motor) -> Range:
     """Return the range of the friction torque that a motor adds to the friction of a drive, N·m.
 
     The friction of the drive includes that of the joint's original motor. If the original motor
     states its no-load current, the result is the increase, or 0. Otherwise, the range extends from
     0 to the friction torque of the new motor. A motor without a no-load current is assumed to have
-    the friction of the original motor.
+    the friction of the original motor. If the drive's friction does not include a motor, the result
+    is the friction torque of the new motor. If it is not known, the result extends up to b_c on the
+    shaft of the drive, which includes the original motor.
     """
     torque = no_load_torque(motor)
+    original = load.motor
+    if load.shaft is not None:
+        drive = load.drive
+        input_friction = friction_of(drive).b_c / math.prod(
+            x.forwards for x in drive.stages.values()
+        )
+        return (0.0, input_friction) if torque is None else (torque, torque)
     if torque is None or _is_own(original, motor):
         return 0.0, 0.0
     included = no_load_torque(original)
@@ -268,8 +298,9 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
     if _is_own(original, motor):
         return inertia, inertia
     old = (0.0, inertia) if original is None else rotor_range(original)
+    low, high = load.shaft or (max(inertia - old[1], 0.0), max(inertia - old[0], 0.0))
     new = rotor_range(motor)
-    return max(inertia - old[1], 0.0) + new[0], max(inertia - old[0], 0.0) + new[1]
+    return low + new[0], high + new[1]
 
 
 def _is_own(original: Motor | None, motor: Motor) -> bool:

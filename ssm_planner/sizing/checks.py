@@ -5,13 +5,13 @@ speed, load, duty and self-locking. Screws are also checked for whirling and buc
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from ssm_planner.dynamics import FrictionSpread, friction_of, self_locking_margin
-from ssm_planner.problem import Ratings, ScrewEnds, attributes
+from ssm_planner.problem import Drive, Ratings, ScrewEnds, attributes
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
@@ -243,8 +243,9 @@ def gear_checks(case: Case) -> tuple[Check, ...]:
         ("peak_effort", "peak_output"),
         ("continuous_effort", "continuous_output"),
     )
+    speed = load.peak_speed / drive.stage_ratio
     checks = [
-        below("gear_speed", load.peak_speed, ratings.input_speed, "rad/s", "ratings.input_speed"),
+        below("gear_speed", speed, ratings.input_speed, "rad/s", "ratings.input_speed"),
         *(
             case.below(
                 f"gear_{key}", demand, getattr(ratings, key), unit, needs=(f"ratings.{key}",)
@@ -258,6 +259,51 @@ def gear_checks(case: Case) -> tuple[Check, ...]:
     if drive.transmission.rotating_screw:
         checks += _screw(case, ratings)
     return tuple(checks)
+
+
+def stage_checks(case: Case, drive: Drive) -> Iterator[Check]:
+    """Check speed and output torque of every gear stage between motor and drive.
+
+    The output torque follows from the torque of the motor by the efficiency of the stages. If the
+    mesh of the drive is not self-locking, the backward efficiency applies, which overestimates the
+    torque. The continuous torque is the root mean square over the time in motion.
+
+    Parameters
+    ----------
+    case
+        Case of the torque that passes through the stages, see `assess.shaft_case`.
+    drive
+        Drive with the stages. The torque of a case without its gearhead is that at the output of
+        the gearhead.
+    """
+    load = case.load
+    locks = locks_certainly(case)
+    speed = load.peak_speed * drive.ratio / load.drive.ratio
+    factor = 1.0
+    in_motion = 1.0 / math.sqrt(max(load.moving_share, 1e-300))
+    for name, stage in drive.stages.items():
+        ratings = stage.ratings or Ratings()
+        if name in load.drive.stages:
+            factor /= stage.forwards if locks else stage.backwards
+        yield below(
+            f"{name}_speed", speed, ratings.input_speed, "rad/s", f"{name}.ratings.input_speed"
+        )
+        outputs: tuple[tuple[DemandName, str, float], ...] = (
+            ("peak_torque", "peak_output", factor),
+            ("rms_torque", "continuous_output", factor * in_motion),
+        )
+        for demand, key, scale in outputs:
+            limit = getattr(ratings, key)
+            needs = (f"{name}.ratings.{key}",)
+            yield case.below(f"{name}_{key}", demand, limit, "N·m", needs=needs, factor=scale)
+        speed /= stage.ratio
+
+
+def locks_certainly(case: Case) -> bool:
+    """Return whether the mesh of a drive is self-locking at its lowest plausible friction."""
+    drive = case.load.drive
+    lowest, _ = case.spread.mu_ends(drive, case.conditions.confidence)
+    return lowest * drive.wedging >= drive.lead_slope
 
 
 def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
@@ -313,11 +359,12 @@ def _screw(case: Case, ratings: Ratings) -> list[Check]:
         for key in ("free_length", "root_diameter", "ends")
         if getattr(ratings, key) is None
     ]
+    speed = case.load.peak_speed / case.load.drive.stage_ratio
     whirl = column = None
     if length is not None and diameter is not None and ends is not None:
         whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
         column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)
     return [
-        below("critical_speed", case.load.peak_speed, whirl, "rad/s", " and ".join(needs)),
+        below("critical_speed", speed, whirl, "rad/s", " and ".join(needs)),
         case.below("buckling", "peak_effort", column, "N", needs=needs),
     ]

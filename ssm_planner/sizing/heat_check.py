@@ -21,10 +21,8 @@ from ssm_planner.sizing.thermal_network import (
 )
 from ssm_planner.typing import JsonObject, record
 
-STEPS = 60
-"""Largest number of steps of the search."""
-CLOSE = 1e-3
-"""Tolerance of the temperature at the capacity, K."""
+SEARCH = 1e-6
+"""Relative tolerance of the square of the torque at the capacity."""
 
 
 @record
@@ -122,42 +120,23 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
 def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
     """Return the factor on the torque with which the winding temperature peaks at `limit` (K).
 
-    The factor is 0 if the ambient temperature reaches the limit. The search is regula falsi over
-    the square of the factor. The temperature rise is a convex function of it, so the chord moves
-    only the lower end of the bracket. Therefore, the excess at the upper end is halved from the
-    second such step on (Illinois method). The search bisects while the upper end lacks a
-    steady state.
+    The factor is 0 if the ambient temperature reaches the limit. Brent's method finds the square of
+    the factor. A temperature without a steady state counts as twice the permitted rise.
     """
+    from scipy.optimize import brentq
+
     allowed = limit - model.ambient
     if allowed <= 0:
         return 0.0
 
-    def rise(square: float) -> float:
+    def excess(square: float) -> float:
         temperatures = steady_state(model, cycle.scaled(np.sqrt(square)))
-        return temperatures.peak - model.ambient if temperatures.steady else np.inf
+        rise = temperatures.peak - model.ambient if temperatures.steady else np.inf
+        return min(rise, 2 * allowed) - allowed
 
-    low = 0.0
-    low_rise = 0.0
     high = 1.0
-    high_rise = rise(high)
-    while high_rise < allowed:
-        low = high
-        low_rise = high_rise
-        high = 1.01 * high * allowed / high_rise
-        high_rise = rise(high)
-    was_below = False
-    for _ in range(STEPS):
-        share = (allowed - low_rise) / (high_rise - low_rise) if np.isfinite(high_rise) else 0.5
-        middle = low + np.clip(share, 0.01, 0.99) * (high - low)
-        middle_rise = rise(middle)
-        if middle_rise <= allowed:
-            low = middle
-            low_rise = middle_rise
-            high_rise = allowed + (high_rise - allowed) / 2 if was_below else high_rise
-        else:
-            high = middle
-            high_rise = middle_rise
-        was_below = middle_rise <= allowed
-        if allowed - low_rise < CLOSE:
-            break
-    return float(np.sqrt(low))
+    while excess(high) < 0:
+        high *= 2
+    square = brentq(excess, 0.0, high, xtol=SEARCH * high, rtol=SEARCH)
+    # The limit is kept at both ends of the final bracket.
+    return float(np.sqrt((1 - 2 * SEARCH) * square))

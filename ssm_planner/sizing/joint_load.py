@@ -74,6 +74,11 @@ class JointLoad:
     duration: float
     motor_friction: Range = (0.0, 0.0)
     """Least and largest friction torque of the motor that the drive's friction omits, N·m."""
+    shaft: Range | None = None
+    """Least and largest inertia on the motor shaft without a rotor, kg·m².
+
+    None if the drive's input_inertia and friction include the motor of the joint.
+    """
 
     @property
     def tau_rigid(self) -> Array:

@@ -1,13 +1,15 @@
 """Assess every motor with every gear of a catalogue on every joint, by operations on arrays.
 
-The answers equal those of `assess` for each pair. A rotor only adds J·ẇ to the motor torque, so the
-torque of a gear is evaluated once for all motors. Two bounds on the winding temperature decide most
-pairs. The function `assess` decides the other pairs, and all pairs whose friction is random.
+The answers equal those of `assess` for each pair. A rotor only adds J·ẇ to the motor torque, and a
+gearhead only divides the torque of the gear by ratio and efficiency. The torque of a gear is
+therefore evaluated once for all gearheads and motors. Two bounds on the winding temperature decide
+most pairs. The function `assess` decides the other pairs, and all pairs whose friction is random.
 """
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -16,18 +18,29 @@ from numpy.typing import NDArray
 
 from ssm_planner.dynamics import RigidBody, drive_with, with_payload
 from ssm_planner.loading import Part
-from ssm_planner.problem import Drive, Motor
+from ssm_planner.problem import Drive, Gearhead, Motor
 from ssm_planner.sizing.assess import (
     CONFIDENCE,
     MotorVerdict,
     assess,
+    drive_checks,
     gear_case,
     limits_of,
     motor_friction,
+    shaft_case,
     shaft_inertia,
     with_motor,
 )
-from ssm_planner.sizing.checks import TOLERANCE, Check, gear_checks, margin_of
+from ssm_planner.sizing.chain import Chain
+from ssm_planner.sizing.checks import (
+    TOLERANCE,
+    Case,
+    Check,
+    gear_checks,
+    locks_certainly,
+    margin_of,
+    stage_checks,
+)
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.heat_check import heat_of
 from ssm_planner.sizing.joint_load import JointLoad
@@ -40,7 +53,7 @@ from ssm_planner.sizing.motor_limits import (
     voltage_factors,
 )
 from ssm_planner.sizing.thermal_network import FIGURES, Modes, ThermalModel
-from ssm_planner.typing import Array, Arrays, JsonObject, Keywords, Mask, record
+from ssm_planner.typing import Array, Arrays, Indices, JsonObject, Keywords, Mask, record
 
 Rank = Literal["mass", "length", "torque", "margin"]
 RANKS: tuple[Rank, ...] = get_args(Rank)
@@ -64,7 +77,7 @@ class JointSelection:
     load: JointLoad
     conditions: Conditions
     motors: Sequence[Part[Motor]]
-    gears: Sequence[Part[Drive]]
+    gears: Sequence[Chain]
     answers: Mapping[str, Answers]
     """Answers by name of the check.
 
@@ -81,8 +94,8 @@ class JointSelection:
     def adequate(self) -> Answers:
         """Answers for each pair, equal to `MotorVerdict.adequate`."""
         gear = [
-            min(part.of.placeholders == (), *(ANSWERS[check.passed] for check in checks))
-            for part, checks in zip(self.gears, self.of_gear, strict=True)
+            min(not chain.placeholder, *(ANSWERS[check.passed] for check in checks))
+            for chain, checks in zip(self.gears, self.of_gear, strict=True)
         ]
         return np.minimum(self._of_motors, np.array(gear, np.int8)[:, None])
 
@@ -129,21 +142,21 @@ class JointSelection:
         if by == "margin":
             return np.nan_to_num(-np.min(list(self.margins.values()), axis=0), nan=np.inf)
         if by == "torque":
-            motor, gear = ([part.of.nominal_torque for part in self.motors], [])
-        else:
-            motor, gear = (
-                [getattr(part, by) for part in parts] for parts in (self.motors, self.gears)
-            )
-        if not any(gear):
-            gear = [0.0] * len(self.gears)
-        sizes = (np.array(values, dtype=float) for values in (gear, motor))
-        return np.nan_to_num(np.add.outer(*sizes), nan=np.inf)
+            nominal = np.array([part.of.nominal_torque for part in self.motors])
+            return np.tile(nominal, (len(self.gears), 1))
+        gears = (chain.gear for chain in self.gears)
+        gearheads = (chain.gearhead for chain in self.gears)
+        gear, motor, gearhead = (
+            np.array([0.0 if part is None else getattr(part, by) for part in parts], dtype=float)
+            for parts in (gears, self.motors, gearheads)
+        )
+        if np.isnan(gear).all():
+            gear = np.zeros(len(gear))
+        return np.nan_to_num(np.add.outer(gear + gearhead, motor), nan=np.inf)
 
     def verdict(self, g: int, m: int) -> MotorVerdict:
         """Assess one pair by `assess`, which computes all margins and the temperatures."""
-        return assess(
-            replace(self.load, drive=self.gears[g].of), self.motors[m].of, self.conditions
-        )
+        return assess(self.gears[g].load(self.load), self.motors[m].of, self.conditions)
 
     def reasons(self) -> dict[str, int]:
         """Return the number of pairs that each check rules out, in descending order.
@@ -160,10 +173,11 @@ class JointSelection:
         None if the inertia of the rotor is not stated.
         """
         motor = self.motors[m].of
-        drive = self.gears[g].of
         if motor.rotor_inertia is None:
             return None
-        shaft = shaft_inertia(replace(self.load, drive=drive), motor)[1] - motor.rotor_inertia
+        load = self.gears[g].load(self.load)
+        drive = load.drive
+        shaft = shaft_inertia(load, motor)[1] - motor.rotor_inertia
         return (
             shaft + (self.load_inertia + drive.output_inertia) / drive.ratio**2
         ) / motor.rotor_inertia
@@ -204,14 +218,17 @@ class JointSelection:
     def pair_dict(self, g: int, m: int) -> JsonObject:
         """Return the full description of one pair."""
         motor = self.motors[m]
-        gear = self.gears[g]
+        chain = self.gears[g]
+        gearhead = chain.gearhead
         verdict = self.verdict(g, m)
         return {
             **verdict.to_dict(),
             "motor": motor.label,
-            "gear": gear.label,
+            "gear": chain.label,
+            "gearhead": None if gearhead is None else gearhead.label,
             "mass": motor.mass,
-            "gear_mass": gear.mass,
+            "gear_mass": chain.gear.mass,
+            "gearhead_mass": None if gearhead is None else gearhead.mass,
             "length": motor.length,
             "inertia_ratio": self.inertia_ratio(g, m),
             "energy_to_bus": energy_to_bus(verdict.load, motor.of),
@@ -224,6 +241,8 @@ def select(
     gears: Mapping[str, Sequence[Part[Drive]]],
     conditions: Conditions | None = None,
     payload: float = 0.0,
+    *,
+    gearheads: Sequence[Part[Gearhead]] = (),
 ) -> tuple[JointSelection, ...]:
     """Assess every motor with every gear on every joint that a duty cycle moves.
 
@@ -239,6 +258,8 @@ def select(
         Operating conditions. The default is `Conditions()`.
     payload
         Point mass at the tip, kg.
+    gearheads
+        Candidate gearheads between motor and gear. Each gear is also assessed without a gearhead.
 
     Returns
     -------
@@ -254,6 +275,7 @@ def select(
             gears.get(load.joint) or [Part(load.drive.name, load.drive)],
             conditions,
             inertias[load.joint],
+            gearheads=gearheads,
         )
         for load in duty.loads(payload)
     )
@@ -288,21 +310,28 @@ def select_joint(
     gears: Sequence[Part[Drive]],
     conditions: Conditions,
     inertia: float = math.nan,
+    *,
+    gearheads: Sequence[Part[Gearhead]] = (),
 ) -> JointSelection:
-    """Assess every motor with every gear on one joint.
+    """Assess every motor with every gear on one joint, without and with every gearhead.
 
     `inertia` is the largest inertia of the moved bodies about the joint's axis, kg·m² or kg.
     """
     fleet = _Fleet(
         [candidate.of for candidate in motors], conditions, load.duration + conditions.pause
     )
-    rows = [_assess_gear(replace(load, drive=gear.of), fleet, conditions) for gear in gears]
+    chains: list[Chain] = []
+    rows: list[Row] = []
+    for gear in gears:
+        group = [Chain(gear, gearhead) for gearhead in (None, *gearheads)]
+        chains += group
+        rows += _assess_gear([chain.load(load) for chain in group], fleet, conditions)
     answers, margins, of_gear = zip(*rows, strict=True)
     return JointSelection(
         load,
         conditions,
         motors,
-        gears,
+        chains,
         {name: np.stack([answer[name] for answer in answers]) for name in answers[0]},
         margins={name: np.stack([margin[name] for margin in margins]) for name in MARGINS},
         of_gear=of_gear,
@@ -364,36 +393,46 @@ Row = tuple[dict[str, Answers], Arrays, tuple[Check, ...]]
 """Answers (m,) and margins (m,) of one gear with all motors, and the checks of the gear."""
 
 
-def _assess_gear(load: JointLoad, fleet: _Fleet, conditions: Conditions) -> Row:
-    """Assess all motors with the gear in `load.drive`."""
+def _assess_gear(
+    chains: Sequence[JointLoad], fleet: _Fleet, conditions: Conditions
+) -> Iterator[Row]:
+    """Assess all motors with one gear, and yield a row for each chain.
+
+    The first chain is the load with the gear alone. The others have a gearhead as well.
+    """
+    load = chains[0]
     case = gear_case(load, conditions)
-    spread = case.spread
-    gear = gear_checks(case)
-    speed = margin_of(load.peak_speed, fleet.max_speed)
-    if spread.names:
-        return _assess_by_draws(load, fleet, conditions, gear, speed)
-    ends = np.array([(shaft_inertia(load, x), motor_friction(load.motor, x)) for x in fleet.motors])
-    highest, lowest = _bands(load, [dict(corner) for corner in spread.corners()], ends, fleet)
-    answers = {"speed": _answer(speed, speed)}
-    margins = {"speed": speed}
+    gear = drive_checks(case)
+    if case.spread.names:
+        speed = margin_of(load.peak_speed, fleet.max_speed)
+        yield _assess_by_draws(load, fleet, conditions, gear, speed)
+        return
+    if len(chains) > 1 and not locks_certainly(case):
+        # The mesh can drive the gearheads, so the torque of each chain has another form.
+        for geared in chains:
+            yield from _assess_gear([geared], fleet, conditions)
+        return
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
-    limited = {
-        "torque": ("peak", 1.0),
-        "continuous_torque": ("rms", share),
-        "voltage": ("volts", 1.0),
-    }
-    for name, (demand, factor) in limited.items():
-        limit = fleet.limit(name)
-        margins[name] = margin_of(factor * highest[demand], limit)
-        answers[name] = _answer(margins[name], margin_of(factor * lowest[demand], limit))
-    fails = np.min(list(answers.values()), axis=0) < 0
-    fails |= any(check.passed is False for check in gear)
-    answers["heat"] = _heat(
-        load, fleet, conditions, band=(share * highest["rms"], share * lowest["rms"]), fails=fails
-    )
-    combined = np.min([answers[name] for name in (*limited, "heat")], axis=0)
-    answers[CONFIDENCE] = combined if spread.is_stated else 0 * combined
-    return answers, margins, gear
+    limited = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}
+    passing = shaft_case(load, conditions) if len(chains) > 1 else case
+    for geared, (highest, lowest) in zip(chains, _bands(chains, case, fleet), strict=True):
+        checks = gear
+        if geared is not load:
+            checks = (*gear_checks(case), *stage_checks(passing, geared.drive))
+        speed = margin_of(geared.peak_speed, fleet.max_speed)
+        answers = {"speed": _answer(speed, speed)}
+        margins = {"speed": speed}
+        for (name, factor), high, low in zip(limited.items(), highest, lowest, strict=True):
+            limit = fleet.limit(name)
+            margins[name] = margin_of(factor * high, limit)
+            answers[name] = _answer(margins[name], margin_of(factor * low, limit))
+        fails = np.min(list(answers.values()), axis=0) < 0
+        fails |= any(check.passed is False for check in checks)
+        band = (share * highest[1], share * lowest[1])
+        answers["heat"] = _heat(geared, fleet, conditions, band=band, fails=fails)
+        combined = np.min([answers[name] for name in (*limited, "heat")], axis=0)
+        answers[CONFIDENCE] = combined if case.spread.is_stated else 0 * combined
+        yield answers, margins, checks
 
 
 def _assess_by_draws(
@@ -417,54 +456,104 @@ def _assess_by_draws(
     return answers, margins, gear
 
 
-def _bands(
-    load: JointLoad, corners: Sequence[Keywords], ends: Array, fleet: _Fleet
-) -> tuple[Arrays, Arrays]:
-    """Return the largest and smallest demands of every motor, each as arrays (m,) by name.
+def _bands(chains: Sequence[JointLoad], case: Case, fleet: _Fleet) -> Iterator[tuple[Array, Array]]:
+    """Return the largest and smallest demands (3, m) of every motor for each of the k chains.
 
-    `ends` (m, 2, 2) contains the smallest and largest inertia (kg·m²) of each motor's shaft, and
-    the least and largest friction torque (N·m) of the motor. The torque is linear in both.
+    The demands are peak torque, RMS torque and peak voltage. The first chain is the load of `case`,
+    without a gearhead of a catalogue. The torque is linear in the inertia of the shaft and in the
+    friction torque of the motor.
     """
-    turning = load.acceleration() * (load.direction != 0)
-    inertias, friction = ends[:, 0], ends[:, 1]
+    load = case.load
+    inertias = np.array([[shaft_inertia(chain, x) for x in fleet.motors] for chain in chains])
+    friction = np.array([[motor_friction(chain, x) for x in fleet.motors] for chain in chains])
+    heads = [chain.drive.gearhead for chain in chains[1:]]
+    factors_of = [(head.forwards, head.ratio) for head in heads if head is not None]
+    forwards, ratio = np.array([(1.0, 1.0), *factors_of]).T[..., None]
+    one = np.ones(friction.shape[:2])
     demands = []
-    for corner in corners:
-        drive = drive_with(load.drive, {**corner, "input_inertia": 0.0})
-        parts = np.stack([replace(load, drive=drive).torque(), turning, load.direction])
-        products = parts * load.weight @ parts.T
-        for inertia in np.unique(inertias, axis=1).T:
-            factors = np.stack([np.ones(len(inertia)), inertia, friction[:, 1]], axis=1)
-            rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=1), 0.0))
-            demands.append([*_peaks(parts, factors, load.speed(), fleet), rms])
-    peak, volts, rms = np.max(demands, axis=0)
-    low_peak, low_volts, low_rms = np.min(demands, axis=0)
+    for corner in case.spread.corners():
+        parts = _torque_parts(load, corner)
+        products = parts[:3] * load.weight @ parts[:3].T
+        extremes = np.ascontiguousarray(parts[:, _extremes(parts)])
+        for inertia in np.moveaxis(np.unique(inertias, axis=2), 2, 0):
+            factors = np.stack([forwards * one, ratio * inertia, friction[..., 1]], axis=-1)
+            rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=-1), 0.0))
+            peak, volts = _peaks(extremes, factors, ratio * one, fleet)
+            demands.append([peak, rms, volts])
     # The demands are convex in the inertia, so between its ends they fall by at most half of its
     # width times |ẇ|. The friction changes them at most by the width of its range.
-    half_width = np.diff(inertias)[:, 0] / 2
-    width = np.diff(friction)[:, 0]
+    half_width = ratio * np.diff(inertias)[..., 0] / 2
+    width = np.diff(friction)[..., 0]
     wd = np.abs(load.acceleration())
-    low_peak = low_peak - half_width * wd.max() - width
-    low_rms = low_rms - half_width * float(load.rms(wd)) - width
-    low_volts = low_volts - (half_width * wd.max() + width) * fleet.balance[:, 1, 0]
-    lowest = {"peak": low_peak, "volts": low_volts, "rms": low_rms}
-    return {"peak": peak, "volts": volts, "rms": rms}, {
-        name: np.maximum(low, 0.0) for name, low in lowest.items()
-    }
+    less = half_width * wd.max() + width
+    less_rms = half_width * float(load.rms(wd)) + width
+    less_volts = less * fleet.balance[:, 1, 0]
+    lowest = np.min(demands, axis=0) - [less, less_rms, less_volts]
+    return zip(
+        np.max(demands, axis=0).swapaxes(0, 1),
+        np.maximum(lowest, 0.0).swapaxes(0, 1),
+        strict=True,
+    )
 
 
-def _peaks(parts: Array, factors: Array, speed: Array, fleet: _Fleet) -> tuple[Array, Array]:
-    """Return the peak torques and voltages (m,) of motors with the torques factors @ parts.
+def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
+    """Return the parts of the torque on the motor shaft, and the speed of the shaft, (4, n).
 
-    `parts` (3, n) contains the torque without rotor, the motor acceleration, and the direction.
-    `factors` (m, 3) contains 1, the inertia of the shaft, and the friction torque of the motor.
+    The parts are the torque without inertia, the acceleration of the shaft and the direction.
     """
-    peak = np.empty(len(factors))
-    volts = np.empty(len(factors))
-    for m, factor in enumerate(factors):
-        torque = factor @ parts
-        peak[m] = max(torque.max(), -torque.min())
-        volts[m] = np.abs(fleet.balance[m] @ np.stack([torque, speed])).max()
-    return peak, volts
+    drive = drive_with(load.drive, {**corner, "input_inertia": 0.0})
+    turning = load.acceleration() * (load.direction != 0)
+    return np.stack([replace(load, drive=drive).torque(), turning, load.direction, load.speed()])
+
+
+def _extremes(parts: Array) -> Indices:
+    """Return the indices of the instants at which a sum of the parts can be extreme.
+
+    The factors of the parts are at least 0. The instants are therefore vertices of the convex hull
+    of each direction of motion, and no component of their outward normals has the wrong sign.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    direction = parts[2]
+    indices = []
+    for sign in np.unique(direction):
+        (members,) = np.nonzero(direction == sign)
+        points, first = np.unique(parts[:, members], axis=1, return_index=True)
+        members = members[first]
+        points = points[np.ptp(points, axis=1) > 0]
+        with suppress(QhullError, ValueError):  # too few points for a hull
+            points = points / np.abs(points).max(axis=1, keepdims=True)
+            hull = ConvexHull(points.T, qhull_options="QJ")
+            extreme = np.zeros(len(members), dtype=bool)
+            for side in (1.0, -1.0):
+                largest = np.full(points.T.shape, -np.inf)
+                for corners in hull.simplices.T:
+                    np.maximum.at(largest, corners, side * hull.equations[:, :-1])
+                extreme |= np.all(largest >= -TOLERANCE, axis=1)
+            members = members[extreme]
+        indices.append(members)
+    return np.concatenate(indices)
+
+
+def _peaks(extremes: Array, factors: Array, ratio: Array, fleet: _Fleet) -> tuple[Array, Array]:
+    """Return the peak torques and voltages (k, m) of motors with the torques factors @ parts.
+
+    `extremes` (4, n) contains parts of the torque and the speed, see `_torque_parts`. `factors`
+    (k, m, 3) contains the factors of the parts, and `ratio` (k, m) that of the speed.
+    """
+    per_state = np.moveaxis(fleet.balance, 0, 2)
+    volts = [
+        _largest(np.dstack([per_torque[:, None] * factors, per_speed * ratio]), extremes)
+        for per_torque, per_speed in per_state
+    ]
+    return _largest(factors, extremes[:3]), np.max(volts, axis=0)
+
+
+def _largest(factors: Array, parts: Array) -> Array:
+    """Return the largest |factors @ parts| (k, m) for factors (k, m, p) and parts (p, n)."""
+    # The torques of one chain fit into the processor's cache.
+    torques = (np.einsum("mp,pn->mn", of_chain, parts) for of_chain in factors)
+    return np.array([np.abs(torque).max(axis=1) for torque in torques])
 
 
 def _heat(

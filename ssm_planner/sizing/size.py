@@ -11,8 +11,8 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Motor, Robot
-from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, gear_case
-from ssm_planner.sizing.checks import Check, all_of, binding, gear_checks
+from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, drive_checks, gear_case
+from ssm_planner.sizing.checks import Check, all_of, binding
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.duty import DutyCycle, no_drive
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
@@ -217,7 +217,7 @@ def _joint(
         load,
         motor_requirement(load),
         case.band,
-        gear_checks(case),
+        drive_checks(case),
         candidates=tuple(verdicts),
         alternatives=tuple(alternatives),
     )

@@ -256,7 +256,7 @@ def assert_ranked(selection: JointSelection) -> None:
         assert own == sorted(own, reverse=True)
         for value in set(own):
             stated = [
-                selection.motors[m].mass is not None and selection.gears[g].mass is not None
+                selection.motors[m].mass is not None and selection.gears[g].gear.mass is not None
                 for (g, m), answer_of_motor in zip(group, own, strict=True)
                 if answer_of_motor == value
             ]

@@ -92,13 +92,13 @@ def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_t
         assert all(joint.adequate[pair] >= 0 for pair in pairs)
         assert len(pairs) == int((joint.adequate >= 0).sum())
         # a gear of unknown mass is not a gear without mass
-        unknown = [joint.gears[g].mass is None for g, _ in pairs]
+        unknown = [joint.gears[g].gear.mass is None for g, _ in pairs]
         assert unknown == sorted(unknown)
         without_mass += sum(unknown)
         mass = [
-            joint.motors[m].mass + joint.gears[g].mass
+            joint.motors[m].mass + joint.gears[g].gear.mass
             for g, m in pairs
-            if joint.gears[g].mass is not None
+            if joint.gears[g].gear.mass is not None
         ]
         assert mass == sorted(mass)
         # the smallest margin of a pair is not known if one of its margins is not

@@ -101,7 +101,7 @@ def operating_regions(sizing: "Sizing") -> "Figure":
     """Draw the motion of each joint in the speed–torque plane of each candidate motor.
 
     The continuous region of the motor is shaded, and the short-term region is outlined. A dotted
-    line shows the RMS torque of the motion.
+    line shows the RMS torque of the motion. The area of a circle is the time near its centre.
     """
     verdicts = sizing.verdicts
     columns = min(len(verdicts), 3)
@@ -137,6 +137,16 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     speeds = RPM * np.abs(verdict.load.speed())
     for run in _runs(verdict.load.direction):
         axes.plot(speeds[run], torque[run], color=COLOURS[i], linewidth=1.0)
+    # The area of a circle is the time that the motion spends near it.
+    weight = verdict.load.weight * (verdict.load.direction != 0)
+    share, *sums = (
+        np.histogram2d(speeds, torque, bins=8, weights=weight * values)[0]
+        for values in (np.ones(len(speeds)), speeds, torque)
+    )
+    used = share > 0
+    x, y = (values[used] / share[used] for values in sums)
+    circles: Keywords = {"s": 1500.0 * share[used], "alpha": 0.35, "linewidths": 0}
+    axes.scatter(x, y, color=COLOURS[i], label="share of the time", **circles)
     rms = 1e3 * verdict.requirement.rms_torque
     axes.plot(
         [0.0, RPM * motor.max_speed],
@@ -153,7 +163,12 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     answer = "suffices" if verdict.adequate else "does not suffice"
     if verdict.adequate is None:
         answer = "not known"
-    axes.set_title(f"{verdict.joint}: {motor.name}\n{answer}{mark}", fontsize=SIZE - 1.5)
+    stages = "".join(f"{stage.name}: " for stage in verdict.load.drive.stages.values())
+    axes.set_title(
+        f"{verdict.joint}: {motor.name}\n{stages}{answer}{mark}, up to "
+        f"{RPM * motor.max_speed:.0f} rpm",
+        fontsize=SIZE - 1.5,
+    )
 
 
 def _curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:

@@ -1,0 +1,85 @@
+"""Put a catalogue's gearhead between a motor and the present drive of a joint.
+
+The figures of a drive refer to the motor shaft. A new gearhead with the ratio N and the efficiency
+η makes the former motor shaft its output shaft. Seen from the new motor shaft, the inertia of the
+former shaft without its rotor is J / (N² η), and the bearing friction is b_c / (N η) and
+b_v / (N² η). This is exact while the motor drives the gearhead. While the load drives it, the
+friction is overestimated.
+"""
+
+from dataclasses import replace
+
+from ssm_planner.dynamics import friction_of
+from ssm_planner.errors import ProblemError
+from ssm_planner.loading import Part
+from ssm_planner.problem import Drive, Gearhead
+from ssm_planner.sizing.joint_load import JointLoad
+from ssm_planner.sizing.motor_limits import rotor_range
+from ssm_planner.typing import record
+
+
+@record
+class Chain:
+    """A drive of a catalogue, with or without a gearhead of a catalogue."""
+
+    gear: Part[Drive]
+    gearhead: Part[Gearhead] | None = None
+
+    @property
+    def label(self) -> str:
+        """Names of gearhead and drive."""
+        return " + ".join(part.label for part in (self.gearhead, self.gear) if part is not None)
+
+    @property
+    def placeholder(self) -> bool:
+        """True if a figure of the chain is a placeholder."""
+        in_gearhead = self.gearhead is not None and self.gearhead.of.placeholder
+        return in_gearhead or bool(self.gear.of.placeholders)
+
+    def load(self, load: JointLoad) -> JointLoad:
+        """Return the load of a joint with this chain instead of its present drive."""
+        load = replace(load, drive=self.gear.of)
+        return load if self.gearhead is None else with_gearhead(load, self.gearhead.of)
+
+
+def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
+    """Return the load of a joint with a gearhead between the motor and the present drive.
+
+    The result has no motor, because the drive no longer contains the rotor and the friction of the
+    original one. Raises ProblemError if the joint has a gearhead already, or if the uncertainty of
+    its friction is not stated as ranges.
+    """
+    drive = load.drive
+    friction = friction_of(drive)
+    if drive.gearhead is not None or friction.posterior is not None or friction.covariance:
+        raise ProblemError(
+            "a catalogue of gearheads needs a drive without gearhead, covariance and posterior",
+            file=drive.file,
+            key=load.joint,
+            allowed="a drive with friction_ranges, or --spread",
+        )
+    ratio, forwards = gearhead.ratio, gearhead.forwards
+    factors = {"b_c": forwards, "b_v": forwards / ratio}
+    scaled = {name: factor * getattr(friction, name) for name, factor in factors.items()}
+    for name in ("stribeck_speed", "identified_speed"):
+        speed = getattr(friction, name)
+        scaled[name] = None if speed is None else ratio * speed
+    ranges = {
+        name: (factors.get(name, 1.0) * low, factors.get(name, 1.0) * high)
+        for name, (low, high) in drive.friction_ranges.items()
+    }
+    full = drive.input_inertia
+    rotor = (0.0, full) if load.motor is None else rotor_range(load.motor)
+    low, high = (
+        (gearhead.inertia or 0.0) + forwards / ratio * max(full - end, 0.0) for end in rotor[::-1]
+    )
+    chain = replace(
+        drive,
+        ratio=ratio * drive.ratio,
+        input_inertia=high,
+        friction=replace(friction, **scaled),
+        friction_ranges=ranges,
+        gearhead=gearhead,
+        placeholders=drive.placeholders + ("gearhead",) * gearhead.placeholder,
+    )
+    return replace(load, drive=chain, motor=None, shaft=(low, high))
