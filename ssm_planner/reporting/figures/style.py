@@ -289,9 +289,9 @@ def _chunk(chunk_type: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + body + struct.pack(">I", crc32(body))
 
 
-def legend(axes: "Axes", **options: Any) -> None:
-    """Draw a legend inside a panel. The options are those of `Axes.legend`."""
-    axes.legend(fontsize=SIZE - 1, frameon=False, **options)
+def legend(axes: "Axes", fontsize: float = SIZE - 1, **options: Any) -> None:
+    """Draw a legend inside a panel. The further options are those of `Axes.legend`."""
+    axes.legend(fontsize=fontsize, frameon=False, **options)
 
 
 def zero_lines(axes: "Axes", down: bool = False) -> None:
