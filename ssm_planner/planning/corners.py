@@ -31,8 +31,10 @@ from ssm_planner.typing import Array
 
 EASE = 0.01
 """Share of the motor's largest torque by which a set may exceed the selected sets."""
-EFFORTS = np.linspace(-1.6, 1.6, 33)
-"""Grid of efforts at the output.
+STRIBECK_SPEEDS = 60
+"""Number of motor speeds at which Stribeck friction is evaluated."""
+EFFORTS = 1.6 * np.linspace(-1.0, 1.0, 41) ** 3
+"""Grid of efforts at the output. It is dense at 0, where the torques have kinks.
 
 They are divided by the effort at which the motor reaches its largest torque with the least
 friction.
@@ -163,9 +165,11 @@ def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) 
     )
     # The coefficient is the torque per effort of a load that opposes the motion.
     efforts = torque / float(np.min(raising_coefficients)) * EFFORTS
-    # Every 50th Stribeck speed represents the distribution.
-    stribeck = np.unique(sets.get("stribeck_speed", []))[::50]
-    speeds = np.concatenate([np.linspace(0.0, speed, 5), 0.3 * stribeck, stribeck, 2 * stribeck])
+    speeds = np.linspace(0.0, speed, 5)
+    if "stribeck_speed" in sets:
+        stribeck = sets["stribeck_speed"]
+        lowest, highest = stribeck.min() / 10, 3 * stribeck.max()
+        speeds = np.append(speeds, np.geomspace(lowest, highest, STRIBECK_SPEEDS))
     # A state is a motor speed, and True at breakaway.
     states = [(0.0, True), *((w, False) for w in speeds.tolist())]
     grid = [(*state, effort, sign) for state, effort, sign in product(states, efforts, (-1.0, 1.0))]
