@@ -164,26 +164,28 @@ class Case:
         `values` (draws,) are samples of the demand without the ripple of the drive.
         """
         spread = self.spread
-        confidence = self.conditions.confidence
         needs = list(spread.rotors)
         if spread.ranges:
             needs.append(f"narrower ranges of {', '.join(spread.ranges)}")
-        if not spread.names:
-            return " and ".join(needs)
-        posterior = spread.posterior
+        if spread.names:
+            needs.append(self._deciding_recordings(values, limit))
+        return " and ".join(needs)
+
+    def _deciding_recordings(self, values: Array, limit: float) -> str:
+        """Describe the recordings that would decide whether values (draws,) exceed a limit."""
+        confidence = self.conditions.confidence
+        posterior = self.spread.posterior
         middle = float(np.median(values))
         end = float(np.quantile(values, confidence if middle <= limit else 1 - confidence))
         if (end - limit) * (middle - limit) > 0:
-            return " and ".join([*needs, "more recordings of the ripple under this load"])
+            return "more recordings of the ripple under this load"
         share = (limit - middle) / (end - middle)
         speed = f"at motor speeds up to {self.load.peak_speed * RPM:.0f} rpm"
         count = 0 if posterior is None else posterior.recordings
         if count and share**2 * 100 > 1:
             extra = math.ceil(count * (1 / share**2 - 1))
-            return " and ".join(
-                [*needs, f"about {extra} recordings {speed} in addition to the {count} used"]
-            )
-        return " and ".join([*needs, f"recordings {speed} that multiply the spread by {share:.2g}"])
+            return f"about {extra} recordings {speed} in addition to the {count} used"
+        return f"recordings {speed} that multiply the spread by {share:.2g}"
 
 
 def binding(checks: Iterable[Check]) -> Check | None:
