@@ -192,15 +192,14 @@ def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
 
 
 def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
-    """Compute the range of the demands from `count` random draws of the friction."""
+    """Compute the range of the demands from `count` random draws of the friction.
+
+    Without random parameters, the corners of the ranges give the demands exactly.
+    """
+    if not spread.names:
+        return linear_band(load, spread)
     nominal = demands(load)
     at_corners = _at_corners(load, spread)
-    if not spread.names:
-        highest = at_corners.max(axis=0, keepdims=True)
-        lowest = at_corners.min(axis=0, keepdims=True)
-        return Band(
-            nominal, Demands.from_table(highest), _lowest(lowest, load, spread), spread.is_stated
-        )
     corners = spread.corners()
     few = thinned(load)
     deviations = spread.deviations(count)
