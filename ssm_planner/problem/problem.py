@@ -42,6 +42,8 @@ from ssm_planner.problem.value import (
     Positive,
     Time,
     Value,
+    attributes,
+    hints,
     unchecked,
     uncompared,
 )
@@ -383,16 +385,7 @@ class Problem(Value, Limited):
     @cached_property
     def task_limits(self) -> TaskLimits:
         """Limits on the pose and speed of the tool."""
-        return TaskLimits(
-            self.limits,
-            self.eye,
-            self.start_rate,
-            self.end_rate,
-            friction=self.friction,
-            payload=self.payload,
-            duty=self.duty,
-            motion=self.motion,
-        )
+        return TaskLimits(**attributes(self, hints(TaskLimits)))
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
