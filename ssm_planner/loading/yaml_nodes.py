@@ -342,20 +342,17 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
     """
     if depth > DEEPEST:
         raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
+    items: dict[str | int, Any]
     if isinstance(data, Mapping):
-        children: dict[str | int, Node] = {
-            str(key): plain_node(item, depth + 1, line) for key, item in data.items()
-        }
-        values = {key: child.value for key, child in children.items()}
-        return Node(values, line, 1, children, dict.fromkeys(children, line))
-    if isinstance(data, (list, tuple)):
-        items: dict[str | int, Node] = {
-            i: plain_node(item, depth + 1, line) for i, item in enumerate(data)
-        }
-        return Node(
-            [item.value for item in items.values()], line, 1, items, dict.fromkeys(items, line)
-        )
-    return Node(data, line)
+        items = {str(key): item for key, item in data.items()}
+    elif isinstance(data, (list, tuple)):
+        items = dict(enumerate(data))
+    else:
+        return Node(data, line)
+    children = {key: plain_node(item, depth + 1, line) for key, item in items.items()}
+    values = {key: child.value for key, child in children.items()}
+    value = values if isinstance(data, Mapping) else list(values.values())
+    return Node(value, line, 1, children, dict.fromkeys(children, line))
 
 
 def _original_text(value: object) -> str | None:
