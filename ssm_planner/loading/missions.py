@@ -14,20 +14,13 @@ from ssm_planner.problem import Bound
 
 LONGEST_MOTION = 10_000
 """Largest number of entries of an expanded motion list."""
-_CURVES = {
-    "spline": ("to", "through"),
-    "line": ("to", "through"),
-    "arc": ("to", "through"),
-    "retina": ("to",),
-}
 CORNER_MOTIONS = ("straight", "line")
 """Motions that may have corners."""
 POINT_KEYS = {
     "": ("start",),
-    "free": ("to", "through"),
-    "straight": ("to", "through"),
     "scan": ("at",),
-    **_CURVES,
+    "retina": ("to",),
+    **dict.fromkeys(("free", "straight", "spline", "line", "arc"), ("to", "through")),
 }
 """Keys that contain points, by the key of the motion."""
 
