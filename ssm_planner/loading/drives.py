@@ -82,12 +82,6 @@ _Numbers = Annotated[
     tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")
 ]
 
-HarmonicsModel = model_from(
-    dict.fromkeys(("orders", "cosine", "sine"), (_Numbers, ...)) | {"phased": (bool, ...)},
-    value_types=(Harmonics,),
-)
-
-
 PART_TYPES = {
     "forwards": Ripple,
     "backwards": Ripple,
@@ -97,9 +91,14 @@ PART_TYPES = {
 }
 """Parts of a posterior, which may be None."""
 _PART_MODELS: dict[type, Any] = {
-    part: nested(model_from(dict.fromkeys(hints(part), (_Numbers, ...)), value_types=(part,)))
-    for part in (Ripple, Reaction)
-} | {Harmonics: nested(HarmonicsModel)}
+    part: nested(
+        model_from(
+            {name: (bool if hint is bool else _Numbers, ...) for name, hint in hints(part).items()},
+            value_types=(part,),
+        )
+    )
+    for part in (Ripple, Harmonics, Reaction)
+}
 PosteriorModel = model_of(
     Posterior,
     {
