@@ -55,7 +55,7 @@ def plain(value: Any) -> Any:
     value_type: Any = type(value)
     if value_type in PRIMITIVE:
         return value
-    if value_type is tuple or value_type is list:
+    if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     if value_type is np.ndarray:
         return value.tolist()
@@ -66,8 +66,6 @@ def plain(value: Any) -> Any:
         return {name: item for name, item in items if item is not None or name not in ADDED}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
