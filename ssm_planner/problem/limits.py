@@ -412,7 +412,7 @@ class TaskRate(OfCoordinate, Symmetric):
     @staticmethod
     def field_of(coordinate: str) -> str:
         """Return the key of the limit on the rate of a task coordinate in a problem file."""
-        return "insertion_speed" if coordinate == "depth" else f"{coordinate}_rate"
+        return TaskRate.name_of(coordinate).replace(" ", "_")
 
 
 class TipSpeed(SpeedLimit):
