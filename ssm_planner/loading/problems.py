@@ -234,10 +234,8 @@ def problem_from(section: Section) -> Problem:
             duration=model.duration,
             duty=None if model.duty == ONCE else model.duty,
             planner=model.planner,
-            start_rate={
-                name: rate for name, rate in set_coordinates(model.start_rate).items() if rate
-            },
-            end_rate={name: rate for name, rate in set_coordinates(model.end_rate).items() if rate},
+            start_rate=_rates(model.start_rate),
+            end_rate=_rates(model.end_rate),
             file=section.file_name,
             eye=None if model.eye is None else _eye(section.sub("eye"), model.eye),
         )
@@ -279,6 +277,11 @@ def _robot(section: Section, model: Any) -> Robot:
     from ssm_planner.dynamics import with_payload
 
     return with_payload(robot, model.tip_payload)
+
+
+def _rates(model: Any) -> dict[str, float]:
+    """Return the rates of task coordinates at one end that are not 0, by name."""
+    return {name: rate for name, rate in set_coordinates(model).items() if rate}
 
 
 def _speeds(model: Any) -> Iterable[Limit]:

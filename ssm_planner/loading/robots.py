@@ -368,8 +368,9 @@ def _frame(
     for axis, angle in chain:
         if isinstance(angle, str):
             name = angle.removeprefix("-")
-            value = 0.0 if name == "home_roll" and geometry.beta is None else None
-            value = value if getattr(geometry, name) is None else getattr(geometry, name)
+            value = getattr(geometry, name)
+            if name == "home_roll" and geometry.beta is None:
+                value = value or 0.0
             if value is None:
                 raise section.error(
                     f"names {name}, which geometry does not give", "frame", allowed="angles"

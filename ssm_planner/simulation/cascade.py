@@ -21,7 +21,7 @@ import numpy as np
 
 from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import Controller, Joint
+from ssm_planner.problem import Controller, Joint, attributes
 from ssm_planner.typing import frozen
 
 MARGIN = 30.0
@@ -203,12 +203,8 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
         ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
         ff_acceleration=feedforward * inertia,
     )
-    stated_gains = {}
-    for name in vars(tuned):
-        gain = getattr(axis, name)
-        if gain is not None:
-            stated_gains[name] = gain
-    return replace(tuned, **stated_gains)
+    gains = attributes(axis, vars(tuned))
+    return replace(tuned, **{name: gain for name, gain in gains.items() if gain is not None})
 
 
 def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
