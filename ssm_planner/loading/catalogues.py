@@ -1,5 +1,6 @@
 """Read catalogues of motors and gears, which are CSV tables with units or folders of YAML files."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from, gearhead_from
 from ssm_planner.loading.files import read, shipped_folder
 from ssm_planner.loading.motors import MotorModel, motor_from
-from ssm_planner.loading.schema import located
+from ssm_planner.loading.schema import POSITIVE, located, quantity
 from ssm_planner.loading.tables import table_rows, with_points
 from ssm_planner.loading.yaml_nodes import Section, plain_node
 from ssm_planner.problem import (
@@ -23,7 +24,7 @@ from ssm_planner.problem import (
     hints,
 )
 from ssm_planner.typing import JsonObject, frozen
-from ssm_planner.units import BadQuantity, of_heading, quantity
+from ssm_planner.units import BadQuantity, of_heading
 
 T = TypeVar("T", Motor, Drive, Gearhead)
 
@@ -44,11 +45,17 @@ ROBOT_RATINGS = ("free_length", "ends")
 
 @frozen
 class Row:
-    """Row of a table: its label, the text of each cell by column, and its line in the file."""
+    """Row of a table: its file, its label, the text of each cell by column, and its line."""
 
+    file: Path
     label: str
     cells: JsonObject
     line: int
+
+    @property
+    def default_source(self) -> str:
+        """Source of the figures in a row without the column `source`."""
+        return f"{self.file.name}, {self.label}"
 
 
 @frozen
@@ -70,16 +77,8 @@ def entries(path: Path, gear: bool = False) -> JsonObject:
     The contents have the keys of drive files if `gear` is true, and the keys of motor files
     otherwise. Raises ProblemError if the catalogue is missing or invalid.
     """
-    file = catalogue_file(path)
-    if file.is_dir():
-        return {label: section.value for label, section in _sections(file).items()}
-    rows = rows_of(file)
-    if gear:
-        return {
-            row.label: {key: cell for key, cell in row.cells.items() if key not in SIZE_COLUMNS}
-            for row in rows
-        }
-    return {row.label: _motor(file, row) for row in rows}
+    sections = _sections(path, _gear if gear else _motor)
+    return {label: section.value for label, section in sections.items()}
 
 
 def stated_beside(path: Path) -> dict[str, dict[str, float]]:
@@ -89,9 +88,7 @@ def stated_beside(path: Path) -> dict[str, dict[str, float]]:
     """
     file = catalogue_file(path)
     return {
-        row.label: {
-            name: value for name in SIZE_COLUMNS if (value := _size(file, row, name)) is not None
-        }
+        row.label: {name: value for name in SIZE_COLUMNS if (value := _size(row, name)) is not None}
         for row in (() if file.is_dir() else rows_of(file))
     }
 
@@ -100,12 +97,12 @@ def motors_of(path: Path) -> list[Part[Motor]]:
     """Read the motors of a catalogue. Raises ProblemError if it is missing or invalid."""
     file = catalogue_file(path)
     if file.is_dir():
-        motors = {label: motor_from(section) for label, section in _sections(file).items()}
+        motors = {label: motor_from(section) for label, section in _sections(file, _motor).items()}
         return [Part(label, motor, motor.mass) for label, motor in motors.items()]
     entries = []
     for row in rows_of(file):
-        motor = motor_from(_section(file, row, _motor(file, row)))
-        entries.append(Part(row.label, motor, motor.mass, _size(file, row, "length")))
+        motor = motor_from(_section(row, _motor(row)))
+        entries.append(Part(row.label, motor, motor.mass, _size(row, "length")))
     return entries
 
 
@@ -122,20 +119,20 @@ def gears_of(path: Path, drive: Drive, travel: float = 0.0) -> list[Part[Drive]]
     if file.is_dir():
         return [
             Part(label, _for_joint(section, drive, travel))
-            for label, section in _sections(file).items()
+            for label, section in _sections(file, _gear).items()
             if section.value.get("kind") == drive.kind
         ]
     rows = rows_of(file)
     for row in rows:
-        with located(_section(file, row, row.cells)):
+        with located(_section(row, row.cells)):
             TRANSMISSIONS.find(row.cells.get("kind", drive.kind), "Drive.kind")
     if not drive.threaded:
         return []
     return [
         Part(
             row.label,
-            _with_gear(file, row, drive, travel),
-            *(_size(file, row, name) for name in SIZE_COLUMNS),
+            _with_gear(row, drive, travel),
+            *(_size(row, name) for name in SIZE_COLUMNS),
         )
         for row in rows
         if row.cells.get("kind", drive.kind) == drive.kind and _describes(row, drive.transmission)
@@ -147,11 +144,7 @@ def gearheads_of(path: Path) -> list[Part[Gearhead]]:
 
     Raises ProblemError if the catalogue is missing or invalid.
     """
-    file = catalogue_file(path)
-    sections = _sections(file) if file.is_dir() else {}
-    for row in [] if file.is_dir() else rows_of(file):
-        values = {"name": row.label, "source": f"{file.name}, {row.label}"}
-        sections[row.label] = _section(file, row, _nest(row.cells, values))
+    sections = _sections(path, _gearhead)
     gearheads = {label: gearhead_from(section) for label, section in sections.items()}
     for label, gearhead in gearheads.items():
         if gearhead.inertia is None:
@@ -224,16 +217,22 @@ def rows_of(file: Path) -> list[Row]:
                 f"{label!r} occurs twice" if label in rows else f"{label!r} is not a printable name"
             )
             raise ProblemError(reason, file=file, line=line)
-        rows[label] = Row(label, row, line)
+        rows[label] = Row(file, label, row, line)
     return list(_check_count(file, rows).values())
 
 
-def _sections(folder: Path) -> dict[str, Section]:
-    """Read the YAML files of a folder, and return their sections by the stem of the file name.
+def _sections(path: Path, content: Callable[[Row], JsonObject]) -> dict[str, Section]:
+    """Read a catalogue, and return the section of each entry by its name.
 
-    Raises ProblemError if a file is invalid or if the number of files is 0 or too large.
+    `content` converts a row to the content of a file. The name of a YAML file is the stem of its
+    file name. Raises ProblemError if the catalogue is missing or invalid.
     """
-    return _check_count(folder, {file.stem: read(file) for file in sorted(folder.glob("*.yaml"))})
+    file = catalogue_file(path)
+    if file.is_dir():
+        return _check_count(
+            file, {entry.stem: read(entry) for entry in sorted(file.glob("*.yaml"))}
+        )
+    return {row.label: _section(row, content(row)) for row in rows_of(file)}
 
 
 C = TypeVar("C")
@@ -256,13 +255,13 @@ def number_or_text(text: str) -> str | float:
         return text
 
 
-def _motor(file: Path, row: Row) -> JsonObject:
+def _motor(row: Row) -> JsonObject:
     """Convert a row to the content of a motor file. Other columns of the table are ignored.
 
     Raises ProblemError if two columns state the same figure.
     """
     cells = dict(row.cells)
-    source = cells.pop("source", f"{file.name}, {row.label}")
+    source = cells.pop("source", row.default_source)
     name = str(cells.pop("name", ""))
     entry: JsonObject = {
         "name": name if name == row.label else f"{name} {row.label}".strip(),
@@ -271,18 +270,30 @@ def _motor(file: Path, row: Row) -> JsonObject:
     for column, value in cells.items():
         name = MOTOR_COLUMNS.get(column, column)
         if name in entry:
-            raise ProblemError(f"two columns state {name}", file=file, line=row.line, key=column)
+            raise ProblemError(
+                f"two columns state {name}", file=row.file, line=row.line, key=column
+            )
         if name in MotorModel.model_fields:
             entry[name] = value
     return entry
 
 
-def _section(file: Path, row: Row, values: JsonObject) -> Section:
+def _gear(row: Row) -> JsonObject:
+    """Return the columns of a row that are keys of a drive file."""
+    return {key: cell for key, cell in row.cells.items() if key not in SIZE_COLUMNS}
+
+
+def _gearhead(row: Row) -> JsonObject:
+    """Convert a row to the content of a gear stage in a drive file."""
+    return _nest(row.cells, {"name": row.label, "source": row.default_source})
+
+
+def _section(row: Row, values: JsonObject) -> Section:
     """Return the values of a row as a section, so that messages refer to the line of the row."""
-    return Section(file, plain_node(values, line=row.line))
+    return Section(row.file, plain_node(values, line=row.line))
 
 
-def _size(file: Path, row: Row, name: str) -> float | None:
+def _size(row: Row, name: str) -> float | None:
     """Return the mass (kg) or length (m) in a row, or None if the row does not state it.
 
     Raises ProblemError if the unit is wrong or the value is not positive.
@@ -290,13 +301,11 @@ def _size(file: Path, row: Row, name: str) -> float | None:
     if name not in row.cells:
         return None
     try:
-        value = quantity(row.cells[name], SIZE_COLUMNS[name])
-        if value > 0:
-            return value
-        fault = "not greater than zero"
+        return quantity(SIZE_COLUMNS[name], POSITIVE).read(row.cells[name])
     except BadQuantity as error:
-        fault = str(error)
-    raise ProblemError(fault, file=file, line=row.line, key=name, value=row.cells[name])
+        raise ProblemError(
+            str(error), file=row.file, line=row.line, key=name, value=row.cells[name]
+        ) from None
 
 
 def _for_joint(section: Section, drive: Drive, travel: float) -> Drive:
@@ -310,14 +319,14 @@ def _for_joint(section: Section, drive: Drive, travel: float) -> Drive:
     return replace(result, self_locking=drive.self_locking)
 
 
-def _with_gear(file: Path, row: Row, drive: Drive, travel: float) -> Drive:
+def _with_gear(row: Row, drive: Drive, travel: float) -> Drive:
     """Return a drive with the gear of a row and the friction of the given drive."""
     friction = friction_of(drive)
     inertia = "kg" if drive.slides else "kg*m^2"
     values: JsonObject = {
         "name": row.label,
         "kind": drive.kind,
-        "source": f"{file.name}, {row.label}",
+        "source": row.default_source,
         "geometry": {"thread_angle": f"{drive.dimensions['thread_angle']!r} rad"},
         "input_inertia": f"{drive.input_inertia!r} kg*m^2",
         "output_inertia": f"{drive.output_inertia!r} {inertia}",
@@ -334,10 +343,10 @@ def _with_gear(file: Path, row: Row, drive: Drive, travel: float) -> Drive:
             "preload": f"{drive.preload!r} N",
             "second_nut_mass": f"{drive.second_nut_mass!r} kg",
         }
-    cells = {key: cell for key, cell in row.cells.items() if key not in SIZE_COLUMNS}
+    cells = _gear(row)
     stated = {key.rpartition(".")[2] for key in cells}
     of_friction = [name for name in hints(Friction) if f"friction.{name}" in cells]
-    section = _section(file, row, _nest(cells, values))
+    section = _section(row, _nest(cells, values))
     result = _for_joint(section, drive, travel)
     ratings = result.ratings
     with located(section):
