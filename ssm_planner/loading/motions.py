@@ -41,6 +41,7 @@ from ssm_planner.problem import (
     Straight,
     Task,
     Tip,
+    attributes,
 )
 from ssm_planner.registry import Registry
 from ssm_planner.typing import JsonObject, Keywords, frozen
@@ -276,34 +277,22 @@ def _free(section: Section, model: Any) -> Iterator[Motion]:
     )
 
 
-def _spline(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the spline in joint space that the value of a key describes, see `_straight`."""
-    end = point_from(section.sub("to"), model.to)
-    between = _points_between(section, model)
-    yield Follow(end, between, "spline", line=section.line(), duration=model.duration)
-
-
 def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
-    """Build the points of the key `through`, which are between both ends of a motion."""
+    """Build the points of the key `through`, which contains several points or that of an arc."""
+    if not isinstance(model.through, tuple):
+        return (point_from(section.sub("through"), model.through),)
     return tuple(
         point_from(section.sub("through", k), point) for k, point in enumerate(model.through)
     )
 
 
 def _curve(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the line or arc of the tip that the value of a key describes, see `_straight`."""
+    """Yield the spline, line or arc that the value of a key describes, see `_straight`."""
     name: Any = section.path[-1]
-    middle = () if name == "line" else (point_from(section.sub("through"), model.through),)
-    yield Follow(
-        point_from(section.sub("to"), model.to),
-        middle,
-        name,
-        name,
-        line=section.line(),
-        duration=model.duration,
-        blend=model.blend,
-        constant_speed=model.constant_speed,
-    )
+    end = point_from(section.sub("to"), model.to)
+    between = _points_between(section, model)
+    of_tip = attributes(model, () if name == "spline" else ("blend", "constant_speed"))
+    yield Follow(end, between, name, name, line=section.line(), duration=model.duration, **of_tip)
 
 
 def _retina(section: Section, model: Any) -> Iterator[Motion]:
@@ -400,7 +389,7 @@ _KEYS = (
         "spline",
         "Smooth curve of the joints through points.",
         _motion_to(nested(PointModel), _WAYPOINTS, ("blend",)),
-        _spline,
+        _curve,
     ),
     MotionKey(
         "path",
