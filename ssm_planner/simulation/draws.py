@@ -187,7 +187,6 @@ def play_draws(
     inputs = _inputs(width, offsets, friction)
     mechanism = Mechanism.from_robot(arm.robot)
     targets = tip_position(mechanism, planned[::TIP_INTERVAL])
-    torque_constants = [getattr(arm.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
     tip_error = np.zeros(count)
     peak_current = np.zeros((count, 4))
     following_error = np.zeros((count, 4))
@@ -209,7 +208,7 @@ def play_draws(
     return Draws(
         friction,
         tip_error,
-        peak_torque=peak_current * torque_constants,
+        peak_torque=peak_current * arm.torque_constants,
         following_error=following_error,
         saturated=saturated,
         tripped=states[:, TRIP] > 0,

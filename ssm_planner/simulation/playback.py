@@ -250,6 +250,11 @@ class ControlledArm(ArmPlant):
             )
         return state
 
+    @property
+    def torque_constants(self) -> list[float]:
+        """Torque constants of the four motors, N·m/A. 0 for a joint without a drive."""
+        return [getattr(self.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
+
     def offsets(self, q: Array) -> Array:
         """Return the offsets (4,) of the encoders, rad.
 

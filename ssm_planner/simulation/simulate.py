@@ -23,7 +23,6 @@ from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.simulation.cascade import electrics_of
 from ssm_planner.simulation.draws import Draws, drawn_frictions, play_draws
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
 from ssm_planner.simulation.playback import (
@@ -605,7 +604,7 @@ class _Stage:
         mechanism = Mechanism.from_robot(robot)
         planned_tip = tip_position(mechanism, self.planned)
         tip = np.linalg.norm(tip_position(mechanism, states[:, Q]) - planned_tip, axis=1)
-        torque = played.states[1:, CURRENT] * self._torque_constants()
+        torque = played.states[1:, CURRENT] * self.arm(self.scenario.payload).torque_constants
         powered = (self.commands.power > 0) & np.all(states[:, TRIP] == 0, axis=1)
         count = max(int(np.sum(powered)), 1)
         tripped = played.states[-1, TRIP] > 0
@@ -640,13 +639,6 @@ class _Stage:
             draws=draws,
         )
         return replace(result, reasons=tuple(_reasons(result)))
-
-    def _torque_constants(self) -> list[float]:
-        """Return the torque constants of the four motors, N·m/A. A joint without a drive has 0."""
-        return [
-            electrics_of(joint, self.controller).torque_constant if joint.drive else 0.0
-            for joint in self.plan.robot.joints
-        ]
 
     def _motor(self, k: int, torque: Array, played: Played, tripped: bool) -> MotorUse:
         """Return the largest torque, the following error and the faults of the motor of one joint.

@@ -55,7 +55,7 @@ def playback(
         control_step=step("full"),
         control_step_in_halves=step("half"),
         needs_half_steps=lambda told: np.zeros(PERIODS, dtype=bool) if halved is None else halved,
-        electrics={k: SimpleNamespace(torque_constant=c) for k, c in CONSTANTS.items()},
+        torque_constants=[CONSTANTS.get(k, 0.0) for k in range(4)],
     )
     monkeypatch.setattr(module, "Vectorised", lambda function: function)
     start, friction = np.zeros(FULL_STATE), np.outer(np.arange(1.0, COUNT + 1), np.ones(28))

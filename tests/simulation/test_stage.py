@@ -51,6 +51,8 @@ def plan(robot: Robot) -> Plan:
 class FakeArm:
     """An arm that records what it is told; its state counts the periods in joint 1's position."""
 
+    torque_constants = np.ones(4)
+
     def __init__(self, moves: Any = None) -> None:
         self.commands: list[Commands] = []
         self.begun: list[np.ndarray] = []
