@@ -131,7 +131,7 @@ def load_motor(name: str | Path) -> Motor:
 
 def _joint_parts(cls: Any) -> Any:
     """Build the type of an optional mapping from joint names to instances of the class `cls`."""
-    return by_joint(model_of(cls), model_of(cls, slides=True))
+    return by_joint(lambda slides: model_of(cls, slides=slides))
 
 
 _Axes = _joint_parts(AxisController)
@@ -170,13 +170,13 @@ def load_controller(name: str | Path) -> Controller:
         return Controller(file=section.file_name, **fields)
 
 
-def _stroke(slides: bool = False) -> Any:
+def _stroke(slides: bool) -> Any:
     """Build the model of a stroke. The units are those of a prismatic joint if `slides` is true."""
     centre = reading(Stroke, "centre", slides), 0.0
     return model_of(Stroke, {"centre": centre}, slides=slides, without=("joint",))
 
 
-_Run = by_joint(_stroke(), _stroke(slides=True))
+_Run = by_joint(_stroke)
 
 
 class MotorisationModel(Model):

@@ -127,7 +127,7 @@ _NAMED_POINTS = Annotated[
 ]
 
 
-def _overrides(slides: bool = False) -> Any:
+def _overrides(slides: bool) -> Any:
     """Build the model of joint limits that replace those of the robot.
 
     `slides` is true for the prismatic joint.
@@ -140,7 +140,7 @@ def _overrides(slides: bool = False) -> Any:
     return model_from(keys)
 
 
-OverridesModel = by_joint(_overrides(), _overrides(slides=True))
+OverridesModel = by_joint(_overrides)
 _START = "Start point: four task coordinates, or joints, or tip with spin."
 
 

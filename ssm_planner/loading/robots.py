@@ -255,12 +255,12 @@ _ACTUATION: Keywords = {
 }
 
 
-def _joint_model(slides: bool = False) -> Any:
+def _joint_model(slides: bool) -> Any:
     """Return the model of a joint that is revolute or, if `slides` is true, prismatic."""
     return model_of(Joint, _ACTUATION, slides=slides, without=("name", "kind"))
 
 
-JointsModel = by_joint(_joint_model(), _joint_model(slides=True), every=True)
+JointsModel = by_joint(_joint_model, every=True)
 RANGES = {
     name: optional(
         Annotated[Any, interval("length" if name == "depth" else "angle")], f"Range of the {name}."

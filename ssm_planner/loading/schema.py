@@ -396,21 +396,25 @@ def optional(hint: Any, description: str = "") -> Any:
     return hint | None, PydanticField(None, description=description)
 
 
-def by_joint(turning: Any, sliding: Any, every: bool = False) -> Any:
+def by_joint(build: Callable[[bool], Any], every: bool = False) -> Any:
     """Build the model of a mapping from joint names to values.
 
     Parameters
     ----------
-    turning, sliding : type
-        Model of the value for a revolute joint, and for the prismatic joint.
+    build : callable
+        Function that builds the model of the value for a revolute joint or, if its argument is
+        true, for the prismatic joint.
     every : bool
         True if the mapping must contain all joints.
     """
-    fields: Keywords = {}
-    for i, name in enumerate(JOINTS, 1):
-        hint = nested(sliding if name == "insertion" else turning)
-        fields[name] = (required if every else optional)(hint, f"Joint {i}.")
-    return model_from(fields)
+    turning, sliding = nested(build(False)), nested(build(True))
+    key = required if every else optional
+    return model_from(
+        {
+            name: key(sliding if name == "insertion" else turning, f"Joint {i}.")
+            for i, name in enumerate(JOINTS, 1)
+        }
+    )
 
 
 def _read_text(value: object) -> str:
