@@ -9,26 +9,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import FrictionSpread, friction_of, spread_of
+from ssm_planner.dynamics import friction_of, spread_of
 from ssm_planner.problem import Drive, Motor
-from ssm_planner.problem import unchecked as changed
 from ssm_planner.sizing.checks import (
     TOLERANCE,
     Case,
     Check,
     all_of,
+    band_of,
     below,
     binding,
-    gear_checks,
-    stage_checks,
+    drive_checks,
     unchecked,
 )
 from ssm_planner.sizing.demand import (
     Band,
     DemandName,
     Demands,
-    linear_band,
-    monte_carlo,
 )
 from ssm_planner.sizing.heat_check import Heat, heat_of
 from ssm_planner.sizing.joint_load import JointLoad
@@ -193,41 +190,6 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
         ),
         notes=notes,
     )
-
-
-def gear_case(load: JointLoad, conditions: Conditions) -> Case:
-    """Return the case of the gear of a joint, which does not depend on its motor."""
-    spread = spread_of(load.drive, conditions.spread)
-    band = band_of(replace(load, motor=None), spread, conditions)
-    return Case(load, band, spread, conditions)
-
-
-def drive_checks(case: Case) -> tuple[Check, ...]:
-    """Run the checks of a drive and of its gear stages."""
-    load = case.load
-    if not load.drive.stages:
-        return gear_checks(case)
-    return (*gear_checks(case), *stage_checks(shaft_case(load, case.conditions), load.drive))
-
-
-def shaft_case(load: JointLoad, conditions: Conditions) -> Case:
-    """Return the case of a drive without inertia and without the added friction of a motor.
-
-    Its torque passes through the gear stages.
-    """
-    drive = changed(load.drive, input_inertia=0.0)
-    return gear_case(replace(load, drive=drive, motor_friction=(0.0, 0.0)), conditions)
-
-
-def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
-    """Compute the range of the demands.
-
-    The computation is a Monte Carlo simulation if the conditions request draws. Otherwise, it is
-    linearised.
-    """
-    if conditions.draws:
-        return monte_carlo(load, spread, conditions.draws)
-    return linear_band(load, spread)
 
 
 def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, tuple[str, ...]]:

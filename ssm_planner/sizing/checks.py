@@ -7,12 +7,14 @@ speed, load, duty and self-locking. Screws are also checked for whirling and buc
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.dynamics import FrictionSpread, friction_of, self_locking_margin
+from ssm_planner.dynamics import FrictionSpread, friction_of, self_locking_margin, spread_of
 from ssm_planner.problem import Drive, Ratings, ScrewEnds, attributes
-from ssm_planner.sizing.demand import Band, DemandName
+from ssm_planner.problem import unchecked as changed
+from ssm_planner.sizing.demand import Band, DemandName, linear_band, monte_carlo
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.typing import Array, JsonObject, frozen, record
@@ -106,6 +108,16 @@ class Case:
     spread: FrictionSpread
     conditions: Conditions
 
+    @cached_property
+    def shaft(self) -> "Case":
+        """Case of the drive without inertia and without the added friction of a motor.
+
+        Its torque passes through the gear stages.
+        """
+        drive = changed(self.load.drive, input_inertia=0.0)
+        load = replace(self.load, drive=drive, motor_friction=(0.0, 0.0))
+        return gear_case(load, self.conditions)
+
     def below(
         self,
         name: str,
@@ -188,6 +200,24 @@ class Case:
         return f"recordings {speed} that multiply the spread by {share:.2g}"
 
 
+def gear_case(load: JointLoad, conditions: Conditions) -> Case:
+    """Return the case of the gear of a joint, which does not depend on its motor."""
+    spread = spread_of(load.drive, conditions.spread)
+    band = band_of(replace(load, motor=None), spread, conditions)
+    return Case(load, band, spread, conditions)
+
+
+def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
+    """Compute the range of the demands.
+
+    The computation is a Monte Carlo simulation if the conditions request draws. Otherwise, it is
+    linearised.
+    """
+    if conditions.draws:
+        return monte_carlo(load, spread, conditions.draws)
+    return linear_band(load, spread)
+
+
 def binding(checks: Iterable[Check]) -> Check | None:
     """Return the check with the smallest margin. Failed checks precede all others.
 
@@ -263,6 +293,16 @@ def gear_checks(case: Case) -> tuple[Check, ...]:
     return tuple(checks)
 
 
+def drive_checks(case: Case, drive: Drive | None = None) -> tuple[Check, ...]:
+    """Run the checks of a drive and of its gear stages.
+
+    The gear stages are those of `drive`. The default is the drive of the case.
+    """
+    drive = drive or case.load.drive
+    stages = stage_checks(case.shaft, drive) if drive.stages else ()
+    return (*gear_checks(case), *stages)
+
+
 def stage_checks(case: Case, drive: Drive) -> Iterator[Check]:
     """Check speed and output torque of every gear stage between motor and drive.
 
@@ -273,7 +313,7 @@ def stage_checks(case: Case, drive: Drive) -> Iterator[Check]:
     Parameters
     ----------
     case
-        Case of the torque that passes through the stages, see `assess.shaft_case`.
+        Case of the torque that passes through the stages, see `Case.shaft`.
     drive
         Drive with the stages. The torque of a case without its gearhead is that at the output of
         the gearhead.

@@ -23,11 +23,8 @@ from ssm_planner.sizing.assess import (
     CONFIDENCE,
     MotorVerdict,
     assess,
-    drive_checks,
-    gear_case,
     limits_of,
     motor_friction,
-    shaft_case,
     shaft_inertia,
     with_motor,
 )
@@ -36,10 +33,10 @@ from ssm_planner.sizing.checks import (
     TOLERANCE,
     Case,
     Check,
-    gear_checks,
+    drive_checks,
+    gear_case,
     locks_certainly,
     margin_of,
-    stage_checks,
 )
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.heat_check import heat_of
@@ -402,10 +399,9 @@ def _assess_gear(
     """
     load = chains[0]
     case = gear_case(load, conditions)
-    gear = drive_checks(case)
     if case.spread.names:
         speed = margin_of(load.peak_speed, fleet.max_speed)
-        yield _assess_by_draws(load, fleet, conditions, gear, speed)
+        yield _assess_by_draws(load, fleet, conditions, drive_checks(case), speed)
         return
     if len(chains) > 1 and not locks_certainly(case):
         # The mesh can drive the gearheads, so the torque of each chain has another form.
@@ -414,11 +410,8 @@ def _assess_gear(
         return
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
     limited = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}
-    passing = shaft_case(load, conditions) if len(chains) > 1 else case
     for geared, (highest, lowest) in zip(chains, _bands(chains, case, fleet), strict=True):
-        checks = gear
-        if geared is not load:
-            checks = (*gear_checks(case), *stage_checks(passing, geared.drive))
+        checks = drive_checks(case, geared.drive)
         speed = margin_of(geared.peak_speed, fleet.max_speed)
         answers = {"speed": _answer(speed, speed)}
         margins = {"speed": speed}

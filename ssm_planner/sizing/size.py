@@ -11,8 +11,8 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Motor, Robot
-from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess, drive_checks, gear_case
-from ssm_planner.sizing.checks import Check, all_of, binding
+from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess
+from ssm_planner.sizing.checks import Check, all_of, binding, drive_checks, gear_case
 from ssm_planner.sizing.demand import Band, DemandName
 from ssm_planner.sizing.duty import DutyCycle, no_drive
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
