@@ -502,8 +502,7 @@ def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
 def _extremes(parts: Array) -> Indices:
     """Return the indices of the instants at which a sum of the parts can be extreme.
 
-    The factors of the parts are at least 0. The instants are therefore vertices of the convex hull
-    of each direction of motion, and no component of their outward normals has the wrong sign.
+    The instants are the vertices of the convex hull of each direction of motion.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -516,14 +515,7 @@ def _extremes(parts: Array) -> Indices:
         points = points[np.ptp(points, axis=1) > 0]
         with suppress(QhullError, ValueError):  # too few points for a hull
             points = points / np.abs(points).max(axis=1, keepdims=True)
-            hull = ConvexHull(points.T, qhull_options="QJ")
-            extreme = np.zeros(len(members), dtype=bool)
-            for side in (1.0, -1.0):
-                largest = np.full(points.T.shape, -np.inf)
-                for corners in hull.simplices.T:
-                    np.maximum.at(largest, corners, side * hull.equations[:, :-1])
-                extreme |= np.all(largest >= -TOLERANCE, axis=1)
-            members = members[extreme]
+            members = members[ConvexHull(points.T, qhull_options="QJ").vertices]
         indices.append(members)
     return np.concatenate(indices)
 
