@@ -95,20 +95,13 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
     few = thinned(load)
     cycle = Cycle.from_torque(few.t, few.torque(), conditions.pause)
     rms = float(np.sqrt(cycle.mean(cycle.square)))
-    if rms == 0.0:
-        return Heat(
-            np.inf,
-            limit,
-            nominal_winding=conditions.ambient,
-            winding=conditions.ambient,
-            model=model,
-            cycle=cycle,
-        )
+    # Nothing limits a motor without torque.
+    hot = cycle.scaled(worst_rms / rms) if rms > 0 else cycle
+    capacity = _largest_factor(model, cycle, limit) * rms if rms > 0 else np.inf
     nominal = steady_state(model, cycle)
-    hot = cycle.scaled(worst_rms / rms)
     hot_state = steady_state(model, hot)
     return Heat(
-        _largest_factor(model, cycle, limit) * rms,
+        capacity,
         limit,
         nominal_winding=nominal.peak if nominal.steady else None,
         winding=hot_state.peak if hot_state.steady else None,
