@@ -14,24 +14,26 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ssm_planner.loading.schema import (
+    POSITIVE,
     SOURCE,
     Figure,
     Truth,
     located,
     model_of,
+    optional,
     quantity,
     sourced_field,
     validated,
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.package_table import package_table
-from ssm_planner.problem import Bound, Motor
+from ssm_planner.problem import Motor
 
 
 def _check(quantity_kind: str, description: str) -> Any:
     """Return the type of a quantity that is only compared with other quantities of the file."""
-    hint = Annotated[Figure, sourced_field(quantity(quantity_kind, Bound(above=0.0)))]
-    return hint | None, Field(None, description=description + ", only to check other figures.")
+    hint = Annotated[Figure, sourced_field(quantity(quantity_kind, POSITIVE))]
+    return optional(hint, f"{description}, only to check other figures.")
 
 
 CHECKS = {

@@ -27,6 +27,8 @@ from ssm_planner.typing import Array, frozen, record
 
 DAMPING_RATIO = 0.3
 """Assumed damping ratio of all joints with locked drives."""
+FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
+"""Assumed natural frequencies of the joints with locked drives, Hz."""
 
 
 @record
@@ -45,7 +47,7 @@ class Compliance:
         cls,
         body: RigidBody,
         q: Array,
-        frequency: Sequence[float] = (30.0, 30.0, 30.0, 100.0),
+        frequency: Sequence[float] = FREQUENCIES,
     ) -> "Compliance":
         """Compute stiffness and damping from the natural frequencies of the joints.
 
@@ -359,12 +361,11 @@ class ArmPlant:
             Prescribed accelerations of joints without a drive, rad/s² or m/s².
         """
         free = list(self.driven)
-        undriven = [k for k in range(4) if k not in free]
         probe = ca.SX.sym("qdd", 4)
         effort = self.body.symbolic(q, qd, probe)
         mass = ca.densify(ca.jacobian(effort, probe))
         prescribed = ca.SX.zeros(4)
-        for k in undriven:
+        for k in set(range(4)) - set(free):
             prescribed[k] = locked[k]
         bias = ca.substitute(effort, probe, prescribed)
         solved = ca.ldl_solve(force[free] - bias[free], *ca.ldl(mass[free, free]))

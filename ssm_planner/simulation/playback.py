@@ -16,6 +16,7 @@ from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
 from ssm_planner.simulation.plant import (
     DAMPING_RATIO,
+    FREQUENCIES,
     FRICTION,
     INTEGRAL,
     MOTOR,
@@ -31,8 +32,6 @@ from ssm_planner.units import rpm
 
 STEPS = 2
 """Number of steps of the plant in one period of the position loop."""
-FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
-"""Assumed natural frequencies of the joints with locked drives, Hz."""
 BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
 """Assumed free play between drive and joint, rad and m."""
 
