@@ -13,10 +13,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssm_planner.atomic import replacing
 from ssm_planner.dynamics import RigidBody, directions, motor_motion
@@ -382,9 +381,6 @@ def _counts(motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: s
     return Content({"axes": entries}, files)
 
 
-Bytes = NDArray[np.uint8]
-
-
 def table_text(
     columns: Mapping[str, Array], forms: tuple[str, str] = ("%.3f", "%d")
 ) -> Iterator[str]:
@@ -398,53 +394,8 @@ def table_text(
     formats = [forms[0]] + [forms[1]] * (len(values) - 1)
     row_format = ",".join(formats) + "\n"
     for block in blocks(len(values[0]), BLOCK):
-        numbers = [column[block] for column in values]
-        characters = list(map(_characters, numbers, formats))
-        formatted = [column for column in characters if column is not None]
-        if len(formatted) == len(numbers):
-            yield _joined(formatted)
-        else:
-            rows = np.column_stack(numbers)
-            yield row_format * len(rows) % tuple(rows.ravel().tolist())
-
-
-def _characters(values: Array, form: str) -> list[Bytes] | None:
-    """Format numbers (n,), and return their characters as arrays (n,) from left to right.
-
-    The code 0 stands for no character. The result is None for formats other than "%d" and "%.3f",
-    and for numbers that the format rounds.
-    """
-    decimals = {"%d": 0, "%.3f": 3}.get(form)
-    if decimals is None:
-        return None
-    scaled = values * 10.0**decimals
-    size = np.abs(np.rint(scaled))
-    if not (np.abs(np.abs(scaled) - size) <= 1e-6 * decimals).all() or size.max() >= 2**53:
-        return None
-    is_negative = np.signbit(scaled) if decimals else scaled < 0  # "%d" writes −0 as 0
-    remainder: Any = size.astype(np.uint32 if size.max() < 2**32 else np.uint64)
-    result: list[Bytes] = []  # from the last digit to the first
-    while remainder.any() or len(result) <= decimals:
-        quotient = remainder // 10
-        digit = (remainder - 10 * quotient + ord("0")).astype(np.uint8)
-        is_leading_zero = (remainder == 0) & (len(result) > decimals)
-        result.append(np.where(is_leading_zero, np.uint8(0), digit))
-        remainder = quotient
-    if decimals:
-        result.insert(decimals, np.full(len(values), ord("."), np.uint8))
-    result.append(is_negative * np.uint8(ord("-")))
-    return result[::-1]
-
-
-def _joined(columns: list[list[Bytes]]) -> str:
-    """Return the text of rows from the characters of their columns, see `_characters`."""
-    comma = np.full(len(columns[0][0]), ord(","), np.uint8)
-    characters: list[Bytes] = []
-    for column in columns:
-        characters += column + [comma]
-    characters[-1] = np.full_like(comma, ord("\n"))  # instead of the last comma
-    table = np.stack(characters, axis=1)
-    return table[table > 0].tobytes().decode("ascii")
+        rows = np.column_stack([column[block] for column in values])
+        yield row_format * len(rows) % tuple(rows.ravel().tolist())
 
 
 def _as_read(reading: Reading, plan: Plan) -> list[str]:
