@@ -366,7 +366,7 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
         if plan.reason is not None and plan.reason.relaxation:
             lines.append(f"  relaxation: {plan.reason.relaxation}")
         return lines
-    results = verdicts(plan) if verbose else conditions(plan)
+    results = list(verdicts(plan) if verbose else conditions(plan))
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}"]
     if results:
         lines += [""] + results
@@ -394,11 +394,11 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
         _, _, reason = motors_verdict(plan.sizing.to_dict())
         if reason:
             lines += [f"Motors: {reason}", ""]
-    return lines + answers(plan, folder)
+    return lines + list(answers(plan, folder))
 
 
-def answers(plan: "Plan", folder: Path | None = None) -> list[str]:
-    """Return the lines that answer the main questions about a plan.
+def answers(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
+    """Yield the lines that answer the main questions about a plan.
 
     There is one line each for the duration, the check, the closest limit, the motors and the
     report.
@@ -415,12 +415,11 @@ def answers(plan: "Plan", folder: Path | None = None) -> list[str]:
     meaning = f"no motion on this path is shorter than {bound}"
     if not plan.path_bound and any(motion.kind == Free.kind for motion in plan.problem.motion):
         meaning = f"lower bound {bound}, loose for free motions"
-    lines = [f"time     {format_fixed(plan.duration, 4)} s; {meaning}"]
+    yield f"time     {format_fixed(plan.duration, 4)} s; {meaning}"
     certificate = plan.certificate
     if plan.uncertified_reason is not None or certificate is None:
-        lines.append(
-            f"check    NOT CERTIFIED: {plan.uncertified_reason or 'the plan has no certificate'}"
-        )
+        reason = plan.uncertified_reason or "the plan has no certificate"
+        yield f"check    NOT CERTIFIED: {reason}"
     else:
         limits = certificate.limits
         violations = certificate.violations
@@ -429,20 +428,19 @@ def answers(plan: "Plan", folder: Path | None = None) -> list[str]:
         verdict = f"PASSED: {kept_text}; {binding} bind by design"
         if violations:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
-        lines.append(f"check    {verdict}")
+        yield f"check    {verdict}"
         limit = closest_limit(limits)
         if limit is not None:
             name, joint, worst_text, allowed, unit, _ = limit_cells(limit, digits=4)
             owner = f" of {joint}" if joint else ""
             margin = percent(limit.margin)
             value = f"{worst_text} {unit}".rstrip()
-            lines.append(f"closest  {name}{owner}: {value} ({allowed}), margin {margin}")
+            yield f"closest  {name}{owner}: {value} ({allowed}), margin {margin}"
     if plan.sizing is not None:
         outcome = motors_verdict(plan.sizing.to_dict())[1]
-        lines.append(f"motors   {outcome.removeprefix('Motors ')}")
+        yield f"motors   {outcome.removeprefix('Motors ')}"
     if folder is not None:
-        lines.append(f"file     {folder / 'report.html'}")
-    return lines
+        yield f"file     {folder / 'report.html'}"
 
 
 def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
@@ -503,16 +501,16 @@ def confirmation(plan: "Plan") -> tuple[str, str]:
     return verb, agreement
 
 
-def range_lines(plan: "Plan") -> list[str]:
-    """Describe the effect of uncertain friction and payload on a plan.
+def range_lines(plan: "Plan") -> Iterator[str]:
+    """Yield lines on the effect of uncertain friction and payload on a plan.
 
     The first line states the ranges and the additional duration. One line for each motor states its
-    worst case. The list is empty if the problem does not contain ranges.
+    worst case. There is no line if the problem does not contain ranges.
     """
     friction = plan.problem.friction
     payload = plan.problem.payload
     if friction is None and payload is None:
-        return []
+        return
     ranges = []
     if friction:
         ranges.append(f"friction within {100 * friction:g} %")
@@ -522,14 +520,11 @@ def range_lines(plan: "Plan") -> list[str]:
     if plan.duration is not None and plan.nominal_duration:
         increase = 100 * (plan.duration / plan.nominal_duration - 1)
         cost = f": {increase:+.2f} % compared with {plan.nominal_duration:.4f} s without the range"
-    lines = [f"range        {', '.join(ranges)}{cost}"]
+    yield f"range        {', '.join(ranges)}{cost}"
     for limit in () if plan.certificate is None else plan.certificate.limits:
         if limit.name == MotorTorque.name and limit.case:
-            lines.append(
-                f"             joint {limit.joint}: worst, margin {100 * limit.margin:+.2f} %, at "
-                f"{limit.case}"
-            )
-    return lines
+            margin = f"margin {100 * limit.margin:+.2f} %"
+            yield f"             joint {limit.joint}: worst, {margin}, at {limit.case}"
 
 
 def path_lines(plan: "Plan") -> list[str]:
@@ -577,70 +572,63 @@ def proof_table(proofs: Sequence["Proof"]) -> Table:
     return Table("limit, joint, worst from, to, limit, at s, ", rows, (2, 3, 4, 5))
 
 
-def conditions(plan: "Plan") -> list[str]:
-    """Describe the conditions that a problem contains in addition to its limits.
+def conditions(plan: "Plan") -> Iterator[str]:
+    """Yield lines on the conditions that a problem contains in addition to its limits.
 
     The conditions are corners, constant tip speeds, rates at the start and at the end, and ranges
     of friction and payload. The lines about toppra and about violated limits follow.
     """
-    lines = path_lines(plan)
+    yield from path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
         if any(rates.values()):
-            lines.append(f"{verb:<12} at {rates_text(rates)}, as declared")
-    lines += range_lines(plan)
-    lines += cross_check_lines(plan)
+            yield f"{verb:<12} at {rates_text(rates)}, as declared"
+    yield from range_lines(plan)
+    yield from cross_check_lines(plan)
     if plan.certificate is not None:
         for violation in plan.certificate.violations:
-            lines.append(
-                f"exceeded     {violation.name} {violation.joint or ''} at t = "
-                f"{violation.time:.4f} s"
-            )
-    return lines
+            time = f"t = {violation.time:.4f} s"
+            yield f"exceeded     {violation.name} {violation.joint or ''} at {time}"
 
 
-def cross_check_lines(plan: "Plan") -> list[str]:
-    """Describe how the duration compares with toppra's duration and with the proven bound.
+def cross_check_lines(plan: "Plan") -> Iterator[str]:
+    """Yield lines on how the duration compares with toppra's duration and with the proven bound.
 
     Phases that toppra cannot judge are listed with the reason.
     """
-    lines = []
     result = plan.cross_check
     if result is not None:
         comparison = "slower" if result["difference"] > 0 else "faster"
-        lines.append(
+        yield (
             f"cross-check  {result['duration']:.4f} s by {result['by']}, the plan is "
             f"{abs(100 * result['difference']):.3f} % {comparison}"
         )
     if plan.path_bound and plan.duration:
         share = math.ceil(1e5 * (1 - plan.path_bound / plan.duration)) / 1e3
-        lines.append(f"proven       no motion along this path is more than {share:.3f} % shorter")
+        yield f"proven       no motion along this path is more than {share:.3f} % shorter"
     if plan.tip_error is not None and plan.tip_error.bound is not None:
         source = plan.tip_error.sources[0]
         bound = number(1e3 * plan.tip_error.bound, 3)
-        lines.append(
+        yield (
             f"tip error    {bound} mm or less with 99 % probability; the largest source is the "
             f"{source.name} of {source.joint}"
         )
     if plan.sensitivities:
         rows = sensitivities_table(plan).rows[:SHOWN_SENSITIVITIES]
         savings = ", ".join(f"{limit} of {joint} {saved} ms" for limit, joint, saved, _ in rows)
-        lines.append(f"faster       +1 % of a limit saves: {savings}".replace(f" of {NOTHING}", ""))
+        yield f"faster       +1 % of a limit saves: {savings}".replace(f" of {NOTHING}", "")
     for reason in dict.fromkeys(phase.not_judged for phase in plan.phases if phase.not_judged):
         names = ", ".join(phase.name for phase in plan.phases if phase.not_judged == reason)
-        lines.append(f"cross-check  none of {names}: {reason}")
-    return lines
+        yield f"cross-check  none of {names}: {reason}"
 
 
-def verdicts(plan: "Plan") -> list[str]:
-    """Describe the solvers and the conditions of a plan, which `answers` omits."""
-    lines = []
+def verdicts(plan: "Plan") -> Iterator[str]:
+    """Yield lines on the solvers and the conditions of a plan, which `answers` omits."""
     if plan.problem.planner == "fast" and plan.phases:
-        lines.append(f"solver       {solvers(plan)}")
+        yield f"solver       {solvers(plan)}"
     verb, agreement = confirmation(plan)
     if verb:
-        lines.append(f"confirmed    Ipopt {verb} the structured solver's motion: {agreement}")
-    lines += conditions(plan)
-    return lines
+        yield f"confirmed    Ipopt {verb} the structured solver's motion: {agreement}"
+    yield from conditions(plan)
 
 
 def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
@@ -793,8 +781,8 @@ def sizing_lines(sizing: Sizing) -> list[str]:
     return lines + ["Gears"] + _gears(sizing).lines()
 
 
-def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
-    """Describe the largest payload and the shortest duration, one line each.
+def what_if_lines(payload: WhatIf, duration: WhatIf) -> Iterator[str]:
+    """Yield one line on the largest payload, and one on the shortest duration.
 
     Parameters
     ----------
@@ -803,7 +791,6 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
     duration : WhatIf
         Answer about the duration, as a multiple of the present one.
     """
-    lines = []
     for question, answer, form in (
         ("largest payload", payload, "{:.4g} kg"),
         ("shortest duration", duration, "{:.4f} times the present one"),
@@ -814,12 +801,11 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> list[str]:
             text = f"none: joint {answer.joint}: {answer.binds} is exceeded for every value"
         else:
             text = "the checks found no limit"
-        lines.append(f"{question:18} {text}")
-    return lines
+        yield f"{question:18} {text}"
 
 
-def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
-    """Describe the best pairs of motor and gear for each joint.
+def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
+    """Yield lines on the best pairs of motor and gear for each joint.
 
     The lines also count the pairs that a check excludes, by the name of the check.
 
@@ -829,33 +815,32 @@ def selection_lines(selection: Sequence[JsonObject]) -> list[str]:
         Entry `selection` in the output of `size --json`.
     """
     head = "motor, gear, adequate, binds, margin, g, gearhead g, mm, load/rotor inertia, to bus mJ"
-    lines = []
     for joint in selection:
         answers = list(chain.from_iterable(joint["adequate"]))
-        lines += [
-            "",
+        yield ""
+        yield (
             f"{joint['joint']}: {len(joint['motors'])} motors × {len(joint['gears'])} gears: "
             f"{answers.count(True)} suffice, {answers.count(None)} not known, "
-            f"{answers.count(False)} ruled out; by {joint['rank']}",
-        ]
+            f"{answers.count(False)} ruled out; by {joint['rank']}"
+        )
         rows = []
         missing = set()
         for pair in joint["best"]:
+            binds = pair["binds"]
             row = [pair["motor"], pair["gear"], VERDICT_LABELS[pair["adequate"]]]
-            row.append(plain_words(pair["binds"] or NOTHING))
-            row.append(percent(pair["margins"].get(pair["binds"])))
+            row += [plain_words(binds or NOTHING), percent(pair["margins"].get(binds))]
             for key in ("mass", "gearhead_mass", "length", "inertia_ratio", "energy_to_bus"):
                 scale = 1.0 if key == "inertia_ratio" else 1e3
                 row.append(NOTHING if pair[key] is None else number(scale * pair[key]))
             rows.append(row)
             for name, needs in pair["not_checked"].items():
                 missing.add(f"{plain_words(name)}: {needs}")
-        lines += Table(head, rows, range(4, 10)).lines() if rows else ["no pair remains"]
+        yield from Table(head, rows, range(4, 10)).lines() if rows else ["no pair remains"]
         reasons = [f"{plain_words(name)} {count}" for name, count in joint["reasons"].items()]
         if reasons:
-            lines.append(f"ruled out by: {', '.join(reasons)}")
-        lines += [f"not known: {check}" for check in sorted(missing)]
-    return lines
+            yield f"ruled out by: {', '.join(reasons)}"
+        for check in sorted(missing):
+            yield f"not known: {check}"
 
 
 def _requirements(sizing: Sizing) -> Table:
@@ -944,17 +929,16 @@ def _gears(sizing: Sizing) -> Table:
     return Table("joint, drive, margins", rows)
 
 
-def _notes(sizing: Sizing) -> list[str]:
-    """Return the notes of all assessed motors, and the times until their windings are too hot."""
-    lines = []
+def _notes(sizing: Sizing) -> Iterator[str]:
+    """Yield the notes of all assessed motors, and the times until their windings are too hot."""
     notes: dict[str, None] = {}  # a set that keeps the order
     for verdict in sizing.verdicts + sizing.alternatives:
         heat = verdict.heat
         if heat is not None and heat.time_until_limit is not None:
             duration = f"reaches {heat.limit - KELVIN:.0f} °C after {heat.time_until_limit:.4g} s"
-            lines.append(f"joint {verdict.joint}, {verdict.motor.name}: the winding {duration}")
+            yield f"joint {verdict.joint}, {verdict.motor.name}: the winding {duration}"
         notes |= dict.fromkeys(verdict.notes)
-    return lines + list(notes)
+    yield from notes
 
 
 def sizing_verdict(sizing: Sizing) -> list[str]:

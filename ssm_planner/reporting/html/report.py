@@ -114,7 +114,7 @@ def report_page(plan: Plan) -> str:
         verdict_marks=verdict(plan),
         plan=plan,
         confirmation=confirmation(plan),
-        ranges=range_lines(plan),
+        ranges=list(range_lines(plan)),
         closest=plan.certificate and closest_limit(plan.certificate.limits),
         tiers=_tiers(plan.certificate),
         proof=proof_table(plan.proof),
