@@ -4,7 +4,7 @@ The streams contain positions, velocities or torques for the cyclic synchronous 
 also writes the setup objects of the drives. Streams of positions can be read as a trajectory.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -109,7 +109,7 @@ def export_epos4(
         **entries,
         "stretch": stretch,
         "not_verified": list(NOT_VERIFIED),
-        "notes": _notes(plan, axes, t, entries["axes"]) + _moving_notes(plan),
+        "notes": [*_notes(plan, axes, t, entries["axes"]), *_moving_notes(plan)],
     }
 
 
@@ -351,37 +351,34 @@ def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, S
     return streams
 
 
-def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> list[str]:
-    """Return the notes of the manifest on the setpoints at times t (n,) s and on each joint.
+def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> Iterator[str]:
+    """Yield the notes of the manifest on the setpoints at times t (n,) s and on each joint.
 
     `entries` contains the entries of the manifest by joint, with the effects of rounding.
     """
-    notes = [f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"]
+    yield f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
     for joint, distance in zip(plan.robot.joints, travel.tolist(), strict=True):
         unit, scale = display_unit(joint.unit)
         if joint.name not in axes:
             if distance > 0:
                 length = number(scale * distance, 4)
-                notes.append(
+                yield (
                     f"joint {joint.name} has no drive and no stream, but the plan moves "
                     f"it by {length} {unit}"
                 )
             continue
         if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
-            notes.append(
-                f"joint {joint.name}: its torque offsets use a placeholder value of the rated "
-                "torque"
-            )
+            yield f"joint {joint.name}: its torque offsets use a placeholder value of the rated torque"
         effects = entries[joint.name]["rounding"]
         texts = {name: number(scale * effect, 2) for name, effect in effects.items()}
-        notes.append(
+        yield (
             f"joint {joint.name}: rounding to increments moves setpoints by up to "
             f"{texts['position']} {unit}, the speed between setpoints by {texts['speed']} {unit}/s "
             f"({100 * effects['speed'] / joint.velocity:.2g} % of its limit), and the acceleration "
             f"by {texts['acceleration']} {unit}/s²; the errors do not accumulate"
         )
-    return notes + encoder_notes(axes)
+    yield from encoder_notes(axes)
 
 
 TIME = "time_s"

@@ -1,5 +1,6 @@
 """Compare the velocity and torque offsets of EPOS4 streams with their target positions."""
 
+from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
@@ -36,8 +37,8 @@ class Offsets:
 
 def offset_checks(
     robot: Robot, t: Array, q: Array, resolution: Array, offsets: dict[int, Offsets]
-) -> list[LimitCheck]:
-    """Check that the velocity and torque offsets of the drives agree with the positions.
+) -> Iterator[LimitCheck]:
+    """Yield checks that the velocity and torque offsets of the drives agree with the positions.
 
     A velocity offset may differ from the slopes of the positions beside it by the change that the
     acceleration limit allows between two setpoints. A torque offset must follow from the motor law
@@ -59,11 +60,10 @@ def offset_checks(
     """
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
     qd = velocities(t, q, offsets)
-    checks = []
     for i, offset in offsets.items():
         joint = robot.joints[i]
         rounding = float(resolution[i])
-        checks.append(_velocity_check(joint, t, slopes[:, i], offset, rounding))
+        yield _velocity_check(joint, t, slopes[:, i], offset, rounding)
     low, high = _torque_range(robot, t, q, qd, offsets)
     for i, offset in offsets.items():
         joint = robot.joints[i]
@@ -71,12 +71,11 @@ def offset_checks(
         k = int(np.argmax(beyond))
         allowed = 2 * offset.torque_rounding + 1e-3 * float(np.abs(high[:, i]).max())
         limit = FeedForward(joint.name, allowed, of_torque=True)
-        checks.append(LimitCheck.from_extreme(limit, max(float(beyond[k]), 0.0), float(t[k])))
+        yield LimitCheck.from_extreme(limit, max(float(beyond[k]), 0.0), float(t[k]))
         torque = np.maximum(np.abs(offset.torque) - offset.torque_rounding, 0.0)
         k = int(np.argmax(torque))
         torque_limit = joint.limit(MotorTorque)
-        checks.append(LimitCheck.from_extreme(torque_limit, float(torque[k]), float(t[k])))
-    return checks
+        yield LimitCheck.from_extreme(torque_limit, float(torque[k]), float(t[k]))
 
 
 def velocities(t: Array, q: Array, offsets: dict[int, Offsets]) -> Array:

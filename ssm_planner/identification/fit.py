@@ -7,7 +7,7 @@ posterior.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -489,8 +489,7 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
         law_shares=posterior.law_shares(model.law),
         notes=(
             *_notes(model, drive, predicted, offset),
-            *_notes_on(model, estimates),
-            *_unreliable(possible),
+            *_notes_on(estimates, possible),
         ),
     )
 
@@ -557,42 +556,33 @@ def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
     return Estimate(value, min(low, value), max(high, value))
 
 
-def _notes_on(model: MapModel, estimates: dict[str, Estimate]) -> list[str]:
-    """Return notes on single estimates.
+def _notes_on(estimates: dict[str, Estimate], possible: PossibleLaws) -> Iterator[str]:
+    """Yield notes on estimates: on self-locking, a change of friction and unreliable intervals.
 
-    They concern self-locking and a change of friction.
+    Intervals are not reliable if one parameter set has too much weight. `possible` contains the
+    samples and the probabilities of the laws.
     """
-    notes = []
     if "mu" in estimates and estimates["mu"].at_bound:
-        notes.append(
+        yield (
             "the most likely mu is below the smallest with which the drive locks itself: the value "
             "is this smallest one, and the interval is not cut there"
         )
-    if CHANGE in model.names:
+    if CHANGE in estimates:
         low, high = np.expm1([estimates[CHANGE].low, estimates[CHANGE].high])
-        notes.append(
+        yield (
             f"friction changed by {low:.0%} to {high:.0%} during the session: the values are those "
             "in its middle, and the intervals include its beginning and its end"
         )
-    return notes
-
-
-def _unreliable(possible: PossibleLaws) -> list[str]:
-    """Return a note if one parameter set has too much weight for reliable intervals.
-
-    `possible` contains the samples and the probabilities of the laws.
-    """
     weight = max(share * s.largest_weight for s, share in possible)
-    if weight <= LARGEST_WEIGHT:
-        return []
-    return [
-        f"the 95 % intervals are not reliable: one of the sampled parameter sets has {weight:.1%} "
-        "of the probability; are direction and payload of the rig right?"
-    ]
+    if weight > LARGEST_WEIGHT:
+        yield (
+            f"the 95 % intervals are not reliable: one of the sampled parameter sets has "
+            f"{weight:.1%} of the probability; are direction and payload of the rig right?"
+        )
 
 
-def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tuple[str, ...]:
-    """Return remarks on implausible results of the fit, as sentences.
+def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> Iterator[str]:
+    """Yield remarks on implausible results of the fit, as sentences.
 
     They concern the sign of the load, the contact of preloaded nuts, and another torque than
     expected.
@@ -608,16 +598,15 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
     offset : float
         Constant load in addition to the payload, N·m or N.
     """
-    notes = []
     if model.load * (model.load + offset) < 0.0:
-        notes.append(
+        yield (
             f"the identified load, {model.load + offset:.3g}, is opposite to the payload's "
             f"{model.load:.3g}: are direction and payload of the rig right?"
         )
     effort = output_effort(drive, model.load, model.w / drive.ratio, 0.0)
     losses = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
     if losses:
-        notes.append(
+        yield (
             f"the preload does not keep both half nuts in contact at {losses} points: the law does "
             "not hold there"
         )
@@ -626,17 +615,16 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> tu
         expected = with_parameters(model.drive, "coulomb", model.reference)
         ratio = size / float(np.mean(np.abs(map_torque(expected, model.w, model.load))))
         if not 1 / LARGEST_RATIO < ratio < LARGEST_RATIO:
-            notes.append(
+            yield (
                 f"the mean torque is {ratio:.2g} times that of the expected friction: are these "
                 "recordings of this drive?"
             )
     error = rms(model.tau - predicted) / size
     if error > LARGEST_ERROR:
-        notes.append(
+        yield (
             f"the error of the law is {error:.0%} of the mean torque: are these recordings of this "
             "drive, with this payload and direction?"
         )
-    return tuple(notes)
 
 
 def _identified(model: MapModel, values: Numbers, posterior: Posterior, offset: float) -> Drive:

@@ -419,14 +419,22 @@ def _log_speed(w: Array) -> Array:
     return np.log(np.maximum(np.abs(w), SMALLEST_SPEED))
 
 
+def _log_distance(v: Array, w: Array) -> Array:
+    """Return |ln |v / w|| for motor speeds v (samples,) and w (recordings,) in rad/s.
+
+    The result (samples, recordings) is infinite for speeds of different directions.
+    """
+    distance = np.abs(_log_speed(v)[:, None] - _log_speed(w))
+    return np.where(np.sign(v)[:, None] == np.sign(w), distance, np.inf)
+
+
 def correlation(v: Array, w: Array) -> Array:
     """Return the correlations K (samples, recordings) between errors of the law at motor speeds.
 
     `v` (samples,) and `w` (recordings,) are motor speeds in rad/s. K is defined in this module's
     text.
     """
-    distance = np.abs(_log_speed(v)[:, None] - _log_speed(w))
-    return np.where(np.sign(v)[:, None] == np.sign(w), np.exp(-distance / CORRELATION_LENGTH), 0.0)
+    return np.exp(-_log_distance(v, w) / CORRELATION_LENGTH)
 
 
 def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
@@ -456,9 +464,7 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     covariance = common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds))
     factors = np.linalg.solve(covariance, shared_covariance.T).T
     remaining_share = np.sqrt(np.maximum(1.0 - np.sum(factors * shared_covariance, axis=1), 0.0))
-    distance = np.abs(_log_speed(w)[:, None] - _log_speed(speeds))
-    same_direction = np.sign(w)[:, None] == np.sign(speeds)
-    distance_to_recorded = _or_one(np.where(same_direction, distance, np.inf).min(axis=1))
+    distance_to_recorded = _or_one(_log_distance(w, speeds).min(axis=1))
     return np.asarray(factors), remaining_share * (1.0 + distance_to_recorded)
 
 

@@ -4,6 +4,7 @@ The names of the channels select the columns. Every repair of a file is stated.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import field
 from datetime import datetime, timezone
 from pathlib import Path
@@ -354,30 +355,26 @@ def _in_si(
     return table.values[:, column.index] * (column.factor * reference)
 
 
-def _time_remarks(time: Array, header: dict[str, str]) -> list[str]:
-    """Return remarks on times (samples,) in s that contradict the header's sampling period.
+def _time_remarks(time: Array, header: dict[str, str]) -> Iterator[str]:
+    """Yield remarks on times (samples,) in s that contradict the header's sampling period.
 
     Many missing samples also give a remark.
     """
     period, steps = header.get("sampling period", ""), 1e3 * np.diff(time)
     step = float(np.median(steps))
-    remarks = []
     if NUMBER.fullmatch(period) and float(period) > 0 and not 0.5 < step / float(period) < 2.0:
-        remarks.append(
+        yield (
             f"samples lie {step:.3g} ms apart, the header says {period}: is the unit of time right?"
         )
     missing = int(np.sum(np.round(steps / step) - 1))
     if missing > MOST_LEFT_OUT * len(time):
-        remarks.append(
-            f"about {missing} samples are missing between the {len(time)} samples of the file"
-        )
-    return remarks
+        yield f"about {missing} samples are missing between the {len(time)} samples of the file"
 
 
 def _torque_remarks(
     torque: Array, column: Column, nominal_torque: float | None, moving: Mask
-) -> list[str]:
-    """Return remarks on a torque that seems to be limited, frozen, or in a wrong unit.
+) -> Iterator[str]:
+    """Yield remarks on a torque that seems to be limited, frozen, or in a wrong unit.
 
     Parameters
     ----------
@@ -390,7 +387,7 @@ def _torque_remarks(
     moving : (samples,)
         Mask of the samples in motion.
     """
-    remarks, size = [], np.abs(torque)
+    size = np.abs(torque)
     distance_to_peak = (size.max() - size[moving]) / max(float(np.ptp(size)), 1e-300)
     count_at_peak, count_below_peak = (
         int(np.sum((distance_to_peak >= lower) & (distance_to_peak < lower + PEAK_BAND)))
@@ -398,17 +395,14 @@ def _torque_remarks(
     )
     longest_run, second_run = _longest_rows(torque, moving)
     if count_at_peak >= SUSPICIOUS_COUNT and count_at_peak > PEAK_EXCESS * count_below_peak:
-        remarks.append(
+        yield (
             f"torque stays at its largest value in {count_at_peak} samples: limited by the drive, "
             "or stuck?"
         )
     elif longest_run >= max(SUSPICIOUS_COUNT, RUN_RATIO * second_run):
-        remarks.append(
-            f"torque does not change for {longest_run} samples in a row: did the channel stop?"
-        )
+        yield f"torque does not change for {longest_run} samples in a row: did the channel stop?"
     if column.relative and column.factor == 0.01 and nominal_torque is not None:
-        remarks += _percent_remarks(torque / nominal_torque, column.unit)
-    return remarks
+        yield from _percent_remarks(torque / nominal_torque, column.unit)
 
 
 def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
@@ -422,19 +416,18 @@ def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
     return rows[-1], rows[-2]
 
 
-def _percent_remarks(share: Array, unit: str) -> list[str]:
-    """Return a remark if torques relative to the nominal torque seem to be in ‰ instead of %.
+def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
+    """Yield a remark if torques relative to the nominal torque seem to be in ‰ instead of %.
 
     `share` (samples,) is the torque divided by the nominal torque, and `unit` the unit in the file.
     """
     percent, size = 100 * share, np.abs(share)
     whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
-    if not whole and np.mean(size) <= SUSTAINED:
-        return []
-    return [
-        f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
-        f"{', in whole numbers' if whole else ''}: are the values ‰, labelled {unit}?"
-    ]
+    if whole or np.mean(size) > SUSTAINED:
+        yield (
+            f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
+            f"{', in whole numbers' if whole else ''}: are the values ‰, labelled {unit}?"
+        )
 
 
 def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:

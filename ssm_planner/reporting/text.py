@@ -214,6 +214,11 @@ def limit_cells(
     return limit.name, limit.joint or "", worst_text, bound, unit, percent(limit.margin, 4)
 
 
+def _thousandths(value: float) -> str:
+    """Format a value in mN·m, mm or mrad with four significant digits."""
+    return number(1e3 * value, 4)
+
+
 def limits_table(limits: Iterable[LimitCheck]) -> Table:
     """Build the table of all limits, smallest margin first.
 
@@ -324,24 +329,24 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     rows = []
     for requirement in requirements:
         motor = requirement.motor
-        required = (
-            number(1e3 * requirement.peak_torque, 4),
-            number(1e3 * requirement.rms_torque, 4),
-            format_fixed(RPM * requirement.peak_speed, 0),
-        )
         name = "no motor given"
         placeholders = NOTHING
-        ratings = (NOTHING, NOTHING, NOTHING)
+        peak = rms = speed = NOTHING
         if motor is not None:
             name = motor.name
             placeholders = str(len(motor.placeholders) or "none")
-            ratings = (
-                number(1e3 * motor.max_torque, 4),
-                number(1e3 * motor.nominal_torque, 4),
-                format_fixed(RPM * motor.max_speed, 0),
-            )
-        pairs = [f"{value} of {rating}" for value, rating in zip(required, ratings, strict=True)]
-        rows.append([requirement.joint, name] + pairs + [placeholders])
+            peak = _thousandths(motor.max_torque)
+            rms = _thousandths(motor.nominal_torque)
+            speed = format_fixed(RPM * motor.max_speed, 0)
+        row = (
+            requirement.joint,
+            name,
+            f"{_thousandths(requirement.peak_torque)} of {peak}",
+            f"{_thousandths(requirement.rms_torque)} of {rms}",
+            f"{format_fixed(RPM * requirement.peak_speed, 0)} of {speed}",
+            placeholders,
+        )
+        rows.append(row)
     header = "joint, motor, peak torque mN·m, RMS torque mN·m, peak speed rpm, placeholder figures"
     return Table(header, rows, (2, 3, 4, 5))
 
@@ -850,16 +855,16 @@ def _requirements(sizing: Sizing) -> Table:
     confidence = sizing.conditions.confidence
     for joint in sizing.joints:
         requirement = joint.requirement
-        peak = number(1e3 * requirement.peak_torque, 4)
-        rms = number(1e3 * requirement.rms_torque, 4)
+        peak = _thousandths(requirement.peak_torque)
+        rms = _thousandths(requirement.rms_torque)
         if joint.band.known:
-            peak += f" (≤ {number(1e3 * joint.band.high('peak_torque', confidence), 4)})"
-            rms += f" (≤ {number(1e3 * joint.band.high('rms_torque', confidence), 4)})"
+            peak += f" (≤ {_thousandths(joint.band.high('peak_torque', confidence))})"
+            rms += f" (≤ {_thousandths(joint.band.high('rms_torque', confidence))})"
         row = (
             requirement.joint,
             peak,
             rms,
-            number(1e3 * requirement.mean_torque, 4),
+            _thousandths(requirement.mean_torque),
             number(RPM * requirement.peak_speed, 4),
             number(requirement.peak_acceleration, 4),
             number(requirement.peak_power, 4),
@@ -995,8 +1000,8 @@ def simulation_tables(result: "SimulationResult") -> tuple[Table, Table]:
     errors = [
         (
             tracking.joint,
-            number(1e3 * tracking.worst, 4),
-            number(1e3 * tracking.rms, 4),
+            _thousandths(tracking.worst),
+            _thousandths(tracking.rms),
             "mm" if tracking.joint == JOINTS[3] else "mrad",
         )
         for tracking in result.tracking
@@ -1005,8 +1010,8 @@ def simulation_tables(result: "SimulationResult") -> tuple[Table, Table]:
     motors = [
         (
             motor.joint,
-            number(1e3 * motor.peak_torque, 4),
-            number(1e3 * motor.limit, 4),
+            _thousandths(motor.peak_torque),
+            _thousandths(motor.limit),
             "SATURATED" if motor.saturated else "no",
             format_fixed(motor.following_error, 0),
             str(motor.window),

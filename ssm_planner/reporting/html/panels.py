@@ -78,7 +78,7 @@ def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
         ("rad", [i for i, joint in enumerate(joints) if not joint.slides]),
         ("m", [i for i, joint in enumerate(joints) if joint.slides]),
     ]
-    tool = tool_panels(plan.limits)
+    tool = list(tool_panels(plan.limits))
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
     for field, per, limited in (
         ("q", "", JointPosition),
@@ -302,8 +302,8 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def without_temperature(channels: Arrays, motors: dict[int, Motor]) -> list[str]:
-    """Return the reasons why temperatures of motors cannot be plotted.
+def without_temperature(channels: Arrays, motors: dict[int, Motor]) -> Iterator[str]:
+    """Yield the reasons why temperatures of motors cannot be plotted.
 
     Parameters
     ----------
@@ -312,20 +312,18 @@ def without_temperature(channels: Arrays, motors: dict[int, Motor]) -> list[str]
     motors : dict of Motor
         Motors by joint index.
 
-    Returns
-    -------
-    list of str
+    Yields
+    ------
+    str
         One reason for each motor without a temperature.
     """
-    reasons = []
     for i, motor in motors.items():
         if f"winding{i}" not in channels:
             missing_values = missing(motor, *FIGURES)
             reason = "the motor overheats without reaching a steady state"
             if missing_values:
                 reason = f"the motor file lacks {', '.join(missing_values)}"
-            reasons.append(f"{JOINTS[i]}: {reason}".replace("_", " "))
-    return reasons
+            yield f"{JOINTS[i]}: {reason}".replace("_", " ")
 
 
 def motor_map(i: int, motor: Motor) -> JsonObject:
@@ -393,9 +391,8 @@ def _joint_panel(
     return panel
 
 
-def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> list[Panel]:
-    """Build the panels of the speed and the torque of every motor."""
-    panels = []
+def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel]:
+    """Yield the panels of the speed and the torque of every motor."""
     driven = [i for i in range(4) if f"tau{i}" in channels]
     for name, limited, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
         for i in driven:
@@ -411,8 +408,7 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> list[Panel]:
                     panel["limits"].append(
                         new_limit("nominal torque", joint.name, index=i, low=-high, high=high)
                     )
-            panels.append(panel)
-    return panels
+            yield panel
 
 
 def split_panels(channels: Arrays) -> Iterator[Panel]:
@@ -463,20 +459,19 @@ def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[P
         yield panel
 
 
-def tool_panels(limits: TaskLimits) -> list[Panel]:
-    """Build the panels of the tool.
+def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
+    """Yield the panels of the tool.
 
     They plot the task coordinates, their limited rates, the tool speeds and the clearances in the
     eye.
     """
-    panels = []
     for indices, unit, title in GROUPS:
         series = [(f"task{i}", TASK[i], i) for i in indices]
         panel = new_panel("Task coordinates", title, unit, series)
         for limit in _in_order(limits, TaskRange, indices):
             i = TASK.index(limit.coordinate)
             panel["limits"].append(limit_line(limit, i, f"task{i}"))
-        panels.append(panel)
+        yield panel
     for indices, unit, _ in GROUPS:
         rates = {TASK.index(r.coordinate): r for r in _in_order(limits, TaskRate, indices)}
         if not rates:
@@ -487,15 +482,16 @@ def tool_panels(limits: TaskLimits) -> list[Panel]:
         series = [(f"task_rate{i}", TASK[i], i) for i in rates]
         panel = new_panel("Task coordinates", title, f"{unit}/s", series)
         panel["limits"] = [limit_line(rate, i, f"task_rate{i}") for i, rate in rates.items()]
-        panels.append(panel)
+        yield panel
     for speed_type in limited_speeds(limits):
         series = [(speed_type.field, "tip", 3)]
         panel = new_panel("Tool tip", speed_type.name.capitalize(), speed_type.unit, series)
         speed = next((limit for limit in limits.speeds if type(limit) is speed_type), None)
         if speed is not None:
             panel["limits"] = [limit_line(speed, 3, speed_type.field)]
-        panels.append(panel)
-    return panels if limits.eye is None else panels + _eye_panels(limits.eye)
+        yield panel
+    if limits.eye is not None:
+        yield from _eye_panels(limits.eye)
 
 
 def _in_order(limits: TaskLimits, limit_type: type[T], indices: list[int]) -> list[T]:
@@ -506,9 +502,8 @@ def _in_order(limits: TaskLimits, limit_type: type[T], indices: list[int]) -> li
     return [by_coordinate[TASK[i]] for i in indices if TASK[i] in by_coordinate]
 
 
-def _eye_panels(eye: Eye) -> list[Panel]:
-    """Build the panels of the distances to the retina and, if the eye has one, to the lens."""
-    panels = []
+def _eye_panels(eye: Eye) -> Iterator[Panel]:
+    """Yield the panels of the distances to the retina and, if the eye has one, to the lens."""
     for limit in eye.limits:
         if isinstance(limit, RetinaClearance):
             panel = new_panel("Tool tip", "Tip to retina", limit.unit, [("retina", "tip", 3)])
@@ -521,5 +516,4 @@ def _eye_panels(eye: Eye) -> list[Panel]:
             unit = "semi-axes from its centre"
             panel = new_panel("Tool tip", "Shaft to lens", unit, [("lens", "shaft", 3)])
             panel["limits"] = [limit_line(limit, 3, "lens")]
-        panels.append(panel)
-    return panels
+        yield panel

@@ -213,7 +213,7 @@ def report_data(plan: Plan) -> JsonObject:
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
         "panels": panels_of(plan, channels),
         "maps": [motor_map(i, motor) for i, motor in motors.items()],
-        "notes": {TEMPERATURE: without_temperature(channels, motors)},
+        "notes": {TEMPERATURE: list(without_temperature(channels, motors))},
         "scene": scene_of(plan.robot, plan.limits),
         "channels": encode(channels),
     }
