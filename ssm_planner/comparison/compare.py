@@ -246,12 +246,8 @@ def compare(
     if missing:
         text = f"no recording of {', '.join(missing)}, which the plan moves"
         findings.append(Finding("missing recording", "cannot tell", text, len(missing), 0))
-    comparisons = []
-    judged_limits = set()
-    for axis in axes:
-        comparison = _compare_axis(axis, plans, margins, lag)
-        comparisons.append(comparison)
-        judged_limits |= {(limit.name, comparison.joint) for limit in comparison.limits}
+    comparisons = [_compare_axis(axis, plans, margins, lag) for axis in axes]
+    judged_limits = {(limit.name, axis.joint) for axis in comparisons for limit in axis.limits}
     unjudged = []
     for check in certificate.limits if certificate else ():
         if (check.name, check.joint) not in judged_limits:
@@ -330,6 +326,6 @@ def _compare_axis(
         differences=differences,
         limits=limits_of(axis, certificate),
         notes=tuple(notes),
-        findings=findings_of(axis, lag) if other_motion is None else (other_motion,),
+        findings=tuple(findings_of(axis, lag)) if other_motion is None else (other_motion,),
         visible=axis.visible,
     )

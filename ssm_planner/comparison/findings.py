@@ -306,23 +306,22 @@ def map_to_clock(
     )
 
 
-def findings_of(axis: AlignedAxis, lag: float) -> tuple[Finding, ...]:
-    """Return all findings of one axis. Limits are checked separately by `limits_of`.
+def findings_of(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
+    """Yield all findings of one axis. Limits are checked separately by `limits_of`.
 
     `lag` is the permitted delay at the largest speed, s.
     """
-    findings = list(check_sampling(axis))
+    yield from check_sampling(axis)
     for text in axis.measured.doubts:
-        findings.append(Finding("unread data", "cannot tell", text, 1, 0))
-    findings += check_tracking(axis, lag)
+        yield Finding("unread data", "cannot tell", text, 1, 0)
+    yield from check_tracking(axis, lag)
     stall = find_stall(axis)
     if stall is None:
-        findings += find_saturation(axis)
+        yield from find_saturation(axis)
     else:
-        findings.append(stall)
-    findings += check_torque(axis)
-    findings += find_second_motion(axis)
-    return tuple(findings)
+        yield stall
+    yield from check_torque(axis)
+    yield from find_second_motion(axis)
 
 
 def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:

@@ -174,7 +174,8 @@ def export_csv(
     ExportError
         If a group is unknown, the rate is out of range, or an encoder resolution is missing.
     """
-    groups = [group for group in columns or () if group != COUNTS]
+    columns = columns or ()
+    groups = [group for group in columns if group != COUNTS]
     unknown = [group for group in groups if group not in COLUMNS]
     if unknown:
         raise ExportError(
@@ -189,7 +190,7 @@ def export_csv(
     count_rate = rate or RATE
     entries: JsonObject = {"rate_hz": count_rate, "units": UNITS}
     notes = []
-    if groups or COUNTS not in (columns or ()):
+    if groups or COUNTS not in columns:
         header, rows, note, stretch = _rows(plan, certificate, rate, groups)
         _write(path, header, rows)
         entries |= {"trajectory": path.name, "rate_hz": rate, "stretch": stretch}
@@ -198,7 +199,7 @@ def export_csv(
             reading = read_csv(path, plan.robot)
             motion = reading.trajectory if reading.resolution is None else motion
             notes += _as_read(reading, plan)
-    if COUNTS in (columns or ()):
+    if COUNTS in columns:
         axes = axes_of(plan.robot, counts_per_turn)
         count_files = _counts(motion, axes, count_rate, suffix)
         entries |= count_files.write(folder)

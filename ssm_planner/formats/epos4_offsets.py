@@ -148,14 +148,12 @@ def _torque_range(
         # The load is affine in the accelerations.
         load = body.inverse_dynamics(*motion, still).T
         inertia = [body.inverse_dynamics(*motion, still + unit).T - load for unit in np.eye(4)]
-        speed = np.ascontiguousarray(qd[block].T)
-        at_rest = np.ascontiguousarray(standing[block].T)
-        low_qdd = np.ascontiguousarray(lowest[block].T)
-        high_qdd = np.ascontiguousarray(highest[block].T)
+        speed, at_rest, low_qdd, high_qdd = (
+            np.ascontiguousarray(values[block].T) for values in (qd, standing, lowest, highest)
+        )
         resting = np.flatnonzero(at_rest.any(axis=0))
         cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
-        for sign, breaking in AT_REST:
-            cases.append((resting, sign, breaking))
+        cases += [(resting, sign, breaking) for sign, breaking in AT_REST]
         # The motor torque is monotonic in each acceleration, except where its effort changes sign.
         corners = list(product((0.0, 1.0), repeat=4))
         for share in corners + [(0.5, 0.5, 0.5, 0.5)]:

@@ -286,8 +286,8 @@ def _header(t: float, frame: str) -> Any:
     return SimpleNamespace(stamp=_stamp(t), frame_id=frame)
 
 
-def _transforms(t: float, poses: list[tuple[str, str, Array, Array]]) -> Any:
-    """Build the TFMessage at time t (s) with the poses that `link_poses` returns."""
+def _transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) -> Any:
+    """Build the TFMessage at time t (s) with the poses that `link_poses` yields."""
     transforms = []
     for parent, child, turn, shift in poses:
         translation = SimpleNamespace(**dict(zip("xyz", shift, strict=True)))
@@ -308,8 +308,8 @@ def state_times(duration: float, rate: float) -> Array:
     return t if duration - t[-1] < 1e-9 else np.append(t, duration)
 
 
-def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
-    """Return the pose of every link and of the tool in the frame of its parent, at joints q (4,).
+def link_poses(robot: Robot, q: Array) -> Iterator[tuple[str, str, Array, Array]]:
+    """Yield the pose of every link and of the tool in the frame of its parent, at joints q (4,).
 
     Each entry contains the name of the parent, the name of the child, the rotation matrix (3, 3)
     and the translation (3,) in m.
@@ -317,16 +317,14 @@ def link_poses(robot: Robot, q: Array) -> list[tuple[str, str, Array, Array]]:
     geometry = robot.geometry
     parent = "base"
     frame = np.eye(3)
-    poses = []
     for i, (link, body) in enumerate(zip(LINKS, robot.bodies, strict=True)):
         # parent ← child = (parent frame)ᵀ e^{ξ̂ q} (child frame), both frames as placed at q = 0
         turn = rotation_matrix(geometry.axes[i], q[i]) if i < 3 else np.eye(3)
         shift = np.zeros(3) if i < 3 else frame.T @ (geometry.axes[i] * q[i])
-        poses.append((parent, link, frame.T @ turn @ body.frame, shift))
+        yield parent, link, frame.T @ turn @ body.frame, shift
         parent = link
         frame = body.frame
-    poses.append((parent, TOOL, frame.T @ geometry.tool_home, np.zeros(3)))
-    return poses
+    yield parent, TOOL, frame.T @ geometry.tool_home, np.zeros(3)
 
 
 def quaternion(orientation: Array) -> Array:

@@ -175,7 +175,4 @@ def _ordered(top_speed: float, count: int) -> Array:
     rest = rng.permutation(np.concatenate([others, -others]))
     blocks = np.array_split(rest, REPEATS - 1)
     pair = different[middle] * np.array([1.0, -1.0])
-    parts = [pair]
-    for block in blocks:
-        parts += [block, pair]
-    return np.concatenate(parts)
+    return np.concatenate([pair, *(np.append(block, pair) for block in blocks)])

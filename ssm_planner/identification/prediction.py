@@ -1,5 +1,6 @@
 """Predict motor torque from measured speed with 95 % bands, and compare it with measured torque."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -132,31 +133,25 @@ class Prediction:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on extrapolated speeds, and on signs that another drive was recorded."""
-        if self.unseen is None:
-            return self._foreign
-        text = f"extrapolated: the fit had no recording near {self.unseen * 30 / np.pi:.3g} rpm"
-        return (*self._foreign, text)
+        return tuple(self._remarks())
 
-    @property
-    def _foreign(self) -> tuple[str, ...]:
-        """Remarks on a measured torque that suggests another drive, load or unit."""
+    def _remarks(self) -> Iterator[str]:
+        """Yield remarks on a torque of another drive, load or unit, and on extrapolated speeds."""
         moving = np.logical_not(self.rest)
         expected, measured = (
-            float(np.abs(self.tau[moving]).mean()),
-            float(np.abs(self.recording.tau[moving]).mean()),
+            float(np.abs(torque[moving]).mean()) for torque in (self.tau, self.recording.tau)
         )
         ratio = measured / max(expected, 1e-300)
         if 7.0 < ratio < 14.0 or 7.0 < 1 / max(ratio, 1e-300) < 14.0:
-            return (
-                f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?",
-            )
-        if self.nrmsd > IMPLAUSIBLE or abs(ratio - 1) > IMPLAUSIBLE:
-            return (
+            yield f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?"
+        elif self.nrmsd > IMPLAUSIBLE or abs(ratio - 1) > IMPLAUSIBLE:
+            yield (
                 f"the error is {self.nrmsd:.2g} of the torque's range, and the measured torque is "
                 f"{ratio:.2g} times the predicted: is it a recording of this drive, load and "
-                "direction?",
+                "direction?"
             )
-        return ()
+        if self.unseen is not None:
+            yield f"extrapolated: the fit had no recording near {self.unseen * 30 / np.pi:.3g} rpm"
 
     def to_dict(self) -> JsonObject:
         """Return the output of `predict --json` for one recording, without file names."""

@@ -268,7 +268,7 @@ def tip_error_table(plan: "Plan") -> Table:
         unit, scale = display_unit(joint.unit)
         error = f"{number(scale * source.error, 3)} {unit}"
         rows.append((source.joint, source.name, error, number(1e3 * source.tip, 3)))
-    return Table(("joint", "error", "at the joint", "at the tip mm"), rows, (2, 3))
+    return Table("joint, error, at the joint, at the tip mm", rows, (2, 3))
 
 
 def candidates_table(plan: "Plan") -> Table:

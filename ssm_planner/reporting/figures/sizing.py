@@ -314,25 +314,22 @@ def prediction_figure(prediction: "Prediction") -> "Figure":
     torque.plot(recording.time, 1e3 * recording.tau, **MEASURED, label="measured")
     torque.plot(recording.time, 1e3 * prediction.tau, **MODEL, label=label)
     if prediction.band is not None:
-        shade: Keywords = {"color": COLOURS[1], "linewidth": 0}
-        torque.fill_between(
-            recording.time,
-            1e3 * prediction.band.low,
-            1e3 * prediction.band.high,
-            alpha=0.18,
-            label="95 % of samples",
-            **shade,
-        )
-        low, high = prediction.band.mean
+        band = prediction.band
         deviation = np.where(prediction.rest, np.nan, prediction.tau - prediction.tau.mean())
-        torque.fill_between(
-            recording.time,
-            1e3 * (deviation + low),
-            1e3 * (deviation + high),
-            alpha=0.35,
-            label="95 % of the mean",
-            **shade,
-        )
+        low, high = (deviation + end for end in band.mean)
+        for lower, upper, alpha, content in (
+            (band.low, band.high, 0.18, "samples"),
+            (low, high, 0.35, "the mean"),
+        ):
+            torque.fill_between(
+                recording.time,
+                1e3 * lower,
+                1e3 * upper,
+                alpha=alpha,
+                label=f"95 % of {content}",
+                color=COLOURS[1],
+                linewidth=0,
+            )
     speed.plot(recording.time, RPM * recording.w, **MEASURED)
     finish(torque, "", "motor torque (mN·m)", recording.name)
     finish(speed, "time (s)", "motor speed\n(rpm)")

@@ -87,27 +87,25 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
     for k, (axis, name) in enumerate(zip(directions, AXES, strict=True)):
-        x, y, z = np.outer(axis, (0.0, 1.15))
-        axes.plot(x, y, z, color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6)
-        x, y, z = 1.3 * axis
-        axes.text(x, y, z, name, color=COLOURS[k], **CENTRED)
+        line = np.outer(axis, (0.0, 1.15))
+        axes.plot(*line, color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6)
+        axes.text(*(1.3 * axis), name, color=COLOURS[k], **CENTRED)
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
     label: Keywords = {"va": "center", "fontsize": SIZE - 1}
     angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
     for i, j, radius, name in angles:
         arc = radius * great_arc(directions[i], directions[j])
-        axes.plot(arc[:, 0], arc[:, 1], arc[:, 2], color="black", linewidth=1.0)
-        x, y, z = arc[len(arc) // 2] * (1 + 0.08 / radius)
-        axes.text(x, y, z, name, ha="left", **label)
+        axes.plot(*arc.T, color="black", linewidth=1.0)
+        beside = arc[len(arc) // 2] * (1 + 0.08 / radius)
+        axes.text(*beside, name, ha="left", **label)
     axes.plot([0.0], [0.0], [0.0], "o", color="black", markersize=6)
-    x, y, z = -0.1 * mechanism.omega1 - 0.08 * mechanism.omega3
-    axes.text(x, y, z, "RCM, port", ha="right", **label)
+    below = -0.1 * mechanism.omega1 - 0.08 * mechanism.omega3
+    axes.text(*below, "RCM, port", ha="right", **label)
     inwards = mechanism.insertion_sign * mechanism.omega3
     arrow = np.append(np.zeros(3), 0.35 * inwards)
     axes.quiver(*arrow, color=COLOURS[3], linewidth=1.3, arrow_length_ratio=0.25)
-    x, y, z = 0.48 * inwards
-    axes.text(x, y, z, "depth", ha="center", **label)
+    axes.text(*(0.48 * inwards), "depth", ha="center", **label)
     points = np.vstack([1.3 * np.array(directions), 0.48 * inwards])
     middle = (points.max(axis=0) + points.min(axis=0)) / 2
     half = np.ptp(points, axis=0).max() / 2
@@ -262,18 +260,13 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
     )
     for tilt in ends:
         axes.plot(*pointings(mechanism, tilt, around), color="black", linewidth=1.0, zorder=3)
-    for axis, name in (
-        (mechanism.omega1, "ω₁"),
-        (mechanism.omega2, "ω₂"),
-        (mechanism.omega3, "ω₃"),
-    ):
-        x, y, z = np.outer(axis, (1.0, 1.4))
-        axes.plot(x, y, z, color="black", linewidth=1.3, zorder=4)
-        x, y, z = 1.5 * axis
-        axes.text(x, y, z, name, zorder=5, **CENTRED)
+    directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
+    for axis, name in zip(directions, ("ω₁", "ω₂", "ω₃"), strict=True):
+        axes.plot(*np.outer(axis, (1.0, 1.4)), color="black", linewidth=1.3, zorder=4)
+        axes.text(*(1.5 * axis), name, zorder=5, **CENTRED)
     axes.set_title("reachable pointings on the unit sphere", fontsize=SIZE)
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.1)
-    axes.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), zlim=(-1.1, 1.1))
+    axes.set(**dict.fromkeys(("xlim", "ylim", "zlim"), (-1.1, 1.1)))
     axes.set_axis_off()
     axes.view_init(elev=18.0, azim=-55.0)
 
@@ -283,6 +276,11 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
 
     ω1 points to the right, where the tilt is 0. The side of the home position is bold.
     """
+
+    def ray(tilt: float) -> Array:
+        """Return the coordinates (2, 2) of the line from the centre in the direction of a tilt."""
+        return np.outer((np.cos(tilt), -np.sin(tilt)), (0.0, 1.0))
+
     around = np.linspace(0.0, 2.0 * np.pi, 361)
     axes.plot(np.cos(around), np.sin(around), color="0.75", linewidth=0.8)
     low, high = tilt_interval(mechanism)
@@ -298,20 +296,13 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
             label=label,
         )
     for tilt in (low, high):
-        axes.plot([0.0, np.cos(tilt)], [0.0, -np.sin(tilt)], color="black", linewidth=0.7)
+        axes.plot(*ray(tilt), color="black", linewidth=0.7)
         # Next to ω1 the label would overlap its arrow.
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
         text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
         axes.text(1.3 * np.cos(tilt), height, text, **CENTRED)
-    home = mechanism.home_tilt
-    axes.plot(
-        [0.0, np.cos(home)],
-        [0.0, -np.sin(home)],
-        color="black",
-        linewidth=1.2,
-        linestyle="--",
-        label="home",
-    )
+    home: Keywords = {"linewidth": 1.2, "linestyle": "--", "label": "home"}
+    axes.plot(*ray(mechanism.home_tilt), color="black", **home)
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
     axes.text(1.4, 0.0, "ω₁", **CENTRED)
     axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.35), aspect="equal")

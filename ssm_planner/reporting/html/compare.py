@@ -135,12 +135,13 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
 
 def _motors(plans: tuple[Plan, Plan]) -> Table:
     """Build the table of the required torques and speeds of the motors in both plans."""
-    requirements_a = {item.joint: item for item in plans[0].requirements}
-    requirements_b = {item.joint: item for item in plans[1].requirements}
+    requirements_a, requirements_b = (
+        {item.joint: item.to_dict() for item in plan.requirements} for plan in plans
+    )
     rows = []
     for joint in sorted(requirements_a.keys() | requirements_b.keys()):
-        a = requirements_a[joint].to_dict() if joint in requirements_a else {}
-        b = requirements_b[joint].to_dict() if joint in requirements_b else {}
+        a = requirements_a.get(joint, {})
+        b = requirements_b.get(joint, {})
         motors = " / ".join(dict.fromkeys([a.get("motor") or NOTHING, b.get("motor") or NOTHING]))
         for key, name, scale in (
             ("peak_torque", "peak torque mN·m", 1e3),
