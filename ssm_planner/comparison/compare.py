@@ -27,7 +27,7 @@ from ssm_planner.comparison.measured import Measured
 from ssm_planner.comparison.predicted import Predicted, predict_axes
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification import rms
+from ssm_planner.identification import largest, rms
 from ssm_planner.problem import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
@@ -59,7 +59,7 @@ class Difference:
         error = planned - measured
         size = rms(error)
         spread = float(np.ptp(measured))
-        return cls(size, float(np.abs(error).max()), size / spread if spread > 0 else None)
+        return cls(size, largest(error), size / spread if spread > 0 else None)
 
     of = Renamed("from_samples")
 
@@ -84,7 +84,7 @@ class AxisComparison:
     differences: dict[str, Difference]
     """Differences of the joint position, the motor speed and the motor torque, by name."""
     limits: tuple[Kept, ...]
-    notes: tuple[str, ...] = field(default_factory=tuple)
+    notes: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     visible: dict[str, float] = field(default_factory=dict)
     """Shortest and smallest fault that the recording can show.

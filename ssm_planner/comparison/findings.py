@@ -26,7 +26,7 @@ from ssm_planner.comparison.noise import (
     windows,
 )
 from ssm_planner.comparison.predicted import Predicted
-from ssm_planner.identification import integrated, rms
+from ssm_planner.identification import integrated, largest, rms
 from ssm_planner.problem import (
     JointAcceleration,
     JointLimit,
@@ -370,12 +370,11 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     random_noise, integral_noise = axis.integral_noise
     limit = lag * joint.velocity
     unit = f"m{joint.unit}"  # mrad or mm
-    scale = 1e3
     allowed = limit + noise
-    difference = float(np.abs(axis.q - axis.travelled).max())
+    difference = largest(axis.q - axis.travelled)
     if difference > allowed + integral_noise:
         text = (
-            f"position and integral of the speed differ by {scale * difference:.3g} {unit}: one of "
+            f"position and integral of the speed differ by {1e3 * difference:.3g} {unit}: one of "
             "the channels is wrong"
         )
         yield Finding("contradiction", "cannot tell", text, difference, allowed + integral_noise)
@@ -386,8 +385,8 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     if max_error - limit <= possible_noise <= limit:
         return
     text = (
-        f"{scale * max_error:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
-        f"the start (allowed: {scale * limit:.3g} {unit}, noise {scale * noise:.2g} {unit})"
+        f"{1e3 * max_error:.3g} {unit} away from the plan {float(axis.t[k]):.3g} s after "
+        f"the start (allowed: {1e3 * limit:.3g} {unit}, noise {1e3 * noise:.2g} {unit})"
     )
     travel = float(np.ptp(axis.plan.position))
     if np.ptp(axis.q) > UNLIKE * travel > 0:
@@ -503,7 +502,7 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     is_moving = (np.abs(w) >= level) & is_outside
     if is_moving.sum() > n and correlation(planned_speed[is_moving], w[is_moving]) < ALIKE:
         return None
-    torque = float(np.abs(axis.measured.tau[start : stop + n]).max())
+    torque = largest(axis.measured.tau[start : stop + n])
     text = (
         f"the motor stands for {length:.3g} s, {start_time:.3g} s after the start, where "
         f"the plan moves it (torque up to {1e3 * torque:.3g} mN·m)"
@@ -641,7 +640,7 @@ def channel_limit(
             # Rounding shifts a mean by up to half of the resolution if the noise is small.
             spread = deviations * noise_of(departure[axis.moving], n, resolution) + resolution / 2
             noise = spread / ratio
-            value = float(np.abs(smoothed(values, n)).max()) / ratio
+            value = largest(smoothed(values, n)) / ratio
             candidates.append((value - noise, value, noise, n * axis.step if n > 1 else 0.0))
     result = max(candidates)  # the candidate that certainly exceeds the limit most
     single_sample = candidates[0]

@@ -285,12 +285,11 @@ def c_functions(robot: Robot) -> list[CFunction]:
 
 def _declaration(function: CFunction) -> str:
     """Return the declaration of a C function, without its semicolon."""
-    parameters = []
-    for argument in function.inputs:
-        if argument.size == 0:
-            parameters.append(f"ssm_real {argument.name}")
-        else:
-            parameters.append(f"const ssm_real {argument.name}[{argument.size}]")
-    for argument in function.outputs:
-        parameters.append(f"ssm_real {argument.name}[{argument.size}]")
-    return f"void {function.name}({', '.join(parameters)})"
+    inputs = [
+        f"const ssm_real {argument.name}[{argument.size}]"
+        if argument.size
+        else f"ssm_real {argument.name}"
+        for argument in function.inputs
+    ]
+    outputs = [f"ssm_real {argument.name}[{argument.size}]" for argument in function.outputs]
+    return f"void {function.name}({', '.join(inputs + outputs)})"

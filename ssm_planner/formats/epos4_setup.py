@@ -389,8 +389,16 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
                 f"{maximum})"
             )
         text = f"0x{value:08X}" if name == "velocity unit" else str(value)
-        row = {"object": key, "name": name, "value": text, "unit": unit, "reason": reason}
-        rows.append({"joint": axis.name, **row, "known": UNVERIFIED if key in DOUBTFUL else QUOTED})
+        row = {
+            "joint": axis.name,
+            "object": key,
+            "name": name,
+            "value": text,
+            "unit": unit,
+            "reason": reason,
+            "known": UNVERIFIED if key in DOUBTFUL else QUOTED,
+        }
+        rows.append(row)
     return rows
 
 

@@ -78,13 +78,12 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
     )
     (folder / f"controllers{suffix}.yaml").write_text(controllers, encoding="utf-8")
     notes = [f"not included: {text}" for text in ABSENT]
-    for body in plan.robot.bodies:
-        if body.mass == 0:
-            notes.append(f"body {one_line(body.name)} {NO_MASS}")
-    notes.append(
+    massless = [body for body in plan.robot.bodies if body.mass == 0]
+    notes += [f"body {one_line(body.name)} {NO_MASS}" for body in massless]
+    notes += [
         "the collision shapes are the thin cylinders of the visuals; the hardware of "
         f"ros2_control is a placeholder, {PLUGIN}"
-    )
+    ]
     return {
         "units": {"angle": "rad", "length": "m", "mass": "kg"},
         "rate_hz": None,

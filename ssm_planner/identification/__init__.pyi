@@ -14,6 +14,7 @@ from .prediction import (
 )
 from .recordings import (
     integrated as integrated,
+    largest as largest,
     quantum as quantum,
     read_recording as read_recording,
     read_recordings as read_recordings,

@@ -33,7 +33,7 @@ from ssm_planner.identification.posterior import (
     prior_pull,
     simplest,
 )
-from ssm_planner.identification.recordings import rms
+from ssm_planner.identification.recordings import largest, rms
 from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
 from ssm_planner.identification.session import share_of_session
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
@@ -645,7 +645,7 @@ def _identified(model: MapModel, values: Numbers, posterior: Posterior, offset: 
     friction = replace(
         friction_of(drive),
         mu_static=rest_coefficient(drive),
-        identified_speed=float(np.abs(model.w).max()),
+        identified_speed=largest(model.w),
         covariance=None,
         posterior=posterior,
     )

@@ -29,7 +29,7 @@ from ssm_planner.identification.posterior import (
     outside,
 )
 from ssm_planner.identification.reaction import deviation_of, shifted
-from ssm_planner.identification.recordings import Recording, rms, runs
+from ssm_planner.identification.recordings import Recording, largest, rms, runs
 from ssm_planner.identification.torque_map import kind_of, rest_mask
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
 from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record
@@ -165,7 +165,7 @@ class Prediction:
             "mean_band": None if self.band is None else list(self.band.mean),
             "mean_inside": self.mean_inside,
             "sample_coverage": self.sample_coverage,
-            "peak_measured": float(np.abs(self.recording.tau).max()),
+            "peak_measured": largest(self.recording.tau),
             "peak_99": None if self.band is None else self.band.peak,
             "repairs": list(self.recording.repairs),
             "remarks": list(self.remarks),

@@ -442,21 +442,19 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
     remarks : list of str
         A sentence on each removed recording.
     """
-    kept_recordings: list[tuple[Recording, set[int]]] = []
+    originals: list[tuple[str, set[int]]] = []
     remarks: dict[int, str] = {}
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
         passages = _passages(recording)
         minimum = REPEATED_SHARE * len(passages)
-        source = next(
-            (r.name for r, other in kept_recordings if len(passages & other) > minimum), None
-        )
+        source = next((name for name, other in originals if len(passages & other) > minimum), None)
         if source is None:
-            kept_recordings.append((recording, passages))
+            originals.append((recording.name, passages))
         else:
             text = f"{recording.name}: the same samples as {source}, counted once"
             remarks[id(recording)] = text
-    originals_only = [r for r in recordings if id(r) not in remarks]
-    return originals_only, [remarks[id(r)] for r in recordings if id(r) in remarks]
+    remaining = [r for r in recordings if id(r) not in remarks]
+    return remaining, [remarks[id(r)] for r in recordings if id(r) in remarks]
 
 
 def _passages(recording: Recording) -> set[int]:
@@ -487,6 +485,11 @@ def integrated(time: Array, rate: Array) -> Array:
 def rms(values: Array) -> float:
     """Return the root mean square of values (n,)."""
     return float(np.sqrt(np.mean(values**2)))
+
+
+def largest(values: Array) -> float:
+    """Return the largest magnitude of values (n,)."""
+    return float(np.abs(values).max())
 
 
 def quantum(values: Array, decimals: int) -> float:

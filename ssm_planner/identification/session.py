@@ -4,7 +4,7 @@ If the speeds of a session rise or fall with time, a change of friction with tim
 for example) cannot be told from a dependence of friction on speed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -40,8 +40,8 @@ def share_of_session(times: Array) -> Array:
     return share
 
 
-def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> tuple[str, ...]:
-    """Return remarks on the order of recordings, on missing dates, and on pauses.
+def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]:
+    """Yield remarks on the order of recordings, on missing dates, and on pauses.
 
     Parameters
     ----------
@@ -50,10 +50,9 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> tuple[str, ..
     moving : sequence of Recording
         Recordings with starts and stops.
     """
-    notes = []
     is_dated = np.isfinite(data.times)
     if is_dated.sum() < FEWEST:
-        notes.append(
+        yield (
             "too few recordings have a date: a change of friction during the session cannot be told "
             "from its dependence on speed, and no interval includes it"
         )
@@ -61,7 +60,7 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> tuple[str, ..
         correlation = _rank_correlation(data.times[is_dated], np.abs(data.w[is_dated]))
         if abs(correlation) > ORDERED:
             order = "rise" if correlation > 0 else "fall"
-            notes.append(
+            yield (
                 f"the speeds of the recordings {order} with time (rank correlation "
                 f"{correlation:.2f}): a change of friction during the session cannot be told from "
                 "its dependence on speed, and widens the intervals. Record the speeds in random "
@@ -74,11 +73,10 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> tuple[str, ..
     dated = sorted(pair for pair in everything if np.isfinite(pair[0]))
     for (before, _), (after, name) in pairwise(dated):
         if after - before > PAUSE:
-            notes.append(
+            yield (
                 f"{name} was recorded {_duration(after - before)} after the recordings before it: "
                 "the drive may have cooled down or changed in between"
             )
-    return tuple(notes)
 
 
 def _rank_correlation(a: Array, b: Array) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 from ssm_planner.errors import ProblemError
 from ssm_planner.studies.store import Candidates
 from ssm_planner.studies.study import Choice, Design, Study
+from ssm_planner.typing import Keywords
 
 BATCH = 16
 """Number of candidates in a batch."""
@@ -38,15 +39,12 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         ) from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     search = study.search
+    options: Keywords = {"seed": search.seed, "constraints_func": _violation}
     sampler: Any
     if search.method == "tpe":
-        sampler = optuna.samplers.TPESampler(
-            seed=search.seed, multivariate=True, constraints_func=_violation
-        )
+        sampler = optuna.samplers.TPESampler(multivariate=True, **options)
     else:
-        sampler = optuna.samplers.NSGAIISampler(
-            seed=search.seed, population_size=POPULATION, constraints_func=_violation
-        )
+        sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION, **options)
     count = len(study.minimise)
     engine = optuna.create_study(directions=["minimize"] * count, sampler=sampler)
     for start in range(0, search.points, BATCH):

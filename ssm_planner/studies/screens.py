@@ -40,6 +40,8 @@ Rejections = list[Rejection | None]
 """Rejection of each candidate, or None if it passes."""
 
 
+Options = dict[str, Joint | ProblemError]
+"""Joint with each entry of a choice by name of the entry, or the error if the entry is invalid."""
 Move = tuple[list[float], list[float]]
 """Start and end of a straight motion in task coordinates, rad and m."""
 
@@ -49,9 +51,7 @@ class Screens:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        self._valid_design: Design = {
-            variable.path: variable.value_at(0.0) for variable in study.vary
-        }
+        self._valid_design = study.design([0.0] * len(study.vary))
         problems = list(self._problems())
         self.robot: Robot | None = problems[0].robot if problems else None
         self._tilts, self._moves = _demands(problems)
@@ -154,20 +154,20 @@ class Screens:
             return Rejection("locking", f"joint {joint.name}: {error.reason}")
         return None
 
-    def _alternatives(self) -> dict[str, dict[str, Joint | ProblemError]]:
+    def _alternatives(self) -> dict[str, Options]:
         """Build one joint for each drive or motor that the study can choose.
 
         All other values are those of the first candidate. The result contains the joints by path of
         the choice and name of the entry, or the error if an entry is invalid.
         """
-        joints: dict[str, dict[str, Joint | ProblemError]] = {}
+        joints: dict[str, Options] = {}
         for variable in self.study.vary:
             keys = variable.path.split(".")
             is_component = keys[0] == "joints" and ("drive" in keys or "motor" in keys)
             if not isinstance(variable, Choice) or not is_component:
                 continue
             index = JOINTS.index(keys[1])
-            options: dict[str, Joint | ProblemError] = {}
+            options: Options = {}
             for label in variable.contents:
                 try:
                     tree = self.study.resolved({**self._valid_design, variable.path: label})

@@ -323,8 +323,7 @@ def _check_paths(section: Section, study: Study) -> None:
 
     Raises ProblemError, which names the path of the invalid value.
     """
-    start_design = {variable.path: variable.value_at(0.0) for variable in study.vary}
-    tree = study.resolved(start_design)
+    tree = study.resolved(study.design([0.0] * len(study.vary)))
     try:
         robot_from(of_data(tree))
     except ProblemError as error:

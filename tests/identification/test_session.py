@@ -44,14 +44,14 @@ def test_speeds_in_order_of_time_are_stated(sign: int, word: str) -> None:
 def test_the_order_does_not_depend_on_the_order_of_the_files(random: object) -> None:
     steady = [recording(w, float(t)) for t, w in enumerate(SPEEDS)]
     random.shuffle(steady)  # type: ignore[attr-defined]
-    assert len(session_notes(torque_map(steady), [])) == 1
+    assert len(list(session_notes(torque_map(steady), []))) == 1
 
 
 def test_a_session_in_random_order_needs_no_remark_and_one_without_dates_needs_one() -> None:
     minutes = [3.0, 6.0, 0.0, 5.0, 1.0, 7.0, 2.0, 4.0]
     steady = [recording(w, t) for w, t in zip(SPEEDS, minutes, strict=True)]
-    assert not session_notes(torque_map(steady), [])
-    assert not session_notes(torque_map([recording(w, 0.0) for w in SPEEDS]), [])
+    assert not list(session_notes(torque_map(steady), []))
+    assert not list(session_notes(torque_map([recording(w, 0.0) for w in SPEEDS]), []))
     (note,) = session_notes(torque_map([recording(w, None) for w in SPEEDS]), [])
     assert "too few recordings have a date" in note
     assert "no interval includes it" in note
@@ -97,7 +97,7 @@ def test_pauses_do_not_depend_on_the_time_zone(monkeypatch: pytest.MonkeyPatch) 
     for zone in ("UTC", "Europe/Berlin"):
         monkeypatch.setenv("TZ", zone)
         time.tzset()
-        notes.append(session_notes(torque_map(pair), [])[-1])
+        notes.append(list(session_notes(torque_map(pair), []))[-1])
     monkeypatch.undo()
     time.tzset()
     assert notes[0] == notes[1]

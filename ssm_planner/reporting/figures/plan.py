@@ -23,6 +23,7 @@ from ssm_planner.reporting.figures.style import (
     LIMIT,
     SIZE,
     finish,
+    joint_label,
     legend_above,
     new_figure,
     new_panels,
@@ -105,7 +106,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
                 if joint.kind != kind:
                     continue
                 values = scale * getattr(samples, field)[:, i]
-                axes.plot(t, values, DASHES[i], color=COLOURS[i], label=_label(robot, i))
+                axes.plot(t, values, DASHES[i], color=COLOURS[i], label=joint_label(joint.name))
                 for limit in joint.limits:
                     if isinstance(limit, limited):
                         _draw_limit(axes, (scale * limit.low, scale * limit.high), values)
@@ -169,9 +170,8 @@ def motors_figure(
         gaps=(0.35, 1.0 if is_narrow else gap),
         sharey=False if is_narrow else "row",
     )
-    names = [joint.name for joint in robot.joints]
     for row, requirement in enumerate(requirements):
-        i = names.index(requirement.joint)
+        i = JOINTS.index(requirement.joint)
         torque = 1e3 * requirement.torque
         over_time, against_speed = panels.flat[2 * row : 2 * row + 2]
         shade_phases(over_time, trajectory, with_names=row == 0)
@@ -185,7 +185,7 @@ def motors_figure(
         time_label, speed_label = "", ""
         if row == len(requirements) - 1 or is_narrow:
             time_label, speed_label = "time (s)", "motor speed (rpm)"
-        finish(over_time, time_label, f"{_label(robot, i)}\nmotor torque (mN·m)")
+        finish(over_time, time_label, f"{joint_label(requirement.joint)}\nmotor torque (mN·m)")
         finish(against_speed, speed_label, "motor torque (mN·m)" if is_narrow else "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
         lines = [text] + wrap(_ratings_text(requirement.motor), letters)
@@ -257,8 +257,3 @@ def _ratings_text(motor: Motor | None) -> str:
     mark = ", placeholder figures" if motor.placeholder else ""
     nominal, maximum = 1e3 * motor.nominal_torque, 1e3 * motor.max_torque
     return f"{motor.name}{mark}: nominal {nominal:.3g}, largest {maximum:.3g} mN·m"
-
-
-def _label(robot: Robot, i: int) -> str:
-    """Return the number and the name of a joint for a label."""
-    return f"joint {i + 1} ({robot.joints[i].name})"

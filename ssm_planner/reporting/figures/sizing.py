@@ -17,6 +17,7 @@ from ssm_planner.reporting.figures.style import (
     LIMIT,
     SIZE,
     finish,
+    joint_label,
     legend,
     legend_above,
     new_figure,
@@ -92,7 +93,7 @@ def torque_split_figure(sizing: "Sizing") -> "Figure":
             style: Keywords = {"linestyle": dash, "color": colour, "linewidth": 1.2}
             axes.plot(t, 1e3 * torque, **style, label=plain_words(name))
         time_label = "time (s)" if axes is panels[-1] else ""
-        finish(axes, time_label, f"{_label(joint)}\nmotor torque (mN·m)")
+        finish(axes, time_label, f"{joint_label(joint.load.joint)}\nmotor torque (mN·m)")
     legend_above(figure, panels[0], 3)
     return figure
 
@@ -175,7 +176,7 @@ def _curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:
     """Draw torque over speed for one joint, and the range of its peak torque."""
     i = JOINTS.index(joint.load.joint)
     speed, torque = RPM * joint.requirement.speed, 1e3 * joint.requirement.torque
-    label: str | None = _label(joint)
+    label: str | None = joint_label(joint.load.joint)
     for run in _runs(joint.load.direction):
         axes.plot(speed[run], torque[run], DASHES[i], color=COLOURS[i], label=label)
         label = None
@@ -195,11 +196,6 @@ def _runs(direction: Array) -> list[Indices]:
     changes = np.flatnonzero(np.diff(direction) != 0) + 1
     runs = np.split(np.arange(len(direction)), changes)
     return [run for run in runs if direction[run[0]] != 0]
-
-
-def _label(joint: "JointSizing") -> str:
-    """Return the number and the name of a joint for a label."""
-    return f"joint {JOINTS.index(joint.load.joint) + 1} ({joint.load.joint})"
 
 
 MODEL: Keywords = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}

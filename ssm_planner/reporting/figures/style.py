@@ -13,6 +13,7 @@ from zlib import compress, crc32
 import numpy as np
 
 from ssm_planner.atomic import replacing
+from ssm_planner.problem import JOINTS
 from ssm_planner.typing import Files, Keywords
 from ssm_planner.units import display_unit
 
@@ -53,6 +54,11 @@ def unit_of(unit: str) -> tuple[str, float]:
     180/π).
     """
     return display_unit(unit, "°")
+
+
+def joint_label(name: str) -> str:
+    """Return the number and the name of a joint for a label."""
+    return f"joint {JOINTS.index(name) + 1} ({name})"
 
 
 def new_figure(width: float, height: float) -> "Figure":

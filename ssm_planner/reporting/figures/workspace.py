@@ -241,8 +241,8 @@ def design_region_figure(
     low, high = np.degrees(region.tilt_range)
     axes.set_title(minus(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=SIZE)
     axes.set(xlim=(0.0, 180.0), ylim=(0.0, 180.0), aspect="equal")
-    axes.set_xticks(range(0, 181, 30))
-    axes.set_yticks(range(0, 181, 30))
+    ticks = range(0, 181, 30)
+    axes.set(xticks=ticks, yticks=ticks)
     if not region.empty or built is not None:
         legend(axes, loc="upper right")
     return figure

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from ssm_planner.display import number
+from ssm_planner.identification import runs
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
     JOINTS,
@@ -75,8 +76,8 @@ def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
     """
     joints = plan.robot.joints
     kinds = [
-        ("rad", [i for i, joint in enumerate(joints) if not joint.slides]),
-        ("m", [i for i, joint in enumerate(joints) if joint.slides]),
+        ("rad", [(i, joint) for i, joint in enumerate(joints) if not joint.slides]),
+        ("m", [(i, joint) for i, joint in enumerate(joints) if joint.slides]),
     ]
     tool = list(tool_panels(plan.limits))
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
@@ -86,12 +87,12 @@ def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
         ("qdd", "/s²", JointAcceleration),
         ("qddd", "/s³", JointJerk),
     ):
-        for unit, indices in kinds:
+        for unit, group in kinds:
             # Without a jerk limit the acceleration jumps, and its derivative would be solver noise.
-            if indices and (
-                limited is not JointJerk or any(joints[i].jerk is not None for i in indices)
-            ):
-                group = [(i, joints[i]) for i in indices]
+            has_limit = limited is not JointJerk or any(
+                joint.jerk is not None for _, joint in group
+            )
+            if group and has_limit:
                 panels.append(_joint_panel(group, field, unit + per, limited))
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
@@ -273,14 +274,13 @@ def _runs(t: Array, active: Mask) -> list[Range]:
     active : (n,) array of bool
         Values at these instants.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], active.astype(int), [0]))))
-    runs: list[Range] = []
-    for first_index, end_index in zip(edges[::2], edges[1::2], strict=True):
+    intervals: list[Range] = []
+    for first_index, end_index in runs(active):
         start, end = float(t[first_index]), float(t[end_index - 1])
-        if runs and start - runs[-1][1] < GAP:
-            start = runs.pop()[0]
-        runs.append((start, end))
-    return runs
+        if intervals and start - intervals[-1][1] < GAP:
+            start = intervals.pop()[0]
+        intervals.append((start, end))
+    return intervals
 
 
 def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:

@@ -450,16 +450,18 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
     """Format a joint as the cells of JOINT_COLUMNS."""
     unit, scale = display_unit(joint.unit, "°")
     low, high = joint.position
-    velocity = f"{number(scale * joint.velocity, 6)} {unit}/s"
-    acceleration = f"{number(scale * joint.acceleration, 6)} {unit}/s²"
-    jerk = NOTHING if joint.jerk is None else f"{number(scale * joint.jerk, 6)} {unit}/s³"
+
+    def shown(value: float) -> str:
+        """Format a value in the display unit."""
+        return number(scale * value, 6)
+
     return (
         joint.name,
         joint.kind,
-        f"{number(scale * low, 6)} … {number(scale * high, 6)} {unit}",
-        velocity,
-        acceleration,
-        jerk,
+        f"{shown(low)} … {shown(high)} {unit}",
+        f"{shown(joint.velocity)} {unit}/s",
+        f"{shown(joint.acceleration)} {unit}/s²",
+        NOTHING if joint.jerk is None else f"{shown(joint.jerk)} {unit}/s³",
         NOTHING if joint.drive is None else joint.drive.name,
         NOTHING if joint.motor is None else joint.motor.name,
     )
