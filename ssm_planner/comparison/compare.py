@@ -168,15 +168,12 @@ class Comparison:
 
     def to_dict(self) -> JsonObject:
         """Return the output of `compare --json`, in SI units."""
-        clock = dict(vars(self.clock))
-        for name, value in clock.items():
-            if not np.isfinite(value):
-                clock[name] = None
+        clock = vars(self.clock).items()
         return {
             "held": self.followed,
             "verdict": self.verdict,
             "speed": self.speed,
-            "clock": clock,
+            "clock": {name: value if np.isfinite(value) else None for name, value in clock},
             "findings": [vars(finding) for finding in self.findings],
             "unjudged": list(self.unjudged),
             "axes": [axis.to_dict() for axis in self.axes],

@@ -256,12 +256,11 @@ def _trajectory(message: Message) -> Any:
     """Convert a message to the fields of a JointTrajectory in ROS 2."""
     points = []
     for k, t in enumerate(message.time):
-        point = SimpleNamespace(time_from_start=_stamp(float(t)))
-        for field in FIELDS:
-            setattr(point, field, np.array(getattr(message, field)[k], dtype=float))
-        points.append(point)
-    names = list(message.names)
-    return SimpleNamespace(header=_header(0.0, "base"), joint_names=names, points=points)
+        fields = {name: np.array(getattr(message, name)[k], dtype=float) for name in FIELDS}
+        points.append(SimpleNamespace(time_from_start=_stamp(float(t)), **fields))
+    return SimpleNamespace(
+        header=_header(0.0, "base"), joint_names=list(message.names), points=points
+    )
 
 
 def _state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any:

@@ -227,9 +227,9 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
         raise RecordingError(f"{path}: {len(lines)} samples; at least {MIN_SAMPLES} are needed")
     remarks = []
     if bad_lines:
-        remarks.append(
+        remarks = [
             f"{len(bad_lines)} samples that are not finite left out (first: line {bad_lines[0]})"
-        )
+        ]
     return channels, lines, remarks
 
 

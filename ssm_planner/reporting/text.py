@@ -229,8 +229,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
         if limit.name not in JUMPS or not limit.passed:
             verdict = "" if limit.passed else "EXCEEDED"
             rows.append(limit_cells(limit) + (format_fixed(limit.time, 4), verdict))
-    header = "limit, joint, worst, limit, unit, margin, at s, "
-    return Table(header, rows, (2, 3, 5, 6))
+    return Table("limit, joint, worst, limit, unit, margin, at s, ", rows, (2, 3, 5, 6))
 
 
 def phases_table(plan: "Plan") -> Table:
@@ -245,8 +244,7 @@ def phases_table(plan: "Plan") -> Table:
     for name, entry in entries:
         times = (entry.duration, entry.toppra_duration, entry.path_bound, entry.lower_bound)
         rows.append([name] + [format_fixed(value, 4) for value in times])
-    header = "phase, duration s, toppra s, path bound s, lower bound s"
-    return Table(header, rows, (1, 2, 3, 4))
+    return Table("phase, duration s, toppra s, path bound s, lower bound s", rows, (1, 2, 3, 4))
 
 
 def sensitivities_table(plan: "Plan") -> Table:
@@ -286,8 +284,7 @@ def candidates_table(plan: "Plan") -> Table:
             duration = format_fixed(candidate["duration"], 4)
             cells = (candidate["kind"], bound, estimate, duration, candidate["outcome"])
             rows.append((name or NOTHING,) + cells)
-    header = "phase, candidate, bound s, estimate s, duration s, outcome"
-    return Table(header, rows, (2, 3, 4))
+    return Table("phase, candidate, bound s, estimate s, duration s, outcome", rows, (2, 3, 4))
 
 
 def explanation(plan: "Plan") -> list[str]:
@@ -338,15 +335,16 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
             peak = _thousandths(motor.max_torque)
             rms = _thousandths(motor.nominal_torque)
             speed = format_fixed(RPM * motor.max_speed, 0)
-        row = (
-            requirement.joint,
-            name,
-            f"{_thousandths(requirement.peak_torque)} of {peak}",
-            f"{_thousandths(requirement.rms_torque)} of {rms}",
-            f"{format_fixed(RPM * requirement.peak_speed, 0)} of {speed}",
-            placeholders,
+        rows.append(
+            (
+                requirement.joint,
+                name,
+                f"{_thousandths(requirement.peak_torque)} of {peak}",
+                f"{_thousandths(requirement.rms_torque)} of {rms}",
+                f"{format_fixed(RPM * requirement.peak_speed, 0)} of {speed}",
+                placeholders,
+            )
         )
-        rows.append(row)
     header = "joint, motor, peak torque mN·m, RMS torque mN·m, peak speed rpm, placeholder figures"
     return Table(header, rows, (2, 3, 4, 5))
 

@@ -9,7 +9,7 @@ from ssm_planner.reporting import COLOURS, FIFTH, finish, legend, new_figure, sa
 from ssm_planner.studies.page import choices_at, scaled, title_of
 from ssm_planner.studies.store import Candidate, Candidates
 from ssm_planner.studies.study import Study
-from ssm_planner.typing import Files, Keywords
+from ssm_planner.typing import Files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,10 +45,9 @@ def write_study_figures(
         Folder of the files.
     """
     plots: dict[str, Figure] = {}
-    names = []
-    for name in study.minimise:
-        if any(row.figures.get(name) is not None for row in front):
-            names.append(name)
+    names = [
+        name for name in study.minimise if any(row.figures.get(name) is not None for row in front)
+    ]
     if len(names) > 1:
         plots["front"] = new_figure(5.5, 4.0)
         _front(plots["front"].add_subplot(), rows, reference, front, names[:2])
@@ -89,8 +88,9 @@ def _map(axes: "Axes", study: Study, rows: Candidates) -> None:
         points.setdefault(row.rejection or row.state, []).append((x, y))
     for k, state in enumerate(sorted(points, key=lambda state: (state != "done", state))):
         colour = COLOURS[0] if state == "done" else STAGE_COLOURS[k % len(STAGE_COLOURS)]
-        style: Keywords = {"color": colour, "label": f"{state}, {len(points[state])}"}
         x_values, y_values = zip(*points[state], strict=True)
-        axes.plot(x_values, y_values, MARKERS[k % len(MARKERS)], markersize=4, **style)
+        marker = MARKERS[k % len(MARKERS)]
+        label = f"{state}, {len(points[state])}"
+        axes.plot(x_values, y_values, marker, markersize=4, color=colour, label=label)
     finish(axes, horizontal["title"], vertical["title"])
     legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))

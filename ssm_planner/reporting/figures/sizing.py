@@ -90,8 +90,8 @@ def torque_split_figure(sizing: "Sizing") -> "Figure":
         axes.plot(t, 1e3 * joint.requirement.torque, color="black", linewidth=1.6, label="torque")
         split = joint.requirement.split.components()
         for (name, torque), colour, dash in zip(split, PART_COLOURS, PART_DASHES, strict=True):
-            style: Keywords = {"linestyle": dash, "color": colour, "linewidth": 1.2}
-            axes.plot(t, 1e3 * torque, **style, label=plain_words(name))
+            label = plain_words(name)
+            axes.plot(t, 1e3 * torque, linestyle=dash, color=colour, linewidth=1.2, label=label)
         time_label = "time (s)" if axes is panels[-1] else ""
         finish(axes, time_label, f"{joint_label(joint.load.joint)}\nmotor torque (mN·m)")
     legend_above(figure, panels[0], 3)
@@ -146,8 +146,15 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     )
     used = share > 0
     x, y = (values[used] / share[used] for values in sums)
-    circles: Keywords = {"s": 1500.0 * share[used], "alpha": 0.35, "linewidths": 0}
-    axes.scatter(x, y, color=COLOURS[i], label="share of the time", **circles)
+    axes.scatter(
+        x,
+        y,
+        s=1500.0 * share[used],
+        color=COLOURS[i],
+        alpha=0.35,
+        linewidths=0,
+        label="share of the time",
+    )
     rms = 1e3 * verdict.requirement.rms_torque
     axes.plot(
         [0.0, RPM * motor.max_speed],
@@ -184,8 +191,8 @@ def _curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:
         peak = int(np.argmax(np.abs(torque)))
         band = joint.band
         ends = [1e3 * end("peak_torque", confidence) for end in (band.low, band.high)]
-        bar: Keywords = {"color": COLOURS[i], "linewidth": 3, "alpha": 0.45}
-        axes.plot([speed[peak]] * 2, np.copysign(ends, torque[peak]), "_-", **bar)
+        bar = np.copysign(ends, torque[peak])
+        axes.plot([speed[peak]] * 2, bar, "_-", color=COLOURS[i], linewidth=3, alpha=0.45)
 
 
 def _runs(direction: Array) -> list[Indices]:
@@ -226,11 +233,9 @@ def map_figure(fit: "MapFit", data: "TorqueMap", load: float) -> "Figure":
     outliers = {name for name, _, _ in fit.outliers}
     is_outlier = np.array([name in outliers for name in data.names])
     speed, torque = RPM * data.w, 1e3 * data.tau
-    marker: Keywords = {"color": "black", "fillstyle": "none", "markersize": 5}
-    axes.plot(speed, torque, "o", **marker, label="measured")
+    axes.plot(speed, torque, "o", color="black", fillstyle="none", markersize=5, label="measured")
     if is_outlier.any():
-        style = {**OUTLIER, "label": "outlier (lower weight)"}
-        axes.plot(speed[is_outlier], torque[is_outlier], **style)
+        axes.plot(speed[is_outlier], torque[is_outlier], **OUTLIER, label="outlier (lower weight)")
     law = f"{plain_words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
     for w, label in zip(speeds_of_map(data.w), (None, law), strict=True):
         _bands(axes, fit.drive, w, load, label is not None)
@@ -272,9 +277,15 @@ def _bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels: boo
     for variant, alpha, content in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
         band = band_of(variant, motion, tau, load)
         if band is not None:
-            shade: Keywords = {"color": COLOURS[1], "alpha": alpha, "linewidth": 0}
-            label = f"95 % of {content}" if with_labels else None
-            axes.fill_between(RPM * w, 1e3 * band.low, 1e3 * band.high, label=label, **shade)
+            axes.fill_between(
+                RPM * w,
+                1e3 * band.low,
+                1e3 * band.high,
+                color=COLOURS[1],
+                alpha=alpha,
+                linewidth=0,
+                label=f"95 % of {content}" if with_labels else None,
+            )
 
 
 def speeds_of_map(w: Array) -> tuple[Array, Array]:

@@ -228,8 +228,10 @@ def design_region_figure(
         smaller = design_region(*region.tilt_range, region.margin + float(extra))
         if not smaller.empty:
             label = f"margin {np.degrees(smaller.margin):.3g}°"
-            style: Keywords = {"facecolor": grey, "edgecolor": "black", "zorder": 2}
-            axes.add_patch(Polygon(np.degrees(smaller.vertices), label=label, **style))
+            corners = np.degrees(smaller.vertices)
+            axes.add_patch(
+                Polygon(corners, label=label, facecolor=grey, edgecolor="black", zorder=2)
+            )
     if not region.empty:
         alpha, beta = np.degrees(region.smallest_alpha)
         label = f"smallest α: ({alpha:.4g}°, {beta:.4g}°)"
@@ -301,8 +303,8 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
         text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
         axes.text(1.3 * np.cos(tilt), height, text, **CENTRED)
-    home: Keywords = {"linewidth": 1.2, "linestyle": "--", "label": "home"}
-    axes.plot(*ray(mechanism.home_tilt), color="black", **home)
+    home = ray(mechanism.home_tilt)
+    axes.plot(*home, color="black", linewidth=1.2, linestyle="--", label="home")
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
     axes.text(1.4, 0.0, "ω₁", **CENTRED)
     axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.35), aspect="equal")

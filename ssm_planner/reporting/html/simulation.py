@@ -140,19 +140,15 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
 
 def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     """Build the panels of power losses, tip error, tracking errors and motor torques."""
-    tip = _panel(
-        "Tracking error", "Distance of the tip from the plan", "m", "tip_error", (SIMULATED,)
-    )
+    tip = _panel("Tracking error", "Distance of the tip from the plan", "m", "tip_error")
     tip["limits"] = [new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error)]
-    losses = _panel(
-        "Power loss at this time", "Travel of the tip until standstill", "m", "travel", (SIMULATED,)
-    )
+    losses = _panel("Power loss at this time", "Travel of the tip until standstill", "m", "travel")
     errors = []
     torques = []
     for motor in result.motors:
         i = JOINTS.index(motor.joint)
         joint = plan.robot.joints[i]
-        errors.append(_panel("Tracking error", joint.name, joint.unit, f"error{i}", (SIMULATED,)))
+        errors.append(_panel("Tracking error", joint.name, joint.unit, f"error{i}"))
         panel = _panel("Motor torque", joint.name, "N·m", f"tau{i}", (PLANNED, SIMULATED))
         limit = joint.find_limit(MotorTorque)
         panel["limits"] = [] if limit is None else [limit_line(limit, i, f"tau{i}")]
@@ -162,7 +158,9 @@ def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     return [losses] + panels if len(result.losses.time) > 1 else panels
 
 
-def _panel(section: str, title: str, unit: str, channel: str, sides: tuple[int, ...]) -> Panel:
+def _panel(
+    section: str, title: str, unit: str, channel: str, sides: tuple[int, ...] = (SIMULATED,)
+) -> Panel:
     """Build a panel with one channel.
 
     Parameters
