@@ -369,7 +369,10 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> 
                 )
             continue
         if joint.motor is not None and "nominal_torque" in joint.motor.placeholders:
-            yield f"joint {joint.name}: its torque offsets use a placeholder value of the rated torque"
+            yield (
+                f"joint {joint.name}: its torque offsets use a placeholder value of the rated "
+                "torque"
+            )
         effects = entries[joint.name]["rounding"]
         texts = {name: number(scale * effect, 2) for name, effect in effects.items()}
         yield (
