@@ -389,16 +389,17 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
                 f"{maximum})"
             )
         text = f"0x{value:08X}" if name == "velocity unit" else str(value)
-        row = {
-            "joint": axis.name,
-            "object": key,
-            "name": name,
-            "value": text,
-            "unit": unit,
-            "reason": reason,
-            "known": UNVERIFIED if key in DOUBTFUL else QUOTED,
-        }
-        rows.append(row)
+        rows.append(
+            {
+                "joint": axis.name,
+                "object": key,
+                "name": name,
+                "value": text,
+                "unit": unit,
+                "reason": reason,
+                "known": UNVERIFIED if key in DOUBTFUL else QUOTED,
+            }
+        )
     return rows
 
 

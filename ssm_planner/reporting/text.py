@@ -858,18 +858,19 @@ def _requirements(sizing: Sizing) -> Table:
         if joint.band.known:
             peak += f" (≤ {_thousandths(joint.band.high('peak_torque', confidence))})"
             rms += f" (≤ {_thousandths(joint.band.high('rms_torque', confidence))})"
-        row = (
-            requirement.joint,
-            peak,
-            rms,
-            _thousandths(requirement.mean_torque),
-            number(RPM * requirement.peak_speed, 4),
-            number(requirement.peak_acceleration, 4),
-            number(requirement.peak_power, 4),
-            number(requirement.mean_power, 4),
-            number(requirement.joule_power),
+        rows.append(
+            (
+                requirement.joint,
+                peak,
+                rms,
+                _thousandths(requirement.mean_torque),
+                number(RPM * requirement.peak_speed, 4),
+                number(requirement.peak_acceleration, 4),
+                number(requirement.peak_power, 4),
+                number(requirement.mean_power, 4),
+                number(requirement.joule_power),
+            )
         )
-        rows.append(row)
     return Table(head, rows, range(1, 9))
 
 
