@@ -37,10 +37,12 @@ GRID = 1000
 """Number of instants at which a stop may begin after the motion was continued."""
 SHORT = 1e-9
 """Length below which a piece is left out, s."""
-LOOKS = np.linspace(0.0, 1.0, 15) ** 3
+LOOKS = np.linspace(0.0, 1.0, 40) ** 3
 """Positions in a piece at which limits are evaluated, as fractions. They are dense at its start,
 because a stop often begins at a limit.
 """
+SLOW = 1e-3
+"""Share of the largest velocity below which a joint counts as starting."""
 EXCESS = 1e-7
 """Largest relative excess over a limit of a possible stop."""
 
@@ -213,8 +215,10 @@ def _excess(stops: list[Pieces], robot: Robot, limits: TaskLimits) -> Array:
     limited = [Worst(quantity) for quantity in quantities(robot, limits)]
     law = SampledExtremes(joined, robot, limited, rate=1.0, eye=limits.eye)
     direction = np.where(np.abs(samples.qd) > still(robot), np.sign(samples.qd), 0.0)
+    # Near a reversal, the friction may be static.
+    static = (direction != 0) & (np.abs(samples.qd) <= SLOW * robot.velocities)
     state = samples.q, samples.qd, samples.qdd
-    values = iter(law.evaluate(state, direction, np.zeros_like(direction)).T)
+    values = iter(law.evaluate(state, direction, static.astype(float)).T)
     owner = np.repeat(np.arange(len(stops)), counts)
     for quantity in (item.quantity for item in limited):
         if quantity.order is None:
@@ -222,31 +226,5 @@ def _excess(stops: list[Pieces], robot: Robot, limits: TaskLimits) -> Array:
         else:
             derivative = (*state, samples.qddd)[quantity.order]
             value = quantity.scale * derivative[:, quantity.index]
-        sampled = quantity.excess(value, value).reshape(-1, len(LOOKS))
-        if not quantity.kinked:
-            sampled[:, 1:-1] += _rise(sampled)
-        np.maximum.at(excess, owner, sampled.max(axis=1))
+        np.maximum.at(excess, owner[index], quantity.excess(value, value))
     return excess
-
-
-def _rise(values: Array) -> Array:
-    """Return how far a parabola through each three neighbouring values rises above a peak.
-
-    Parameters
-    ----------
-    values : (m, n) array
-        Values at LOOKS in m pieces.
-
-    Returns
-    -------
-    (m, n − 2) array
-        The rises above the inner values, which are 0 unless the inner value is a peak.
-    """
-    steps = np.diff(LOOKS)
-    slopes = np.diff(values, axis=1) / steps
-    before, after = slopes[:, :-1], slopes[:, 1:]
-    width = steps[:-1] + steps[1:]
-    curvature = (before - after) / width
-    slope = (before * steps[1:] + after * steps[:-1]) / width
-    is_peak = (before >= 0) & (after <= 0) & (curvature > 0)
-    return np.divide(slope**2, 4 * curvature, out=np.zeros_like(slope), where=is_peak)

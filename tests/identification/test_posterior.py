@@ -19,7 +19,7 @@ from tests.support.cases import selected
 from tests.support.paths import PROBLEMS
 
 DRIVES = PROBLEMS / "drives"
-CLOSE = 0.03
+CLOSE = 0.1
 """Largest difference of two ends as a share of the interval's length."""
 
 
