@@ -262,7 +262,7 @@ TRADED = 1e-3
 NOT_IN_PATH = ("continuous torque", "nut contact", "self-locking")
 """Names of limits that toppra does not consider."""
 BINDS = 0.01
-"""Relative margin below which a limit of NOT_IN_PATH can slow a motion down."""
+"""Relative margin below which a limit of `NOT_IN_PATH` can slow a motion down."""
 
 
 @record
@@ -489,7 +489,8 @@ class Plan:
     def sensitivities(self) -> tuple[Sensitivity, ...] | None:
         """Changes of the duration with the limits, the largest first. None if a phase lacks them.
 
-        Changes below a share CHANGE of the duration are left out, because they are not significant.
+        Changes below the share `CHANGE` of the duration are left out, because they are not
+        significant.
         """
         changes: dict[tuple[str, str | None], float] = defaultdict(float)
         for phase in self.phases:

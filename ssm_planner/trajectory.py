@@ -140,7 +140,7 @@ class Trajectory:
             )
 
     def _check_pieces(self, block: slice) -> None:
-        """Raise TrajectoryError if pieces are not finite or move by more than LARGEST."""
+        """Raise TrajectoryError if pieces are not finite or move by more than `LARGEST`."""
         coefficients = self.pieces(block)
         if not (np.isfinite(self.breaks).all() and np.isfinite(coefficients).all()):
             raise TrajectoryError("a trajectory holds only finite numbers")

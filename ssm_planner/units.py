@@ -107,7 +107,7 @@ class BadQuantity(ValueError):
 def quantity(value: object, unit_kind: str) -> float:
     """Convert a quantity such as `65 deg/s` to SI units.
 
-    `unit_kind` is a key of KINDS, or "number" for a number without a unit.
+    `unit_kind` is a key of `KINDS`, or "number" for a number without a unit.
 
     Raises
     ------
@@ -352,7 +352,7 @@ class Kind:
 
 
 NUMBER = Kind("a number", "0.13", "")
-"""Kind of dimensionless numbers. It is not in KINDS."""
+"""Kind of dimensionless numbers. It is not in `KINDS`."""
 KINDS = {
     key: Kind(
         name, example, unit, tuple(others.split()), largest=float(largest or "inf"), slip=slip

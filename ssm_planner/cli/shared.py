@@ -67,7 +67,7 @@ def rate_argument(text: str) -> float:
     """Convert a text such as `500`, `500 Hz` or `1kHz` to a rate in Hz.
 
     argparse calls this function. Raises ArgumentTypeError for other texts and for rates above
-    LARGEST_RATE.
+    `LARGEST_RATE`.
     """
     match = re.fullmatch(r"([0-9.e+]+)\s*(?:(k?)hz)?", text.strip().lower())
     rate = 0.0
@@ -84,7 +84,7 @@ def rate_argument(text: str) -> float:
 ARGUMENTS = Path(__file__).with_name("arguments.csv")
 """Table of the arguments of all commands.
 
-The column `kind` states the type of the value: a key of TYPES or of units.KINDS, "flag", the
+The column `kind` states the type of the value: a key of `TYPES` or of units.KINDS, "flag", the
 allowed words with "|" between them, or the object that contains them as `module:name`. The column
 `number` contains the number of values in the form of argparse, "append" or "required". At most one
 argument of a group can be used.
@@ -112,7 +112,7 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
 
 
 def _settings(row: Mapping[str, str]) -> Keywords:
-    """Return the arguments of `add_argument` for a row of ARGUMENTS."""
+    """Return the arguments of `add_argument` for a row of `ARGUMENTS`."""
     value_type = row["kind"]
     number = row["number"]
     metavars = row["metavar"].split()

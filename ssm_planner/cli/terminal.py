@@ -75,7 +75,7 @@ def wrap_line(line: str, width: int) -> list[str]:
 
 
 def shorten(lines: Iterable[str]) -> list[str]:
-    """Wrap lines to the terminal, and omit the middle of a text of more than SHORT lines.
+    """Wrap lines to the terminal, and omit the middle of a text of more than `SHORT` lines.
 
     The last LAST lines remain, because they contain the verdict.
     """

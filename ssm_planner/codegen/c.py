@@ -64,7 +64,7 @@ def write_function(
 ) -> str:
     """Return the text of a C function.
 
-    The text requires REAL and SIGN before it. The C function reads all inputs before it writes
+    The text requires `REAL` and `SIGN` before it. The C function reads all inputs before it writes
     outputs, so inputs and outputs may overlap.
 
     Parameters
@@ -76,7 +76,7 @@ def write_function(
     inputs, outputs : sequence of Argument
         C arguments, one for each input and output of the function.
     expressions : mapping of str to str
-        C expressions by operation. The default is those of OPERATIONS.
+        C expressions by operation. The default is those of `OPERATIONS`.
 
     Returns
     -------

@@ -97,7 +97,7 @@ class Step:
     Attributes
     ----------
     name : str
-        Name of the operation: "const", "input", "output" or a key of OPERATIONS.
+        Name of the operation: "const", "input", "output" or a key of `OPERATIONS`.
     out : int
         Index of the register of the result.
     operands : tuple of int
@@ -120,7 +120,7 @@ class Step:
 def steps(function: ca.Function) -> Iterator[Step]:
     """Yield the operations of a Function of SX with dense inputs and outputs, in their order.
 
-    Raises NotImplementedError for an operation that is not in OPERATIONS.
+    Raises NotImplementedError for an operation that is not in `OPERATIONS`.
     """
     names = _names()
     for k in range(function.n_instructions()):

@@ -57,9 +57,9 @@ def noise_of(departure: Array, n: int, resolution: float) -> float:
 def windows(step: float) -> list[tuple[int, float]]:
     """Return the number of samples and the significance of every window.
 
-    The first window is a single sample, and the others have the durations WINDOWS. The significance
-    is the number of standard deviations beyond which a mean is significant. `step` is the sampling
-    period, s.
+    The first window is a single sample, and the others have the durations `WINDOWS`. The
+    significance is the number of standard deviations beyond which a mean is significant. `step` is
+    the sampling period, s.
     """
     result = [(1, CERTAIN_ALONE)]
     for duration in WINDOWS:

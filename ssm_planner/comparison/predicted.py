@@ -45,7 +45,7 @@ class Predicted:
     high: Array
     """Upper end of the torque's band."""
     has_posterior: bool
-    """True if the band follows from the posterior of the drive file, otherwise it is ±SPREAD."""
+    """True if the band follows from the posterior of the drive file, otherwise it is ±`SPREAD`."""
 
     @property
     def peak(self) -> float:

@@ -35,7 +35,7 @@ def stribeck_shape(law: str | Array, x: Expression) -> Expression:
     Parameters
     ----------
     law : str or array of int
-        Name of the law. An array of indices in LAWS evaluates many laws at once. It broadcasts
+        Name of the law. An array of indices in `LAWS` evaluates many laws at once. It broadcasts
         against x.
     x : array or CasADi expression
         Values ≥ 0.

@@ -131,7 +131,7 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
 
 
 def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
-    """Return the numbers of LOAD for a robot, (38,), for gravity (3,) in m/s²."""
+    """Return the numbers of `LOAD` for a robot, (38,), for gravity (3,) in m/s²."""
     frames, angles, _ = axes_frames((geometry.omega1, geometry.omega2, geometry.omega3))
     coms = [body.frame @ body.com for body in bodies]
     inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
@@ -154,7 +154,7 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
 
 
 def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-    """Return the joint efforts (4,) of `RigidBody.symbolic` with the numbers of LOAD as symbols.
+    """Return the joint efforts (4,) of `RigidBody.symbolic` with the numbers of `LOAD` as symbols.
 
     The angle θ2 in `q` must include the offset of `axes_frames`.
     """

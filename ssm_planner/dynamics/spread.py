@@ -133,7 +133,7 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     drive : Drive
         Drive with its friction.
     relative : float, optional
-        Relative range of all parameters of SPREAD whose uncertainty the file does not state.
+        Relative range of all parameters of `SPREAD` whose uncertainty the file does not state.
 
     Returns
     -------

@@ -158,7 +158,7 @@ class NativeElements:
         count : int
             Number n of elements.
         location : str
-            Name of the points at which the rows are evaluated, a key of PLACES.
+            Name of the points at which the rows are evaluated, a key of `PLACES`.
         """
         inputs = _element_inputs(element, location)
         arrays = _parameter_arrays(element, inputs.arrays, parameters, count)
@@ -295,9 +295,10 @@ class _ElementInputs:
 
 @lru_cache(maxsize=64)
 def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs:
-    """Return the inputs of an element model for one kind of points.
+    """Return the constant inputs of the C code that evaluates the rows of an element model.
 
-    The cost is only evaluated at the collocation points.
+    The C code evaluates the rows at the collocation points, at the points between them, or at a
+    start with static friction. It evaluates the cost only at the collocation points.
     """
     breakaway = location == "breakaway"
     rows = element.row_places
@@ -386,7 +387,7 @@ def _costs(element: ElementModel | None) -> tuple[Array, Array]:
 def _in_lanes(fits: Array) -> Array:
     """Return fits (n, size of `straight_element.fit_of`) in the order of the C code.
 
-    The C code evaluates LANES elements at once, so their values are interleaved. The last element
+    The C code evaluates `LANES` elements at once, so their values are interleaved. The last element
     is repeated to complete a group. Within an element, the coefficients of each curve are adjacent.
 
     Returns
@@ -428,8 +429,8 @@ def native_elements(
     count : int
         Number of elements.
     location : str
-        "collocation" for the points COLLOCATION, "between" for the points DENSE, or "breakaway" for
-        the start with static friction.
+        "collocation" for the points `COLLOCATION`, "between" for the points `DENSE`, or "breakaway"
+        for the start with static friction.
     """
     library = compiled()
     if library is None:
@@ -564,7 +565,7 @@ def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
-    """Evaluate the rows at all points DENSE of each element.
+    """Evaluate the rows at all points `DENSE` of each element.
 
     Parameters
     ----------

@@ -153,7 +153,7 @@ class ElementModel(ABC):
         return Cubic(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """Return the states x_c (k,) at the points COLLOCATION."""
+        """Return the states x_c (k,) at the points `COLLOCATION`."""
         return [self.state(z, c) for c in COLLOCATION]
 
     @cached_property
@@ -196,7 +196,7 @@ class ElementModel(ABC):
 
     @cached_property
     def dense_rows(self) -> ca.Function:
-        """Function (z, *p) → g at all points DENSE, one after the other, (9 rows,)."""
+        """Function (z, *p) → g at all points `DENSE`, one after the other, (9 rows,)."""
         inputs = self._symbols(self.size)
         z, p = inputs[0], inputs[1:]
         values = [self.point(self.state(z, c), *p) for c in DENSE]
@@ -269,7 +269,7 @@ def _column(rows: list[PathConstraint]) -> ca.SX:
 class ElementFunctions:
     """Functions of (z, *p) that are evaluated on every element.
 
-    With r rows at the 3 points of COLLOCATION, the results are:
+    With r rows at the 3 points of `COLLOCATION`, the results are:
 
         rows       G = [g(x_c)]_c, (3 r,)
         jacobian   ∂G/∂z, (3 r, 4 m + 1)

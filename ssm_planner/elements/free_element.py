@@ -81,8 +81,8 @@ class FreeElement(ElementModel):
     """Layout of the parameters.
 
     It contains the first point q0 and the units d of the coordinates, the limits, the ranges of
-    WATCHED and the rates of RATED. `retina_easing` is the amount by which the row of the retina may
-    exceed 1. `time_scale` is the length of a scaled second, s.
+    `WATCHED` and the rates of `RATED`. `retina_easing` is the amount by which the row of the retina
+    may exceed 1. `time_scale` is the length of a scaled second, s.
     """
 
     @property
@@ -190,7 +190,7 @@ class FreeElement(ElementModel):
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
-    """Return the rows of the ranges of WATCHED.
+    """Return the rows of the ranges of `WATCHED`.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
 def rate_rows(
     mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
 ) -> list[PathConstraint]:
-    """Return the rows of the rates of RATED.
+    """Return the rows of the rates of `RATED`.
 
     Parameters
     ----------

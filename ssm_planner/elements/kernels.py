@@ -226,7 +226,7 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     Parameters
     ----------
     inputs : dict of casadi.SX
-        Values of MECHANISM, EYE and `FreeElement.layout`.
+        Values of `MECHANISM`, EYE and `FreeElement.layout`.
     y : casadi.SX, (12,)
         Joint positions, velocities and accelerations.
     """

@@ -62,16 +62,17 @@ TIP = list(JACOBIANS).index(TipSpeed)
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
-    """Return the limits of joints and motors by their names in LIMITS.
+    """Return the limits of joints and motors by their names in `LIMITS`.
 
     The velocity limit is the smaller one of joint and motor.
 
     Parameters
     ----------
     robot : Robot
-        Robot whose limits the rows represent.
+        The robot.
     cooling : (4,) array, optional
-        Cost of one second of each motor at its nominal torque, s. The default is 0.
+        Weight of the heat of each motor in the objective: the seconds of duration that are worth
+        one second at the nominal torque. The default is 0.
 
     Returns
     -------
@@ -93,17 +94,17 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
 
 
 def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
-    """Return the limits of the tool by their names in LIMITS.
+    """Return the limits of the tool by their names in `LIMITS`.
 
     Parameters
     ----------
     limits : iterable of ToolLimit
-        Limits of a task. A limit that it does not contain is UNLIMITED.
+        Limits of a task. A limit that it does not contain is `UNLIMITED`.
 
     Returns
     -------
     dict of arrays
-        `speeds` (kinds,) in SI units and in the order of JACOBIANS, and `stop` (1,) in m.
+        `speeds` (kinds,) in SI units and in the order of `JACOBIANS`, and `stop` (1,) in m.
     """
     limits = tuple(limits)
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)
@@ -248,7 +249,7 @@ class Instant:
     tau_rigid: ca.SX
     """Joint torques without friction, (4 loads,), one load of `Robot.loads` after the other."""
     speeds: ca.SX
-    """Speeds of the tool in the order of JACOBIANS, (kinds,), for the velocities qd_hull."""
+    """Speeds of the tool in the order of `JACOBIANS`, (kinds,), for the velocities qd_hull."""
     sigma: ca.SX
     limits: SimpleNamespace
     """LIMITS as expressions, so that one program serves all values.

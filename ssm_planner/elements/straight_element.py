@@ -7,7 +7,7 @@ joints follow the path q(s), with primes for derivatives with respect to s:
     τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
 
 The functions q', A, B, C and the tool speeds |J(q) q'| are smooth. On one element, they are
-replaced by polynomials of degree DEGREE (a *fit*), so the optimisation evaluates no kinematics.
+replaced by polynomials of degree `DEGREE` (a *fit*), so the optimisation evaluates no kinematics.
 
 Every joint keeps its direction within an element, so the friction law is exact.
 """

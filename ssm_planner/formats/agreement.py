@@ -127,8 +127,8 @@ def require_agreement(
 def difference(actual: Any, derived: Any, location: str) -> str | None:
     """Describe the first difference between a document and the derived document.
 
-    Documents consist of the types of JSON. The keys in NOT_COMPARED are ignored. A missing key
-    equals null. Numbers are equal within RELATIVE and ABSOLUTE.
+    Documents consist of the types of JSON. The keys in `NOT_COMPARED` are ignored. A missing key
+    equals null. Numbers are equal within `RELATIVE` and `ABSOLUTE`.
 
     Parameters
     ----------

@@ -128,7 +128,7 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
     robot : Robot
         Robot that performs the motion.
     rate : float, optional
-        Rows per second, Hz. The default is RATE, divided by 10 until the file has at most ROWS
+        Rows per second, Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS`
         rows.
     """
     if rate is None:
@@ -627,7 +627,7 @@ def _column_fault(path: Path, k: int, count: int, width: int) -> str:
 def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
     """Return the largest rounding error of each position (4,), rad or m.
 
-    It is half a unit of the last digit. Only the first LOOK rows are evaluated.
+    It is half a unit of the last digit. Only the first `LOOK` rows are evaluated.
     """
     exponents = np.full(4, 99)
     for _, line in islice(_data_lines(path, layout), LOOK):

@@ -327,7 +327,7 @@ def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, S
     motion : dict of (n, 4) arrays
         Result of `_motion`.
     mode : str
-        Key of MODES, which determines the columns.
+        Key of `MODES`, which determines the columns.
 
     Raises
     ------

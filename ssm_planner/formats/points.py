@@ -167,8 +167,8 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
 def large_array(shape: tuple[int, ...]) -> Array:
     """Return an uninitialised array of a given shape (n, …).
 
-    An array with more than LONG rows is in a temporary file. The operating system reads and writes
-    its parts on demand.
+    An array with more than `LONG` rows is in a temporary file. The operating system reads and
+    writes its parts on demand.
     """
     if shape[0] <= LONG:
         return np.empty(shape)

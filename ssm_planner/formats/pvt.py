@@ -317,7 +317,7 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
 def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> Iterator[Table]:
     """Yield tables with different durations and times between rows.
 
-    The order is that of `stretches` (relative increases of the duration) and INTERVALS. Raises
+    The order is that of `stretches` (relative increases of the duration) and `INTERVALS`. Raises
     ExportError if the motion is too short for a table.
     """
     for slowdown in stretches:

@@ -111,7 +111,7 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     plan : Plan
         Plan that is exported.
     t : (n,) array
-        Instants of the slower motion, s. An instant that exceeds the end by less than ROUNDED
+        Instants of the slower motion, s. An instant that exceeds the end by less than `ROUNDED`
         counts as the end.
     stretch : float
         Factor on the duration.

@@ -172,7 +172,7 @@ def effort_limit(joint: Joint) -> float:
 
     The motor lifts the load at its largest torque τ_max. The torque without load is τ_0, and k is
     the slope of the torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where b_oc is
-    the friction at the output. A joint without a motor has NO_EFFORT.
+    the friction at the output. A joint without a motor has `NO_EFFORT`.
     """
     drive = joint.drive
     motor = joint.motor

@@ -105,7 +105,7 @@ class MapFit:
     """
 
     law: str
-    """Name of the friction law with the smallest error, one of LAWS."""
+    """Name of the friction law with the smallest error, one of `LAWS`."""
     drive: Drive
     """Drive with the identified friction, its posterior, and the load offset of its rig."""
     load: float
@@ -166,7 +166,7 @@ def fit_map(
         payload drives forwards. A constant offset is fitted in addition if this reduces the error
         on recordings that the fit has not used.
     law : str
-        One of LAWS, or `auto` for the simplest law whose error on recordings that the fit has not
+        One of `LAWS`, or `auto` for the simplest law whose error on recordings that the fit has not
         used is close to the smallest.
     fixed : Mapping, optional
         Parameters that are not fitted, with their values by name.
@@ -235,7 +235,7 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     Parameters
     ----------
     prototype : MapModel
-        Model with the data of the map. Its law is one of LAWS, or `auto` for all laws.
+        Model with the data of the map. Its law is one of `LAWS`, or `auto` for all laws.
     free : sequence of str
         Parameters that are fitted in addition to those of the law.
 
@@ -375,7 +375,7 @@ def _probabilities(fitted: FittedModels) -> PossibleLaws:
 
 
 def _possible(probabilities: PossibleLaws, chosen: str) -> PossibleLaws:
-    """Return the laws whose probability is at least SMALLEST_PROBABILITY, and the chosen law.
+    """Return the laws whose probability is at least `SMALLEST_PROBABILITY`, and the chosen law.
 
     Laws with more parameters than points are possible as well, because the prior bounds their
     parameters. The probabilities in the result have the sum 1.
@@ -420,7 +420,8 @@ def _pooled(possible: PossibleLaws, slow: Array) -> Arrays:
 
 
 def _draw_sets(pooled: Arrays) -> Arrays:
-    """Draw DRAWS equally likely parameter sets from a weighted table, as columns (DRAWS,) by name.
+    """Draw `DRAWS` equally likely parameter sets from a weighted table, as columns (DRAWS,) by
+    name.
 
     The method is systematic resampling. Sets of the Coulomb law have no Stribeck speed. They get
     one of the other laws, which does not affect them.

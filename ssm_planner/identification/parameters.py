@@ -45,7 +45,7 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
     drive : Drive
         Drive whose other data are copied.
     law : str
-        One of LAWS.
+        One of `LAWS`.
     values : Mapping
         Parameters by name, in SI units. Arrays represent many parameter sets at once.
     """

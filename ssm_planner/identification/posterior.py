@@ -9,14 +9,14 @@ of the law, which recordings at similar speeds share [1]. The rest belongs to si
 
 The priors are ln θ_i ~ N(ln c_i, d_i²), wide enough for drives of this kind, and N(0, d²) for a
 constant load in addition to the payload. The scatter s has a guess s₀ with the weight of ν
-recordings, and c is one of SHARED_FRACTIONS. If s and c are integrated out, the posterior is
+recordings, and c is one of `SHARED_FRACTIONS`. If s and c are integrated out, the posterior is
 
     p(θ | τ) ∝ p(θ) · Σ_c p(c) |R_c|^(−1/2) (ν s₀² + eᵀ R_c⁻¹ e)^(−(n + ν)/2).
 
-Friction may change during the session, for example by warming up. Its logarithm changes by δ from the
-beginning (t = 0) to the end (t = 1), in proportion to 1 − exp(−t / T), where δ has the prior N(0, d²).
-If the speeds are in random order, the data determine δ. Otherwise δ widens the intervals of the
-parameters with which it can be confused.
+Friction may change during the session, for example by warming up. Its logarithm changes by δ from
+the beginning (t = 0) to the end (t = 1), in proportion to 1 − exp(−t / T), where δ has the prior
+N(0, d²). If the speeds are in random order, the data determine δ. Otherwise δ widens the intervals
+of the parameters with which it can be confused.
 
 The functions use the coordinates z_i = (ln θ_i − ln c_i) / d_i, whose prior is standard normal.
 Parameters only have to be positive, so intervals do not end at a bound. The module `sampling`
@@ -228,7 +228,7 @@ class MapModel:
 
     @cached_property
     def whiteners(self) -> list[tuple[Array, float]]:
-        """Whitening matrix and log-probability for each fraction c of SHARED_FRACTIONS.
+        """Whitening matrix and log-probability for each fraction c of `SHARED_FRACTIONS`.
 
         The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹, so that eᵀ R_c⁻¹ e = |Wᵀ e|². The
         logarithm is that of p(c) |R_c|^(−1/2).
@@ -379,7 +379,7 @@ def simplest(models: list[MapModel], errors: list[Array]) -> int:
     """Return the index of the model with the fewest parameters that predicts well.
 
     An error is close if the mean of the squared errors exceeds the smallest one by at most
-    CLEAR_GAIN standard errors. `errors` contains the errors (points,) of each model in the
+    `CLEAR_GAIN` standard errors. `errors` contains the errors (points,) of each model in the
     cross-validation.
     """
     best_model = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
@@ -415,7 +415,7 @@ def data_correlation(model: MapModel, z: Array) -> Array:
 
 
 def _log_speed(w: Array) -> Array:
-    """Return the logarithm of max(|w|, SMALLEST_SPEED) for motor speeds w (n,)."""
+    """Return the logarithm of max(|w|, `SMALLEST_SPEED`) for motor speeds w (n,)."""
     return np.log(np.maximum(np.abs(w), SMALLEST_SPEED))
 
 

@@ -454,7 +454,7 @@ class Motion:
         """Find rests, directions and accelerations in a recorded speed.
 
         The speed channel shows a start too late. The direction is therefore set before the end of
-        each rest, by the time in which the usual speed passes the angle ONSET.
+        each rest, by the time in which the usual speed passes the angle `ONSET`.
 
         Parameters
         ----------

@@ -1,9 +1,10 @@
 """Fit the reaction of the speed controller, which a recording contains beside the friction.
 
-The controller answers a deviation of the speed with torque. In the recorded channels, this torque is a
-short linear filter of the recorded deviation v [1]: the sum over k of h_k v(t − d_k). The recorder
-averages the speed, so it shows a deviation after the controller has answered it. Some delays d_k are
-therefore negative. The mean torque does not contain this reaction, and planning does not need it.
+The controller answers a deviation of the speed with torque. In the recorded channels, this torque
+is a short linear filter of the recorded deviation v [1]: the sum over k of h_k v(t − d_k). The
+recorder averages the speed, so it shows a deviation after the controller has answered it. Some
+delays d_k are therefore negative. The mean torque does not contain this reaction, and planning does
+not need it.
 
 [1] L. Ljung, System Identification: Theory for the User, 2nd ed., 1999, chapter 13 (closed loops).
 """

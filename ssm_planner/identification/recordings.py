@@ -302,8 +302,8 @@ def find_spikes(values: Array) -> Indices:
     """Return the indices of isolated samples among values (samples,).
 
     An isolated sample differs from the median of itself and its two neighbours by more than
-    SPIKE_GAP times the range of the values without the outermost ones. These are 1 % of the samples
-    on each side, or one sample of a short recording.
+    `SPIKE_GAP` times the range of the values without the outermost ones. These are 1 % of the
+    samples on each side, or one sample of a short recording.
     """
     from scipy.ndimage import median_filter
 
@@ -458,7 +458,7 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
 
 
 def _passages(recording: Recording) -> set[int]:
-    """Return the hash of every PASSAGE_LENGTH consecutive samples of speed and torque.
+    """Return the hash of every `PASSAGE_LENGTH` consecutive samples of speed and torque.
 
     The values are rounded to 1e-6 rad/s and 1e-9 N·m.
     """

@@ -59,7 +59,7 @@ Mixture = list[tuple[Array, Array]]
 class Sample:
     """Weighted parameter sets of one friction law, which represent its posterior.
 
-    Each point of the sequence gives one set for each fraction c of SHARED_FRACTIONS.
+    Each point of the sequence gives one set for each fraction c of `SHARED_FRACTIONS`.
     """
 
     model: MapModel

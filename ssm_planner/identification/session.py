@@ -24,12 +24,13 @@ PAUSE = 1800.0
 def share_of_session(times: Array) -> Array:
     """Return the times of recordings as shares of their session, (recordings,), from 0 to 1.
 
-    The result is NaN if fewer than FEWEST recordings have a date.
+    The result is NaN if fewer than `FEWEST` recordings have a date.
 
     Parameters
     ----------
     times : (recordings,)
-        Time of each recording in s. NaN without a date. Pauses longer than PAUSE count as PAUSE.
+        Time of each recording in s. NaN without a date. Pauses longer than `PAUSE` count as
+        `PAUSE`.
     """
     share = np.full(len(times), np.nan)
     order = np.argsort(times)[: np.isfinite(times).sum()]

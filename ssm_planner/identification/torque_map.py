@@ -44,7 +44,7 @@ REST_SAMPLES = 6
 """Smallest number of samples at zero speed that count as rest."""
 
 NOISE_SPEED = 0.05
-"""Share of the usual speed below which a motion of fewer than REST_SAMPLES samples is noise."""
+"""Share of the usual speed below which a motion of fewer than `REST_SAMPLES` samples is noise."""
 
 OUTLIER_SCORE = 5.0
 """Smallest distance of an outlier from the line through its neighbours, in standard deviations.
@@ -246,7 +246,7 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
 
 
 def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
-    """Build a map from rows of numbers in the order of FIGURES_HEADER.
+    """Build a map from rows of numbers in the order of `FIGURES_HEADER`.
 
     The first two columns, rig and recording, are not in the rows.
     """
@@ -265,7 +265,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     Parameters
     ----------
     path : str or Path
-        CSV file with the columns FIGURES_HEADER. Lines that start with # are comments.
+        CSV file with the columns `FIGURES_HEADER`. Lines that start with # are comments.
     rig : str
         Name of the rig.
 

@@ -190,7 +190,7 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
     Parameters
     ----------
     limit_type : type of SpeedLimit
-        Kind of limit. Its entry J in JACOBIANS defines the speed |J(q) q̇|.
+        Kind of limit. Its entry J in `JACOBIANS` defines the speed |J(q) q̇|.
     mechanism : Mechanism
         Axes and tool frame.
     q, qd : (n, 4)
@@ -202,14 +202,14 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
 
 
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
-    """Return the largest permitted speeds (kinds,) in SI units, in the order of JACOBIANS.
+    """Return the largest permitted speeds (kinds,) in SI units, in the order of `JACOBIANS`.
 
     Kinds of speed without a limit get the value `unlimited`.
 
     Raises
     ------
     ProblemError
-        If JACOBIANS lacks the kind of a limit.
+        If `JACOBIANS` lacks the kind of a limit.
     """
     bounds = {type(limit): limit.largest for limit in limits}
     for limit_type in bounds:

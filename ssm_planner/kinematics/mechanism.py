@@ -266,7 +266,7 @@ class Mechanism:
 
     @cached_property
     def spin_offset(self) -> float:
-        """Constant in σ = θ3 − η + constant, rad. It makes the spin σ zero at q = 0."""
+        """Offset c in the spin σ = θ3 − η + c, rad. It makes σ zero at q = 0."""
         on_omega1 = self.frame.T @ self.tool_on_omega1[:, 0]
         kappa = math.atan2(float(on_omega1[2]), float(on_omega1[1]))
         half = -self.delta / 2.0

@@ -103,7 +103,7 @@ def by_distance(
     """Sort the solutions of each target by their distance to a reference, valid solutions first.
 
     Revolute joints are moved by whole turns as close as possible to the reference. The distance is
-    Euclidean with the factors WEIGHTS.
+    Euclidean with the factors `WEIGHTS`.
 
     Parameters
     ----------

@@ -239,7 +239,7 @@ C = TypeVar("C")
 
 
 def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
-    """Return the entries. Raises ProblemError for 0 or more than LARGEST_CATALOGUE."""
+    """Return the entries. Raises ProblemError for 0 or more than `LARGEST_CATALOGUE`."""
     if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
         raise ProblemError(
             f"{len(named_entries)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}"

@@ -169,7 +169,7 @@ _SHARE = Annotated[Figure, sourced_field(quantity("number", Bound(above=0.0, at_
 
 @cache
 def drive_model(drive_kind: str) -> Any:
-    """Return the model of the drive files of one kind, which is a name in TRANSMISSIONS.
+    """Return the model of the drive files of one kind, which is a name in `TRANSMISSIONS`.
 
     The model is built on first use because building it is slow.
     """
@@ -363,10 +363,11 @@ def _thread_fields(
 def _efficiency_fields(
     section: Section, model: Any, kind: type[Transmission], dimensions: Numbers
 ) -> Keywords:
-    """Return the fields of a drive with efficiencies.
+    """Return the fields of a drive whose file states efficiencies instead of friction.
 
-    They describe the thread that has the same efficiencies (dynamics/transmission.of_efficiencies).
-    `dimensions` contains all dimensions in SI units by key.
+    The friction law needs a thread. The fields therefore describe the thread whose efficiencies
+    in both directions equal the stated ones (dynamics/transmission.of_efficiencies). `dimensions`
+    contains all dimensions in SI units by key.
     """
     ratio = kind.motor_ratio(dimensions)
     bearings = {} if model.friction is None else model.friction.numbers()

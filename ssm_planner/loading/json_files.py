@@ -116,7 +116,7 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
 def _parse_whole(path: Path, data: mmap) -> Any:
     """Parse a file at once.
 
-    Raises TrajectoryError if the file is invalid or larger than LARGEST_WHOLE.
+    Raises TrajectoryError if the file is invalid or larger than `LARGEST_WHOLE`.
     """
     if len(data) > LARGEST_WHOLE:
         raise TrajectoryError(f"{path}: invalid JSON, or not in the form that this program writes")

@@ -182,7 +182,7 @@ class _Motions:
     def _repeat(self, list_section: Section, node: Node) -> list[Node]:
         """Return the motions of a `repeat` entry as often as it states.
 
-        Raises ProblemError if there are more than LONGEST_MOTION.
+        Raises ProblemError if there are more than `LONGEST_MOTION`.
         """
         times = validated(list_section, RepeatModel).times
         once = self.expand(list_section.sub("motion"), node.children["motion"])

@@ -414,7 +414,7 @@ _EXPANDED = {
 
 
 def motion_list(names: tuple[str, ...]) -> Any:
-    """Build the type of a motion list whose entries have the keys `names` of MOTIONS."""
+    """Build the type of a motion list whose entries have the keys `names` of `MOTIONS`."""
     keys = {name: optional(MOTIONS[name].value_type, MOTIONS[name].description) for name in names}
     entry = Annotated[Any, Part(model_from(keys | _EXPANDED, base=_EntryModel))]
     return Annotated[list[entry], Field(min_length=1, max_length=LONGEST_MOTION)]

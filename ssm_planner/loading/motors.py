@@ -117,7 +117,7 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
 
 
 def check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[str]) -> None:
-    """Raise ProblemError if figures violate a rule such as those of RULES.
+    """Raise ProblemError if figures violate a rule such as those of `RULES`.
 
     A product of NaN violates none.
     """

@@ -146,7 +146,7 @@ _START = "Start point: four task coordinates, or joints, or tip with spin."
 
 @cache
 def problem_model(motion_keys: tuple[str, ...]) -> Any:
-    """Build the model of problem files whose motion list has the keys `motion_keys` of MOTIONS."""
+    """Build the model of problem files whose motions have the keys `motion_keys` of `MOTIONS`."""
     keys = {
         "name": optional(Text, "Name. The default is the file's name without its suffix."),
         "robot": (Reference, ...),

@@ -1,7 +1,7 @@
 """Planning with an independent check of the motion.
 
 After a failed check, the exceeded limits are tightened by their excess and the problem is planned
-again, up to PLANNING_ROUNDS times.
+again, up to `PLANNING_ROUNDS` times.
 """
 
 from collections.abc import Callable
@@ -82,7 +82,7 @@ def plan_and_check(
     """Plan a motion for a problem and check it independently.
 
     If the check finds that the motion exceeds a limit, the limit is tightened by the excess, and
-    the problem is planned again, up to PLANNING_ROUNDS times.
+    the problem is planned again, up to `PLANNING_ROUNDS` times.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ class _Search:
 def targets(problem: Problem) -> list[tuple[int, int]]:
     """Return the targets with open joints, as index of the motion and index among its targets.
 
-    The list is empty if there are more than MAX_TARGETS.
+    The list is empty if there are more than `MAX_TARGETS`.
     """
     result = [
         (entry, index)

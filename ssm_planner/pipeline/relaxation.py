@@ -239,7 +239,7 @@ def find_relaxation(
 
 
 def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[str, Problem]]:
-    """Return changes of the limits in which a relaxed problem differs, by their share in SHARES.
+    """Return changes of the limits in which a relaxed problem differs, by their share in `SHARES`.
 
     Each change is described in words, with the problem that it gives. Shares that a limit cannot
     follow are left out. Durations are not changed.
@@ -318,9 +318,10 @@ class _Trials:
         plan: Planner,
         stop_if: Callable[[Cure], bool],
     ) -> tuple[float, float, Cure]:
-        """Return the smallest share that gives a motion, by bisection.
+        """Find the smallest share of a relaxation with which a motion exists, by bisection.
 
-        The bisection ends if the largest share without a motion is at least SHARP of the result.
+        A share is the part of the full change of the limit. The bisection ends when the largest
+        share without a motion is at least `SHARP` times the smallest share with a motion.
 
         Returns
         -------
@@ -329,7 +330,7 @@ class _Trials:
         upper : float
             The smallest share with a motion, or the last one that was tried.
         cure : Cure
-            The change by the share `upper`.
+            The relaxation by the share `upper`.
         """
 
         def cure(share: float) -> Cure:

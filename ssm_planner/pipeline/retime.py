@@ -176,8 +176,8 @@ def retiming_problem(
 def _points(reading: Reading) -> Array:
     """Sample joint positions along a motion that was read from a file, (n, 4).
 
-    If the file contains smooth polynomials, POINTS_PER_PIECE points of each are taken. If it
-    contains points, or more pieces than MANY allows, the ends of the pieces suffice.
+    If the file contains smooth polynomials, `POINTS_PER_PIECE` points of each are taken. If it
+    contains points, or more pieces than `MANY` allows, the ends of the pieces suffice.
     """
     breaks = reading.trajectory.breaks
     has_pieces = reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MANY

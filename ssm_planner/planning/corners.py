@@ -8,7 +8,7 @@ grows with the friction coefficient μ, with both bearing parameters and with th
 - The load is linear in a mass at the tip, so one of the two limits of the mass is the worst case.
 - Many sets of friction parameters span the range (`FrictionSpread.within`), but few of them need
   the largest torque anywhere. They are selected one after the other on a grid of speeds and efforts
-  that the motor can meet, until no other set needs more than they do by more than EASE of the
+  that the motor can meet, until no other set needs more than they do by more than `EASE` of the
   largest torque. The remaining excess is added to their bearing friction.
 - If the motor brakes, the smallest value of every parameter together is the worst case.
 """

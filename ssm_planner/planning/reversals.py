@@ -6,7 +6,7 @@ show in which time intervals a joint should move the other way. The reduced cost
 joints at rest (`DirectionMultipliers`). A joint that moves out and back, or that takes a run-up,
 can relieve a limit that binds. The search reverses the directions there, makes the instants of
 reversal borders with free positions, and solves the motion again. It ends when no sum of
-multipliers exceeds MULTIPLIER, when a round saves less than GAP, or when a solve fails.
+multipliers exceeds `MULTIPLIER`, when a round saves less than GAP, or when a solve fails.
 """
 
 from collections.abc import Callable
@@ -170,7 +170,7 @@ def _borders(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no direction changes, (k + 1,), s.
 
     They include the instants at which the motion passes its points. A change of direction that is
-    closer to another instant than a share LEAST_SEGMENT of the duration is left out.
+    closer to another instant than the share `LEAST_SEGMENT` of the duration is left out.
 
     Parameters
     ----------

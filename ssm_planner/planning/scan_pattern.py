@@ -288,8 +288,8 @@ def shortest_order(times: Array) -> Indices:
     """Search for a short tour from place 0 through all others (travelling salesman problem).
 
     The search improves several tours: the places in their given order, and nearest-neighbour tours
-    that begin at one of the STARTS places nearest to place 0. It applies 2-opt (a part of the tour
-    is reversed) and Or-opt (up to three consecutive places are moved) until neither helps, and
+    that begin at one of the `STARTS` places nearest to place 0. It applies 2-opt (a part of the
+    tour is reversed) and Or-opt (up to three consecutive places are moved) until neither helps, and
     returns the shortest tour.
 
     Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local

@@ -42,7 +42,7 @@ def passing_turns(phase: Phase) -> Borders | None:
     -------
     Borders or None
         The points with the velocities there. None if reversals elsewhere save less than a share
-        PAYS.
+        `PAYS`.
     """
     problem = phase.problem
     velocity, acceleration = problem.robot.velocities, problem.robot.accelerations
@@ -185,7 +185,7 @@ class _Passing:
         """Return the velocities (n − 1, 4) at via points without those that save almost no time.
 
         Each velocity forces a reversal. They are set to 0 one after the other, the smallest ones
-        first, if the duration then grows by less than a share IDLE in all.
+        first, if the duration then grows by less than the share `IDLE` in all.
         """
         result = speeds.copy()
         longest = (1 + IDLE) * self.duration(speeds)

@@ -171,7 +171,7 @@ class Friction(Value):
 
 
 DriveKind = str
-"""Name of a kind of drive, which is a name in TRANSMISSIONS."""
+"""Name of a kind of drive, which is a name in `TRANSMISSIONS`."""
 WEDGE = math.radians(45)
 """Lead angle of the thread that represents a drive with efficiencies.
 

@@ -112,7 +112,7 @@ class Limit(Value, ABC):
     def tightened(self, worst: float, bound: float) -> "Self | None":
         """Return a stricter limit for another plan, or None if a stricter limit does not help.
 
-        The result is stricter by TIGHTENING times the excess.
+        The result is stricter by `TIGHTENING` times the excess.
 
         Parameters
         ----------
@@ -233,9 +233,9 @@ def replaced(value: P, **changes: Any) -> P:
 
 
 def outwards(value: float, bound: float) -> float:
-    """Round a value to DIGITS significant digits, away from the bound.
+    """Round a value to `DIGITS` significant digits, away from the bound.
 
-    A value that agrees with its rounded form up to ROUNDING is not moved away.
+    A value that agrees with its rounded form up to `ROUNDING` is not moved away.
     """
     rounded = float(f"{value:.{DIGITS}g}")
     if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=ROUNDING):

@@ -237,7 +237,7 @@ class SelfLocking(Limit):
 
 
 class OfCoordinate(Limit):
-    """Base class of limits on one task coordinate, which is one of TASK."""
+    """Base class of limits on one task coordinate, which is one of `TASK`."""
 
     coordinate: str
     derivative: ClassVar[int]
@@ -283,7 +283,7 @@ class TaskRange(OfCoordinate, Between):
     """
 
     coordinate: str
-    """One of TASK."""
+    """One of `TASK`."""
     lower: float
     upper: float
 
@@ -401,7 +401,7 @@ class TaskRate(OfCoordinate, Symmetric):
 
     order = derivative = 1
     coordinate: str
-    """One of TASK."""
+    """One of `TASK`."""
     largest: Positive
 
     @staticmethod
@@ -696,7 +696,7 @@ class FeedForward(FixedLimit):
 
     @property
     def name(self) -> str:
-        """Name of the offset, one of OFFSETS."""
+        """Name of the offset, one of `OFFSETS`."""
         return OFFSETS[self.of_torque]
 
     @property
@@ -715,12 +715,12 @@ class Limited:
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """Ranges of task coordinates by name in TASK, rad or m."""
+        """Ranges of task coordinates by name in `TASK`, rad or m."""
         return {limit.coordinate: (limit.low, limit.high) for limit in self._of_type(TaskRange)}
 
     @property
     def rates(self) -> dict[str, float]:
-        """Largest |rate| of task coordinates by name in TASK, rad/s or m/s."""
+        """Largest |rate| of task coordinates by name in `TASK`, rad/s or m/s."""
         return {limit.coordinate: limit.largest for limit in self._of_type(TaskRate)}
 
     @property

@@ -57,7 +57,7 @@ class Task(Value):
 
     @property
     def set_coordinates(self) -> dict[str, float]:
-        """Coordinates that are not None, by name in TASK."""
+        """Coordinates that are not None, by name in `TASK`."""
         return {name: value for name in TASK if (value := getattr(self, name)) is not None}
 
     given = Renamed("set_coordinates")

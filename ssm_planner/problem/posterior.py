@@ -15,14 +15,14 @@ CONFIDENCE = 0.95
 PEAK_SPREAD = 0.3
 """Expected standard deviation of the logarithm of peaks before any recording (prior)."""
 PEAK_DEGREES = 4
-"""Weight of PEAK_SPREAD, as a number of recordings."""
+"""Weight of `PEAK_SPREAD`, as a number of recordings."""
 LOAD_OFFSET = "load_offset"
 """Constant effort on the output in addition to the payload.
 
 It belongs to the rig, not to the drive.
 """
 LAW = "law"
-"""Name of the column that contains the friction law of each set as an index into LAWS.
+"""Name of the column that contains the friction law of each set as an index into `LAWS`.
 
 The column exists only if several laws are possible.
 """
@@ -268,7 +268,7 @@ class Posterior(Value):
     """
 
     names: tuple[str, ...]
-    """Names of the columns: parameters of Friction, `preload` and LOAD_OFFSET.
+    """Names of the columns: parameters of Friction, `preload` and `LOAD_OFFSET`.
 
     LAW is a further column if some sets have another friction law than the drive.
     """

@@ -205,7 +205,7 @@ class TaskLimits(Limited):
     limits: tuple[Limit, ...] = ()
     eye: Eye | None = None
     start_rate: Numbers | None = field(default_factory=dict)
-    """Rates of task coordinates at the start by name in TASK, 0 for missing names.
+    """Rates of task coordinates at the start by name in `TASK`, 0 for missing names.
 
     None allows any rate.
     """
@@ -287,7 +287,7 @@ class TaskLimits(Limited):
 
 
 Rates = Annotated[Numbers, Names(TASK)]
-"""Rates of task coordinates by name in TASK."""
+"""Rates of task coordinates by name in `TASK`."""
 Objective = Literal["time", "time then heat", "effort"]
 Planner = Literal["optimal", "fast", "ipopt", "toppra"]
 
@@ -331,11 +331,11 @@ class Problem(Value, Limited):
     eye: Eye | None = None
     """Retina and lens that the tool must not touch, or None."""
     start_rate: Rates = field(default_factory=dict)
-    """Rates of task coordinates at the start by name in TASK, 0 for missing names."""
+    """Rates of task coordinates at the start by name in `TASK`, 0 for missing names."""
     start_acceleration: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Joint accelerations at the start of a free motion with jerk limits, rad/s² and m/s²."""
     end_rate: Rates = field(default_factory=dict)
-    """Rates of task coordinates at the end by name in TASK, 0 for missing names."""
+    """Rates of task coordinates at the end by name in `TASK`, 0 for missing names."""
     duration: Time | None = None
     """Requested duration of all motions together, s."""
     duty: Delay | None = 0.0
@@ -365,7 +365,7 @@ class Problem(Value, Limited):
     excess_ranges: Annotated[Mapping[str, Interval], Names(TASK)] = field(
         default_factory=dict, compare=False
     )
-    """Requested ranges that exceed those of the robot, by name in TASK.
+    """Requested ranges that exceed those of the robot, by name in `TASK`.
 
     The constructor computes them.
     """

@@ -389,10 +389,12 @@ class Robot(Value, Limited):
         return tuple(by_bodies.values())
 
     def actuations(self, i: int) -> tuple[tuple[int, Drive, tuple[int, ...]], ...]:
-        """Return the cases that the motor of joint i must handle, without repetition.
+        """Return the loads and friction laws that the motor of joint i must handle.
 
-        A robot with variants has a case for each different variant, otherwise the robot itself is
-        the only case. The result is empty for a joint without a motor.
+        A robot for a range of friction or payload has variants. `corners` are the variants that
+        need the most torque to drive, and `lightest` are those that need the most torque to brake.
+        Equal cases occur once. Without variants, the robot itself is the only case. The result is
+        empty for a joint without a motor.
 
         Returns
         -------

@@ -112,7 +112,7 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
 
 @lru_cache
 def bandwidth_of(period: float, lag: float) -> float:
-    """Return the bandwidth in Hz at which the default position loop has the phase margin MARGIN.
+    """Return the bandwidth in Hz at which the default position loop has the phase margin `MARGIN`.
 
     With the gains of `gains_of`, the inertia cancels out of the open loop, which is
 

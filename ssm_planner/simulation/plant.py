@@ -51,7 +51,7 @@ class Compliance:
     ) -> "Compliance":
         """Compute stiffness and damping from the natural frequencies of the joints.
 
-        The default values and the damping ratio DAMPING_RATIO are assumptions, not measurements.
+        The default values and the damping ratio `DAMPING_RATIO` are assumptions, not measurements.
         The result has no backlash.
 
         Parameters
@@ -181,9 +181,9 @@ class ArmPlant:
         """Build the CasADi function that advances the arm by one step of the midpoint rule.
 
         The forces at the start of the step give the positions and speeds in its middle, and these
-        give the forces of the step. The forces are then corrected CORRECTIONS times for the speeds
-        that result from them. Inertia and weight are evaluated once, at the first estimate of the
-        middle.
+        give the forces of the step. The forces are then corrected `CORRECTIONS` times for the
+        speeds that result from them. Inertia and weight are evaluated once, at the first estimate
+        of the middle.
 
         Returns
         -------
@@ -330,7 +330,8 @@ class ArmPlant:
     def friction(self, scale: float = 1.0) -> Array:
         """Return the friction parameters of all joints, (28,), as the step function expects them.
 
-        They are the seven parameters FRICTION of joint 1, then those of joint 2, and so on. Joints
+        They are the seven parameters `FRICTION` of joint 1, then those of joint 2, and so on.
+        Joints
         without a drive have zeros. `scale` multiplies all parameters.
         """
         values = np.zeros((4, len(FRICTION)))

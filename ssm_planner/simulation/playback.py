@@ -148,8 +148,8 @@ def commands(
 def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
     """Return the springs, dampers and backlash between the drives and the joints.
 
-    Values that neither the controller file nor the robot file states are assumed, see FREQUENCIES,
-    BACKLASH and DAMPING_RATIO. `scale` multiplies stiffness and damping.
+    Values that neither the controller file nor the robot file states are assumed, see
+    `FREQUENCIES`, `BACKLASH` and `DAMPING_RATIO`. `scale` multiplies stiffness and damping.
     """
     frequency = list(FREQUENCIES)
     backlash = list(BACKLASH)

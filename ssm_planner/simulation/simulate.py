@@ -86,7 +86,7 @@ class Scenario:
     """Time at which all drives lose their power, s.
 
     "everywhere" simulates a loss at many instants. With None, the drives lose their power after
-    they have held the target for SETTLE.
+    they have held the target for `SETTLE`.
     """
     instants: int = 1000
     """Number of instants for `power_loss="everywhere"`."""
@@ -257,7 +257,7 @@ class PowerLosses:
     travel: Array
     """Largest distance of the tip from its position at the loss, (n,), m."""
     standing: Array
-    """Time until the arm rests, (n,), s. Infinite if the arm still moves after HORIZON."""
+    """Time until the arm rests, (n,), s. Infinite if the arm still moves after `HORIZON`."""
 
     @property
     def holds(self) -> bool:
@@ -744,7 +744,8 @@ def rows_of(commands: Commands, rows: slice | Array) -> Commands:
 def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
     """Return the encoder increments per motor turn by joint.
 
-    The motor file has priority over the controller file. If neither states them, COUNTS is assumed.
+    The motor file has priority over the controller file. If neither states them, `COUNTS` is
+    assumed.
     """
     counts = {}
     for joint in robot.joints:

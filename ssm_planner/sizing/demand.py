@@ -48,12 +48,12 @@ class Demands:
     """Root mean cube of |F| over the time in motion. Wear grows with the cube of the load."""
 
     def array(self) -> Array:
-        """Return the demands as a table (draws, 5) in the order of DEMANDS."""
+        """Return the demands as a table (draws, 5) in the order of `DEMANDS`."""
         return np.stack([np.atleast_1d(getattr(self, name)) for name in DEMANDS], axis=1)
 
     @classmethod
     def from_table(cls, table: Array) -> "Demands":
-        """Build the demands from a table (draws, 5) whose columns have the order of DEMANDS."""
+        """Build the demands from a table (draws, 5) whose columns have the order of `DEMANDS`."""
         return cls(*(table[:, i] for i in range(len(DEMANDS))))
 
     of = Renamed("from_table")
@@ -131,9 +131,10 @@ def _voltage(torque: Array, load: JointLoad) -> Array:
 
 
 def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
-    """Compute the range of the demands by linearisation about the corners of the stated ranges.
+    """Compute the range of the demands on a motor that uncertain friction permits.
 
-    The slopes are secants over ±1 σ of every uncertain parameter. If the friction has a posterior,
+    The demands are linearised about each combination of the ends of the stated ranges. The slopes
+    are secants over ±1 σ of every uncertain parameter. If the friction has a posterior,
     all its samples are evaluated exactly instead, because there are few of them.
     """
     if spread.posterior is not None:
@@ -265,9 +266,9 @@ def _drawn_demands(
 def thinned(load: JointLoad) -> JointLoad:
     """Select the instants of a load that determine its demands.
 
-    The selection contains about SHARE evenly spaced instants, all jumps of the torque, all changes
-    of direction, the 20 largest peaks of the torque, the extremes of torque, effort and speed, and
-    the last instant.
+    The selection contains about `SHARE` evenly spaced instants, all jumps of the torque, all
+    changes of direction, the 20 largest peaks of the torque, the extremes of torque, effort and
+    speed, and the last instant.
     """
     torque = load.torque()
     size = np.abs(torque)

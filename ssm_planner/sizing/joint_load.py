@@ -28,8 +28,8 @@ STRETCH = (4, 40, 1000)
 """Limits of the number of instants per piece.
 
 A piece has at most 1000 instants, so the cost depends on the number of pieces and not on the
-duration. It may have 40 or more if the motion has fewer than 10 × INSTANTS instants in total, and 4
-in any motion.
+duration. It may have 40 or more if the motion has fewer than 10 × `INSTANTS` instants in total, and
+4 in any motion.
 """
 SECTION = 4096
 """Number of pieces or instants that are evaluated together, which bounds the memory in use."""
@@ -193,8 +193,8 @@ class JointLoad:
 def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tuple[JointLoad, ...]:
     """Compute the loads of all driven joints over a motion.
 
-    The instants have at least the rate `rate` (Hz), within the limits of INSTANTS and STRETCH. They
-    include every start, turn and arrival of a joint.
+    The instants have at least the rate `rate` (Hz), within the limits of `INSTANTS` and `STRETCH`.
+    They include every start, turn and arrival of a joint.
     """
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
     sections = blocks(len(trajectory.breaks) - 1, SECTION)

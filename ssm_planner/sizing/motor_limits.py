@@ -124,7 +124,7 @@ def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) ->
 
 
 def magnet_drift(motor: Motor) -> float:
-    """Return the relative change of the torque constant per kelvin. The default is MAGNET."""
+    """Return the relative change of the torque constant per kelvin. The default is `MAGNET`."""
     return MAGNET if motor.torque_constant_per_kelvin is None else motor.torque_constant_per_kelvin
 
 

@@ -88,10 +88,11 @@ class MotorRequirement:
         return self.motor is None or self.motor.placeholder
 
     def shown(self) -> Any:
-        """Return the attributes SHOWN for a figure, as a namespace without classes of sizing.
+        """Return the data that a figure of the motor draws.
 
-        The smallest and the largest torque of consecutive instants remain. A motion of at most
-        INSTANTS instants keeps them all.
+        The result is a plain namespace with the attributes `SHOWN`, so that another process can
+        read it without this package. A motion of more than `INSTANTS` instants is divided into
+        groups of consecutive instants. Each group keeps its smallest and its largest torque.
         """
         torque = self.torque
         group = -(-len(torque) // INSTANTS)
@@ -231,7 +232,7 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
 
 
 def _components(load: JointLoad) -> Array:
-    """Return the components of the motor torque in the order of PARTS, and their sum, (6, n)."""
+    """Return the components of the motor torque in the order of `PARTS`, and their sum, (6, n)."""
     drive = load.drive
     moving = load.direction != 0
     zero = np.zeros_like(load.t)

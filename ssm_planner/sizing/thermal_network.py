@@ -176,7 +176,7 @@ class ThermalModel:
     def from_motor(cls, motor: Motor, ambient: float) -> "ThermalModel":
         """Build the model of a motor at an ambient temperature (K).
 
-        Raises ProblemError if data of FIGURES other than the temperature limit are missing.
+        Raises ProblemError if data of `FIGURES` other than the temperature limit are missing.
         """
         inner, outer = (
             require_value(motor, f"resistance_{name}")
@@ -360,7 +360,8 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
     """Return the time until the winding of a cold motor first reaches `limit` (K), s.
 
     The result is None if the winding never reaches the limit. If the temperatures change little
-    from one cycle to the next, many cycles are computed at once: as many as warm the motor by STEP.
+    from one cycle to the next, many cycles are computed at once: as many as warm the motor by
+    `STEP`.
     """
     steady = steady_state(model, cycle)
     if steady.steady and steady.peak < limit:

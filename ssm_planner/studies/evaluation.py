@@ -414,7 +414,7 @@ def _admissible_pairs(
 
 
 def _checked_margins(verdict: MotorVerdict) -> list[float]:
-    """Return the margins of the checks CHECKED of a motor that are evaluated."""
+    """Return the margins of the checks `CHECKED` of a motor that are evaluated."""
     margins = {check.name: check.margin for check in verdict.checks if check.name in CHECKED}
     return [margin for margin in margins.values() if margin is not None]
 

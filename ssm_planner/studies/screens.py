@@ -99,7 +99,7 @@ class Screens:
     def _family(self, designs: Sequence[Design]) -> Family | None:
         """Return the geometries of all designs as arrays.
 
-        None if other keys than ANGLES define the geometry.
+        None if other keys than `ANGLES` define the geometry.
         """
         geometry = self.study.robot["geometry"]
         axes_vary = any(path.startswith("geometry.axes") for path in self.study.paths)

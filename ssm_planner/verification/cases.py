@@ -190,7 +190,7 @@ class _Motion:
 
         A case is a pair (index of the set, index of the payload). The result contains the cases
         with the largest torque, the smallest torque and the largest mean square torque for this
-        payload. The sets are evaluated at INSTANTS evenly spaced instants, at those with the
+        payload. The sets are evaluated at `INSTANTS` evenly spaced instants, at those with the
         largest nominal torque, and at all starts from rest.
 
         Parameters

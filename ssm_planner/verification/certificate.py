@@ -112,7 +112,7 @@ class LimitCheck:
 
     @property
     def passed(self) -> bool:
-        """True if the limit is kept. A relative excess of TOLERANCE counts as rounding."""
+        """True if the limit is kept. A relative excess of `TOLERANCE` counts as rounding."""
         return self.margin >= -TOLERANCE
 
     @property

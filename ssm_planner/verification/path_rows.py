@@ -38,7 +38,7 @@ def coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
     Parameters
     ----------
     values : (4, ...) array
-        Values of the expression at the PROBES.
+        Values of the expression at the `PROBES`.
 
     Returns
     -------
@@ -58,7 +58,7 @@ class PathRows:
     """A path, sampled at m points in each of n intervals.
 
     Arrays list the first points of all intervals, then the second points, and so on. Velocity,
-    acceleration and effort of the joints at the PROBES determine the rows.
+    acceleration and effort of the joints at the `PROBES` determine the rows.
     """
 
     robot: Robot
@@ -73,7 +73,7 @@ class PathRows:
     speed: Array
     acceleration: Array
     effort: Array
-    """q̇, q̈ and joint efforts at the PROBES, (4, m n, 4) each."""
+    """q̇, q̈ and joint efforts at the `PROBES`, (4, m n, 4) each."""
 
     @classmethod
     def from_trajectory(
@@ -136,7 +136,7 @@ class PathRows:
     def accelerations(self) -> list[Array]:
         """Return the rows of the acceleration limits.
 
-        Each joint has one row for either direction, with its values at the PROBES, (4, m n).
+        Each joint has one row for either direction, with its values at the `PROBES`, (4, m n).
         """
         rows = []
         for joint, values in zip(self.robot.joints, self.acceleration.T, strict=True):
@@ -163,7 +163,7 @@ class PathRows:
         Returns
         -------
         list of two (4, m n) arrays
-            Values of the rows at the PROBES.
+            Values of the rows at the `PROBES`.
         """
         speed, acceleration = self.speed[..., i], self.acceleration[..., i]
         direction = self.direction[:, i]

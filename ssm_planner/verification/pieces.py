@@ -92,7 +92,7 @@ class Pieces:
     def moving(self, robot: Robot) -> Mask:
         """Return whether each joint moves within each piece, (m, 4).
 
-        A speed that stays below STILL is the rounding error of a joint at rest.
+        A speed that stays below `STILL` is the rounding error of a joint at rest.
         """
         return np.abs(self.bernstein[1]).max(axis=1) > still(robot)
 
@@ -123,7 +123,7 @@ class Pieces:
 
 
 def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
-    """Yield the pieces of a trajectory in blocks of BLOCK."""
+    """Yield the pieces of a trajectory in blocks of `BLOCK`."""
     for block in blocks(len(trajectory.breaks) - 1, BLOCK):
         lengths = np.diff(trajectory.breaks[block.start : block.stop + 1])
         yield _pieces(trajectory.breaks[block], lengths, trajectory.pieces(block))

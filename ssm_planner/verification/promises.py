@@ -439,7 +439,7 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
 def _distances_from(line: Curve, tips: Array) -> Array:
     """Return the distances (n,) in m of tips (n, 3) from the nearest points of a line.
 
-    The search starts at the nearest of COARSE points and continues with Newton steps.
+    The search starts at the nearest of `COARSE` points and continues with Newton steps.
     """
     shares = np.linspace(0.0, 1.0, COARSE)
     positions = line(shares)

@@ -7,15 +7,15 @@ instants at s = 0, 1/3, 2/3 and 1. Directions are constant within an interval, s
 smooth there.
 
 Bracketing: The cubic through the four values lies between its Bernstein coefficients. The search
-assumes that a quantity overshoots the four values by at most CAUTION times as much as this cubic.
+assumes that a quantity overshoots the four values by at most `CAUTION` times as much as this cubic.
 A quantity with kinks (`kinked`) may also continue with the slope between two of the instants.
 
-Refinement: The intervals of the first pass are PARTS times as wide as the rate requires. The search
-cuts three kinds of intervals into PARTS parts: those whose bracket exceeds the worst value so far,
-those in which a torque has a kink, and those next to a start, a stop or a reversal, where friction
-changes quickly. It then halves the intervals whose brackets exceed the worst value, until none is
-left or until the bracket is within the fraction CLOSE of the limit. According to the brackets, no
-other interval contains a worse value.
+Refinement: The intervals of the first pass are `PARTS` times as wide as the rate requires. The
+search cuts three kinds of intervals into `PARTS` parts: those whose bracket exceeds the worst value
+so far, those in which a torque has a kink, and those next to a start, a stop or a reversal, where
+friction changes quickly. It then halves the intervals whose brackets exceed the worst value, until
+none is left or until the bracket is within the fraction `CLOSE` of the limit. According to the
+brackets, no other interval contains a worse value.
 
 `RmsTorques` integrates the torques at these instants.
 """
@@ -269,13 +269,14 @@ def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
 
         (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6   and   (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
 
-    A bound exceeds the four values by CAUTION times the excess of these coefficients. For a kinked
+    A bound exceeds the four values by `CAUTION` times the excess of these coefficients. For a
+    kinked
     quantity, it also exceeds them by the largest difference of neighbouring values.
 
     Parameters
     ----------
     values : (4, n, k) array
-        Values of k quantities at the INSTANTS of n intervals.
+        Values of k quantities at the `INSTANTS` of n intervals.
     kinked : (k,) array of bool
         True for quantities that may have a kink within an interval.
 
@@ -424,7 +425,7 @@ class RmsTorques:
         """Return True for the intervals in which the square of a torque is not a parabola.
 
         The third difference of the squares times the duration of the interval is compared with the
-        fraction UNEVEN of the integral over all intervals.
+        fraction `UNEVEN` of the integral over all intervals.
 
         Parameters
         ----------

@@ -136,7 +136,7 @@ class _Path:
         """Sample the path of a motion.
 
         The nodes include all breaks and the instants (n,), s. Each distance between them is divided
-        into intervals of at most STEP, and into at most MOST_STEPS intervals.
+        into intervals of at most `STEP`, and into at most `MOST_STEPS` intervals.
         """
         breaks = motion.breaks - motion.breaks[0]
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
@@ -190,7 +190,7 @@ def quickest_stops(
     -------
     StopMotions
         The stops in the order of time. Their instants may differ from the requested instants by
-        less than NEAR.
+        less than `NEAR`.
     """
     times = (
         np.linspace(0.0, motion.duration, instants)

@@ -18,7 +18,7 @@ from ssm_planner.verification.promises import lines_kept, task_at, unchecked_lin
 NEAR = np.array([2e-4, 2e-4, 2e-4, 1e-5])
 """Largest error at a point, rad and m: 0.01° and 10 µm."""
 STILL = 0.1
-"""Largest displacement during a dwell, as a share of NEAR."""
+"""Largest displacement during a dwell, as a share of `NEAR`."""
 TIMELY = 0.02
 """Largest relative error of a requested duration."""
 INSTANTS = 20_000
@@ -33,7 +33,7 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
     """Return a certificate that also judges the points, lines, dwells and durations of a problem.
 
     The new results are named "target", "waypoint", "dwell" and "duration". The worst value of a
-    point is its error as a multiple of NEAR. If the motion has phases, `check` has already judged
+    point is its error as a multiple of `NEAR`. If the motion has phases, `check` has already judged
     its lines.
 
     Parameters
@@ -111,7 +111,7 @@ def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
     entry : str
         Name of the motion.
     error : float
-        Distance from the point as a multiple of NEAR.
+        Distance from the point as a multiple of `NEAR`.
     time : float
         Instant of this distance, s.
     """
@@ -121,7 +121,7 @@ def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
 
 
 def _timed(name: str, entry: str, actual: float, requested: float) -> LimitCheck:
-    """Return the result for a duration that must equal the requested duration.
+    """Compare the duration of a motion or dwell with the requested duration.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _timed(name: str, entry: str, actual: float, requested: float) -> LimitCheck
     entry : str
         Name of the motion.
     actual, requested : float
-        Durations, s. Their relative difference may be TIMELY.
+        Durations, s. Their relative difference must be at most `TIMELY`.
     """
     margin = 1 - abs(actual / requested - 1) / TIMELY
     return LimitCheck(
@@ -165,7 +165,7 @@ class _Path:
         """Task coordinates of the last point, (4,). Open ones are NaN."""
 
     def errors(self, point: Point) -> Array:
-        """Return the errors (n, 4) of a point at all instants, in multiples of NEAR.
+        """Return the errors (n, 4) of a point at all instants, in multiples of `NEAR`.
 
         Coordinates that a pose does not state keep their values. Joint positions are compared
         directly, because several joint positions can have the same pose.
@@ -178,15 +178,15 @@ class _Path:
     def nearest_index(self, errors: Array, first_index: int) -> tuple[int, float]:
         """Find the first instant at which the motion reaches a point.
 
-        The robot stays within NEAR of the point for a while. The result is the first instant of the
-        first such stay whose error is within STILL of the smallest one. If the motion never reaches
-        the point, the result is the instant with the smallest error. The error is linear between
-        two instants. Open coordinates (NaN in `held`) take their values at the result.
+        The robot stays within `NEAR` of the point for a while. The result is the first instant of
+        the first such stay whose error is within `STILL` of the smallest one. If the motion never
+        reaches the point, the result is the instant with the smallest error. The error is linear
+        between two instants. Open coordinates (NaN in `held`) take their values at the result.
 
         Parameters
         ----------
         errors : (n, 4) array
-            Errors at all instants, in multiples of NEAR. NaN means that the coordinate is open.
+            Errors at all instants, in multiples of `NEAR`. NaN means that the coordinate is open.
         first_index : int
             Index of the instant at which the search starts.
 
@@ -195,7 +195,7 @@ class _Path:
         index : int
             Index of the instant.
         error : float
-            Error there, in multiples of NEAR.
+            Error there, in multiples of `NEAR`.
         """
         error = np.nan_to_num(errors[first_index:])
         step = np.diff(error, axis=0, append=error[-1:])

@@ -330,7 +330,7 @@ class Study:
         """Answer {tilt_range} with {alpha, beta, margin}, rad.
 
         The result is the smallest α that reaches the range with the largest possible entry of
-        MARGINS. Raises ProblemError if no angles reach the range.
+        `MARGINS`. Raises ProblemError if no angles reach the range.
         """
         required = tilt_range(request)
         for margin in MARGINS:

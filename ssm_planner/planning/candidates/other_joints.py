@@ -89,7 +89,7 @@ class JointsPlanner:
         return next(same, bound)
 
     def joints(self) -> list[Array]:
-        """Return other joints (4,) at the target."""
+        """Return all joint positions (4,) that reach the target, except those of the phase."""
         present = self.phase.points[-1]
         ends = other_ends(self.phase, self.target[1])
         if not self.spin_free:
@@ -98,10 +98,18 @@ class JointsPlanner:
         return [q for q in ends if not np.array_equal(q, present)]
 
     def spins(self, q: Array) -> tuple[Array, Array]:
-        """Return joints (n, 4) that differ from q (4,) by a free spin, and bounds (n,), s.
+        """Return joint positions that differ from q (4,) by a free spin, and their lower bounds.
 
-        The first three have joint 3 as in q, as at the start, and where it comes to a stop. The
-        others divide the turn about the start into steps of two degrees.
+        The first three have the angle of joint 3 in q, its angle at the start, and the angle at
+        which it comes to a stop. The others divide the turn about the start into steps of two
+        degrees.
+
+        Returns
+        -------
+        joints : (n, 4) array
+            Joint positions, rad and m.
+        bounds : (n,) array
+            Lower bounds on the durations of motions to them, s.
         """
         phase, problem = self.phase, self.problem
         low, high = problem.robot.joints[2].position

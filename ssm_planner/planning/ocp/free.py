@@ -30,7 +30,7 @@ from ssm_planner.typing import Array, keyword_record
 ELEMENTS = 40
 """Default number of mesh elements (time intervals) of a motion."""
 FINER = 2
-"""Factor on ELEMENTS for motions that need a finer mesh."""
+"""Factor on `ELEMENTS` for motions that need a finer mesh."""
 
 
 def solve_free(

@@ -183,13 +183,13 @@ def jerk_for_all(
 ) -> Array:
     """Return a jerk limit for every joint, (4,), of a robot that limits the jerk of some joints.
 
-    A joint without a limit gets one with which it reaches its largest acceleration in a share RAMP
-    of the time of the quickest displacement.
+    A joint without a limit gets one with which it reaches its largest acceleration in the share
+    `RAMP` of the time of the quickest displacement.
 
     Parameters
     ----------
     limits : dict
-        Joint limits (4,) by name, in SI units. A jerk of UNLIMITED means no limit.
+        Joint limits (4,) by name, in SI units. A jerk of `UNLIMITED` means no limit.
     displacements : (k, 4) array
         Displacements between the points, rad and m.
     ends : ((4,), (4,)) arrays

@@ -52,7 +52,7 @@ OPTIONS: dict[Start, dict[str, Any]] = {
         "constr_mult_init_max": 1e10,
     },
 }
-"""Options of Ipopt by the kind of start, in addition to COMMON_OPTIONS."""
+"""Options of Ipopt by the kind of start, in addition to `COMMON_OPTIONS`."""
 
 
 @record

@@ -105,8 +105,8 @@ class Mesh:
 def _element_ends(borders: Array, count: int) -> Array:
     """Divide every arc between two borders into elements of equal length.
 
-    There are `count` elements in all, or more if an arc would otherwise have less than FEWEST. The
-    number is thus the same for most motions, so that one compiled program serves many of them.
+    There are `count` elements in all, or more if an arc would otherwise have less than `FEWEST`.
+    The number is thus the same for most motions, so that one compiled program serves many of them.
 
     Parameters
     ----------

@@ -272,10 +272,10 @@ class Multipliers:
         rows: Array,
         active: frozenset[tuple[str, int | None]],
     ) -> "Multipliers":
-        """Build the multipliers of a solution from those of its bounds on u̇.
+        """Build the multipliers of a solution from the multipliers of its bounds on u̇.
 
-        Only bounds that forbid a reversal count: u̇ ≥ 0 where a coordinate moves forwards, and u̇ ≤
-        0 where it moves backwards. All other multipliers of direction are 0.
+        Only the bounds that forbid a reversal count. These are u̇ ≥ 0 where a coordinate moves
+        forwards, and u̇ ≤ 0 where it moves backwards.
 
         Parameters
         ----------
@@ -388,7 +388,7 @@ def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:
     """Return the numbers of elements of the blocks that make up a sequence of arcs.
 
     An arc is the time between two switching points. A block is an arc, or a part of it with at most
-    LARGEST_BLOCK elements. Both lie in the order of time.
+    `LARGEST_BLOCK` elements. Both lie in the order of time.
 
     Parameters
     ----------

@@ -73,14 +73,14 @@ def find_best_motion(
 
     - Objective "time": the fastest motion.
     - Objective "time then heat": the motion of least heat among those that take at most a share
-      LONGER more time than the fastest.
+      `LONGER` more time than the fastest.
     - With a requested duration: the motion of least effort that takes it, or the fastest motion if
       that takes longer.
     - With heat weights (`joint_limits["cooling"]`): the least weighted sum of heat and time, or the
       least weighted heat in a requested duration.
 
     If the method is "confirmed" and Ipopt does not confirm the fastest motion, the result is a
-    failure with the message NOT_CONFIRMED. The caller then tries another method.
+    failure with the message `NOT_CONFIRMED`. The caller then tries another method.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _least_cost_motion(
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None
-        Requested duration in scaled time. None: at most a share LONGER more than that of the
+        Requested duration in scaled time. None: at most the share `LONGER` more than that of the
         fastest motion, or any duration if heat weights are given.
 
     Returns

@@ -1,11 +1,11 @@
 """Reduced costs of joints at rest: the time that a motion would save if a joint moved.
 
 The savings are of first order. A moving joint has the multipliers λ of "u̇ keeps its direction" at
-the optimum. A joint j at rest has no multiplier, because it is not an unknown of the program. Its reduced
-costs follow from the multipliers of the path constraints, ℓ(q) = Σ_k λ_kᵀ G(z_k). Let q̇_j be
-linear between its values v_k at the ends of the elements, and let q_j be its integral. The reduced
-costs are c_k = ∂ℓ/∂v_k. A joint that returns to its position satisfies Σ w_k v_k = 0 with the
-weights w_k of the trapezoidal rule. The steepest descent of ℓ under this condition is v_k =
+the optimum. A joint j at rest has no multiplier, because it is not an unknown of the program. Its
+reduced costs follow from the multipliers of the path constraints, ℓ(q) = Σ_k λ_kᵀ G(z_k). Let q̇_j
+be linear between its values v_k at the ends of the elements, and let q_j be its integral. The
+reduced costs are c_k = ∂ℓ/∂v_k. A joint that returns to its position satisfies Σ w_k v_k = 0 with
+the weights w_k of the trapezoidal rule. The steepest descent of ℓ under this condition is v_k =
 mean(c/w) − c_k / w_k. Its size is the multiplier of "q̇_j = 0".
 """
 

@@ -75,7 +75,7 @@ class RefinementState:
     def from_guess(cls, problem: OcpProblem, guess: Array) -> "RefinementState":
         """Create the initial state of a refinement.
 
-        A path constraint is active if it reaches a share NEAR of its limit in the guess.
+        A path constraint is active if it reaches the share `NEAR` of its limit in the guess.
 
         Parameters
         ----------
@@ -131,7 +131,7 @@ class RefinementState:
         )
 
     def cut(self, coarse: Array) -> "RefinementState":
-        """Return the state with some elements divided into PARTS. The parts inherit the backoff.
+        """Return the state with some elements divided into `PARTS`. The parts inherit the backoff.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ def solve_to_tolerance(
     Returns
     -------
     RefinedMotion
-        Latest solution. It is feasible if no limit is exceeded by more than TOLERANCE.
+        Latest solution. It is feasible if no limit is exceeded by more than `TOLERANCE`.
     """
     iterations, work = 0, state.problem.work
     feasible = False

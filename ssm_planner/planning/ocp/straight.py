@@ -56,7 +56,7 @@ from ssm_planner.typing import Array, keyword_record
 ELEMENTS = 84
 """Smallest number of elements of a path.
 
-A path with several pieces, for example with rounded corners, gets ELEMENTS / 2 for each end of a
+A path with several pieces, for example with rounded corners, gets `ELEMENTS` / 2 for each end of a
 piece.
 """
 OF_PIECE = 18
@@ -295,7 +295,7 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
     Returns
     -------
     (k,) array
-        Largest ṡ between two knots of the path (reversals of joints), 1/s. UNLIMITED without a
+        Largest ṡ between two knots of the path (reversals of joints), 1/s. `UNLIMITED` without a
         limit.
     """
     knots = path.directions[0]

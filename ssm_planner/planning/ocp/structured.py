@@ -31,7 +31,7 @@ ITERATIONS = 600
 EXPONENTS = 1.2, 1.1, 1.3
 """Exponents e of the barrier weight, which decreases as μ → μ^e. One of them usually converges.
 
-A motion with limited jerk, or with a single unknown duration, begins with SUPERLINEAR, which is
+A motion with limited jerk, or with a single unknown duration, begins with `SUPERLINEAR`, which is
 more accurate.
 """
 SLOWER = 1.2
@@ -76,9 +76,9 @@ def solve_structured(
         Structured solution of a similar program. The first attempt starts at it, the others at the
         guess.
     iterations : int
-        Largest number of iterations of an attempt. Below ITERATIONS, only one exponent is tried.
+        Largest number of iterations of an attempt. Below `ITERATIONS`, only one exponent is tried.
     switching : bool
-        True if a path constraint has rounded edges. SUPERLINEAR is then skipped, because the
+        True if a path constraint has rounded edges. `SUPERLINEAR` is then skipped, because the
         barrier weight must decrease slowly.
     centred : bool
         True if the solver stops close to the central path, where slack · multiplier is the barrier
@@ -87,7 +87,7 @@ def solve_structured(
     Returns
     -------
     NlpSolution
-        The solution. Its message is NOT_CONVERGED if no attempt converged.
+        The solution. Its message is `NOT_CONVERGED` if no attempt converged.
     """
     program = program_of(structure, element, data)
     # The first attempt may start at a similar solution, the others start at the guess.

@@ -74,12 +74,15 @@ class JointPath(ABC):
 
     @cached_property
     def overview(self) -> PathSamples:
-        """Samples at SAMPLES evenly spaced values of s."""
+        """Samples at `SAMPLES` evenly spaced values of s."""
         return self.sample(np.linspace(0.0, 1.0, SAMPLES))
 
     @property
     def breaks(self) -> Array:
-        """Values of s between which the path is smooth, (k + 1,). They are knots of `directions`."""
+        """Values of s between which the path is smooth, (k + 1,).
+
+        They are knots of `directions`.
+        """
         return np.array([0.0, 1.0])
 
     @property
@@ -272,8 +275,9 @@ class TipPath(ClosedPath):
 def _tip_curve(mechanism: Mechanism, branch: int) -> ca.Function:
     """Build the CasADi Function that evaluates a line or an arc of the tip.
 
-    Its arguments are s and 16 parameters: the rows of `TipPath.terms`, the angle, both spins, and
-    the roll in the middle. It returns the joint positions q up to whole turns, and q' and q'' by s.
+    Its arguments are s from 0 to 1 and 16 parameters: the 12 numbers of `TipPath.terms`, the angle
+    of the arc, the spins at the start and at the end, and the roll in the middle. The results are
+    the joint positions q, except for whole turns, and their derivatives q' and q'' by s.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("given", 16)
     terms = ca.reshape(parameters[:12], 3, 4)
@@ -309,7 +313,7 @@ def sign_change(function: Callable[[Array], Array], low: float, high: float) -> 
 
 
 def with_knots(knots: Array, candidates: Iterable[float]) -> Array:
-    """Return knots (k,) and further values that are more than SAME away from all others, sorted.
+    """Return knots (k,) and further values that are more than `SAME` away from all others, sorted.
 
     Joints that reverse together thus give one knot.
     """
@@ -483,8 +487,8 @@ class SplinePath(JointPath):
 def smooth_runs(points: Array, scale: Array) -> list[Array]:
     """Split a sequence of points at corners that a smooth curve cannot follow.
 
-    The angle at such a corner is larger than CORNER. The point at the corner belongs to both parts.
-    Of points that are less than SAME apart, one is kept, because their direction is noise.
+    The angle at such a corner is larger than `CORNER`. The point at the corner belongs to both
+    parts. Of points that are less than `SAME` apart, one is kept, because their direction is noise.
 
     Parameters
     ----------

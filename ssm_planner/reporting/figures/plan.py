@@ -60,7 +60,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     """Draw joint positions, velocities and accelerations over time, with dashed limits.
 
     Revolute joints are on the left, and the translation is on the right. Figures narrower than
-    NARROW have a single column of panels.
+    `NARROW` have a single column of panels.
 
     Parameters
     ----------
@@ -142,8 +142,8 @@ def motors_figure(
 ) -> "Figure":
     """Draw the motor torque over time and over motor speed for every driven joint.
 
-    The panels also state the RMS torque and the ratings of the motor. Figures narrower than NARROW
-    have a single column of panels.
+    The panels also state the RMS torque and the ratings of the motor. Figures narrower than
+    `NARROW` have a single column of panels.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class FigureProcess:
         -------
         tuple or None
             The result of `second_opinions_and_proofs`. None if `judge` was not called, or if the
-            process failed or took longer than TIMEOUT.
+            process failed or took longer than `TIMEOUT`.
         """
         judgement = None
         try:
@@ -91,7 +91,7 @@ class FigureProcess:
         Parameters
         ----------
         name : str
-            Key of `PLAN_FIGURES`, or JUDGEMENT. A new request for the same figure replaces the
+            Key of `PLAN_FIGURES`, or `JUDGEMENT`. A new request for the same figure replaces the
             earlier one.
         *arguments
             Arguments of the function that draws the figure.
@@ -106,7 +106,7 @@ class FigureProcess:
         -------
         dict
             Content by name of the figure and file extension. It is empty if the process failed or
-            took longer than TIMEOUT.
+            took longer than `TIMEOUT`.
         """
         process = self._process
         if process is None:

@@ -155,8 +155,8 @@ def new_limit(
     channel : str, optional
         Channel whose intervals at the limit are marked. None marks no intervals.
     size : float, optional
-        Value to which the tolerance NEAR refers. The default is the limit itself, or the half width
-        of a range.
+        Value to which the tolerance `NEAR` refers. The default is the limit itself, or the half
+        width of a range.
     """
     return {
         "name": name,
@@ -241,7 +241,7 @@ def active_intervals(
     low, high : float
         Bounds of the quantity. They may be infinite.
     size : float, optional
-        Value to which the tolerance NEAR refers. The default is the bound itself. If both bounds
+        Value to which the tolerance `NEAR` refers. The default is the bound itself. If both bounds
         are finite, the tolerance always refers to half of their distance.
 
     Yields
@@ -495,7 +495,7 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
 
 
 def _in_order(limits: TaskLimits, limit_type: type[T], indices: list[int]) -> list[T]:
-    """Return the limits of one class on the selected coordinates, in the order of TASK."""
+    """Return the limits of one class on the selected coordinates, in the order of `TASK`."""
     by_coordinate = {
         limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
     }

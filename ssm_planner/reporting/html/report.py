@@ -272,7 +272,7 @@ def _limited_by(plan: Plan, panels: list[Panel]) -> str:
     """Name at most two limits that are active for the longest time.
 
     Position limits are left out, because they do not determine the duration. A limit must be active
-    for the share NOTABLE of the duration.
+    for the share `NOTABLE` of the duration.
     """
     times: dict[str, dict[int, float]] = {}
     for panel in panels:
@@ -447,7 +447,7 @@ def _target(motion: JsonObject) -> str:
 
 
 def _joint_row(joint: Joint) -> tuple[str, ...]:
-    """Format a joint as the cells of JOINT_COLUMNS."""
+    """Format a joint as the cells of `JOINT_COLUMNS`."""
     unit, scale = display_unit(joint.unit, "°")
     low, high = joint.position
 

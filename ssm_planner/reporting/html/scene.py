@@ -94,7 +94,7 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
 
 
 def _grid(low: float, high: float) -> Array:
-    """Return evenly spaced angles (n,) in rad with steps of at most STEP."""
+    """Return evenly spaced angles (n,) in rad with steps of at most `STEP`."""
     return np.linspace(low, high, max(2, math.ceil((high - low) / STEP) + 1))
 
 

@@ -168,7 +168,7 @@ def _panel(
     section, title, unit, channel : str
         Heading, title, SI unit and channel of the panel.
     sides : tuple of int
-        Indices of the motions that have this channel, PLANNED or SIMULATED.
+        Indices of the motions that have this channel, `PLANNED` or SIMULATED.
     """
     return {
         **new_panel(section, title, unit, [(channel, title, 0)]),
