@@ -109,7 +109,7 @@ def _run(options: Namespace) -> int:
     program = prepare(options.folder, options.plan)
     nodes = _nodes(options, program)
     count, period = len(program.rows), program.period
-    say(f"the export is intact and keeps every limit: {count} set points, {1000 * period:g} ms")
+    say(f"the export is intact and exceeds no limit: {count} set points, {1000 * period:g} ms")
     load = bus_load(program, options.bitrate)
     share = f"{100 * load:.0f} % of a bus with {options.bitrate} bit/s"
     if load > 1 and options.bus:

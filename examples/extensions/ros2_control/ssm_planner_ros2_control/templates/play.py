@@ -13,7 +13,7 @@ from rosidl_runtime_py.set_message import set_message_fields
 from sensor_msgs.msg import JointState
 
 ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
-LARGEST_DEVIATION = 1e-3
+LARGEST_DEVIATION = 1e-4
 """Largest deviation of a joint from the first point, rad or m."""
 TIMEOUT = 5.0
 """Time to wait for joint states and for the controller, s."""
