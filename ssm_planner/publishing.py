@@ -66,8 +66,8 @@ def publishing(folder: Path) -> Iterator[Path]:
     A manifest.json in the temporary folder lists the files (`files`: name → SHA-256). Files of an
     earlier generation that are not in the new one are removed unless they were changed. Other files
     remain. If the block raises an exception, nothing changes. Raises ExportError, without any
-    change, if the folder cannot be written, contains something else, or has a file or folder of the
-    same name that no export wrote.
+    change, if the folder cannot be written, if it is not a folder of results, or if it contains a
+    file with the name of a new file that no export wrote.
     """
     with staging(folder) as temporary:
         yield temporary

@@ -565,8 +565,8 @@ def _notes_on(estimates: dict[str, Estimate], possible: PossibleLaws) -> Iterato
     """
     if "mu" in estimates and estimates["mu"].at_bound:
         yield (
-            "the most likely mu is below the smallest with which the drive locks itself: the value "
-            "is this smallest one, and the interval is not cut there"
+            "the fit prefers a mu that is too small for self-locking: the value is the smallest mu "
+            "that locks, and the interval contains smaller ones"
         )
     if CHANGE in estimates:
         low, high = np.expm1([estimates[CHANGE].low, estimates[CHANGE].high])

@@ -540,7 +540,7 @@ def _body(section: Section, model: Any, setting: _BodyPlacement) -> Body:
 
 
 def _plausible(section: Section, body: Body) -> Body:
-    """Return a body. Raises ProblemError if its radius of gyration is implausibly large."""
+    """Return the body unchanged, or raise ProblemError if its radius of gyration is too large."""
     gyration = (
         float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass))
         if body.mass > 0

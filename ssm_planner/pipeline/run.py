@@ -456,9 +456,21 @@ def plan_to_folder(
 ) -> tuple[Plan, dict[str, Path]]:
     """Plan a problem, and write plan.json, trajectory.csv, the report and the figures.
 
-    Only the page no_plan.html is written unless the plan has passed the check. The first Ctrl-C
-    during a search for something faster ends that search. `drawer` and `rate` are those of
-    `write_folder`.
+    If the plan has not passed the check, only the page no_plan.html is written. If the planner has
+    a motion and searches for a faster one, the first Ctrl-C ends the search.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    folder : Path
+        Folder of the results.
+    progress : callable
+        Function that receives each step.
+    drawer : FigureProcess, optional
+        Process that draws the figures and judges the motion meanwhile.
+    rate : float, optional
+        Rows per second of trajectory.csv, Hz.
 
     Returns
     -------

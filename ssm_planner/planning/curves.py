@@ -171,9 +171,10 @@ class CurveFollower:
         return ProblemError(reason, file=file, line=line, allowed=allowed, **place)
 
     def _key(self, k: int, name: str) -> str:
-        """Return the key in the problem file of a coordinate of point k, for error messages.
+        """Return how an error message names a coordinate of point k.
 
-        Points of a table only need the name of the coordinate, because the line locates the point.
+        The name is the key in the problem file, such as `through[0].depth`. For the points of a
+        table it is only the coordinate, because the message states the line of the table.
         """
         if self.motion.file is not None:
             return name

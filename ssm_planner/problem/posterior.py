@@ -105,10 +105,11 @@ class Ripple(Value):
         return harmonic + np.array(self.noise)[recording] * rng.standard_normal(count)
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
-        """Draw random values of the largest deviation in further recordings, (count,), N·m.
+        """Draw how far the torque deviates at most from the friction law in further recordings.
 
-        The values are log-normal. Mean and standard deviation of their logarithm are uncertain,
-        which makes the logarithm t-distributed. `rng` is the source of random numbers.
+        The largest deviation of a recording is log-normal. Mean and standard deviation of its
+        logarithm are uncertain, which makes the logarithm t-distributed. `rng` is the source of
+        random numbers. The result has the shape (count,) and the unit N·m.
         """
         logs = np.log(self.peak)
         degrees = len(self.peak) - 1 + PEAK_DEGREES
@@ -350,10 +351,10 @@ class Posterior(Value):
         return interval_of(self.column(name), confidence)
 
     def law_shares(self, law: str) -> dict[str, float]:
-        """Return the probability of each friction law, as the share of the sets with this law.
+        """Return the probability of each friction law.
 
-        The most likely law is first. `law` is the law of the drive, which all sets have if there is
-        no column LAW.
+        The probability is the share of the parameter sets with this law. The most likely law is
+        first. If the sets have no column LAW, all of them have the law `law` of the drive.
         """
         if LAW not in self.names:
             return {law: 1.0}

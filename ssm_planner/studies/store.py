@@ -164,7 +164,7 @@ class Store(AbstractContextManager["Store"]):
                     file=self.path,
                     allowed=f"format {FORMAT}; choose another folder, or remove this file",
                 )
-            # Damaged texts must reach the comparison of the hashes.
+            # A damaged text must not raise an error here, because its wrong hash is reported later.
             self._connection.text_factory = lambda text: text.decode(errors="replace")
             self._connection.create_function("hash_of", -1, hash_of)
             self._connection.execute("PRAGMA journal_mode = WAL")

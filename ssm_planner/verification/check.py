@@ -163,9 +163,9 @@ def _worst_values(
     checked : list of Quantity
         The quantities to evaluate.
     rate : float
-        Sampling rate of the second pass, Hz.
+        Sampling rate in Hz of the second, denser search (`SampledExtremes`).
     jumps : Jumps, optional
-        Collects the jumps at the breaks in the same pass.
+        Collects the jumps at the breaks while the pieces are read.
 
     Returns
     -------

@@ -224,7 +224,7 @@ class _FreeProblemBuilder:
             Approximate number of elements between two points.
         """
         displacements, borders = self.displacements, self.borders
-        # Known reversals have a motion through them as guess.
+        # If the reversals are known, the guess is a motion that contains them.
         if borders.guess is not None:
             count = per_segment * len(displacements)
             return sampled_guesses(borders, count=count, least_count=self.least_count)

@@ -137,7 +137,7 @@ def retime_motion(
 ) -> Retiming:
     """Compute the time-optimal motion along the path of an existing motion by TOPP-RA.
 
-    It takes about as long as that motion, or less if the motion was not optimal.
+    The result takes about as long as the existing motion, or less if that was not optimal.
 
     Parameters
     ----------
