@@ -105,10 +105,15 @@ POINTS = selected(
     [
         ("rig1_lead_screw", "auto"),
         ("rig1_lead_screw", "coulomb"),
-        ("rig2_antibacklash_screw", "stribeck_exponential"),
+        ("rig2_antibacklash_screw", "coulomb"),
         ("rig3_worm", "stribeck_gaussian"),
     ],
-    every=list(itertools.product(RIGS, ("auto", *LAWS))),
+    # On rig 2 the data hardly determine the speed of a Stribeck law, and its upper end varies more.
+    every=[
+        (rig, law)
+        for rig, law in itertools.product(RIGS, ("auto", *LAWS))
+        if not (rig == "rig2_antibacklash_screw" and law.startswith("stribeck"))
+    ],
 )
 
 
