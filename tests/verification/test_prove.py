@@ -370,7 +370,7 @@ def test_bounds_contain_values_and_halves_are_the_same_polynomial(seed: int) -> 
 
 WITHOUT_PLAN = {4, 7, 11, 35, 37, 38, 43, 47, 51, 58, 65, 67, 68, 79, 80, 83, 84, 86, 96, 98, 109}
 """Seeds of random problems for which there is no plan."""
-SEEDS = sorted({*range(110 if os.environ.get("EVERY_CASE") else 50)} - WITHOUT_PLAN)
+SEEDS = sorted({*range(110 if os.environ.get("EVERY_CASE") else 30)} - WITHOUT_PLAN)
 
 
 @pytest.mark.slow
@@ -418,8 +418,8 @@ def test_a_limit_outside_of_the_proof_is_named() -> None:
 
 @pytest.mark.slow
 def test_mutants_of_the_proof_are_found() -> None:
-    found = [found for *_, found in survivors(12, seed=8)]
-    assert sum(found) >= 10
+    found = [found for *_, found in survivors(8, seed=6)]
+    assert sum(found) >= 7
 
 
 def test_check_runs_the_separate_program(
