@@ -80,8 +80,8 @@ def test_every_second_recording_predicts_the_others(rig, first):
     beyond = [
         np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found
     ]
-    # The law is that of the middle of the session, but the recordings are from all of it.
-    assert np.mean(beyond) <= 0.04
+    # The law is that of the middle of the session, but the recordings of rig 3 are from all of it.
+    assert np.mean(beyond) <= (0.04 if (rig, first) == ("rig3_worm", 0) else 0.03)
     assert np.mean([p.mean_inside for p in found]) >= 0.90
 
 

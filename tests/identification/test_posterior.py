@@ -19,8 +19,13 @@ from tests.support.cases import selected
 from tests.support.paths import PROBLEMS
 
 DRIVES = PROBLEMS / "drives"
-CLOSE = 0.1
+CLOSE = 0.03
 """Largest difference of two ends as a share of the interval's length."""
+LESS_CLOSE = {
+    ("rig1_lead_screw", "coulomb"): 0.1,
+    ("rig2_antibacklash_screw", "stribeck_exponential"): 0.35,
+}
+"""The same for laws that these rigs do not choose: the data hardly determine their parameters."""
 
 
 def model_of(rig: str, **fixed: float) -> MapModel:
@@ -105,15 +110,10 @@ POINTS = selected(
     [
         ("rig1_lead_screw", "auto"),
         ("rig1_lead_screw", "coulomb"),
-        ("rig2_antibacklash_screw", "coulomb"),
+        ("rig2_antibacklash_screw", "stribeck_exponential"),
         ("rig3_worm", "stribeck_gaussian"),
     ],
-    # On rig 2 the data hardly determine the speed of a Stribeck law, and its upper end varies more.
-    every=[
-        (rig, law)
-        for rig, law in itertools.product(RIGS, ("auto", *LAWS))
-        if not (rig == "rig2_antibacklash_screw" and law.startswith("stribeck"))
-    ],
+    every=list(itertools.product(RIGS, ("auto", *LAWS))),
 )
 
 
@@ -128,7 +128,7 @@ def test_intervals_do_not_depend_on_the_points(
     for kind in ("estimates", "combinations"):
         first, second = (getattr(fit, kind) for fit in fits)
         for name, estimate in first.items():
-            allowed = CLOSE * (estimate.high - estimate.low)
+            allowed = LESS_CLOSE.get((rig, law), CLOSE) * (estimate.high - estimate.low)
             assert abs(estimate.low - second[name].low) <= allowed, name
             assert abs(estimate.high - second[name].high) <= allowed, name
 
