@@ -87,6 +87,16 @@ $(VENV)/.docs: $(VENV)/.main
 	$(INSTALL) -e '.[docs]'
 	@touch $@
 
+# One run of pip for all of them.
+$(VENV)/.ci: $(SOURCES) | $(BIN)/python
+	$(INSTALL) -e '.[test,lint,docs]'
+	@touch $(VENV)/.main $(VENV)/.test $(VENV)/.lint $(VENV)/.docs $@
+
+# What the tests need that `.ci/run` repeats with other versions of Python.
+$(VENV)/.versions: $(SOURCES) | $(BIN)/python
+	$(INSTALL) -e . pytest pytest-xdist hypothesis pint
+	@touch $(VENV)/.main $@
+
 $(VENV)/.bench: $(VENV)/.main
 	$(INSTALL) -e '.[bench]'
 	@touch $@
