@@ -2,10 +2,10 @@
 
 from .c import (
     Argument as Argument,
-    PLAIN as PLAIN,
-    REAL as REAL,
-    SIGN as SIGN,
-    literal as literal,
+    SCALAR_EXPRESSIONS as SCALAR_EXPRESSIONS,
+    REAL_DEFINITIONS as REAL_DEFINITIONS,
+    SIGN_FUNCTION as SIGN_FUNCTION,
+    c_literal as c_literal,
     write_function as write_function,
 )
 from .namespace import (
@@ -14,4 +14,9 @@ from .namespace import (
     casadi_namespace as casadi_namespace,
     namespace_of as namespace_of,
 )
-from .vectorised import Layout as Layout, Vectorised as Vectorised, call as call, dense as dense
+from .vectorised import (
+    Layout as Layout,
+    VectorisedFunction as VectorisedFunction,
+    call as call,
+    dense_function as dense_function,
+)

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
-from ssm_planner.codegen.vectorised import OPERATIONS, steps
+from ssm_planner.codegen.vectorised import OPERATIONS, instructions
 from ssm_planner.typing import frozen
 
-REAL = """\
+REAL_DEFINITIONS = """\
 #ifdef SSM_FLOAT32
 typedef float ssm_real;
 #define SSM_R(x) x##f
@@ -20,9 +20,9 @@ typedef double ssm_real;
 #endif
 """
 """Definitions of the type of all numbers and of macros for its constants and functions."""
-PLAIN = {name: operation.c for name, operation in OPERATIONS.items()}
+SCALAR_EXPRESSIONS = {name: operation.c for name, operation in OPERATIONS.items()}
 """C expressions by operation."""
-SIGN = (
+SIGN_FUNCTION = (
     "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < "
     "SSM_R(0.0))); }\n"
 )
@@ -60,12 +60,12 @@ def write_function(
     function: ca.Function,
     inputs: Sequence[Argument],
     outputs: Sequence[Argument],
-    expressions: Mapping[str, str] = PLAIN,
+    expressions: Mapping[str, str] = SCALAR_EXPRESSIONS,
 ) -> str:
     """Return the text of a C function.
 
-    The text requires `REAL` and `SIGN` before it. The C function reads all inputs before it writes
-    outputs, so inputs and outputs may overlap.
+    The text requires `REAL_DEFINITIONS` and `SIGN_FUNCTION` before it. The C function reads all
+    inputs before it writes outputs, so inputs and outputs may overlap.
 
     Parameters
     ----------
@@ -88,10 +88,10 @@ def write_function(
     body: list[str] = []
     writes: list[str] = []
     inputs_read: set[int] = set()
-    for step in steps(function):
+    for step in instructions(function):
         operands = [value_of[k] for k in step.operands]
         if step.name == "const":
-            value_of[step.out] = literal(step.constant)
+            value_of[step.out] = c_literal(step.constant)
         elif step.name == "input":
             value_of[step.out] = inputs[step.argument].element(step.index)
             inputs_read.add(step.argument)
@@ -112,7 +112,7 @@ def write_function(
     return "\n".join([declaration, "{", *(f"    {line}" for line in lines), "}", ""])
 
 
-def literal(value: float) -> str:
+def c_literal(value: float) -> str:
     """Return a number as a C constant of the type `ssm_real`, with all digits."""
     if not math.isfinite(value):
         return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"

@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.typing import Array, Indices
 
 
-class Mapped:
+class MappedFunction:
     """CasADi Function that is evaluated at n elements in one call.
 
     Its arguments are z, the parameters and, if the Function has another argument, multipliers.
@@ -29,7 +29,7 @@ class Mapped:
         count : int
             Number n of elements.
         """
-        mapped = _mapped(
+        mapped = _map_function(
             function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1)
         )
         buffer: Any
@@ -44,7 +44,9 @@ class Mapped:
         for i, values in enumerate(self._results):
             buffer.set_res(i, values.data)
         self._buffer = buffer
-        self._outputs = [((count, *size), positions) for size, positions in _outputs(function)]
+        self._outputs = [
+            ((count, *size), positions) for size, positions in _output_layouts(function)
+        ]
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
         """Evaluate the Function.
@@ -77,7 +79,7 @@ class Mapped:
 
 
 @lru_cache(maxsize=128)
-def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
+def _map_function(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
     """Map a Function over several elements.
 
     Parameters
@@ -92,7 +94,7 @@ def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Fu
 
 
 @lru_cache(maxsize=128)
-def _outputs(function: ca.Function) -> list[tuple[tuple[int, int], Indices | None]]:
+def _output_layouts(function: ca.Function) -> list[tuple[tuple[int, int], Indices | None]]:
     """Return the shape of every output, and the row-major positions of its nonzeros.
 
     The positions are None if all entries are nonzeros in this order.

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-NAMES = ("sin", "cos", "sqrt", "exp", "sign", "arctan2", "where", "minimum", "maximum")
+FUNCTION_NAMES = ("sin", "cos", "sqrt", "exp", "sign", "arctan2", "where", "minimum", "maximum")
 """Names of the functions in NumPy."""
-IN_CASADI = {"arctan2": "atan2", "where": "if_else", "minimum": "fmin", "maximum": "fmax"}
+CASADI_NAMES = {"arctan2": "atan2", "where": "if_else", "minimum": "fmin", "maximum": "fmax"}
 """CasADi's names of functions that have other names in NumPy."""
 
 
 class Namespace(SimpleNamespace):
-    """Elementary functions for one kind of numbers, with NumPy's names (NAMES).
+    """Elementary functions for one kind of numbers, with NumPy's names (FUNCTION_NAMES).
 
     Each closed form of the package is written once with these functions. The function `nonnegative`
     replaces negative numbers, which are rounding errors, by 0. It does not change symbols, so that
@@ -22,7 +22,8 @@ class Namespace(SimpleNamespace):
 
 
 NUMPY = Namespace(
-    **{name: getattr(np, name) for name in NAMES}, nonnegative=lambda value: np.maximum(value, 0.0)
+    **{name: getattr(np, name) for name in FUNCTION_NAMES},
+    nonnegative=lambda value: np.maximum(value, 0.0),
 )
 """The functions for NumPy arrays."""
 
@@ -32,7 +33,7 @@ def casadi_namespace() -> Namespace:
     """Return the functions for expressions of CasADi (SX and MX)."""
     import casadi
 
-    functions = {name: getattr(casadi, IN_CASADI.get(name, name)) for name in NAMES}
+    functions = {name: getattr(casadi, CASADI_NAMES.get(name, name)) for name in FUNCTION_NAMES}
     return Namespace(**functions, nonnegative=lambda value: value)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.mapped import Mapped
+from ssm_planner.codegen.mapped import MappedFunction
 from ssm_planner.errors import GeometryError
 from ssm_planner.native import library
 from ssm_planner.typing import Array, frozen
@@ -36,7 +36,7 @@ class Operation:
     numpy: Callable[..., Any]
     """Function of the operands and of `out`, which are rows (n,)."""
     c: str
-    """C expression with the macros of `codegen.c.REAL`, in which {0} and {1} are the operands."""
+    """C expression with the macros of `c.REAL_DEFINITIONS`, in which {0} and {1} are operands."""
 
     @property
     def operands(self) -> int:
@@ -88,7 +88,7 @@ for _name in ["pow", "fmin", "fmax", "atan2", "copysign", "fmod", "hypot"]:
 
 
 @frozen
-class Step:
+class Instruction:
     """One operation of a Function.
 
     An operation that reads an input or writes an output refers to the element `index` of
@@ -117,12 +117,12 @@ class Step:
     """Index into the elements of the argument or result in column-major order."""
 
 
-def steps(function: ca.Function) -> Iterator[Step]:
+def instructions(function: ca.Function) -> Iterator[Instruction]:
     """Yield the operations of a Function of SX with dense inputs and outputs, in their order.
 
     Raises NotImplementedError for an operation that is not in `OPERATIONS`.
     """
-    names = _names()
+    names = _operation_names()
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         name = names.get(operation)
@@ -131,32 +131,34 @@ def steps(function: ca.Function) -> Iterator[Step]:
                 f"{function.name()}: CasADi operation {operation} is not supported"
             )
         if name == "const":
-            yield Step(
+            yield Instruction(
                 name,
                 function.instruction_output(k)[0],
                 constant=float(function.instruction_constant(k)),
             )
         elif name == "input":
             argument, index = function.instruction_input(k)[:2]
-            yield Step(name, function.instruction_output(k)[0], argument=argument, index=index)
+            yield Instruction(
+                name, function.instruction_output(k)[0], argument=argument, index=index
+            )
         elif name == "output":
             argument, index = function.instruction_output(k)[:2]
-            yield Step(
+            yield Instruction(
                 name, operands=(function.instruction_input(k)[0],), argument=argument, index=index
             )
         else:
             operands = tuple(function.instruction_input(k)[: OPERATIONS[name].operands])
-            yield Step(name, function.instruction_output(k)[0], operands)
+            yield Instruction(name, function.instruction_output(k)[0], operands)
 
 
-def dense(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
+def dense_function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
     """Return a Function with dense outputs and shared common subexpressions."""
     shared = ca.cse([ca.densify(output) for output in outputs])
     return ca.Function(name, inputs, shared)
 
 
 @cache
-def _names() -> dict[int, str]:
+def _operation_names() -> dict[int, str]:
     """Return the names of the operations by CasADi's numbers."""
     names = ("const", "input", "output", *OPERATIONS)
     return {
@@ -166,11 +168,11 @@ def _names() -> dict[int, str]:
     }
 
 
-MANY = 200
-"""Smallest number of samples for which `call` uses `Vectorised`."""
-BLOCK = 1024
+MIN_VECTORISED_SAMPLES = 200
+"""Smallest number of samples for which `call` uses `VectorisedFunction`."""
+SAMPLES_PER_BLOCK = 1024
 """Number of samples in a block, so that the registers stay in the processor's cache."""
-NATIVE = (
+NATIVE_OPERATIONS = (
     *(
         "assign",
         "neg",
@@ -189,14 +191,14 @@ NATIVE = (
     *("lt", "le", "eq", "ne", "and", "or", "if_else_zero", "fmin", "fmax"),
 )
 """Operations of native/vectorised.c in the order of their codes."""
-_KEPT: list[Array] = []
+_REGISTER_MEMORY: list[Array] = []
 """Memory for the registers of the next call.
 
 A new allocation would take an eighth of the time of the operations.
 """
 
 
-class Vectorised:
+class VectorisedFunction:
     """Dense Function of SX that is evaluated operation by operation over rows of samples.
 
     NumPy and C give identical results.
@@ -215,7 +217,12 @@ class Vectorised:
             for name, operand, other_operand, result in operations
         ]
         codes = [
-            (NATIVE.index(name) if name in NATIVE else -1, operand, max(other_operand, 0), result)
+            (
+                NATIVE_OPERATIONS.index(name) if name in NATIVE_OPERATIONS else -1,
+                operand,
+                max(other_operand, 0),
+                result,
+            )
             for name, operand, other_operand, result in operations
         ]
         self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
@@ -271,12 +278,12 @@ class Vectorised:
                     f"{self.name}: argument of shape {argument.shape}, expected {(n, rows)}"
                 )
         results = [np.empty((rows, n)) for rows in self.rows_out]
-        size = self._registers * min(n, BLOCK)
-        cached = _KEPT.pop() if _KEPT else np.empty(0)
+        size = self._registers * min(n, SAMPLES_PER_BLOCK)
+        cached = _REGISTER_MEMORY.pop() if _REGISTER_MEMORY else np.empty(0)
         memory = cached if len(cached) >= size else np.empty(size)
-        work = memory[:size].reshape(self._registers, min(n, BLOCK))
+        work = memory[:size].reshape(self._registers, min(n, SAMPLES_PER_BLOCK))
         self._run(work, [*(np.asarray(values, dtype=float).T for values in arguments), *results], n)
-        _KEPT[:] = [memory]
+        _REGISTER_MEMORY[:] = [memory]
         return [result.T for result in results]
 
     def _run(self, work: Array, inputs: list[Array], n: int) -> None:
@@ -303,10 +310,10 @@ class Vectorised:
         moves[: len(work)] = 0
         native = library.load()
         indices = range(len(addresses)) if native is None else self._seen
-        steps = ctypes.c_void_p(stride.ctypes.data)
+        sample_strides = ctypes.c_void_p(stride.ctypes.data)
         with np.errstate(invalid="ignore", divide="ignore"):
-            for start in range(0, n, BLOCK):
-                count = min(BLOCK, n - start)
+            for start in range(0, n, SAMPLES_PER_BLOCK):
+                count = min(SAMPLES_PER_BLOCK, n - start)
                 pointers = addresses + start * moves
                 samples = ctypes.c_long(count)
                 slots = ctypes.c_void_p(pointers.ctypes.data)
@@ -317,7 +324,7 @@ class Vectorised:
                     rows[k] = tables[index][row][selections[index]]
                 for low, high, code, size in self._parts:
                     if native is not None and code is not None:
-                        native.ssm_operations(code, slots, steps, size, samples)
+                        native.ssm_operations(code, slots, sample_strides, size, samples)
                         continue
                     for operation, *operands in self._program[low:high]:
                         operation(*(rows[k] for k in operands if k >= 0))
@@ -337,7 +344,7 @@ class Vectorised:
             result.
         constants : list of float
         """
-        sequence = list(steps(function))
+        sequence = list(instructions(function))
         constants = [step.constant for step in sequence if step.name == "const"]
         first_in = self._registers + len(constants)
         firsts_in = first_in + np.cumsum([0, *self.rows_in])
@@ -387,10 +394,10 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     if samples == 0:
         return tuple(np.zeros((0, function.size1_out(i))) for i in range(function.n_out()))
     arrays = [np.asarray(argument, dtype=float) for argument in arguments]
-    vectorised = _vectorised(function) if samples >= MANY else None
+    vectorised = _vectorised_function(function) if samples >= MIN_VECTORISED_SAMPLES else None
     if vectorised is not None:
         return tuple(vectorised(*arrays))
-    return tuple(Mapped(function, arrays[1:], samples)(arrays[0]))
+    return tuple(MappedFunction(function, arrays[1:], samples)(arrays[0]))
 
 
 def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
@@ -398,7 +405,7 @@ def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
 
     Raises GeometryError if the shapes are wrong.
     """
-    sizes = _sizes(function)
+    sizes = _input_sizes(function)
     if len(arguments) != len(sizes):
         raise GeometryError(f"{function.name()} takes {len(sizes)} arguments, got {len(arguments)}")
     samples = np.shape(arguments[0])[0] if np.ndim(arguments[0]) == 2 else -1
@@ -413,19 +420,19 @@ def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
 
 
 @lru_cache(maxsize=256)
-def _sizes(function: ca.Function) -> tuple[int, ...]:
+def _input_sizes(function: ca.Function) -> tuple[int, ...]:
     """Return the lengths of the inputs of a Function."""
     return tuple(function.size1_in(i) for i in range(function.n_in()))
 
 
 @lru_cache(maxsize=64)
-def _vectorised(function: ca.Function) -> Vectorised | None:
+def _vectorised_function(function: ca.Function) -> VectorisedFunction | None:
     """Return a Function for many samples, or None if it contains an unknown operation."""
     if not function.is_a("SXFunction"):
         return None
     inputs = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
     try:
-        return Vectorised(dense(function.name(), inputs, function.call(inputs)))
+        return VectorisedFunction(dense_function(function.name(), inputs, function.call(inputs)))
     except NotImplementedError:
         return None
 

@@ -25,10 +25,15 @@ from ssm_planner.dynamics import (
     motorless,
     of_efficiencies,
 )
-from ssm_planner.elements.element import COLLOCATION, DENSE, SIMPSON, ElementModel
+from ssm_planner.elements.element import (
+    COLLOCATION_POINTS,
+    DENSE_POINTS,
+    SIMPSON_WEIGHTS,
+    ElementModel,
+)
 from ssm_planner.elements.free_element import FreeElement
-from ssm_planner.elements.rows import ACCELERATION_SHARE, actuations_by_load
-from ssm_planner.elements.straight_element import DEGREE, StraightElement
+from ssm_planner.elements.rows import MOTORLESS_COST_WEIGHT, actuations_by_load
+from ssm_planner.elements.straight_element import FIT_DEGREE, StraightElement
 from ssm_planner.errors import ProblemError
 from ssm_planner.interior.problem import ElementGroup
 from ssm_planner.kinematics import JACOBIANS, Mechanism, lens_limit
@@ -36,7 +41,7 @@ from ssm_planner.native.library import load
 from ssm_planner.problem import LAWS, Drive, Eye, MotorTorque, TipSpeed
 from ssm_planner.typing import Array, Arrays, record
 
-MECHANISM = Layout(
+MECHANISM_LAYOUT = Layout(
     omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1
 )
 """Kinematics in the frames of `rigid_body.axes_frames`.
@@ -44,13 +49,13 @@ MECHANISM = Layout(
 These are the x and z components of the second and the third axis, the angles of `Mechanism`, and
 the offset of θ2.
 """
-EYE = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
+EYE_LAYOUT = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
 """The eye in the base frame of `rigid_body.axes_frames`.
 
 `lens_frame` contains the columns of the frame of the lens. Each column is divided by its semi-axis
 and by the limit of the lens.
 """
-DRIVE = Layout(
+DRIVE_LAYOUT = Layout(
     ratio=1,
     gamma=1,
     lead_slope=1,
@@ -70,27 +75,27 @@ DRIVE = Layout(
     nominal=1,
 )
 """One motor with its drive. `limit` and `nominal` are torques of the motor, N·m."""
-ACCELERATION = DRIVE.pack(
-    **dict.fromkeys(DRIVE.slices, 0.0)
+ACCELERATION_DRIVE = DRIVE_LAYOUT.pack(
+    **dict.fromkeys(DRIVE_LAYOUT.slices, 0.0)
     | dict.fromkeys(("ratio", "input_inertia", "stribeck_speed", "limit", "nominal"), 1.0)
 )
 """A drive whose torque is the acceleration of its joint, without a load.
 
 It represents joints without a motor in the cost of effort.
 """
-LANES = 4
+ELEMENTS_PER_VECTOR = 4
 """Number of elements that C evaluates at once."""
-MESHES = ("worm", "antibacklash_screw")
+TORQUE_LAWS = ("worm", "antibacklash_screw")
 """Torque laws of drives with one mesh, and with two nuts."""
 Location = Literal["collocation", "between", "breakaway"]
-PLACES: dict[Location, tuple[float, ...]] = {
-    "collocation": COLLOCATION,
-    "between": DENSE,
+POINTS_BY_LOCATION: dict[Location, tuple[float, ...]] = {
+    "collocation": COLLOCATION_POINTS,
+    "between": DENSE_POINTS,
     "breakaway": (0.0,),
 }
 """Fractions of an element at which the rows are evaluated, by the name of the evaluation."""
 
-INTEGERS = (
+INTEGER_MEMBERS = (
     "straight",
     "count",
     "m",
@@ -103,7 +108,7 @@ INTEGERS = (
     "hull",
 )
 """Integer members of the struct `Elements` of elements.c."""
-POINTERS = (
+POINTER_MEMBERS = (
     "shares",
     "weights",
     "moving",
@@ -124,12 +129,12 @@ POINTERS = (
 """Pointers of this struct to arrays, which follow the integers."""
 
 
-class _Context(ctypes.Structure):
+class _ElementsStruct(ctypes.Structure):
     """The struct `Elements` of elements.c."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in INTEGERS),
-        *((name, ctypes.c_void_p) for name in POINTERS),
+        *((name, ctypes.c_long) for name in INTEGER_MEMBERS),
+        *((name, ctypes.c_void_p) for name in POINTER_MEMBERS),
         ("offset", ctypes.c_double),
     ]
 
@@ -158,7 +163,7 @@ class NativeElements:
         count : int
             Number n of elements.
         location : str
-            Name of the points at which the rows are evaluated, a key of `PLACES`.
+            Name of the points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`.
         """
         inputs = _element_inputs(element, location)
         arrays = _parameter_arrays(element, inputs.arrays, parameters, count)
@@ -166,9 +171,9 @@ class NativeElements:
         self._arrays = {
             name: np.ascontiguousarray(values, dtype=float) for name, values in arrays.items()
         }
-        points = len(PLACES[location])
+        points = len(POINTS_BY_LOCATION[location])
         rows = inputs.rows
-        self.context = _Context(
+        self.context = _ElementsStruct(
             straight=isinstance(element, StraightElement),
             count=count,
             m=element.coordinates,
@@ -230,7 +235,7 @@ class NativeElements:
 def _parameter_arrays(
     element: ElementModel, constant_arrays: Arrays, parameters: Sequence[Array], count: int
 ) -> dict[str, Any]:
-    """Return the arrays of `_Context` that depend on the parameters of an element model.
+    """Return the arrays of `_ElementsStruct` that depend on the parameters of an element model.
 
     Parameters
     ----------
@@ -246,7 +251,9 @@ def _parameter_arrays(
     sigma, *fit_parameters, packed = parameters
     slices = element.layout.slices
     drives = constant_arrays["drives"].copy()
-    drives[:, DRIVE.slices["limit"]] = packed[slices["torque"]][constant_arrays["actuation"][:, :1]]
+    drives[:, DRIVE_LAYOUT.slices["limit"]] = packed[slices["torque"]][
+        constant_arrays["actuation"][:, :1]
+    ]
     joints = constant_arrays["cost"][:, 0]
     weights = np.ones(len(joints))
     if element.aim == "cooling":
@@ -254,7 +261,7 @@ def _parameter_arrays(
     elif element.aim == "effort":
         is_motorless = np.isin(joints, motorless(element.robot.joints))
         limits = packed[slices["acceleration"]][joints[is_motorless]]
-        weights[is_motorless] = ACCELERATION_SHARE / limits**2
+        weights[is_motorless] = MOTORLESS_COST_WEIGHT / limits**2
     fits = [np.broadcast_to(values, (count, values.shape[-1])) for values in fit_parameters]
     return {
         "drives": drives,
@@ -262,7 +269,7 @@ def _parameter_arrays(
         "limits": packed,
         # A joint without a drive may reverse at any time. C needs its sign only for the effort.
         "sigma": np.where(constant_arrays["undriven"], 1.0, np.broadcast_to(sigma, (count, 4))),
-        "fits": _in_lanes(*fits) if fits else [],
+        "fits": _interleaved_fits(*fits) if fits else [],
     }
 
 
@@ -286,7 +293,7 @@ class _ElementInputs:
     """
 
     arrays: Arrays
-    """Arrays by their names in `_Context`. The limits of the drives are set later."""
+    """Arrays by their names in `_ElementsStruct`. The limits of the drives are set later."""
     addresses: dict[str, int]
     rows: int
     loads: int
@@ -301,16 +308,16 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
     start with static friction. It evaluates the cost only at the collocation points.
     """
     breakaway = location == "breakaway"
-    rows = element.row_places
+    rows = element.indexed_rows
     if breakaway:
-        rows = [row for row in element.all_rows if row[0] == MotorTorque.name]
-    actuation, drives = _actuations(element, breakaway=breakaway)
+        rows = [row for row in element.all_indexed_rows if row[0] == MotorTorque.name]
+    actuation, drives = _actuation_arrays(element, breakaway=breakaway)
     slots = np.full(3 * len(actuation) + element.first_actuation, -1)
     slots[[index for *_, index in rows]] = np.arange(len(rows))
-    cost, cost_drives = _costs(element if location == "collocation" else None)
+    cost, cost_drives = _cost_arrays(element if location == "collocation" else None)
     values_by_name: dict[str, Any] = {
-        "shares": PLACES[location],
-        "weights": SIMPSON,
+        "shares": POINTS_BY_LOCATION[location],
+        "weights": SIMPSON_WEIGHTS,
         "moving": [0],
         "undriven": [joint.drive is None for joint in element.robot.joints],
         "slots": slots,
@@ -321,24 +328,24 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
     }
     offset = 0.0
     if isinstance(element, FreeElement):
-        values_by_name |= _free_values(element)
-        (offset,) = values_by_name["mechanism"][MECHANISM.slices["offset"]]
+        values_by_name |= _free_motion_arrays(element)
+        (offset,) = values_by_name["mechanism"][MECHANISM_LAYOUT.slices["offset"]]
     arrays = {
-        name: np.ascontiguousarray(values, dtype=int if name in _INTEGERS else float)
+        name: np.ascontiguousarray(values, dtype=int if name in _INTEGER_ARRAYS else float)
         for name, values in values_by_name.items()
     }
     loads = len(element.robot.loads)
     return _ElementInputs(arrays, _addresses(arrays), len(rows), loads, offset)
 
 
-def _free_values(element: FreeElement) -> dict[str, Any]:
-    """Return the arrays of `_Context` that only free motions need."""
-    mechanism, eye = _posture_figures(element.mechanism, element.eye)
+def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
+    """Return the arrays of `_ElementsStruct` that only free motions need."""
+    mechanism, eye = _mechanism_and_eye_values(element.mechanism, element.eye)
     load = [load_figures(load.geometry, load.bodies, load.gravity) for load in element.robot.loads]
     return {"moving": element.moving, "load": load, "mechanism": mechanism, "eye": eye}
 
 
-def _actuations(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array]:
+def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array]:
     """Return the data of all actuations, sorted by load.
 
     At breakaway, the law of a constant friction coefficient applies.
@@ -347,19 +354,21 @@ def _actuations(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array
     -------
     actuation : (a, 3) array of int
         Joint, index of the load, and index of the law.
-    drives : (a, DRIVE) array
+    drives : (a, DRIVE_LAYOUT) array
         Values of the drive.
     """
     by_load = actuations_by_load(element.robot)
-    actuation = np.array([(i, load, _law(drive)) for i, _, load, drive, _ in by_load], dtype=int)
-    drives = np.array([_drive_figures(drive, breakaway=breakaway) for *_, drive, _ in by_load])
+    actuation = np.array(
+        [(i, load, _law_index(drive)) for i, _, load, drive, _ in by_load], dtype=int
+    )
+    drives = np.array([_drive_values(drive, breakaway=breakaway) for *_, drive, _ in by_load])
     actuation = actuation.reshape(-1, 3)
     if breakaway:
         actuation[:, 2] -= actuation[:, 2] % len(LAWS)
-    return actuation, drives.reshape(-1, DRIVE.size)
+    return actuation, drives.reshape(-1, DRIVE_LAYOUT.size)
 
 
-def _costs(element: ElementModel | None) -> tuple[Array, Array]:
+def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
     """Return the data of all motors in the cost.
 
     With effort as the cost, the joints without a motor are included. If there is no cost, or if
@@ -369,41 +378,42 @@ def _costs(element: ElementModel | None) -> tuple[Array, Array]:
     -------
     cost : (q, 2) array of int
         Joint, and index of the law.
-    drives : (q, DRIVE) array
+    drives : (q, DRIVE_LAYOUT) array
         Values of the drive.
     """
     if element is None or element.aim == "time":
-        return np.zeros((0, 2), dtype=int), np.zeros((0, DRIVE.size))
+        return np.zeros((0, 2), dtype=int), np.zeros((0, DRIVE_LAYOUT.size))
     joints = element.robot.joints
-    laws = [(i, _law(drive)) for i, drive, _ in motorised(joints)]
-    drives = [_drive_figures(drive, motor.nominal_torque) for _, drive, motor in motorised(joints)]
+    laws = [(i, _law_index(drive)) for i, drive, _ in motorised(joints)]
+    drives = [_drive_values(drive, motor.nominal_torque) for _, drive, motor in motorised(joints)]
     if element.aim == "effort":
         other_joints = list(motorless(joints))
         laws += [(i, 0) for i in other_joints]
-        drives += [ACCELERATION] * len(other_joints)
-    return np.array(laws, dtype=int).reshape(-1, 2), np.array(drives).reshape(-1, DRIVE.size)
+        drives += [ACCELERATION_DRIVE] * len(other_joints)
+    return np.array(laws, dtype=int).reshape(-1, 2), np.array(drives).reshape(-1, DRIVE_LAYOUT.size)
 
 
-def _in_lanes(fits: Array) -> Array:
-    """Return fits (n, size of `straight_element.fit_of`) in the order of the C code.
+def _interleaved_fits(fits: Array) -> Array:
+    """Return fits (n, size of `straight_element.fit_layout`) in the order of the C code.
 
-    The C code evaluates `LANES` elements at once, so their values are interleaved. The last element
-    is repeated to complete a group. Within an element, the coefficients of each curve are adjacent.
+    The C code evaluates `ELEMENTS_PER_VECTOR` elements at once, so their values are interleaved.
+    The last element is repeated to complete a group. Within an element, the coefficients of each
+    curve are adjacent.
 
     Returns
     -------
-    (groups, size, LANES) array
+    (groups, size, ELEMENTS_PER_VECTOR) array
     """
-    group_count = math.ceil(len(fits) / LANES)
-    indices = np.minimum(np.arange(group_count * LANES), len(fits) - 1)
+    group_count = math.ceil(len(fits) / ELEMENTS_PER_VECTOR)
+    indices = np.minimum(np.arange(group_count * ELEMENTS_PER_VECTOR), len(fits) - 1)
     padded = fits[indices]
-    by_degree = padded[:, 2:].reshape(len(padded), DEGREE + 1, -1)
+    by_degree = padded[:, 2:].reshape(len(padded), FIT_DEGREE + 1, -1)
     by_curve = by_degree.transpose(0, 2, 1).reshape(len(padded), -1)
     elements = np.hstack([padded[:, :2], by_curve])
-    return elements.reshape(group_count, LANES, -1).transpose(0, 2, 1)
+    return elements.reshape(group_count, ELEMENTS_PER_VECTOR, -1).transpose(0, 2, 1)
 
 
-def compiled() -> ctypes.CDLL | None:
+def compiled_library() -> ctypes.CDLL | None:
     """Return the compiled library.
 
     The result is None if the library does not exist. It is also None if another package has added a
@@ -429,22 +439,22 @@ def native_elements(
     count : int
         Number of elements.
     location : str
-        "collocation" for the points `COLLOCATION`, "between" for the points `DENSE`, or "breakaway"
-        for the start with static friction.
+        "collocation" for the points `COLLOCATION_POINTS`, "between" for the points `DENSE_POINTS`,
+        or "breakaway" for the start with static friction.
     """
-    library = compiled()
+    library = compiled_library()
     if library is None:
         return None
     return NativeElements(library, element, parameters, count, location)
 
 
-class _Evaluated(ca.Callback):
+class _ElementsCallback(ca.Callback):
     """A function of `ElementFunctions` for n elements as a CasADi callback.
 
     Its results have the sparsity of the CasADi Function.
     """
 
-    def __init__(self, elements: "_AtParameters", name: str, function: ca.Function) -> None:
+    def __init__(self, elements: "_LatestElements", name: str, function: ca.Function) -> None:
         """Determine the sizes of arguments and results from a CasADi Function for one element."""
         ca.Callback.__init__(self)
         self._elements = elements
@@ -505,7 +515,7 @@ class _Evaluated(ca.Callback):
 
 
 @dataclass(eq=False)
-class _AtParameters:
+class _LatestElements:
     """An element model at n elements whose parameters seldom change."""
 
     library: ctypes.CDLL
@@ -539,15 +549,15 @@ class MappedElements:
 
     def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
         """Use the compiled library for `count` elements."""
-        self._elements = _AtParameters(library, element, count)
-        self._functions: list[_Evaluated] = []
+        self._elements = _LatestElements(library, element, count)
+        self._functions: list[_ElementsCallback] = []
 
     def function(self, function: ca.Function) -> ca.Function:
         """Return a callback that replaces one of `ElementFunctions`, mapped over the elements.
 
         CasADi does not keep the callback alive. It exists as long as this object.
         """
-        self._functions.append(_Evaluated(self._elements, function.name(), function))
+        self._functions.append(_ElementsCallback(self._elements, function.name(), function))
         return self._functions[-1]
 
     def check(self) -> None:
@@ -560,12 +570,12 @@ class MappedElements:
 
 def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
     """Return the mapped functions of an element model, or None without the compiled part."""
-    library = compiled()
+    library = compiled_library()
     return None if library is None else MappedElements(library, element, count)
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
-    """Evaluate the rows at all points `DENSE` of each element.
+    """Evaluate the rows at all points `DENSE_POINTS` of each element.
 
     Parameters
     ----------
@@ -589,19 +599,19 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
     return call(element.dense_rows, z, *repeated)[0]
 
 
-_INTEGERS = ("moving", "undriven", "slots", "actuation", "cost")
-"""Names of the arrays of integers in `_Context`."""
+_INTEGER_ARRAYS = ("moving", "undriven", "slots", "actuation", "cost")
+"""Names of the arrays of integers in `_ElementsStruct`."""
 
 
-def _law(drive: Drive) -> int:
+def _law_index(drive: Drive) -> int:
     """Return the index of the C function for the torque law and the friction law of a drive."""
     friction = friction_of(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
     return len(LAWS) * drive.two_nuts + LAWS.index(law)
 
 
-def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:
-    """Return the values of a drive (DRIVE,) without its torque limit, which is set later.
+def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:
+    """Return the values of a drive (DRIVE_LAYOUT,) without its torque limit, which is set later.
 
     Parameters
     ----------
@@ -613,17 +623,19 @@ def _drive_figures(drive: Drive, nominal: float = 1.0, *, breakaway: bool = Fals
         Use the static friction coefficient.
     """
     friction = friction_of(drive)
-    values = {name: getattr(drive, name) for name in DRIVE.slices if hasattr(drive, name)}
-    values |= {name: getattr(friction, name) for name in DRIVE.slices if hasattr(friction, name)}
+    values = {name: getattr(drive, name) for name in DRIVE_LAYOUT.slices if hasattr(drive, name)}
+    values |= {
+        name: getattr(friction, name) for name in DRIVE_LAYOUT.slices if hasattr(friction, name)
+    }
     values["stribeck_speed"] = friction.stribeck_speed or 1.0
     if breakaway:  # At breakaway the law of a constant coefficient holds.
         values["mu"] = breakaway_coefficient(friction)
     if drive.stages:
-        values |= _with_stages(drive, values["mu"])
-    return DRIVE.pack(**values, limit=1.0, nominal=nominal)
+        values |= _equivalent_thread_values(drive, values["mu"])
+    return DRIVE_LAYOUT.pack(**values, limit=1.0, nominal=nominal)
 
 
-def _with_stages(drive: Drive, mu: float) -> dict[str, float]:
+def _equivalent_thread_values(drive: Drive, mu: float) -> dict[str, float]:
     """Return the values of a thread without gear stages that has the same torque law as a drive.
 
     A self-locking mesh always opposes the motor, so the stages only change its effort arm. Another
@@ -644,11 +656,11 @@ def _with_stages(drive: Drive, mu: float) -> dict[str, float]:
     return {"gamma": gamma, "mu": mu, "lead_slope": 1.0, "wedging": 1.0}
 
 
-def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:
-    """Return the values of the mechanism (MECHANISM,) and of the eye (EYE,)."""
+def _mechanism_and_eye_values(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:
+    """Return the values of the mechanism (MECHANISM_LAYOUT,) and of the eye (EYE_LAYOUT,)."""
     frames, angles, offset = axes_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
     angle = sum(angles)
-    data = MECHANISM.pack(
+    data = MECHANISM_LAYOUT.pack(
         omega2=[np.sin(angles[0]), np.cos(angles[0])],
         omega3=[np.sin(angle), np.cos(angle)],
         alpha=mechanism.alpha,
@@ -660,14 +672,14 @@ def _posture_figures(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Arra
         offset=offset,
     )
     if eye is None:
-        return data, np.ones(EYE.size)
+        return data, np.ones(EYE_LAYOUT.size)
     lens_centre = np.zeros(3)
     lens_frame = np.eye(3)
     base = frames[0].T
     if eye.lens is not None:
         lens_centre = eye.lens.centre
         lens_frame = eye.lens.frame / eye.lens.semi_axes / lens_limit(eye)
-    return data, EYE.pack(
+    return data, EYE_LAYOUT.pack(
         centre=base @ eye.centre,
         radius=eye.radius,
         clearance=eye.clearance,

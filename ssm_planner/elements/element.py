@@ -19,27 +19,27 @@ import casadi as ca
 
 from ssm_planner.codegen import Layout
 from ssm_planner.elements.rows import (
+    IndexedRow,
     Instant,
     PathConstraint,
     RowName,
-    RowPlace,
-    cooling,
-    effort,
-    heat,
+    cooling_cost,
+    effort_cost,
+    heat_cost,
     torque_rows,
 )
 from ssm_planner.problem import Robot
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import keyword_record, record
 
-COLLOCATION = (0.0, 0.5, 1.0)
+COLLOCATION_POINTS = (0.0, 0.5, 1.0)
 """Fractions c of an element at which the path constraints hold.
 
 Both ends are included, because ü may jump there.
 """
-SIMPSON = (1 / 6, 4 / 6, 1 / 6)
+SIMPSON_WEIGHTS = (1 / 6, 4 / 6, 1 / 6)
 """Weights w_c of these points in integrals (Simpson's rule)."""
-DENSE = tuple(k / 8 for k in range(9))
+DENSE_POINTS = tuple(k / 8 for k in range(9))
 """Fractions of an element at which the refinement searches violated constraints.
 
 They also lie between the collocation points.
@@ -127,7 +127,7 @@ class ElementModel(ABC):
 
     @property
     @abstractmethod
-    def all_rows(self) -> list[RowPlace]:
+    def all_indexed_rows(self) -> list[IndexedRow]:
         """Name, joint and index in native/elements.c of each of `rows`, in their order."""
 
     @property
@@ -153,24 +153,26 @@ class ElementModel(ABC):
         return Cubic(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """Return the states x_c (k,) at the points `COLLOCATION`."""
-        return [self.state(z, c) for c in COLLOCATION]
+        """Return the states x_c (k,) at the points `COLLOCATION_POINTS`."""
+        return [self.state(z, c) for c in COLLOCATION_POINTS]
 
     @cached_property
-    def row_places(self) -> list[RowPlace]:
+    def indexed_rows(self) -> list[IndexedRow]:
         """Name, joint and index of each active row, in their order."""
-        return [row for row in self.all_rows if self.active is None or row[:2] in self.active]
+        return [
+            row for row in self.all_indexed_rows if self.active is None or row[:2] in self.active
+        ]
 
     @property
     def row_names(self) -> list[RowName]:
         """Name of the limit, and joint, of each active row, in their order."""
-        return [(name, joint) for name, joint, _ in self.row_places]
+        return [(name, joint) for name, joint, _ in self.indexed_rows]
 
     @cached_property
     def point(self) -> ca.Function:
         """Function (x, *p) → g (rows,) of the active rows."""
         inputs = self._symbols(self.state_size)
-        return ca.Function("point", inputs, [_column(self._active_rows(*inputs))])
+        return ca.Function("point", inputs, [_row_values(self._active_rows(*inputs))])
 
     @cached_property
     def cost(self) -> ca.Function | None:
@@ -187,19 +189,19 @@ class ElementModel(ABC):
         if self.aim == "effort":
             derivatives = ca.SX.zeros(self.state_size - self.positions)
             infinitely_slow = ca.vertcat(x[: self.positions], derivatives)
-            value = effort(instant, self.instant(infinitely_slow, *p), joints)
+            value = effort_cost(instant, self.instant(infinitely_slow, *p), joints)
         elif self.aim == "heat":
-            value = heat(instant, joints)
+            value = heat_cost(instant, joints)
         else:
-            value = cooling(instant, joints)
+            value = cooling_cost(instant, joints)
         return ca.Function("cost", inputs, [value])
 
     @cached_property
     def dense_rows(self) -> ca.Function:
-        """Function (z, *p) → g at all points `DENSE`, one after the other, (9 rows,)."""
+        """Function (z, *p) → g at all points `DENSE_POINTS`, one after the other, (9 rows,)."""
         inputs = self._symbols(self.size)
         z, p = inputs[0], inputs[1:]
-        values = [self.point(self.state(z, c), *p) for c in DENSE]
+        values = [self.point(self.state(z, c), *p) for c in DENSE_POINTS]
         return ca.Function("between", inputs, [ca.vertcat(ca.SX(0, 1), *values)])
 
     @cached_property
@@ -209,7 +211,7 @@ class ElementModel(ABC):
         z, p = inputs[0], inputs[1:]
         instant = self.instant(self.state(z, 0.0), *p)
         rows = torque_rows(instant, self.robot, breakaway=True)
-        return ca.Function("breakaway", inputs, [_column(rows)])
+        return ca.Function("breakaway", inputs, [_row_values(rows)])
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
@@ -245,21 +247,21 @@ class ElementModel(ABC):
 E = TypeVar("E", bound=ElementModel)
 
 
-def shared(element: E) -> E:
+def shared_model(element: E) -> E:
     """Return an equal model that was used before, if there is one.
 
     CasADi then builds the Functions of equal models only once.
     """
-    return cast(E, _recent(element))
+    return cast(E, _first_equal_model(element))
 
 
 @lru_cache(maxsize=32)
-def _recent(element: ElementModel) -> ElementModel:
+def _first_equal_model(element: ElementModel) -> ElementModel:
     """Return the model itself. The cache therefore returns the first of several equal models."""
     return element
 
 
-def _column(rows: list[PathConstraint]) -> ca.SX:
+def _row_values(rows: list[PathConstraint]) -> ca.SX:
     """Return the values of path constraints as a column (rows,)."""
     values = [row.value for row in rows]
     return ca.vertcat(ca.SX(0, 1), *values)
@@ -269,7 +271,7 @@ def _column(rows: list[PathConstraint]) -> ca.SX:
 class ElementFunctions:
     """Functions of (z, *p) that are evaluated on every element.
 
-    With r rows at the 3 points of `COLLOCATION`, the results are:
+    With r rows at the 3 points of `COLLOCATION_POINTS`, the results are:
 
         rows       G = [g(x_c)]_c, (3 r,)
         jacobian   ∂G/∂z, (3 r, 4 m + 1)
@@ -314,7 +316,7 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     lagrangian = multipliers.T @ rows
     cost = gradient = None
     if element.cost is not None:
-        weighted = (w * element.cost(x, *p) for x, w in zip(states, SIMPSON, strict=True))
+        weighted = (w * element.cost(x, *p) for x, w in zip(states, SIMPSON_WEIGHTS, strict=True))
         integral = z[-1] * sum(weighted, start=ca.SX(0))
         kappa = ca.SX.sym("kappa")
         lagrangian += kappa * integral

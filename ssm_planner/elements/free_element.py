@@ -16,13 +16,13 @@ from ssm_planner.codegen import Layout, casadi_namespace
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.elements.element import ElementModel, Parameter
 from ssm_planner.elements.rows import (
-    LIMITS,
+    LIMIT_SIZES,
+    IndexedRow,
     Instant,
     PathConstraint,
-    RowPlace,
+    indexed_torque_rows,
     robot_key,
     speed_rows,
-    torque_places,
     torque_rows,
 )
 from ssm_planner.kinematics import (
@@ -36,13 +36,13 @@ from ssm_planner.kinematics import (
 from ssm_planner.problem import TASK, Eye, LensClearance, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.typing import keyword_record
 
-WATCHED = ("roll", "spin")
+RANGE_LIMITED_COORDINATES = ("roll", "spin")
 """Task coordinates whose range is a row.
 
 They may leave their range between two points inside it. Tilt and depth cannot, because each of them
 depends on one joint.
 """
-RATED = ("roll", "tilt", "spin")
+RATE_LIMITED_COORDINATES = ("roll", "tilt", "spin")
 """Task coordinates whose rate is not proportional to that of one joint."""
 
 
@@ -71,18 +71,19 @@ class FreeElement(ElementModel):
     layout = Layout(
         q0=4,
         d=4,
-        **LIMITS,
-        range_centre=len(WATCHED),
-        range_half_width=len(WATCHED),
-        rate=len(RATED),
+        **LIMIT_SIZES,
+        range_centre=len(RANGE_LIMITED_COORDINATES),
+        range_half_width=len(RANGE_LIMITED_COORDINATES),
+        rate=len(RATE_LIMITED_COORDINATES),
         retina_easing=1,
         time_scale=1,
     )
     """Layout of the parameters.
 
     It contains the first point q0 and the units d of the coordinates, the limits, the ranges of
-    `WATCHED` and the rates of `RATED`. `retina_easing` is the amount by which the row of the retina
-    may exceed 1. `time_scale` is the length of a scaled second, s.
+    `RANGE_LIMITED_COORDINATES` and the rates of `RATE_LIMITED_COORDINATES`. `retina_easing` is the
+    amount by which the row of the retina may exceed 1. `time_scale` is the length of a scaled
+    second, s.
     """
 
     @property
@@ -118,7 +119,7 @@ class FreeElement(ElementModel):
         """Return the motion and the limits of the joints in state x (12,)."""
         sigma, packed = p
         limits = self.layout.unpack(packed)
-        q, qd, qdd = _joints(x, limits)
+        q, qd, qdd = _joint_motion(x, limits)
         bodies = [RigidBody.from_robot(load) for load in self.robot.loads]
         efforts = [body.symbolic(q, qd, qdd) for body in bodies]
         # The norm has no derivative at rest, so squares are compared.
@@ -139,7 +140,7 @@ class FreeElement(ElementModel):
         """Return the rows of tool speeds, torques, ranges, rates and the eye."""
         instant = self.instant(x, *p)
         parameters = self.layout.unpack(p[1])
-        q, qd, _ = _joints(x, parameters)
+        q, qd, _ = _joint_motion(x, parameters)
         rows = speed_rows(instant) + torque_rows(instant, self.robot)
         rows += range_rows(self.mechanism, q, parameters)
         rows += rate_rows(self.mechanism, q, qd, parameters)
@@ -150,17 +151,21 @@ class FreeElement(ElementModel):
     @property
     def first_actuation(self) -> int:
         """Index of the first torque row, after the rows of speeds, task and eye."""
-        return len(JACOBIANS) + 2 * (len(WATCHED) + len(RATED)) + 2
+        return (
+            len(JACOBIANS)
+            + 2 * (len(RANGE_LIMITED_COORDINATES) + len(RATE_LIMITED_COORDINATES))
+            + 2
+        )
 
     @cached_property
-    def all_rows(self) -> list[RowPlace]:
+    def all_indexed_rows(self) -> list[IndexedRow]:
         """Name, joint and index of each row, in the order of `rows`."""
-        rows: list[RowPlace] = [
+        rows: list[IndexedRow] = [
             (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
         ]
-        rows += torque_places(self.robot, self.first_actuation)
-        names = [TaskRange.name_of(name) for name in WATCHED]
-        names += [TaskRate.name_of(name) for name in RATED]
+        rows += indexed_torque_rows(self.robot, self.first_actuation)
+        names = [TaskRange.name_of(name) for name in RANGE_LIMITED_COORDINATES]
+        names += [TaskRate.name_of(name) for name in RATE_LIMITED_COORDINATES]
         for k, name in enumerate(names):
             index = len(JACOBIANS) + 2 * k
             rows += [(name, None, index), (name, None, index + 1)]
@@ -190,7 +195,7 @@ class FreeElement(ElementModel):
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
-    """Return the rows of the ranges of `WATCHED`.
+    """Return the rows of the ranges of `RANGE_LIMITED_COORDINATES`.
 
     Parameters
     ----------
@@ -208,7 +213,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
     """
     rows = []
     task = task_from_joints_symbolic(mechanism, q)
-    for k, coordinate in enumerate(WATCHED):
+    for k, coordinate in enumerate(RANGE_LIMITED_COORDINATES):
         distance = task[TASK.index(coordinate)] - parameters.range_centre[k]
         value = distance / parameters.range_half_width[k]
         name = TaskRange.name_of(coordinate)
@@ -219,7 +224,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
 def rate_rows(
     mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
 ) -> list[PathConstraint]:
-    """Return the rows of the rates of `RATED`.
+    """Return the rows of the rates of `RATE_LIMITED_COORDINATES`.
 
     Parameters
     ----------
@@ -237,7 +242,7 @@ def rate_rows(
     """
     rows = []
     rates = task_rates_symbolic(mechanism, q, qd)
-    for k, coordinate in enumerate(RATED):
+    for k, coordinate in enumerate(RATE_LIMITED_COORDINATES):
         value = rates[TASK.index(coordinate)] / parameters.rate[k]
         name = TaskRate.name_of(coordinate)
         rows += [PathConstraint(name, None, value), PathConstraint(name, None, -value)]
@@ -266,6 +271,6 @@ def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[Pa
     return rows
 
 
-def _joints(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _joint_motion(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return q, q̇ and q̈ in SI units, (4,) each, from the state x (12,) and the parameters."""
     return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

@@ -19,26 +19,31 @@ from typing import Any
 
 import casadi as ca
 
-from ssm_planner.codegen import PLAIN, Argument, casadi_namespace, write_function
+from ssm_planner.codegen import SCALAR_EXPRESSIONS, Argument, casadi_namespace, write_function
 from ssm_planner.dynamics import LOAD, efforts_by_figures
-from ssm_planner.elements.compiled import DRIVE, EYE, MECHANISM, MESHES
+from ssm_planner.elements.compiled import DRIVE_LAYOUT, EYE_LAYOUT, MECHANISM_LAYOUT, TORQUE_LAWS
 from ssm_planner.elements.free_element import FreeElement, clearance_rows, range_rows, rate_rows
 from ssm_planner.elements.rows import (
     Instant,
     acceleration_rows,
     directed_torques,
-    sense_rows,
-    sides_of_torque,
     smooth_torque,
+    torque_row_values,
+    velocity_and_stop_rows,
 )
-from ssm_planner.elements.straight_element import DEGREE, StraightElement, curves_of, fit_of
+from ssm_planner.elements.straight_element import (
+    FIT_DEGREE,
+    StraightElement,
+    curves_layout,
+    fit_layout,
+)
 from ssm_planner.kinematics import JACOBIANS, lens_row, tip_position_symbolic
 from ssm_planner.problem import LAWS
 from ssm_planner.trajectory import Cubic
 
-HEADER = Path(__file__).parents[1] / "native" / "kernels.h"
+KERNELS_HEADER = Path(__file__).parents[1] / "native" / "kernels.h"
 """The generated file."""
-VECTOR = PLAIN | {
+VECTOR_EXPRESSIONS = SCALAR_EXPRESSIONS | {
     "not": "SSM_F(is)({0} == SSM_R(0.0))",
     "lt": "SSM_F(is)({0} < {1})",
     "le": "SSM_F(is)({0} <= {1})",
@@ -50,21 +55,21 @@ VECTOR = PLAIN | {
 }
 """C expressions of operations on vectors of elements. Conditions have the value 0 or 1."""
 # The first entry abbreviates powers of e, which the exponential laws of friction contain.
-SHORTER = {
+ABBREVIATIONS = {
     "SSM_F(pow)(SSM_R(2.718281828459045), ": "V(exp)(",
     "SSM_F(": "V(",
     "SSM_R(": "R(",
     "ssm_real": "real",
 }
 """Abbreviations in the generated text."""
-WIDTH = 120
+MAX_LINE_LENGTH = 120
 """Largest number of characters in a generated line."""
 Symbols = dict[str, ca.SX]
 """Inputs or outputs of a C function by name."""
 
 
 @dataclass
-class _Writer:
+class _KernelWriter:
     """Collects functions in C."""
 
     texts: list[str] = field(default_factory=list)
@@ -133,40 +138,40 @@ class _Writer:
             function,
             [Argument(key, value.numel()) for key, value in inputs.items()],
             arguments,
-            VECTOR,
+            VECTOR_EXPRESSIONS,
         )
         if not all(argument.size for argument in arguments):
             text = text.replace("{\n", "{\n    (void)bend;\n", 1)
-        for long, short in SHORTER.items():
+        for long, short in ABBREVIATIONS.items():
             text = text.replace(long, short)
-        self.texts.append(_packed(text))
+        self.texts.append(_pack_statements(text))
 
 
-def _packed(text: str) -> str:
+def _pack_statements(text: str) -> str:
     """Put several statements of a C function on each line."""
     statements = text.split("\n")
     lines = statements[:2]  # the declaration and the opening brace
     line = ""
     for statement in map(str.strip, statements[2:-2]):
-        if len(line) + len(statement) >= WIDTH:
+        if len(line) + len(statement) >= MAX_LINE_LENGTH:
             lines.append(line)
             line = ""
         line += f" {statement}"
     return "\n".join(lines + [line] + statements[-2:])
 
 
-def kernels() -> str:
+def kernels_text() -> str:
     """Return the text of native/kernels.h.
 
     The text consists of the sizes of all arrays as macros, and of the functions of all parts.
     """
-    writer = _Writer()
+    writer = _KernelWriter()
     sizes = {
         "LOAD": LOAD.size,
-        "MECHANISM": MECHANISM.size,
-        "EYE": EYE.size,
-        "DRIVE": DRIVE.size,
-        "DEGREE": DEGREE,
+        "MECHANISM": MECHANISM_LAYOUT.size,
+        "EYE": EYE_LAYOUT.size,
+        "DRIVE": DRIVE_LAYOUT.size,
+        "DEGREE": FIT_DEGREE,
     }
     for prefix, layout in (("FREE", FreeElement.layout), ("STRAIGHT", StraightElement.layout)):
         sizes |= {
@@ -174,21 +179,23 @@ def kernels() -> str:
             for name, field_slice in layout.slices.items()
         }
         sizes[f"{prefix}_SIZE"] = layout.size
-    sizes["PREPARED"] = _posture(writer)
+    sizes["PREPARED"] = _write_posture_rows(writer)
     load = _symbols("load", LOAD.size)
     y = _symbols("y", 12)
-    writer.add_part("torques", {"load": load}, ("y", y), [efforts_by_figures(load, *_joints(y))])
-    _drives(writer)
-    _path(writer)
-    _joint_limits(writer)
-    _states(writer)
+    writer.add_part(
+        "torques", {"load": load}, ("y", y), [efforts_by_figures(load, *_split_state(y))]
+    )
+    _write_drive_torques(writer)
+    _write_path_motion(writer)
+    _write_joint_limits(writer)
+    _write_states(writer)
     defines = "".join(f"#define SSM_{name} {value}\n" for name, value in sizes.items())
     version = f"CasADi {ca.CasadiMeta.version()}"
     intro = f"/* Written by ssm_planner.elements.kernels with {version}: do not edit. */\n\n"
     return intro + defines + "\n" + "\n".join(writer.texts)
 
 
-def _posture(writer: _Writer) -> int:
+def _write_posture_rows(writer: _KernelWriter) -> int:
     """Write the rows of a free motion that depend on positions and velocities.
 
     Expressions that depend only on the robot are computed once by the function `prepare`. Returns
@@ -196,8 +203,8 @@ def _posture(writer: _Writer) -> int:
     """
     y = _symbols("y", 12)
     inputs = {
-        "mechanism": _symbols("mechanism", MECHANISM.size),
-        "eye": _symbols("eye", EYE.size),
+        "mechanism": _symbols("mechanism", MECHANISM_LAYOUT.size),
+        "eye": _symbols("eye", EYE_LAYOUT.size),
         "limits": _symbols("limits", FreeElement.layout.size),
     }
     groups = _posture_rows(inputs, y)
@@ -226,16 +233,16 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     Parameters
     ----------
     inputs : dict of casadi.SX
-        Values of `MECHANISM`, EYE and `FreeElement.layout`.
+        Values of `MECHANISM_LAYOUT`, EYE_LAYOUT and `FreeElement.layout`.
     y : casadi.SX, (12,)
         Joint positions, velocities and accelerations.
     """
     xp = casadi_namespace()
-    q, qd, _ = _joints(y)
+    q, qd, _ = _split_state(y)
     mechanism: Any
     eye: Any
-    mechanism = MECHANISM.unpack(inputs["mechanism"])
-    eye = EYE.unpack(inputs["eye"])
+    mechanism = MECHANISM_LAYOUT.unpack(inputs["mechanism"])
+    eye = EYE_LAYOUT.unpack(inputs["eye"])
     limits = FreeElement.layout.unpack(inputs["limits"])
     for name in ("omega2", "omega3"):
         x, z = ca.vertsplit(getattr(mechanism, name))
@@ -243,8 +250,10 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     mechanism.omega1 = ca.SX([0, 0, 1])
     mechanism.tool_home = ca.SX.eye(3)
     eye.lens = None
-    lens: Any = SimpleNamespace(centre=_objects(eye.lens_centre), semi_axes=_objects(ca.SX.ones(3)))
-    lens.frame = _objects(eye.lens_frame).reshape(3, 3)
+    lens: Any = SimpleNamespace(
+        centre=_object_array(eye.lens_centre), semi_axes=_object_array(ca.SX.ones(3))
+    )
+    lens.frame = _object_array(eye.lens_frame).reshape(3, 3)
     angles = ca.vertcat(q[0], q[1] - mechanism.offset, q[2:])  # These functions take θ2 itself.
     # The speeds do not depend on a rotation about the first axis.
     rotated = ca.vertcat(0, q[1:])
@@ -262,32 +271,32 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     }
 
 
-def _drives(writer: _Writer) -> None:
+def _write_drive_torques(writer: _KernelWriter) -> None:
     """Write the rows of a motor's torque, and the torque relative to its nominal value.
 
     There is one function for each torque law (one mesh, or two nuts) and each law of friction.
     """
-    drive_symbols = _symbols("drive", DRIVE.size)
+    drive_symbols = _symbols("drive", DRIVE_LAYOUT.size)
     sigma = _symbols("sigma", 1)
     v = _symbols("v", 3)
     inputs = {"drive": drive_symbols, "sigma": sigma}
-    for (two_nuts, mesh), law in product(enumerate(MESHES), LAWS):
-        drive: Any = DRIVE.unpack(drive_symbols)
+    for (two_nuts, mesh), law in product(enumerate(TORQUE_LAWS), LAWS):
+        drive: Any = DRIVE_LAYOUT.unpack(drive_symbols)
         drive.two_nuts = two_nuts
         drive.stages = {}  # the values of the thread contain them
-        drive.friction = DRIVE.unpack(drive_symbols)
+        drive.friction = DRIVE_LAYOUT.unpack(drive_symbols)
         drive.friction.law = law
         if law == "coulomb":
             drive.friction.stribeck_speed = None
         instant: Any = SimpleNamespace(tau_rigid=v[0], qd=v[1], qdd=v[2], sigma=sigma)
         torques = directed_torques(drive, instant, 0, breakaway=False)
-        driving, braking = sides_of_torque(torques, drive.limit)
+        driving, braking = torque_row_values(torques, drive.limit)
         writer.add_part(f"{mesh}_{law}", inputs, ("v", v), driving + braking)
         pull = smooth_torque(drive, instant, 0, drive.nominal)
         writer.add_part(f"{mesh}_{law}_pull", inputs, ("v", v), [pull])
 
 
-def _path(writer: _Writer) -> None:
+def _write_path_motion(writer: _KernelWriter) -> None:
     """Write the motion, the load and the tool speed of a joint along a path."""
     x = _symbols("x", 5)
     packed = _symbols("limits", StraightElement.layout.size)
@@ -298,14 +307,14 @@ def _path(writer: _Writer) -> None:
 
     def instant(*names: str) -> tuple[Symbols, Instant]:
         """Return the inputs, and an instant whose fit contains only these curves."""
-        curves = curves_of(1)
-        coefficients = _symbols("curve", (DEGREE + 1) * len(names))
-        fit = ca.SX.zeros(fit_of(1).size)
+        curves = curves_layout(1)
+        coefficients = _symbols("curve", (FIT_DEGREE + 1) * len(names))
+        fit = ca.SX.zeros(fit_layout(1).size)
         fit[:2] = fit_range
         for k, name in enumerate(names):
-            for degree in range(DEGREE + 1):
+            for degree in range(FIT_DEGREE + 1):
                 entry = 2 + degree * curves.size + curves.slices[name].start
-                fit[entry] = coefficients[(DEGREE + 1) * k + degree]
+                fit[entry] = coefficients[(FIT_DEGREE + 1) * k + degree]
         inputs = {"limits": packed, "place": fit_range, "curve": coefficients}
         return inputs, StraightElement.instant(element, x, ca.SX.ones(4), fit, packed)
 
@@ -319,7 +328,7 @@ def _path(writer: _Writer) -> None:
     writer.add_part("speed", inputs, ("x", x), [motion.speeds[0]])
 
 
-def _joint_limits(writer: _Writer) -> None:
+def _write_joint_limits(writer: _KernelWriter) -> None:
     """Write the rows of velocity, stop, acceleration and jerk of one joint along a path."""
     v = _symbols("v", 3)
     sigma = _symbols("sigma", 1)
@@ -332,7 +341,7 @@ def _joint_limits(writer: _Writer) -> None:
         "sense",
         {"bounds": bounds, "sigma": sigma},
         ("v", v),
-        [row.value for row in sense_rows(instant, 0, sigma)],
+        [row.value for row in velocity_and_stop_rows(instant, 0, sigma)],
         "by bend",
     )
     v = _symbols("v", 2)
@@ -346,7 +355,7 @@ def _joint_limits(writer: _Writer) -> None:
     )
 
 
-def _states(writer: _Writer) -> None:
+def _write_states(writer: _KernelWriter) -> None:
     """Write the state of one coordinate at a fraction of an element as a function of its z.
 
     The input `hull` is 1 if the bound of the velocity is the middle Bernstein coefficient, and
@@ -370,12 +379,12 @@ def _symbols(name: str, size: int) -> ca.SX:
     return ca.SX.sym(name, size)
 
 
-def _joints(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _split_state(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return q, q̇ and q̈, (4,) each, from the state y (12,)."""
     return y[:4], y[4:8], y[8:12]
 
 
-def _objects(value: ca.SX) -> Any:
+def _object_array(value: ca.SX) -> Any:
     """Return the entries of an expression as an array (n,) of expressions."""
     import numpy as np
 
@@ -385,4 +394,4 @@ def _objects(value: ca.SX) -> Any:
 
 
 if __name__ == "__main__":
-    HEADER.write_text(kernels(), encoding="utf-8")
+    KERNELS_HEADER.write_text(kernels_text(), encoding="utf-8")

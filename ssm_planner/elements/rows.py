@@ -42,7 +42,7 @@ from ssm_planner.typing import Array, Arrays, frozen
 
 UNLIMITED = 1e9
 """Value of a limit that does not exist. It is so large that its row is never active."""
-LIMITS = {
+LIMIT_SIZES = {
     "velocity": 4,
     "acceleration": 4,
     "jerk": 4,
@@ -57,12 +57,12 @@ LIMITS = {
 """
 
 
-TIP = list(JACOBIANS).index(TipSpeed)
+TIP_SPEED_INDEX = list(JACOBIANS).index(TipSpeed)
 """Index of the tip speed among the tool speeds."""
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
-    """Return the limits of joints and motors by their names in `LIMITS`.
+    """Return the limits of joints and motors by their names in `LIMIT_SIZES`.
 
     The velocity limit is the smaller one of joint and motor.
 
@@ -94,7 +94,7 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
 
 
 def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
-    """Return the limits of the tool by their names in `LIMITS`.
+    """Return the limits of the tool by their names in `LIMIT_SIZES`.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
     return {"speeds": speeds, "stop": np.array([stop])}
 
 
-def tool_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[RowName]:
+def tool_row_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[RowName]:
     """Return the names of the rows of tool limits.
 
     Parameters
@@ -178,19 +178,19 @@ def limits_jerk(robot: Robot) -> bool:
     return any(joint.jerk is not None for joint in robot.joints)
 
 
-BRAKING_SOFTNESS = 1e-3
+BRAKING_ROW_SMOOTHING = 1e-3
 """Smoothing of the maximum of both torque functions in braking rows, relative to the limit.
 
 The smoothed row is on the safe side.
 """
-COST_SOFTNESS = 1e-2
+COST_SMOOTHING = 1e-2
 """The same smoothing in heat and effort, relative to the nominal torque.
 
 The solver would oscillate at a kink of the cost.
 """
 
 
-ACCELERATION_SHARE = 1e-3
+MOTORLESS_COST_WEIGHT = 1e-3
 """Weight of the accelerations of joints without a motor, so small that motors come first."""
 
 
@@ -202,9 +202,9 @@ rows can therefore be active without the others.
 """
 
 
-RowPlace = tuple[str, int | None, int]
+IndexedRow = tuple[str, int | None, int]
 """A RowName, and the index of the row in native/elements.c."""
-JOINT_ROWS = 10
+ROWS_PER_JOINT = 10
 """Number of rows of one joint along a path.
 
 There are one row of the velocity and two rows of the stop in either direction, and one row each of
@@ -276,12 +276,12 @@ def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> l
     rows = speed_rows(instant)
     for i, joint in enumerate(joints):
         for sense in (1, -1) if joint.drive is None else (instant.sigma[i],):
-            rows += sense_rows(instant, i, sense)
+            rows += velocity_and_stop_rows(instant, i, sense)
         rows += acceleration_rows(instant, i, jerk)
     return rows
 
 
-def sense_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
+def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
     """Return the velocity row of joint i in one direction, and the two rows of its stop.
 
     With the tip speed v, the stop travel d and the acceleration limit a, the rows of the stop are
@@ -298,7 +298,7 @@ def sense_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstra
     """
     bounds = instant.limits
     speed = sense * instant.qd_hull[i]
-    tip = instant.speeds[TIP] / (2 * bounds.stop)
+    tip = instant.speeds[TIP_SPEED_INDEX] / (2 * bounds.stop)
     rows = [PathConstraint(JointVelocity.name, i, speed / bounds.velocity[i])]
     for braking in (0, -sense * instant.qdd[i]):
         value = (tip * speed + braking) / bounds.acceleration[i]
@@ -343,7 +343,7 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
     rows = []
     for i, k, load, drive, sides in _actuations(robot):
         torques = directed_torques(drive, instant, i, breakaway=breakaway, load=load)
-        driving, braking = sides_of_torque(torques, instant.limits.torque[i])
+        driving, braking = torque_row_values(torques, instant.limits.torque[i])
         values: list[ca.SX] = []
         if 1 in sides:
             values += driving
@@ -353,7 +353,7 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
     return rows
 
 
-def sides_of_torque(
+def torque_row_values(
     torques: tuple[ca.SX, ca.SX], limit: ca.SX
 ) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX]]:
     """Return the row values of a driving and of a braking motor.
@@ -376,8 +376,8 @@ def sides_of_torque(
     """
     torque_1, torque_2 = torques
     half = (torque_1 - torque_2) / (2 * limit)
-    root = ca.sqrt(half**2 + BRAKING_SOFTNESS**2)
-    smooth_maximum = (torque_1 + torque_2) / (2 * limit) + root - BRAKING_SOFTNESS
+    root = ca.sqrt(half**2 + BRAKING_ROW_SMOOTHING**2)
+    smooth_maximum = (torque_1 + torque_2) / (2 * limit) + root - BRAKING_ROW_SMOOTHING
     return (torque_1 / limit, torque_2 / limit), (-smooth_maximum,)
 
 
@@ -403,7 +403,7 @@ def actuations_by_load(robot: Robot) -> list[Actuation]:
     return sorted(_actuations(robot), key=lambda item: item[2])
 
 
-def torque_places(robot: Robot, start: int) -> list[RowPlace]:
+def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
     """Return names and indices of the rows of `torque_rows`.
 
     Parameters
@@ -416,7 +416,7 @@ def torque_places(robot: Robot, start: int) -> list[RowPlace]:
     indices = {}
     for position, (i, k, *_) in enumerate(actuations_by_load(robot)):
         indices[i, k] = start + 3 * position
-    rows: list[RowPlace] = []
+    rows: list[IndexedRow] = []
     for i, k, _, _, sides in _actuations(robot):
         # The two rows of a driving motor come first, then the row of a braking motor.
         offsets = ([0, 1] if 1 in sides else []) + ([2] if -1 in sides else [])
@@ -424,7 +424,7 @@ def torque_places(robot: Robot, start: int) -> list[RowPlace]:
     return rows
 
 
-def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
+def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
     """Return names and indices of the rows of `kinematic_rows`.
 
     Parameters
@@ -434,9 +434,11 @@ def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
     jerk : bool
         Include the rows of the jerk.
     """
-    rows: list[RowPlace] = [(limit_class.name, None, k) for k, limit_class in enumerate(JACOBIANS)]
+    rows: list[IndexedRow] = [
+        (limit_class.name, None, k) for k, limit_class in enumerate(JACOBIANS)
+    ]
     for i, joint in enumerate(robot.joints):
-        index = len(JACOBIANS) + JOINT_ROWS * i
+        index = len(JACOBIANS) + ROWS_PER_JOINT * i
         for side in range(2 if joint.drive is None else 1):
             names = JointVelocity.name, StopTravel.name, StopTravel.name
             rows += [(name, i, index + 3 * side + k) for k, name in enumerate(names)]
@@ -447,24 +449,24 @@ def joint_places(robot: Robot, jerk: bool) -> list[RowPlace]:
     return rows
 
 
-def torque_names(robot: Robot, i: int) -> set[RowName]:
+def torque_row_names(robot: Robot, i: int) -> set[RowName]:
     """Return the names of the torque rows of joint i."""
     return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 
 
-def heat(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+def heat_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Return Σ (τ_motor/τ_nominal)², to which the heat of the windings is proportional."""
-    return ca.sumsqr(_torques(instant, joints))
+    return ca.sumsqr(_relative_torques(instant, joints))
 
 
-def cooling(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+def cooling_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Return Σ cooling (τ_motor/τ_nominal)², the heat of the motors with weights."""
     weights = [instant.limits.cooling[i] for i, *_ in motorised(joints)]
-    return ca.dot(ca.vertcat(ca.SX(0, 1), *weights), _torques(instant, joints) ** 2)
+    return ca.dot(ca.vertcat(ca.SX(0, 1), *weights), _relative_torques(instant, joints) ** 2)
 
 
-def effort(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return Σ ((τ_motor − τ_slow)/τ_nominal)² + ACCELERATION_SHARE Σ (q̈/q̈_max)².
+def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+    """Return Σ ((τ_motor − τ_slow)/τ_nominal)² + MOTORLESS_COST_WEIGHT Σ (q̈/q̈_max)².
 
     τ_slow is the torque of an infinitely slow motion at the same position. It overcomes friction
     and weight, which are present at any speed. If their heat counted, the cost would reward
@@ -481,11 +483,14 @@ def effort(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
         Joints of the robot.
     """
     accelerations = [instant.qdd[i] / instant.limits.acceleration[i] for i in motorless(joints)]
-    motorless_cost = ACCELERATION_SHARE * ca.sumsqr(ca.vertcat(ca.SX(0, 1), *accelerations))
-    return ca.sumsqr(_torques(instant, joints) - _torques(slow, joints)) + motorless_cost
+    motorless_cost = MOTORLESS_COST_WEIGHT * ca.sumsqr(ca.vertcat(ca.SX(0, 1), *accelerations))
+    return (
+        ca.sumsqr(_relative_torques(instant, joints) - _relative_torques(slow, joints))
+        + motorless_cost
+    )
 
 
-def _torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
+def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Return σ τ_motor/τ_nominal of every motor, (motors,), with a smooth maximum."""
     values = [
         smooth_torque(drive, instant, i, motor.nominal_torque)
@@ -515,7 +520,7 @@ def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.
     torque_1, torque_2 = directed_torques(drive, instant, i, breakaway=False)
     torque_1 = torque_1 / nominal
     torque_2 = torque_2 / nominal
-    return (torque_1 + torque_2) / 2 + ca.sqrt((torque_1 - torque_2) ** 2 / 4 + COST_SOFTNESS**2)
+    return (torque_1 + torque_2) / 2 + ca.sqrt((torque_1 - torque_2) ** 2 / 4 + COST_SMOOTHING**2)
 
 
 def directed_torques(

@@ -7,7 +7,8 @@ joints follow the path q(s), with primes for derivatives with respect to s:
     τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
 
 The functions q', A, B, C and the tool speeds |J(q) q'| are smooth. On one element, they are
-replaced by polynomials of degree `DEGREE` (a *fit*), so the optimisation evaluates no kinematics.
+replaced by polynomials of degree `FIT_DEGREE` (a *fit*), so the optimisation evaluates no
+kinematics.
 
 Every joint keeps its direction within an element, so the friction law is exact.
 """
@@ -21,21 +22,21 @@ import casadi as ca
 from ssm_planner.codegen import Layout
 from ssm_planner.elements.element import ElementModel, Parameter
 from ssm_planner.elements.rows import (
-    JOINT_ROWS,
-    LIMITS,
+    LIMIT_SIZES,
+    ROWS_PER_JOINT,
+    IndexedRow,
     Instant,
     PathConstraint,
-    RowPlace,
-    joint_places,
+    indexed_kinematic_rows,
+    indexed_torque_rows,
     kinematic_rows,
     robot_key,
-    torque_places,
     torque_rows,
 )
 from ssm_planner.kinematics import JACOBIANS
 from ssm_planner.typing import keyword_record
 
-DEGREE = 6
+FIT_DEGREE = 6
 """Degree of the polynomials in a fit."""
 
 
@@ -43,7 +44,7 @@ DEGREE = 6
 class StraightElement(ElementModel):
     """Path constraints of a robot along any path.
 
-    Its parameters are σ (4,), the fit of the path (`fit_of`), and the limits (`layout`).
+    Its parameters are σ (4,), the fit of the path (`fit_layout`), and the limits (`layout`).
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class StraightElement(ElementModel):
     coordinates = 1
     state_size = 5
     positions = 1
-    layout = Layout(**LIMITS, time_scale=1)
+    layout = Layout(**LIMIT_SIZES, time_scale=1)
     """Layout of the limits, and of the length of a scaled second, s."""
 
     @property
@@ -64,7 +65,7 @@ class StraightElement(ElementModel):
         """Sizes of σ, of the fit and of the limits."""
         return (
             Parameter(4, True),
-            Parameter(fit_of(len(self.robot.loads)).size, True),
+            Parameter(fit_layout(len(self.robot.loads)).size, True),
             Parameter(self.layout.size, False),
         )
 
@@ -98,13 +99,13 @@ class StraightElement(ElementModel):
     @property
     def first_actuation(self) -> int:
         """Index of the first torque row, after the rows of speeds and joints."""
-        return len(JACOBIANS) + 4 * JOINT_ROWS
+        return len(JACOBIANS) + 4 * ROWS_PER_JOINT
 
     @cached_property
-    def all_rows(self) -> list[RowPlace]:
+    def all_indexed_rows(self) -> list[IndexedRow]:
         """Name, joint and index of each row, in the order of `rows`."""
-        torques = torque_places(self.robot, self.first_actuation)
-        return joint_places(self.robot, self.jerk) + torques
+        torques = indexed_torque_rows(self.robot, self.first_actuation)
+        return indexed_kinematic_rows(self.robot, self.jerk) + torques
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
         """Return the motion and the limits of the joints from the fit of the path."""
@@ -129,7 +130,7 @@ class StraightElement(ElementModel):
 
 
 @cache
-def curves_of(loads: int) -> Layout:
+def curves_layout(loads: int) -> Layout:
     """Return the layout of the quantities that a fit contains.
 
     These are q', A, B and C of the four joints, and the tool speeds at ṡ = 1. A, B and C occur once
@@ -141,13 +142,13 @@ def curves_of(loads: int) -> Layout:
 
 
 @cache
-def fit_of(loads: int) -> Layout:
+def fit_layout(loads: int) -> Layout:
     """Return the layout of a fit on [centre − half_width, centre + half_width] in s.
 
-    It contains the coefficients of `curves_of` with respect to ξ⁰, ξ¹, …, with
+    It contains the coefficients of `curves_layout` with respect to ξ⁰, ξ¹, …, with
     ξ = (s − centre)/half_width.
     """
-    return Layout(centre=1, half_width=1, coefficients=(DEGREE + 1) * curves_of(loads).size)
+    return Layout(centre=1, half_width=1, coefficients=(FIT_DEGREE + 1) * curves_layout(loads).size)
 
 
 def path_derivatives(
@@ -158,7 +159,7 @@ def path_derivatives(
     Parameters
     ----------
     parameters : casadi.SX, (size,)
-        Values of `fit_of`.
+        Values of `fit_layout`.
     s : casadi.SX
         Path parameter.
     loads : int
@@ -169,23 +170,23 @@ def path_derivatives(
     Returns
     -------
     curves : SimpleNamespace
-        The quantities of `curves_of`.
+        The quantities of `curves_layout`.
     ddq, dddq : casadi.SX, (4,)
         q'' and q'''.
     """
-    fit = fit_of(loads).unpack(parameters)
-    curves = curves_of(loads)
+    fit = fit_layout(loads).unpack(parameters)
+    curves = curves_layout(loads)
     xi = (s - fit.centre) / fit.half_width
-    coefficients = ca.reshape(fit.coefficients, curves.size, DEGREE + 1)
-    slope = _derivative(coefficients[curves.slices["dq"], :])
-    ddq = _horner(slope, xi) / fit.half_width
+    coefficients = ca.reshape(fit.coefficients, curves.size, FIT_DEGREE + 1)
+    slope = _differentiate_polynomials(coefficients[curves.slices["dq"], :])
+    ddq = _evaluate_polynomials(slope, xi) / fit.half_width
     dddq = ca.SX.zeros(4)
     if jerk:
-        dddq = _horner(_derivative(slope), xi) / fit.half_width**2
-    return curves.unpack(_horner(coefficients, xi)), ddq, dddq
+        dddq = _evaluate_polynomials(_differentiate_polynomials(slope), xi) / fit.half_width**2
+    return curves.unpack(_evaluate_polynomials(coefficients, xi)), ddq, dddq
 
 
-def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
+def _evaluate_polynomials(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
     """Evaluate polynomials at xi by Horner's rule.
 
     Parameters
@@ -205,6 +206,6 @@ def _horner(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
     return value
 
 
-def _derivative(coefficients: ca.SX) -> ca.SX:
+def _differentiate_polynomials(coefficients: ca.SX) -> ca.SX:
     """Return the coefficients (curves, powers − 1) of the derivatives of polynomials."""
     return ca.horzcat(*[k * coefficients[:, k] for k in range(1, coefficients.size2())])

@@ -12,7 +12,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen import REAL, SIGN, Argument, dense, literal, write_function
+from ssm_planner.codegen import (
+    REAL_DEFINITIONS,
+    SIGN_FUNCTION,
+    Argument,
+    c_literal,
+    dense_function,
+    write_function,
+)
 from ssm_planner.display import environment, render_template
 from ssm_planner.dynamics import RigidBody, directions_law, motor_law
 from ssm_planner.formats.spline_points import REST
@@ -132,11 +139,11 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
     values = {
         "comment": _comment(robot, remarks),
         "header": f"{ROBOT}{suffix}.h",
-        "real": REAL,
+        "real": REAL_DEFINITIONS,
         "names": list(limits) + [function.name for function in functions],
-        "limits": [(name, list(map(literal, bounds))) for name, bounds in limits.items()],
+        "limits": [(name, list(map(c_literal, bounds))) for name, bounds in limits.items()],
         "functions": list(zip(declarations, comments, strict=True)),
-        "sign": SIGN if "sign_of(" in bodies else "",
+        "sign": SIGN_FUNCTION if "sign_of(" in bodies else "",
         "bodies": bodies,
     }
     return _render("robot", values)
@@ -175,7 +182,7 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
 
 def _literals(values: Array) -> Any:
     """Return the numbers of an array of any shape as C literals, in lists of the same shape."""
-    return np.vectorize(literal, otypes=[object])(values).tolist()
+    return np.vectorize(c_literal, otypes=[object])(values).tolist()
 
 
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
@@ -250,7 +257,7 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "position of joints q.",
             (Argument("q", 4),),
             (Argument("rotation", 9), Argument("position", 3)),
-            dense("forward", [q], [ca.vec(rotation.T), tip]),
+            dense_function("forward", [q], [ca.vec(rotation.T), tip]),
         ),
         CFunction(
             "ssm_inverse",
@@ -260,14 +267,14 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "   `near`. Joints are NaN outside the workspace.",
             (Argument("task", 4), Argument("branch", 0), Argument("near", 4)),
             (Argument("q", 4),),
-            dense("inverse", [task, branch, guess], [joints]),
+            dense_function("inverse", [task, branch, guess], [joints]),
         ),
         CFunction(
             "ssm_inverse_dynamics",
             "Computes the joint efforts of the rigid bodies at q, qd, qdd in N*m and N.",
             motion,
             (Argument("tau", 4),),
-            dense("inverse_dynamics", [q, qd, qdd], [body.symbolic(q, qd, qdd)]),
+            dense_function("inverse_dynamics", [q, qd, qdd], [body.symbolic(q, qd, qdd)]),
         ),
         CFunction(
             "ssm_motor_torque",
@@ -278,7 +285,7 @@ def c_functions(robot: Robot) -> list[CFunction]:
             "   The torque is 0 for a joint without a drive. qddd may be zeros.",
             motion + (Argument("qddd", 4),),
             (Argument("tau_motor", 4),),
-            dense("motor_torque", [q, qd, qdd, qddd], [torque]),
+            dense_function("motor_torque", [q, qd, qdd, qddd], [torque]),
         ),
     ]
 

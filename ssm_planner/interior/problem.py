@@ -92,7 +92,7 @@ class Program:
     """Weight w_t of the duration."""
     smoothing: Array
     """Weights p, (m,)."""
-    even: float
+    block_variance_weight: float
     """Weight e of the variance of T/T_least, which favours equal blocks."""
 
     @property

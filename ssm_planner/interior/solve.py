@@ -13,13 +13,11 @@ from ssm_planner.interior.problem import ElementGroup, Point, Program
 from ssm_planner.native import library
 from ssm_planner.typing import Array, record
 
-TOLERANCE = 1e-8
+OPTIMALITY_TOLERANCE = 1e-8
 """Largest residual of the optimality conditions at the solution."""
-LAST_BARRIER = 11.0
+TOLERANCE_PER_BARRIER = 11.0
 """Tolerance divided by the last weight μ of the barrier."""
-SUPERLINEAR = 1.5
-"""Exponent of μ from one barrier problem to the next."""
-BARRIER = 1e-4
+FIRST_BARRIER = 1e-4
 """First weight μ of the barrier in a cold start."""
 
 
@@ -73,8 +71,8 @@ def solve(
     *,
     warm: State | None,
     iterations: int,
-    superlinear: float,
-    off_centre: float,
+    barrier_exponent: float,
+    centring_tolerance: float,
 ) -> Outcome:
     """Find a local minimum of a program.
 
@@ -88,10 +86,10 @@ def solve(
         Final state of a solve of the same dimensions, which replaces `start`.
     iterations : int
         Largest number of iterations.
-    superlinear : float
-        Largest exponent by which the weight of the barrier decreases. A smaller exponent takes more
-        iterations.
-    off_centre : float
+    barrier_exponent : float
+        Largest exponent e with which the weight of the barrier decreases, μ → μ^e. A smaller
+        exponent takes more iterations.
+    centring_tolerance : float
         Relative deviation of slack times multiplier from the last weight of the barrier. The solver
         uses it for multipliers that it computes from slacks. It is not a condition of convergence.
 
@@ -121,7 +119,9 @@ def solve(
     values = (point.c, point.times, state.slacks, state.multipliers, state.equality_multipliers, z)
     native_state = _State(*(array.ctypes.data for array in values))
     native_program = _NativeProgram(program)
-    options = _Options(iterations, TOLERANCE, superlinear, BARRIER, off_centre)
+    options = _Options(
+        iterations, OPTIMALITY_TOLERANCE, barrier_exponent, FIRST_BARRIER, centring_tolerance
+    )
     pointers = (ctypes.byref(array) for array in (native_program.program, native_state))
     status = native.ssm_solve(*pointers, int(warm is not None), ctypes.byref(options))
     if status > _CONVERGED:
@@ -229,7 +229,7 @@ class _NativeProgram:
             low=program.duration[0],
             high=program.duration[1],
             time_weight=program.time_weight,
-            even=program.even,
+            even=program.block_variance_weight,
             group_count=len(groups),
             groups=ctypes.addressof(groups),
         )

@@ -27,7 +27,7 @@ import numpy as np
 
 from ssm_planner.typing import Array, Indices, record
 
-LOCAL = 4
+ROWS_PER_ELEMENT = 4
 """Number of rows of unknowns on which an element depends."""
 Kind = Literal["hermite", "bspline"]
 """Kind of a spline."""
@@ -64,12 +64,12 @@ class Spline:
     @property
     def rows(self) -> int:
         """Number of rows of unknowns."""
-        return self.stride * (self.elements - 1) + LOCAL
+        return self.stride * (self.elements - 1) + ROWS_PER_ELEMENT
 
     @property
-    def local(self) -> Indices:
+    def rows_of_elements(self) -> Indices:
         """Indices of the rows of unknowns of every element, (n, 4)."""
-        return np.arange(self.elements)[:, None] * self.stride + np.arange(LOCAL)
+        return np.arange(self.elements)[:, None] * self.stride + np.arange(ROWS_PER_ELEMENT)
 
     def unknowns(self, u: Array, v: Array, acceleration: Array, h: Array) -> Array:
         """Return the unknowns of the spline that interpolates given nodes.

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.elements.compiled import compiled
+from ssm_planner.elements.compiled import compiled_library
 from ssm_planner.elements.rows import limits_jerk, with_margin
 from ssm_planner.planning.motor_strength import motor_too_weak, no_motion
 from ssm_planner.planning.ocp.free import find_best_free, solve_free
@@ -167,7 +167,7 @@ class PhasePlanner:
         If it fails and `by_ipopt` is true, solve by Ipopt alone.
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
-        solution = solve(method=method if compiled() else "Ipopt")
+        solution = solve(method=method if compiled_library() else "Ipopt")
         failed = not solution.solved and solution.solver == "structured"
         return solve(method="Ipopt") if failed and by_ipopt and not self.approximate else solution
 

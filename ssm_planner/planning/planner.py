@@ -62,7 +62,7 @@ def plan_motion(
     progress : callable
         Called with a message for every phase.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `elements.rows.LIMITS`.
+        Weights of the motors' heat relative to time, as in `elements.rows.LIMIT_SIZES`.
     may_overheat : bool
         Plan a motion even if a bound shows that a motor cannot stay cool enough.
     may_reverse : bool

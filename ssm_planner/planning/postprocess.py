@@ -7,7 +7,7 @@ import numpy as np
 from ssm_planner.elements.rows import with_margin
 from ssm_planner.planning.motor_strength import no_motion
 from ssm_planner.planning.ocp.motion import PhaseSolution
-from ssm_planner.planning.ocp.straight import retimed_pieces
+from ssm_planner.planning.ocp.straight import retimed_polynomials
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
@@ -33,7 +33,7 @@ def retimed(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reas
     retiming = retime(path, robot, phase.problem.task_limits, speeds)
     if not retiming.solved:
         return no_motion(phase, path, retiming.message)
-    pieces = retimed_pieces(path, retiming, speeds[1])
+    pieces = retimed_polynomials(path, retiming, speeds[1])
     motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA)
     return PlannedPhase(phase, motion, phase.lower_bound)
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ssm_planner.planning.ocp.guesses import LEAST_SEGMENT
+from ssm_planner.planning.ocp.guesses import MIN_SEGMENT_SHARE
 from ssm_planner.planning.ocp.motion import Borders, DirectionMultipliers, PhaseSolution
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP
@@ -78,7 +78,7 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
         Points and reversals between which no joint reverses, with the motion as guess.
     """
     multipliers = motion.direction_multipliers
-    if multipliers is None or multipliers.largest_sum <= MULTIPLIER:
+    if multipliers is None or multipliers.largest_joint_sum <= MULTIPLIER:
         return None
     directions = _reversed_directions(multipliers)
     if np.array_equal(directions, multipliers.directions):
@@ -129,7 +129,7 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
         Directions and multipliers of the n elements.
     """
     directions = multipliers.directions.copy()
-    counts = np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_sum
+    counts = np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_joint_sum
     signs = np.where(counts, np.sign(multipliers.values), 0.0)
     stretches = [
         (joint, start, stop, float(np.abs(values[start:stop]).sum()))
@@ -170,7 +170,7 @@ def _borders(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no direction changes, (k + 1,), s.
 
     They include the instants at which the motion passes its points. A change of direction that is
-    closer to another instant than the share `LEAST_SEGMENT` of the duration is left out.
+    closer to another instant than the share `MIN_SEGMENT_SHARE` of the duration is left out.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def _borders(multipliers: DirectionMultipliers, directions: Array) -> Array:
         Directions of the joints in the elements.
     """
     instants, points = multipliers.instants, multipliers.points
-    gap = LEAST_SEGMENT * instants[-1]
+    gap = MIN_SEGMENT_SHARE * instants[-1]
     changes = instants[1:-1][np.any(directions[1:] != directions[:-1], axis=1)]
     borders = points.tolist()
     for instant in changes:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ssm_planner.codegen import Vectorised
+from ssm_planner.codegen import VectorisedFunction
 from ssm_planner.dynamics import drive_with, spread_of
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot
@@ -178,8 +178,8 @@ def play_draws(
         Results of the n playbacks. A playback that diverges has an infinite tip error.
     """
     count = len(friction)
-    full_step = Vectorised(arm.control_step)
-    half_steps = Vectorised(arm.control_step_in_halves)
+    full_step = VectorisedFunction(arm.control_step)
+    half_steps = VectorisedFunction(arm.control_step_in_halves)
     needs_halves = arm.needs_half_steps(commands)
     table = commands.table()
     states = np.tile(start, (count, 1))

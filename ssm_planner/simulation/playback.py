@@ -8,7 +8,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen import dense
+from ssm_planner.codegen import dense_function
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.formats import Axis, Stream
@@ -362,7 +362,7 @@ class ControlledArm(ArmPlant):
             plant_state = step_once(plant_state, columns["tau"], locked, stalled, friction)
         controller_state = [columns["current"], columns["d"], columns["e"], columns["trip"]]
         state = ca.vertcat(plant_state, *controller_state)
-        return dense("period", [x, u], [state, columns["e"], columns["cut"]])
+        return dense_function("period", [x, u], [state, columns["e"], columns["cut"]])
 
     def _loop(self, k: int, x: ca.SX, u: ca.SX, power: ca.SX) -> dict[str, ca.SX]:
         """Advance the controller of one joint by one period.

@@ -204,9 +204,9 @@ def _memory() -> int:
 
 def _release_memory() -> None:
     """Discard the cached programs of earlier candidates, and return free memory to the system."""
-    from ssm_planner.planning.ocp.transcription import forget_programs
+    from ssm_planner.planning.ocp.transcription import clear_program_cache
 
-    forget_programs()
+    clear_program_cache()
     gc.collect()
     # Only the GNU C library has this function.
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)

@@ -27,7 +27,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen import Vectorised, casadi_namespace, dense
+from ssm_planner.codegen import VectorisedFunction, casadi_namespace, dense_function
 from ssm_planner.dynamics import (
     STILL,
     RigidBody,
@@ -507,7 +507,7 @@ def _without_limits(robot: Robot) -> Robot:
 @lru_cache(maxsize=8)
 def _law(
     robot: Robot, eye: Eye | None, keys: tuple[tuple[type[Limit], str, int, Case | None], ...]
-) -> Vectorised:
+) -> VectorisedFunction:
     """Return the quantities as a function of (q, qd, qdd, direction, breakaway), (n, 4) each.
 
     Parameters
@@ -551,4 +551,4 @@ def _law(
             rows.append(task[i])
         else:
             rows.append(eye_values[name][0])
-    return Vectorised(dense("limits", arguments, [ca.vertcat(*rows)]))
+    return VectorisedFunction(dense_function("limits", arguments, [ca.vertcat(*rows)]))

@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 KINDS = ("straight", "free", "jerk", "waypoints", "eye", "scan", "tilt_insert")
 PARTS = {
     "solver": ("planning.ocp.refinement.solve_structured",),
-    "Ipopt": ("planning.ocp.transcription.ipopt",),
+    "Ipopt": ("planning.ocp.transcription.run_ipopt",),
     "TOPP-RA": (
         "planning.phase_planner.retime",
         "planning.postprocess.retime_motion",

@@ -123,7 +123,7 @@ def _otherwise(finer: int, stretched: float) -> Iterator[None]:
     def optimise(task: Any, start: Any, *arguments: Any, **named: Any) -> Any:
         return kept(task, start.stretched(stretched), *arguments, **named)
 
-    counts = finer * straight_ocp.ELEMENTS, finer * free_ocp.ELEMENTS
+    counts = finer * straight_ocp.MIN_ELEMENTS, finer * free_ocp.DEFAULT_ELEMENTS
     with (
         meshed(*counts),
         patch.object(free_ocp, "find_fastest_motion", optimise),

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from examples import prove
 from ssm_planner import load_drive, load_problem, load_robot, plan, rpm
 from ssm_planner.dynamics import transmission as tr
-from ssm_planner.elements.compiled import _drive_figures
+from ssm_planner.elements.compiled import _drive_values
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Gearhead
 from ssm_planner.problem.drive import Drive, Friction
@@ -78,7 +78,7 @@ def test_a_stage_never_creates_power(stage, effort, sign, mu):
 def test_the_c_code_gets_a_thread_with_the_same_slopes(stage, sign, effort, mu):
     friction = Friction(mu=mu, mu_static=mu, b_c=0.0, b_v=0.0)
     drive = staged(worm(friction=friction, self_locking=False), stage)
-    _, gamma, lead, wedging, *_ = values = _drive_figures(drive)
+    _, gamma, lead, wedging, *_ = values = _drive_values(drive)
     tangent = values[8] * wedging
     slopes = (
         gamma * (lead + tangent) / (1 - lead * tangent),
@@ -99,7 +99,7 @@ def test_a_thread_that_may_unlock_at_speed_needs_constant_friction():
     )
     drive = staged(worm(friction=friction, self_locking=False), Gearhead("g", 4.0, 0.8))
     with pytest.raises(ProblemError, match="constant friction"):
-        _drive_figures(drive)
+        _drive_values(drive)
 
 
 FILE = """

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ssm_planner.codegen.mapped import Mapped
+from ssm_planner.codegen.mapped import MappedFunction
 from ssm_planner.dynamics.rigid_body import (
     LOAD,
     RigidBody,
@@ -125,9 +125,13 @@ def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
     assert set(functions) == set(native.shapes)
     for name, function in functions.items():
         arguments = (z, lam) if name == "hessian" else (z,)
-        agree(native.call(name, *arguments), Mapped(function, parameters, len(z))(*arguments)[-1])
+        agree(
+            native.call(name, *arguments),
+            MappedFunction(function, parameters, len(z))(*arguments)[-1],
+        )
     agree(
-        rows_between(element, z, parameters), Mapped(element.dense_rows, parameters, len(z))(z)[0]
+        rows_between(element, z, parameters),
+        MappedFunction(element.dense_rows, parameters, len(z))(z)[0],
     )
     starts = native_elements(element, parameters, len(z), "breakaway")
     assert starts is not None
@@ -135,7 +139,10 @@ def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
         arguments = (
             (z, lam[:, :1] * np.ones(starts.shapes["rows"][1])) if name == "hessian" else (z,)
         )
-        agree(starts.call(name, *arguments), Mapped(function, parameters, len(z))(*arguments)[-1])
+        agree(
+            starts.call(name, *arguments),
+            MappedFunction(function, parameters, len(z))(*arguments)[-1],
+        )
 
 
 def at_once(
@@ -193,7 +200,10 @@ def test_angles_of_many_turns(tilt_insert: Problem) -> None:
     z[:, :4] *= 1e7
     native = native_elements(element, parameters, COUNT)
     assert native is not None
-    agree(native.call("rows", z), Mapped(element_functions(element).rows, parameters, COUNT)(z)[0])
+    agree(
+        native.call("rows", z),
+        MappedFunction(element_functions(element).rows, parameters, COUNT)(z)[0],
+    )
 
 
 @pytest.mark.parametrize("kind", CASES)
@@ -363,7 +373,7 @@ def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) ->
 
 def test_the_c_is_what_the_laws_give() -> None:
     """By the version of CasADi that wrote it: `python -m ssm_planner.elements.kernels`."""
-    text = kernels.HEADER.read_text(encoding="utf-8")
+    text = kernels.KERNELS_HEADER.read_text(encoding="utf-8")
     if f"CasADi {ca.CasadiMeta.version()}:" not in text:
         pytest.skip("written by another CasADi")
-    assert text == kernels.kernels(), "run `python -m ssm_planner.elements.kernels`"
+    assert text == kernels.kernels_text(), "run `python -m ssm_planner.elements.kernels`"

@@ -12,12 +12,12 @@ import pytest
 
 from ssm_planner.dynamics.motors import motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.elements.element import SIMPSON, element_functions
+from ssm_planner.elements.element import SIMPSON_WEIGHTS, element_functions
 from ssm_planner.elements.free_element import FreeElement
 from ssm_planner.elements.rows import joint_limits
 from ssm_planner.elements.straight_element import StraightElement
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.planning.ocp.path_fit import fit
+from ssm_planner.planning.ocp.path_fit import fit_path
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, read_only_array
@@ -46,7 +46,7 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
     mechanism = Mechanism.from_geometry(robot.geometry)
     start, end = np.array([0.1, -1.7, 0.2, 4e-3]), np.array([-0.3, -2.2, 0.5, 15e-3])
     path = StraightPath(mechanism, start, end, mechanism.home_branch, np.zeros(4))
-    local = fit(path, (RigidBody.from_robot(robot),), np.array([0.4]), np.array([0.45]))[0]
+    local = fit_path(path, (RigidBody.from_robot(robot),), np.array([0.4]), np.array([0.45]))[0]
     sigma = np.sign(path.sample(np.array([0.42])).dq[0])
     z = np.array(
         [
@@ -106,7 +106,7 @@ def reference(element: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
     if element.cost is not None:
         cost = sum(
             share * z[-1] * element.cost(point, *arguments)
-            for point, share in zip(points, SIMPSON, strict=True)
+            for point, share in zip(points, SIMPSON_WEIGHTS, strict=True)
         )
     lam, kappa = ca.MX.sym("lam", rows.numel()), ca.MX.sym("kappa")
     hessian = ca.hessian(ca.dot(lam, rows) + kappa * cost, z)[0]

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from ssm_planner.codegen.c import REAL, SIGN, Argument, write_function
-from ssm_planner.codegen.vectorised import OPERATIONS, dense, steps
+from ssm_planner.codegen.c import REAL_DEFINITIONS, SIGN_FUNCTION, Argument, write_function
+from ssm_planner.codegen.vectorised import OPERATIONS, dense_function, instructions
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats.c import c_code, c_text, c_trajectory, joint_limits
@@ -474,8 +474,8 @@ def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
         ca.if_else(a > 0, b, 2 * b), ca.atan2(a, b), ca.copysign(b, a), ca.fmod(b, 0.7), ca.hypot(a, b),
         -1.5e-7, 1e30,
     ]  # fmt: skip
-    function = dense("table", [x], [ca.vertcat(*rows)])
-    assert set(OPERATIONS) - {step.name for step in steps(function)} == {"assign"}
+    function = dense_function("table", [x], [ca.vertcat(*rows)])
+    assert set(OPERATIONS) - {step.name for step in instructions(function)} == {"assign"}
     text = write_function(
         "void table(const ssm_real x[2], ssm_real y[40])",
         function,
@@ -484,7 +484,7 @@ def test_every_operation_that_is_known_can_be_written(tmp_path: Path) -> None:
     )
     prototype = "void table(const ssm_real x[2], ssm_real y[40]);\n"
     (tmp_path / "table.c").write_text(
-        f"#include <math.h>\n{REAL}{prototype}{SIGN}{text}", encoding="utf-8"
+        f"#include <math.h>\n{REAL_DEFINITIONS}{prototype}{SIGN_FUNCTION}{text}", encoding="utf-8"
     )
     command = [COMPILER, *STRICT, "-shared", "-fPIC", "-o", "table.so", "table.c", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.elements.compiled import compiled
+from ssm_planner.elements.compiled import compiled_library
 from ssm_planner.native import library
 from ssm_planner.typing import Array
 
 pytestmark = pytest.mark.skipif(
-    not compiled(), reason="the package is built without its compiled part"
+    not compiled_library(), reason="the package is built without its compiled part"
 )
 P, L = ctypes.POINTER(ctypes.c_double), ctypes.c_long
 

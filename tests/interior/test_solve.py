@@ -11,16 +11,16 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from ssm_planner.elements.compiled import compiled
+from ssm_planner.elements.compiled import compiled_library
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import SUPERLINEAR, Outcome, solve
+from ssm_planner.interior.solve import Outcome, solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.lower_bound import rest_to_rest
 from ssm_planner.typing import Array
 from tests.support.casadi_group import CasadiGroup
 
 pytestmark = pytest.mark.skipif(
-    not compiled(), reason="the package is built without its compiled part"
+    not compiled_library(), reason="the package is built without its compiled part"
 )
 some = st.floats(0.1, 10.0)
 
@@ -69,7 +69,7 @@ def chain(
         duration=(0.0, np.inf),
         time_weight=1.0,
         smoothing=np.zeros(1),
-        even=0.0,
+        block_variance_weight=0.0,
     )
 
 
@@ -102,7 +102,12 @@ def fastest(program: Program, distance: float, guess: float) -> Outcome:
 
 def solved(program: Program, point: Point) -> Outcome:
     return solve(
-        program, point, warm=None, iterations=300, superlinear=SUPERLINEAR, off_centre=np.inf
+        program,
+        point,
+        warm=None,
+        iterations=300,
+        barrier_exponent=1.5,
+        centring_tolerance=np.inf,
     )
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline, CubicHermiteSpline
 
-from ssm_planner.elements.compiled import compiled
+from ssm_planner.elements.compiled import compiled_library
 from ssm_planner.interior.spline import Kind, Spline
 from ssm_planner.native import library
 from ssm_planner.typing import Array
 
 pytestmark = pytest.mark.skipif(
-    not compiled(), reason="the package is built without its compiled part"
+    not compiled_library(), reason="the package is built without its compiled part"
 )
 TERMS, WIDEST = 9, 5
 LOOKS: tuple[tuple[str, tuple[int, ...]], ...] = (("values", (TERMS,)), ("slopes", (TERMS, WIDEST)))
@@ -52,7 +52,7 @@ def eta_of(one: Spline) -> Array:
 
 def states_of(one: Spline, c: Array) -> Array:
     maps = [called("ssm_matrix", one.kind, eta, (5, 4)) for eta in eta_of(one)]
-    return np.array(maps) @ c[one.local]
+    return np.array(maps) @ c[one.rows_of_elements]
 
 
 @pytest.mark.parametrize("kind", ["hermite", "bspline"])

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.codegen.mapped import Mapped
+from ssm_planner.codegen.mapped import MappedFunction
 from ssm_planner.interior.problem import ElementGroup, _Derivatives, _Values
 from ssm_planner.typing import Array
 
@@ -22,7 +22,9 @@ class CasadiGroup:
     """
 
     def __init__(self, functions: Mapping[str, ca.Function], count: int) -> None:
-        self._mapped = {name: Mapped(function, (), count) for name, function in functions.items()}
+        self._mapped = {
+            name: MappedFunction(function, (), count) for name, function in functions.items()
+        }
         self._shape = count, functions["rows"].size1_out(0), functions["rows"].size1_in(0)
         _, rows, size = self._shape
         calls = _Values(self._values), _Derivatives(self._derivatives)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial.polynomial import polyval
 
-from ssm_planner.codegen.vectorised import Vectorised, dense
+from ssm_planner.codegen.vectorised import VectorisedFunction, dense_function
 from ssm_planner.dynamics.motors import directions, directions_law, motor_law, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
@@ -81,19 +81,19 @@ def every_operation() -> ca.Function:
         ca.logic_and(a > 0, b > 0), ca.logic_or(a > 0, b > 0), ca.logic_not(a > 0), a == b, a != b, ca.fmod(a, 2 + b * b),
         (2 + a * a) ** y, ca.copysign(a, b), 7.0, y,
     ]  # fmt: skip
-    return dense("every_operation", [x, y], [ca.vertcat(*rows), ca.vertcat(a, 0.0)])
+    return dense_function("every_operation", [x, y], [ca.vertcat(*rows), ca.vertcat(a, 0.0)])
 
 
 def test_bulk_evaluation_is_casadi_s(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ssm_planner.codegen.vectorised.BLOCK", 64)
+    monkeypatch.setattr("ssm_planner.codegen.vectorised.SAMPLES_PER_BLOCK", 64)
     rng = np.random.default_rng(3)
     function = every_operation()
     x, y = rng.uniform(-3, 3, (150, 3)), rng.uniform(-2, 2, (150, 1))
     x[:10] = 0.0
     x[10:20, 1] = x[10:20, 0]
-    found = Vectorised(function)(x, y)
+    found = VectorisedFunction(function)(x, y)
     monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
-    for mine, theirs in zip(found, Vectorised(function)(x, y), strict=True):
+    for mine, theirs in zip(found, VectorisedFunction(function)(x, y), strict=True):
         assert mine.tobytes() == theirs.tobytes()
     for k in range(150):
         for mine, theirs in zip(found, function(x[k], y[k]), strict=True):
@@ -101,7 +101,7 @@ def test_bulk_evaluation_is_casadi_s(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_bulk_evaluation_refuses_wrong_shapes() -> None:
-    function = Vectorised(every_operation())
+    function = VectorisedFunction(every_operation())
     with pytest.raises(GeometryError, match="every_operation"):
         function(np.zeros((5, 3)), np.zeros((4, 1)))
     with pytest.raises(GeometryError, match="every_operation"):
@@ -156,8 +156,10 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
         q, qd, qdd, qddd, way, away = (
             ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "way", "away")
         )
-        law = Vectorised(
-            dense("law", [q, qd, qdd, way, away], list(motor_law(each, q, qd, qdd, way, away)))
+        law = VectorisedFunction(
+            dense_function(
+                "law", [q, qd, qdd, way, away], list(motor_law(each, q, qd, qdd, way, away))
+            )
         )
         _, torque, effort = law(
             samples.q, samples.qd, samples.qdd, direction, np.asarray(breakaway, dtype=float)
@@ -169,8 +171,8 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
             size = np.abs(expected.torque[:, i]).max()
             assert np.abs(torque[:, i] - expected.torque[:, i]).max() <= 1e-14 * size
             assert effort[:, i] == pytest.approx(expected.effort[:, i], rel=1e-13, abs=1e-13)
-        rule = Vectorised(
-            dense("rule", [qd, qdd, qddd], list(directions_law(each, qd, qdd, qddd, side)))
+        rule = VectorisedFunction(
+            dense_function("rule", [qd, qdd, qddd], list(directions_law(each, qd, qdd, qddd, side)))
         )
         found = rule(samples.qd, samples.qdd, samples.qddd)
         assert np.array_equal(found[0], direction)

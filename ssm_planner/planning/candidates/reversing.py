@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from ssm_planner.planning.candidates.candidate import PhaseCandidate, PhaseEvaluation
-from ssm_planner.planning.ocp.free import ELEMENTS
+from ssm_planner.planning.ocp.free import DEFAULT_ELEMENTS
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.planned_phase import PlannedPhase
@@ -65,7 +65,7 @@ class Reversing(PhaseCandidate):
         quick = planner.for_time
 
         def solve(borders: Borders, limit: float) -> PhaseSolution | None:
-            result = quick.free(borders, cutoff=limit, count=ELEMENTS)
+            result = quick.free(borders, cutoff=limit, count=DEFAULT_ELEMENTS)
             return None if isinstance(result, Reason) else result.motion
 
         initial = self.unreversed or solve(Borders(planner.phase.points), np.inf)
@@ -79,7 +79,7 @@ class Reversing(PhaseCandidate):
         if estimate is None:
             return self._beside_points()
         borders = reversals_of(self.planner.phase, estimate.motion)
-        solution = self.planner.free(borders, count=2 * ELEMENTS)
+        solution = self.planner.free(borders, count=2 * DEFAULT_ELEMENTS)
         fast = self.planner.problem.planner == "fast" and self.planner.problem.objective == "time"
         if (
             fast

@@ -12,7 +12,7 @@ from ssm_planner.planning.candidates.task_line import TaskLine
 from ssm_planner.planning.feasibility import infeasible_place
 from ssm_planner.planning.lower_bound import stopping_curves
 from ssm_planner.planning.ocp.motion import PhaseSolution
-from ssm_planner.planning.ocp.segments import guess_of_curves
+from ssm_planner.planning.ocp.segments import sample_curves
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase
@@ -90,7 +90,7 @@ def _stop_in_closed_form(
     curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share, together=together)
     switches = np.unique(np.concatenate([curve.switches for curve in curves if curve is not None]))
     instants = switches[np.append(True, np.diff(switches) > ROUNDING)]
-    guess = guess_of_curves(phase.q_start, curves, instants.tolist(), density=0.0, least_count=1)
+    guess = sample_curves(phase.q_start, curves, instants.tolist(), density=0.0, least_count=1)
     motion, middle = guess.motion, guess.elements.evaluate(0.5)
     # Rounding gives joints at rest a small velocity.
     signs = np.sign(np.round(middle[1] / robot.velocities, 9))

@@ -12,9 +12,9 @@ from ssm_planner.elements.rows import joint_limits, limits_jerk
 from ssm_planner.kinematics import retina_row, tip_position
 from ssm_planner.planning.ocp.free_problem import FreeProblem
 from ssm_planner.planning.ocp.guesses import (
-    KINEMATIC,
+    KINEMATIC_LIMITS,
     guess_between,
-    jerk_for_all,
+    jerk_limits_of_all_joints,
     sampled_guesses,
 )
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
@@ -27,10 +27,10 @@ from ssm_planner.planning.work import Work
 from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, keyword_record
 
-ELEMENTS = 40
+DEFAULT_ELEMENTS = 40
 """Default number of mesh elements (time intervals) of a motion."""
-FINER = 2
-"""Factor on `ELEMENTS` for motions that need a finer mesh."""
+FINE_MESH_FACTOR = 2
+"""Factor on `DEFAULT_ELEMENTS` for motions that need a finer mesh."""
 
 
 def solve_free(
@@ -85,7 +85,9 @@ def solve_free(
     if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])
     if limits_jerk(problem.robot):
-        limits["jerk"] = jerk_for_all(limits, displacements, (phase.qd_start, phase.qd_end))
+        limits["jerk"] = jerk_limits_of_all_joints(
+            limits, displacements, (phase.qd_start, phase.qd_end)
+        )
     builder = _FreeProblemBuilder(
         phase=phase,
         displacements=displacements,
@@ -140,7 +142,7 @@ class _FreeProblemBuilder:
     displacements: Array
     """Displacements of the joints from each point to the next one, (k, 4), rad and m."""
     limits: dict[str, Array]
-    """Limits of the joints by their names in `elements.rows.LIMITS`, (4,) each."""
+    """Limits of the joints by their names in `elements.rows.LIMIT_SIZES`, (4,) each."""
     method: Method
     borders: Borders
     work: Work
@@ -181,7 +183,11 @@ class _FreeProblemBuilder:
         confirmed = self.method == "confirmed" and at_rest and not self.borders.free
         between_two_points = len(self.displacements) == 1
         at_speed = self.jerk and not at_rest
-        return FINER * ELEMENTS if at_speed or (confirmed and between_two_points) else ELEMENTS
+        return (
+            FINE_MESH_FACTOR * DEFAULT_ELEMENTS
+            if at_speed or (confirmed and between_two_points)
+            else DEFAULT_ELEMENTS
+        )
 
     def elements_per_segment(self, count: int) -> int:
         """Return the number of elements between two neighbouring points.
@@ -213,7 +219,7 @@ class _FreeProblemBuilder:
             """Return True if only the port of the eye allows the position of the tip at q (4,)."""
             return bool(retina_row(NUMPY, eye, tip_position(mechanism, q[None])[0]) > 0)
 
-        return chain.cut_at(eye.port, is_outside, self.least_count)
+        return chain.divided_at_port(eye.port, is_outside, self.least_count)
 
     def _chains(self, per_segment: int) -> list[SegmentChain]:
         """Build the segments and guesses of the motion, one chain for each pair of points.
@@ -233,7 +239,7 @@ class _FreeProblemBuilder:
             via_velocity = np.zeros((len(displacements) - 1, 4))
         phase = self.phase
         speeds = np.vstack([phase.qd_start, via_velocity, phase.qd_end])
-        kinematic_limits = np.stack([self.limits[name] for name in KINEMATIC])
+        kinematic_limits = np.stack([self.limits[name] for name in KINEMATIC_LIMITS])
         if not self.jerk:
             kinematic_limits[2] = np.inf
         return [
@@ -259,8 +265,10 @@ class _FreeProblemBuilder:
             Approximate number of mesh elements. None: `default_count`.
         """
         chain = self.chain(self.elements_per_segment(count or self.default_count))
-        one_time_per_segment = self._one_time_per_segment(chain)
-        structure = chain.structure(one_time_per_segment=one_time_per_segment, smooth=self.jerk)
+        one_block_per_segment = self._one_time_per_segment(chain)
+        structure = chain.structure(
+            one_block_per_segment=one_block_per_segment, has_continuous_acceleration=self.jerk
+        )
         lengths = np.concatenate([guess.elements.h[:, 0] for guess in chain.guesses])
         return FreeProblem(
             structure=structure,
@@ -271,7 +279,7 @@ class _FreeProblemBuilder:
             phase=self.phase,
             chain=chain,
             directions=chain.directions,
-            starting=self.phase.qd_start == 0.0,
+            starts_at_rest=self.phase.qd_start == 0.0,
             work=self.work,
         )
 

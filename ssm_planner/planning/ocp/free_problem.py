@@ -15,23 +15,33 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.elements.element import shared
-from ssm_planner.elements.free_element import RATED, WATCHED, FreeElement
-from ssm_planner.elements.rows import UNLIMITED, RowName, tool_limits, tool_names, torque_names
+from ssm_planner.elements.element import shared_model
+from ssm_planner.elements.free_element import (
+    RANGE_LIMITED_COORDINATES,
+    RATE_LIMITED_COORDINATES,
+    FreeElement,
+)
+from ssm_planner.elements.rows import (
+    UNLIMITED,
+    RowName,
+    tool_limits,
+    tool_row_names,
+    torque_row_names,
+)
 from ssm_planner.kinematics import (
     retina_row,
     task_from_joints,
     task_of_joints,
     tip_position,
 )
-from ssm_planner.planning.ocp.guesses import KINEMATIC
+from ssm_planner.planning.ocp.guesses import KINEMATIC_LIMITS
 from ssm_planner.planning.ocp.motion import DirectionMultipliers, PhaseSolution
 from ssm_planner.planning.ocp.nlp import (
     BoundaryConditions,
     Multipliers,
     NlpData,
     NlpSolution,
-    cubics,
+    as_cubics,
 )
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
@@ -42,7 +52,7 @@ from ssm_planner.problem import TASK, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
-LEAST_UNIT = 0.05
+MIN_LENGTH_UNIT = 0.05
 """Smallest unit of length of a joint that may reverse at a free border.
 
 It is a share of the distance that the joint would cover at full velocity in the guess's duration.
@@ -84,7 +94,7 @@ class FreeProblem(OcpProblem):
         extent = np.abs(np.diff(self.chain.points, axis=0)).max(axis=0)
         if self.chain.fixed.all():
             return np.asarray(extent)
-        return np.maximum(extent, LEAST_UNIT * self.joint_limits["velocity"] * self.time_scale)
+        return np.maximum(extent, MIN_LENGTH_UNIT * self.joint_limits["velocity"] * self.time_scale)
 
     @cached_property
     def ranges(self) -> Array:
@@ -115,7 +125,8 @@ class FreeProblem(OcpProblem):
     def limits(self) -> tuple[Array, Array, Array]:
         """Limits of velocity, acceleration and jerk of the coordinates in scaled units, (m,) each."""
         velocity, acceleration, jerk = (
-            self.scaled(self.joint_limits[name], order) for order, name in enumerate(KINEMATIC, 1)
+            self.scaled(self.joint_limits[name], order)
+            for order, name in enumerate(KINEMATIC_LIMITS, 1)
         )
         return velocity, acceleration, jerk
 
@@ -182,14 +193,20 @@ class FreeProblem(OcpProblem):
         """
         problem = self.phase.problem
         rows: set[RowName] = {
-            (TaskRange.name_of(name), None) for name in WATCHED if name in problem.ranges
+            (TaskRange.name_of(name), None)
+            for name in RANGE_LIMITED_COORDINATES
+            if name in problem.ranges
         }
-        rows |= {(TaskRate.name_of(name), None) for name in RATED if name in problem.rates}
-        rows |= tool_names(problem.speeds, ())
+        rows |= {
+            (TaskRate.name_of(name), None)
+            for name in RATE_LIMITED_COORDINATES
+            if name in problem.rates
+        }
+        rows |= tool_row_names(problem.speeds, ())
         if problem.eye is not None:
             rows |= {(limit.name, None) for limit in problem.eye.limits}
-        rows = rows.union(*(torque_names(problem.robot, int(i)) for i in self.moving))
-        return shared(
+        rows = rows.union(*(torque_row_names(problem.robot, int(i)) for i in self.moving))
+        return shared_model(
             FreeElement(
                 robot=problem.robot,
                 mechanism=self.phase.mechanism,
@@ -208,7 +225,7 @@ class FreeProblem(OcpProblem):
         mask, eye = super().ignored_rows.copy(), self.phase.problem.eye
         if eye is not None:
             retina = self.row_names.index((RetinaClearance.name, None))
-            mask[:, retina] = self.chain.within(eye.port)[self.structure.segment]
+            mask[:, retina] = self.chain.is_within_port(eye.port)[self.structure.segment]
         return mask
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
@@ -226,7 +243,12 @@ class FreeProblem(OcpProblem):
         They are the scales of the program, and the limits of joints, tool and task coordinates.
         """
         problem = self.phase.problem
-        ranges = np.array([problem.ranges.get(name, (-UNLIMITED, UNLIMITED)) for name in WATCHED])
+        ranges = np.array(
+            [
+                problem.ranges.get(name, (-UNLIMITED, UNLIMITED))
+                for name in RANGE_LIMITED_COORDINATES
+            ]
+        )
         return FreeElement.layout.pack(
             q0=self.chain.points[0],
             d=self.unit,
@@ -234,14 +256,14 @@ class FreeProblem(OcpProblem):
             **tool_limits(problem.speeds),
             range_centre=ranges.mean(axis=1) + self._whole_turns,
             range_half_width=(ranges[:, 1] - ranges[:, 0]) / 2,
-            rate=[problem.rates.get(name, UNLIMITED) for name in RATED],
+            rate=[problem.rates.get(name, UNLIMITED) for name in RATE_LIMITED_COORDINATES],
             retina_easing=self._retina_easing,
             time_scale=self.time_scale,
         )
 
     @property
     def _whole_turns(self) -> Array:
-        """Differences (len(WATCHED),) in rad between two values of the watched task coordinates.
+        """Whole turns, in rad, between two values of each of `RANGE_LIMITED_COORDINATES`.
 
         At the first point, `task_of_joints` counts whole turns, and the closed form of the path
         constraints does not. The ranges are shifted by the difference.
@@ -249,7 +271,12 @@ class FreeProblem(OcpProblem):
         start = self.chain.points[0]
         unwrapped = task_of_joints(NUMPY, self.phase.mechanism, tuple(start))
         wrapped = task_from_joints(self.phase.mechanism, start[None])
-        return np.array([float(unwrapped[k]) - wrapped[0, k] for k in map(TASK.index, WATCHED)])
+        return np.array(
+            [
+                float(unwrapped[k]) - wrapped[0, k]
+                for k in map(TASK.index, RANGE_LIMITED_COORDINATES)
+            ]
+        )
 
     @property
     def _retina_easing(self) -> float:
@@ -337,7 +364,7 @@ class FreeProblem(OcpProblem):
         element_variables = np.zeros((len(elements), 17))
         element_variables[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
         element_variables[:, -1] = elements[:, -1]
-        element = shared(
+        element = shared_model(
             replace(self.complete_element, moving=(0, 1, 2, 3), active=multipliers.active)
         )
         parameters = self._parameters.copy()
@@ -367,7 +394,7 @@ class FreeProblem(OcpProblem):
         if not solution.solved:
             return PhaseSolution.from_solver(solution)
         count = len(solution.elements)
-        pieces = cubics(solution.elements)
+        pieces = as_cubics(solution.elements)
         boundary = self.boundary
 
         def joints(values: Array, order: int) -> Array:

@@ -11,21 +11,21 @@ import numpy as np
 from ssm_planner.elements.rows import UNLIMITED
 from ssm_planner.planning.ocp.joint_profile import JointProfile
 from ssm_planner.planning.ocp.motion import Borders
-from ssm_planner.planning.ocp.segments import SegmentChain, SegmentGuess, guess_of_curves
+from ssm_planner.planning.ocp.segments import SegmentChain, SegmentGuess, sample_curves
 from ssm_planner.typing import Array
 
-LEAST_SEGMENT = 4e-3
+MIN_SEGMENT_SHARE = 4e-3
 """Smallest time between two reversals of the guess, as a share of the duration.
 
 The solver may reduce it to a hundredth of that.
 """
-RAMP = 5e-4
+ACCELERATION_RAMP_SHARE = 5e-4
 """Share of the time between two points in which a joint without a jerk limit reaches its largest
 acceleration.
 
 It applies if another joint has a jerk limit, because the program then limits the jerk of all.
 """
-KINEMATIC = ("velocity", "acceleration", "jerk")
+KINEMATIC_LIMITS = ("velocity", "acceleration", "jerk")
 """Names of the joint limits in the order of their derivatives: q̇, q̈ and q⃛."""
 
 
@@ -77,11 +77,13 @@ def guess_between(
     ]
     slowest = max(profiles, key=lambda profile: profile.duration)
     duration = slowest.duration
-    curves = [profile.with_duration(duration) if profile.moves else None for profile in profiles]
+    curves = [
+        profile.with_duration(duration) if profile.is_moving else None for profile in profiles
+    ]
     borders, directions = _reversals_in_order(profiles, duration)
     switches = slowest.with_duration(duration).switches.tolist()
     # The solver determines the instants of the reversals, so it needs no elements close to them.
-    gap = LEAST_SEGMENT * duration if speeds.any() else 0.0
+    gap = MIN_SEGMENT_SHARE * duration if speeds.any() else 0.0
     guesses = []
     for begin, end in pairwise(borders):
         instants = [begin]
@@ -89,7 +91,7 @@ def guess_between(
             if instants[-1] + gap < switch < end - gap:
                 instants.append(switch)
         guesses.append(
-            guess_of_curves(
+            sample_curves(
                 start,
                 curves,
                 [*instants, end],
@@ -99,7 +101,7 @@ def guess_between(
         )
     # The positions of joints that rest are given, all others only at both ends.
     points = np.array([*(guess.elements.u[0] for guess in guesses), start + displacement])
-    fixed = np.tile([not profile.moves for profile in profiles], (len(borders), 1))
+    fixed = np.tile([not profile.is_moving for profile in profiles], (len(borders), 1))
     fixed[[0, -1]] = True
     return SegmentChain(points, fixed, directions, tuple(guesses))
 
@@ -117,7 +119,7 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
     Returns
     -------
     borders : list of k + 1 floats
-        Start, reversals and end, s. Neighbours have a distance of at least LEAST_SEGMENT ·
+        Start, reversals and end, s. Neighbours have a distance of at least MIN_SEGMENT_SHARE ·
         duration.
     directions : (k, m) array
         Direction +1, −1 or 0 of each joint between two borders.
@@ -131,16 +133,18 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
     borders = [0.0]
     directions = [
         [
-            profile.sign * (-1.0 if profile.reversal_times[0] else 1.0) if profile.moves else 0.0
+            profile.sign * (-1.0 if profile.reversal_times[0] else 1.0)
+            if profile.is_moving
+            else 0.0
             for profile in profiles
         ]
     ]
     # Each reversal begins a segment in which one joint has the other direction.
     for t, i in sorted(reversals):
-        borders.append(max(t, borders[-1] + LEAST_SEGMENT * duration))
+        borders.append(max(t, borders[-1] + MIN_SEGMENT_SHARE * duration))
         directions.append(directions[-1].copy())
         directions[-1][i] *= -1
-    borders.append(max(duration, borders[-1] + LEAST_SEGMENT * duration))
+    borders.append(max(duration, borders[-1] + MIN_SEGMENT_SHARE * duration))
     return borders, np.array(directions)
 
 
@@ -178,13 +182,13 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
     return chains
 
 
-def jerk_for_all(
+def jerk_limits_of_all_joints(
     limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
 ) -> Array:
     """Return a jerk limit for every joint, (4,), of a robot that limits the jerk of some joints.
 
     A joint without a limit gets one with which it reaches its largest acceleration in the share
-    `RAMP` of the time of the quickest displacement.
+    `ACCELERATION_RAMP_SHARE` of the time of the quickest displacement.
 
     Parameters
     ----------
@@ -195,11 +199,11 @@ def jerk_for_all(
     ends : ((4,), (4,)) arrays
         Joint velocities q̇ at both ends.
     """
-    velocity, acceleration, jerk = (limits[name] for name in KINEMATIC)
+    velocity, acceleration, jerk = (limits[name] for name in KINEMATIC_LIMITS)
     least_durations = np.abs(displacements) / velocity + 2 * np.sqrt(
         np.abs(displacements) / acceleration
     )
     for k, speed in zip((0, -1), ends, strict=True):
         least_durations[k] += np.abs(speed) / acceleration
-    ramp = RAMP * least_durations.max(axis=1).min()
+    ramp = ACCELERATION_RAMP_SHARE * least_durations.max(axis=1).min()
     return np.where(jerk < UNLIMITED, jerk, acceleration / ramp)

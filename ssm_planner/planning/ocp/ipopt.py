@@ -9,7 +9,7 @@ import casadi as ca
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.elements.compiled import MappedElements
 from ssm_planner.elements.element import ElementFunctions, ElementModel
-from ssm_planner.interior.solve import LAST_BARRIER, TOLERANCE
+from ssm_planner.interior.solve import OPTIMALITY_TOLERANCE, TOLERANCE_PER_BARRIER
 from ssm_planner.planning.ocp.nlp import NlpStructure
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import record
@@ -20,7 +20,7 @@ Start = Literal["cold", "brief", "confirming"]
 "cold": a guess. "brief": a guess, with few iterations. "confirming": a solution of the structured
 solver.
 """
-ITERATIONS = 300
+COLD_START_ITERATIONS = 300
 """Largest number of iterations of a cold start, or twice the elements if that is more."""
 COMMON_OPTIONS = {
     "print_level": 0,
@@ -30,19 +30,19 @@ COMMON_OPTIONS = {
     "mumps_pivot_order": 0,
 }
 """Options of Ipopt for every kind of start."""
-BRIEF = 4800
+BRIEF_START_ELEMENT_ITERATIONS = 4800
 """Largest product of iterations and elements of a brief start.
 
 Of 20 motions that began at speed, 17 took at most 65 iterations. Failures take up to 300.
 """
-OPTIONS: dict[Start, dict[str, Any]] = {
+OPTIONS_BY_START: dict[Start, dict[str, Any]] = {
     "cold": {"mu_init": 1e-4, "bound_push": 1e-2, "bound_frac": 1e-2},
     # Ipopt computes multipliers as barrier weight / slack. At the last barrier weight of the
     # structured solver they are that solver's multipliers, so Ipopt begins at the solution.
     "confirming": {
         "max_iter": 30,
         "bound_mult_init_method": "mu-based",
-        "mu_init": TOLERANCE / LAST_BARRIER,
+        "mu_init": OPTIMALITY_TOLERANCE / TOLERANCE_PER_BARRIER,
         "bound_push": 1e-13,
         "bound_frac": 1e-13,
         "slack_bound_push": 1e-13,
@@ -234,13 +234,15 @@ def _ipopt_by_start(
     def build(start: Start) -> ca.Function:
         """Build Ipopt with the options of one kind of start."""
         elements = structure.elements
-        iterations, options_of = max(ITERATIONS, 2 * elements), start
+        iterations, options_of = max(COLD_START_ITERATIONS, 2 * elements), start
         if start == "brief":
-            iterations, options_of = BRIEF // elements, "cold"
-        ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS[options_of]}
+            iterations, options_of = BRIEF_START_ELEMENT_ITERATIONS // elements, "cold"
+        ipopt_options = {**COMMON_OPTIONS, "max_iter": iterations, **OPTIONS_BY_START[options_of]}
         # Initial multipliers mu_init / slack save a fifth of the iterations, except if the
         # coordinates are joints with limited jerk.
-        if options_of == "cold" and not (structure.joints and structure.smooth):
+        if options_of == "cold" and not (
+            structure.coordinates_are_joints and structure.has_continuous_acceleration
+        ):
             ipopt_options["bound_mult_init_method"] = "mu-based"
         return ca.nlpsol("ocp", "ipopt", nlp, {**options, "ipopt": ipopt_options})
 
@@ -276,7 +278,7 @@ def _map_elements(
     return function.map(function.name(), "serial", z.size2(), shared, [])(z, *parameters, *inputs)
 
 
-def ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def run_ipopt(solver: ca.Function, **arguments: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Run Ipopt and return CasADi's result and the statistics of the run.
 
     Parameters

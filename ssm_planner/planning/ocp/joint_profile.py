@@ -64,8 +64,8 @@ class JointProfile:
         # The joint brakes less hard if its jerk is limited. This decides whether it can stop in
         # time, and thus the direction of the peak.
         brake = min(
-            _braking(speeds[0], start_acceleration, acceleration, jerk),
-            _braking(speeds[1], 0.0, acceleration, jerk),
+            _braking_acceleration(speeds[0], start_acceleration, acceleration, jerk),
+            _braking_acceleration(speeds[1], 0.0, acceleration, jerk),
         )
         sign = _peak_sign(displacement, speeds, brake)
         if sign != _peak_sign(displacement, speeds, acceleration):
@@ -74,7 +74,7 @@ class JointProfile:
         return cls(displacement, speeds, fastest, acceleration, jerk=jerk, sign=sign)
 
     @property
-    def moves(self) -> bool:
+    def is_moving(self) -> bool:
         """True if the joint moves."""
         return abs(self.displacement) > ROUNDING or any(self.speeds)
 
@@ -90,10 +90,10 @@ class JointProfile:
     @property
     def duration(self) -> float:
         """Smallest duration, s. 0 if the joint does not move."""
-        if not self.moves:
+        if not self.is_moving:
             return 0.0
         if not any(self.speeds):
-            return self._from_rest().duration
+            return self._fastest_from_rest().duration
         limits = self.velocity, self.acceleration
         return float(minimum_times(self.displacement, *limits, self.speeds))
 
@@ -116,7 +116,7 @@ class JointProfile:
             displacement. As a guess this suffices.
         """
         if not any(self.speeds):
-            return self._from_rest().stretched(duration)
+            return self._fastest_from_rest().stretched(duration)
         start, end = (self.sign * speed for speed in self.speeds)
         distance = self.sign * self.displacement
         acceleration = self.acceleration
@@ -145,7 +145,7 @@ class JointProfile:
         accelerations = self.sign * acceleration * np.array(directions)
         return SCurve.of_pieces(times, accelerations, accelerations, self.speeds[0])
 
-    def _from_rest(self) -> SCurve:
+    def _fastest_from_rest(self) -> SCurve:
         """Return the fastest motion from rest to rest."""
         limits = self.velocity, self.acceleration, self.jerk
         return rest_to_rest(abs(self.displacement), *limits).scaled(self.sign)
@@ -173,7 +173,7 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
     return math.copysign(1.0, remaining if abs(remaining) > ROUNDING else end or start)
 
 
-def _braking(speed: float, acceleration: float, limit: float, jerk: float) -> float:
+def _braking_acceleration(speed: float, acceleration: float, limit: float, jerk: float) -> float:
     """Return the constant acceleration that gives the stopping distance of the quickest stop.
 
     A joint at rest, or one that reverses before it stops, gets its acceleration limit.

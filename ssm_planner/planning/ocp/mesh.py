@@ -10,17 +10,17 @@ from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.typing import Array, Indices, record
 
-SHORTEST_ARC = 0.01
+MIN_ARC_SHARE = 0.01
 """Arcs shorter than this share of the duration are joined with their neighbour.
 
 An arc is the time between two switching points, at which another limit becomes binding.
 """
-UP_TO_SPEED = 0.5
+END_ARC_SPEED_SHARE = 0.5
 """Short arcs at the ends of the motion remain if ṡ reaches this share of its maximum in them.
 
 Motions that are slow at their ends spend little time in such arcs and need no elements there.
 """
-FEWEST = 5
+MIN_ELEMENTS_PER_ARC = 5
 """Smallest number of elements of an arc."""
 
 
@@ -63,9 +63,12 @@ class Mesh:
         for k in 1 + np.flatnonzero(guess.active[1:] != guess.active[:-1]):
             switch = times[k]
             nearest = np.abs(np.array(ends) - switch).min()
-            if nearest > SHORTEST_ARC * times[-1]:
+            if nearest > MIN_ARC_SHARE * times[-1]:
                 ends.append(float(switch))
-            elif speed[k] >= UP_TO_SPEED * speed.max() and nearest in (switch, times[-1] - switch):
+            elif speed[k] >= END_ARC_SPEED_SHARE * speed.max() and nearest in (
+                switch,
+                times[-1] - switch,
+            ):
                 # The motion reaches its speed between two grid points, k and its inner neighbour.
                 # `extra_time` estimates when, with the acceleration up to k.
                 inner = k + (1 if nearest == switch else -1)
@@ -105,8 +108,8 @@ class Mesh:
 def _element_ends(borders: Array, count: int) -> Array:
     """Divide every arc between two borders into elements of equal length.
 
-    There are `count` elements in all, or more if an arc would otherwise have less than `FEWEST`.
-    The number is thus the same for most motions, so that one compiled program serves many of them.
+    There are `count` elements in all, or more if an arc would otherwise have less than
+    `MIN_ELEMENTS_PER_ARC`. The number is thus the same for most motions, so that one compiled program serves many of them.
 
     Parameters
     ----------
@@ -121,9 +124,9 @@ def _element_ends(borders: Array, count: int) -> Array:
         Ends of the elements, s.
     """
     lengths = np.diff(borders)
-    extra = max(count - FEWEST * len(lengths), 0)
+    extra = max(count - MIN_ELEMENTS_PER_ARC * len(lengths), 0)
     extra_before = np.round(np.cumsum(lengths / lengths.sum()) * extra - SAME).astype(int)
-    sizes = FEWEST + np.diff(extra_before, prepend=0)
+    sizes = MIN_ELEMENTS_PER_ARC + np.diff(extra_before, prepend=0)
     starts = [
         start + length * np.arange(size) / size
         for start, length, size in zip(borders, lengths, sizes, strict=False)
@@ -154,7 +157,7 @@ def _with_ramps(
     """
     middle = (guess.times[1:] + guess.times[:-1]) / 2
     # s̈ before and after a jump is the mean over a short window.
-    window = SHORTEST_ARC / 2 * guess.duration
+    window = MIN_ARC_SHARE / 2 * guess.duration
     ends = np.append(borders[1:], np.inf)
     with_ramps = []
     for border, end in zip(borders, ends, strict=True):
@@ -167,6 +170,6 @@ def _with_ramps(
         # The largest s⃛ determines how long the change of s̈ takes.
         ramp = jump / float(np.interp(border, guess.times, jerk))
         with_ramps.append(border)
-        if SHORTEST_ARC * guess.duration / 4 < ramp and border + ramp < end - window:
+        if MIN_ARC_SHARE * guess.duration / 4 < ramp and border + ramp < end - window:
             with_ramps.append(border + ramp)
     return np.array(with_ramps), np.append(reversals[:-1], with_ramps[-1])

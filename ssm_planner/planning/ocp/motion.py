@@ -33,7 +33,7 @@ class DirectionMultipliers:
     """Instants at which the motion passes the given points, its ends included, (k,), s."""
 
     @property
-    def largest_sum(self) -> float:
+    def largest_joint_sum(self) -> float:
         """Largest sum of |values| over the elements that one of the joints has."""
         return float(np.abs(self.values).sum(axis=0).max(initial=0.0))
 
@@ -142,8 +142,10 @@ class PhaseSolution:
     def reversal_multiplier(self) -> float | None:
         """Time that the motion would save if one joint reversed, as a share of the duration.
 
-        It is the `largest_sum` of the direction multipliers. None for a motion along a path.
+        It is the `largest_joint_sum` of the direction multipliers. None for a motion along a path.
         """
         return (
-            None if self.direction_multipliers is None else self.direction_multipliers.largest_sum
+            None
+            if self.direction_multipliers is None
+            else self.direction_multipliers.largest_joint_sum
         )

@@ -27,7 +27,7 @@ Method = Literal["Ipopt", "structured", "confirmed", "estimated"]
 the structured solver, then Ipopt confirms the optimum. "estimated": by the structured solver, only
 to estimate the duration.
 """
-LARGEST_BLOCK = 20
+MAX_BLOCK_ELEMENTS = 20
 """Largest number of elements of a block.
 
 Longer blocks are divided, so that the positions of their elements are well determined.
@@ -47,18 +47,18 @@ class NlpStructure:
     """Number of elements of each segment."""
     block_sizes: tuple[int, ...]
     """Number of elements of each block."""
-    smooth: bool
+    has_continuous_acceleration: bool
     """True if ü is continuous, because jerk is limited."""
     velocity_limits: bool
     """True if the velocities of the coordinates themselves are limited."""
-    joints: bool
+    coordinates_are_joints: bool
     """True if the coordinates are joints, False if there is only the path parameter s.
 
     Joints have jerk limits themselves. The objective smooths the motion of joints that could reach
     the borders in many ways.
     """
 
-    def split(self, counts: Indices) -> "NlpStructure":
+    def with_divided_elements(self, counts: Indices) -> "NlpStructure":
         """Return the structure with every element divided into equal parts.
 
         Parameters
@@ -173,7 +173,7 @@ class BoundaryConditions:
                 at_rest = m + np.flatnonzero(self.signs[k] != self.signs[k - 1])
                 lower[element, at_rest] = upper[element, at_rest] = 0.0
         lower[0, v] = upper[0, v] = self.start_velocity
-        if structure.smooth:
+        if structure.has_continuous_acceleration:
             lower[0, a0] = upper[0, a0] = self.start_acceleration
             lower[-1, a1] = upper[-1, a1] = 0.0
         return lower, upper, (v_min, v_max)
@@ -222,7 +222,7 @@ class NlpData:
         """True for entries of `lower` and `upper` that leave a single value, (n, 4 m)."""
         return np.asarray(self.upper - self.lower <= ROUNDING)
 
-    def bounds_of_u_count(self, structure: NlpStructure) -> Mask:
+    def needs_position_bounds(self, structure: NlpStructure) -> Mask:
         """Return a mask (n, m) of the bounds of u that do not follow from other constraints.
 
         Bounds of u are needed at free borders. A coordinate keeps its direction between borders, so
@@ -334,7 +334,7 @@ class NlpSolution:
         return float(self.elements[:, -1].sum())
 
 
-def cubics(elements: Array) -> Cubic:
+def as_cubics(elements: Array) -> Cubic:
     """Return the elements as cubic polynomials, one value with fields of shape (n, m).
 
     Parameters
@@ -357,12 +357,12 @@ def stretched(elements: Array, factor: float) -> Array:
     factor : float
         Ratio of the new duration to the old one.
     """
-    pieces = cubics(elements)
+    pieces = as_cubics(elements)
     acceleration = pieces.a0 / factor**2, pieces.a1 / factor**2
     return np.hstack([pieces.u, pieces.v / factor, *acceleration, pieces.h * factor])
 
 
-def split(elements: Array, counts: Indices) -> Array:
+def divide_elements(elements: Array, counts: Indices) -> Array:
     """Divide every element into equal parts without a change of the motion.
 
     Parameters
@@ -377,18 +377,18 @@ def split(elements: Array, counts: Indices) -> Array:
     (sum of counts, 4 m + 1) array
         The parts in the same form.
     """
-    cubic = cubics(np.repeat(elements, counts, axis=0))
+    cubic = as_cubics(np.repeat(elements, counts, axis=0))
     part = 1.0 / np.repeat(counts, counts)[:, None]
     index = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     start = index[:, None] * part
     return np.hstack([*cubic.evaluate(start), cubic.evaluate(start + part)[2], cubic.h * part])
 
 
-def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:
+def divide_into_blocks(arcs: Sequence[int]) -> tuple[int, ...]:
     """Return the numbers of elements of the blocks that make up a sequence of arcs.
 
     An arc is the time between two switching points. A block is an arc, or a part of it with at most
-    `LARGEST_BLOCK` elements. Both lie in the order of time.
+    `MAX_BLOCK_ELEMENTS` elements. Both lie in the order of time.
 
     Parameters
     ----------
@@ -397,6 +397,6 @@ def blocks_of(arcs: Sequence[int]) -> tuple[int, ...]:
     """
     blocks: list[int] = []
     for count in arcs:
-        parts = -(-count // LARGEST_BLOCK)
+        parts = -(-count // MAX_BLOCK_ELEMENTS)
         blocks += [count // parts + (k < count % parts) for k in range(parts)]
     return tuple(blocks)

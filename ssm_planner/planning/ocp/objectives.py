@@ -12,7 +12,7 @@ from ssm_planner.elements.element import Aim
 from ssm_planner.planning.ocp.nlp import Confirmation, NlpSolution, stretched
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.refinement import (
-    TOLERANCE,
+    LIMIT_TOLERANCE,
     RefinedMotion,
     RefinementState,
     solve_to_tolerance,
@@ -23,14 +23,14 @@ from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.problem import Objective
 from ssm_planner.typing import Array
 
-CENTRING = 8
+CENTRING_ITERATIONS = 8
 """Largest number of iterations that move a solution close to the central path.
 
 Ipopt then computes nearly exact multipliers from its slacks.
 """
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
 """Status of a motion that Ipopt did not confirm."""
-LONGER = 1e-3
+LEAST_HEAT_EXTRA_TIME = 1e-3
 """Relative amount by which the motion of least heat may take longer than the fastest motion."""
 
 
@@ -73,7 +73,7 @@ def find_best_motion(
 
     - Objective "time": the fastest motion.
     - Objective "time then heat": the motion of least heat among those that take at most a share
-      `LONGER` more time than the fastest.
+      `LEAST_HEAT_EXTRA_TIME` more time than the fastest.
     - With a requested duration: the motion of least effort that takes it, or the fastest motion if
       that takes longer.
     - With heat weights (`joint_limits["cooling"]`): the least weighted sum of heat and time, or the
@@ -130,8 +130,8 @@ def _least_cost_motion(
     objective : str
         "time", "time then heat" or "effort".
     duration : float or None
-        Requested duration in scaled time. None: at most the share `LONGER` more than that of the
-        fastest motion, or any duration if heat weights are given.
+        Requested duration in scaled time. None: at most the share `LEAST_HEAT_EXTRA_TIME` more than
+        that of the fastest motion, or any duration if heat weights are given.
 
     Returns
     -------
@@ -157,9 +157,9 @@ def _least_cost_motion(
     if solution.solver == "structured" and problem.has_free_borders:
         # Heat barely depends on when the motion passes a free border. With separate durations,
         # some segments would shrink to nothing over many iterations.
-        problem = problem.with_one_time(solution.elements[:, -1])
+        problem = problem.with_single_block(solution.elements[:, -1])
     state = replace(fastest.state, problem=problem).restarted(solution.elements)
-    longest = np.inf if cooled else (1 + LONGER) * solution.duration
+    longest = np.inf if cooled else (1 + LEAST_HEAT_EXTRA_TIME) * solution.duration
     result = _solve_and_confirm(state, "cooling" if cooled else "heat", (0.0, longest))
     return result.solution if result.solution.solved and result.feasible else None
 
@@ -220,7 +220,7 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
         data,
         structured.elements,
         warm=structured,
-        iterations=CENTRING,
+        iterations=CENTRING_ITERATIONS,
         centred=True,
     )
     start = (centred if centred.solved else structured).elements
@@ -237,7 +237,10 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     difference = ipopt_value / structured_value - 1 if structured_value else 0.0
     # Ipopt's better motion is only useful if it keeps the limits between collocation points too.
     better = difference < -SAME
-    if better and problem.row_maxima(ipopt_solution.elements).max(initial=0.0) > 1 + TOLERANCE:
+    if (
+        better
+        and problem.row_maxima(ipopt_solution.elements).max(initial=0.0) > 1 + LIMIT_TOLERANCE
+    ):
         return None
     solution = replace(
         ipopt_solution if better else structured,

@@ -8,19 +8,19 @@ from functools import cache
 import numpy as np
 
 from ssm_planner.dynamics import RigidBody
-from ssm_planner.elements.straight_element import DEGREE
+from ssm_planner.elements.straight_element import FIT_DEGREE
 from ssm_planner.kinematics import JACOBIANS, tool_speed
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.typing import Array
 
-NARROWEST = 0.004
+MIN_FIT_HALF_WIDTH = 0.004
 """Smallest half width in s of the interval of a fit.
 
 The optimisation can thus move a short element along the path without leaving its interval.
 """
 
 
-def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
+def fit_path(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
     """Fit polynomials to a path, its load and its tool speeds, one set for each element.
 
     The fitted curves are the derivatives dq/ds of the joints, the coefficients of the load in s
@@ -46,9 +46,11 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
     middle, breaks = (low + high) / 2, path.breaks
     piece = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)
     piece_start, piece_end = breaks[piece], breaks[piece + 1]
-    half_width = np.minimum(np.maximum(high - low, NARROWEST), (piece_end - piece_start) / 2)
+    half_width = np.minimum(
+        np.maximum(high - low, MIN_FIT_HALF_WIDTH), (piece_end - piece_start) / 2
+    )
     centre = np.clip(middle, piece_start + half_width, piece_end - half_width)
-    nodes, inverse_powers = _nodes()
+    nodes, inverse_powers = _chebyshev_nodes()
     samples = path.sample((centre[:, None] + half_width[:, None] * nodes).ravel())
     loads = zip(
         *(body.path_load(samples.q, samples.dq, samples.ddq) for body in bodies), strict=True
@@ -64,16 +66,17 @@ def fit(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array)
     coefficients = np.einsum(
         "dj,njk->ndk",
         inverse_powers,
-        np.ascontiguousarray(curves).reshape(len(low), DEGREE + 1, -1),
+        np.ascontiguousarray(curves).reshape(len(low), FIT_DEGREE + 1, -1),
     )
     return np.hstack([centre[:, None], half_width[:, None], coefficients.reshape(len(low), -1)])
 
 
 @cache
-def _nodes() -> tuple[Array, Array]:
+def _chebyshev_nodes() -> tuple[Array, Array]:
     """Return the nodes of a fit, and the matrix that turns values there into coefficients.
 
-    The nodes ξ_j (DEGREE + 1,) are Chebyshev nodes. The matrix is the inverse of the powers ξ_j^d.
+    The nodes ξ_j (FIT_DEGREE + 1,) are Chebyshev nodes. The matrix is the inverse of the matrix of
+    powers ξ_j^d.
     """
-    nodes = np.cos(np.pi * (2 * np.arange(DEGREE + 1) + 1) / (2 * (DEGREE + 1)))
+    nodes = np.cos(np.pi * (2 * np.arange(FIT_DEGREE + 1) + 1) / (2 * (FIT_DEGREE + 1)))
     return nodes, np.linalg.inv(np.vander(nodes, increasing=True))

@@ -10,13 +10,19 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.elements.compiled import rows_between
-from ssm_planner.elements.element import COLLOCATION, DENSE, Aim, ElementModel, shared
+from ssm_planner.elements.element import (
+    COLLOCATION_POINTS,
+    DENSE_POINTS,
+    Aim,
+    ElementModel,
+    shared_model,
+)
 from ssm_planner.elements.rows import RowName
 from ssm_planner.planning.ocp.nlp import BoundaryConditions, Method, NlpData, NlpStructure
 from ssm_planner.planning.work import Work
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
-SHORTEST = 0.01
+MIN_BLOCK_SHARE = 0.01
 """Smallest duration of a block, as a share of its duration in the guess."""
 
 
@@ -39,7 +45,7 @@ class OcpProblem(ABC):
     """Unit of scaled time, s."""
     directions: Array
     """Direction of every joint in every segment: +1, −1 or 0, (k, 4)."""
-    starting: Array
+    starts_at_rest: Array
     """True for joints that begin the motion at rest, (4,)."""
     method: Method = "Ipopt"
     """Solution method."""
@@ -90,7 +96,7 @@ class OcpProblem(ABC):
         aim : str
             Cost in addition to time, see `elements.element.Aim`.
         """
-        return shared(replace(self.complete_element, active=active, aim=aim))
+        return shared_model(replace(self.complete_element, active=active, aim=aim))
 
     def data(self, elements: Array, backoff: Array) -> NlpData:
         """Return the parameters and bounds of the nonlinear program on the present mesh.
@@ -108,7 +114,7 @@ class OcpProblem(ABC):
         return NlpData(
             element_parameters=self.element_parameters(elements),
             fractions=self.lengths / times[self.structure.block],
-            least_times=SHORTEST * times,
+            least_times=MIN_BLOCK_SHARE * times,
             lower=lower,
             upper=upper,
             velocity=v_bounds,
@@ -116,11 +122,11 @@ class OcpProblem(ABC):
             acceleration=acceleration,
             jerk=jerk,
             # The bounds are the same at all collocation points of an element.
-            path_bound=np.tile(1.0 - backoff, (1, len(COLLOCATION))),
+            path_bound=np.tile(1.0 - backoff, (1, len(COLLOCATION_POINTS))),
             breakaway_bound=self._breakaway_bound(),
         )
 
-    def with_cut_elements(self, counts: Indices) -> "OcpProblem":
+    def with_divided_elements(self, counts: Indices) -> "OcpProblem":
         """Return the problem with every element divided into equal parts.
 
         Parameters
@@ -129,9 +135,11 @@ class OcpProblem(ABC):
             Number of parts of each element.
         """
         lengths = np.repeat(self.lengths / counts, counts)
-        return replace(self, structure=self.structure.split(counts), lengths=lengths)
+        return replace(
+            self, structure=self.structure.with_divided_elements(counts), lengths=lengths
+        )
 
-    def with_one_time(self, lengths: Array) -> "OcpProblem":
+    def with_single_block(self, lengths: Array) -> "OcpProblem":
         """Return the problem with the total duration as its only unknown time.
 
         Parameters
@@ -190,7 +198,7 @@ class OcpProblem(ABC):
         if not self.row_names:
             return np.zeros((n, 0))
         values = rows_between(self.complete_element, elements, self.element_parameters(elements))
-        peaks = parabolic_peak(values.reshape(n, len(DENSE), -1).transpose(0, 2, 1))
+        peaks = parabolic_peak(values.reshape(n, len(DENSE_POINTS), -1).transpose(0, 2, 1))
         return np.where(self.ignored_rows, -np.inf, peaks)
 
     def _breakaway_bound(self) -> Array:
@@ -203,7 +211,7 @@ class OcpProblem(ABC):
         joints = self.complete_element.breakaway_joints
         bounds = []
         for k, side in self.structure.breakaways:
-            turning = sigma[k] != sigma[k - 1] if k else self.starting
+            turning = sigma[k] != sigma[k - 1] if k else self.starts_at_rest
             bounds.append(np.where(turning & (sigma[side] != 0), 1.0, np.inf)[joints])
         return np.array(bounds)
 

@@ -17,7 +17,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpData,
     NlpSolution,
     NlpStructure,
-    split,
+    divide_elements,
 )
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.structured import solve_structured
@@ -26,25 +26,25 @@ from ssm_planner.planning.work import SOLVE
 from ssm_planner.problem import LensClearance, MotorTorque
 from ssm_planner.typing import Array, record
 
-NEAR = 0.8
+INITIALLY_ACTIVE_SHARE = 0.8
 """Share of its limit that a constraint must reach in the guess to be active at the start."""
-TOLERANCE = 5e-7
+LIMIT_TOLERANCE = 5e-7
 """Share by which a constraint may exceed its limit between collocation points."""
-COARSE = 4e-3
+DIVISION_THRESHOLD = 4e-3
 """Excess of a constraint over its limit above which its element is divided."""
-DIVERGED = 1.0
+DIVERGENCE_THRESHOLD = 1.0
 """Excess of an inactive constraint above which a solution is a bad initial point.
 
 The refinement then starts at the guess again. Without this, random problem 30436 and two missions
 with a hot motor (tests/planning/test_continuous_torque.py) have no plan.
 """
-PARTS = 3
+PARTS_PER_DIVISION = 3
 """Number of parts into which an element is divided."""
-CUTS = 2
+DIVISION_ROUNDS = 2
 """Number of rounds that may divide elements. The next solve then starts without multipliers."""
-BACKOFF = 2.0
+BACKOFF_FACTOR = 2.0
 """Ratio of the added backoff to the violation."""
-ROUNDS = 12
+MAX_SOLVES = 12
 """Largest number of solves.
 
 A motion that still violates a limit then is left to the independent check. None of 311 problems of
@@ -75,7 +75,8 @@ class RefinementState:
     def from_guess(cls, problem: OcpProblem, guess: Array) -> "RefinementState":
         """Create the initial state of a refinement.
 
-        A path constraint is active if it reaches the share `NEAR` of its limit in the guess.
+        A path constraint is active if it reaches the share `INITIALLY_ACTIVE_SHARE` of its limit in
+        the guess.
 
         Parameters
         ----------
@@ -84,8 +85,8 @@ class RefinementState:
         guess : (n, 4 m + 1) array
             Elements of the guess.
         """
-        active = problem.always_active | chosen_rows(
-            problem.row_names, problem.row_maxima(guess), NEAR
+        active = problem.always_active | constraints_above(
+            problem.row_names, problem.row_maxima(guess), INITIALLY_ACTIVE_SHARE
         )
         backoff = np.zeros((len(guess), len(problem.row_names)))
         return cls(guess, problem, active, backoff, elements=guess)
@@ -127,29 +128,31 @@ class RefinementState:
         # The constraint of the lens has rounded edges, so the barrier must decrease slowly.
         beside_lens = any(name == LensClearance.name for name, _ in self.active)
         return solve_structured(
-            structure, element, data, self.elements, warm=self.warm, switching=beside_lens
+            structure, element, data, self.elements, warm=self.warm, slow_barrier=beside_lens
         )
 
-    def cut(self, coarse: Array) -> "RefinementState":
-        """Return the state with some elements divided into `PARTS`. The parts inherit the backoff.
+    def with_divided_elements(self, coarse: Array) -> "RefinementState":
+        """Return the state with some elements divided into `PARTS_PER_DIVISION` parts.
+
+        The parts inherit the backoff of their element.
 
         Parameters
         ----------
         coarse : (n,) mask
             True for the elements to divide.
         """
-        counts = np.where(coarse, PARTS, 1)
-        elements = split(self.elements, counts)
+        counts = np.where(coarse, PARTS_PER_DIVISION, 1)
+        elements = divide_elements(self.elements, counts)
         backoff = np.repeat(self.backoff, counts, axis=0)
         return replace(
             self,
-            problem=self.problem.with_cut_elements(counts),
+            problem=self.problem.with_divided_elements(counts),
             elements=elements,
             backoff=backoff,
             warm=None,
         )
 
-    def tightened(self, solution: NlpSolution, increase: Array) -> "RefinementState":
+    def with_backoff(self, solution: NlpSolution, increase: Array) -> "RefinementState":
         """Return the state for a solve with stricter bounds, which starts at a solution.
 
         Parameters
@@ -204,11 +207,11 @@ def solve_to_tolerance(
     Returns
     -------
     RefinedMotion
-        Latest solution. It is feasible if no limit is exceeded by more than `TOLERANCE`.
+        Latest solution. It is feasible if no limit is exceeded by more than `LIMIT_TOLERANCE`.
     """
     iterations, work = 0, state.problem.work
     feasible = False
-    for round_number in range(1, ROUNDS + 1):
+    for round_number in range(1, MAX_SOLVES + 1):
         program = state.program(aim, duration)
         solution = state.solve(program)
         iterations += solution.iterations
@@ -221,16 +224,16 @@ def solve_to_tolerance(
         if not solution.solved or solution.duration > cutoff:
             break
         violation = state.problem.row_maxima(solution.elements) - 1
-        feasible = bool(violation.max(initial=-1.0) <= TOLERANCE)
-        if feasible or round_number == ROUNDS:
+        feasible = bool(violation.max(initial=-1.0) <= LIMIT_TOLERANCE)
+        if feasible or round_number == MAX_SOLVES:
             break
-        may_cut = aim != "heat" and round_number <= CUTS
-        state = _next_state(state, solution, violation, may_cut=may_cut)
+        may_divide = aim != "heat" and round_number <= DIVISION_ROUNDS
+        state = _next_state(state, solution, violation, may_divide=may_divide)
     return RefinedMotion(replace(solution, iterations=iterations), state, feasible, program=program)
 
 
 def _next_state(
-    state: RefinementState, solution: NlpSolution, violation: Array, *, may_cut: bool
+    state: RefinementState, solution: NlpSolution, violation: Array, *, may_divide: bool
 ) -> RefinementState:
     """Return the state for the next solve, after a solution that violates limits.
 
@@ -238,7 +241,7 @@ def _next_state(
 
     1. Violated constraints that are not part of the program become part of it. If the solution has
        diverged, the next solve starts at the guess again.
-    2. Elements with large violations are divided, if `may_cut` is true.
+    2. Elements with large violations are divided, if `may_divide` is true.
     3. The bounds of violated constraints are lowered.
 
     Parameters
@@ -249,30 +252,30 @@ def _next_state(
         Its solution.
     violation : (n, r) array
         Excess of every path constraint over its limit in every element.
-    may_cut : bool
+    may_divide : bool
         True if elements may be divided.
     """
-    missed = chosen_rows(state.problem.row_names, violation, TOLERANCE) - state.active
+    missed = constraints_above(state.problem.row_names, violation, LIMIT_TOLERANCE) - state.active
     if missed:
         state = replace(state, active=state.active | missed)
-        if violation.max() > DIVERGED and len(state.elements) == len(state.guess):
+        if violation.max() > DIVERGENCE_THRESHOLD and len(state.elements) == len(state.guess):
             return state.restarted(state.guess)
         return replace(state, warm=None)
-    coarse = violation.max(axis=1) > COARSE
-    if may_cut and coarse.any():
-        return state.cut(coarse)
-    return state.tightened(solution, backoff_of(violation))
+    coarse = violation.max(axis=1) > DIVISION_THRESHOLD
+    if may_divide and coarse.any():
+        return state.with_divided_elements(coarse)
+    return state.with_backoff(solution, additional_backoff(violation))
 
 
-def backoff_of(violation: Array) -> Array:
+def additional_backoff(violation: Array) -> Array:
     """Return the additional backoff (n, r) of path constraints from their violations (n, r).
 
     Only violated constraints get one. A factor above 1 makes a second violation unlikely.
     """
-    return np.where(violation > 0, BACKOFF * violation + TOLERANCE, 0.0)
+    return np.where(violation > 0, BACKOFF_FACTOR * violation + LIMIT_TOLERANCE, 0.0)
 
 
-def chosen_rows(names: list[RowName], values: Array, threshold: float) -> frozenset[RowName]:
+def constraints_above(names: list[RowName], values: Array, threshold: float) -> frozenset[RowName]:
     """Select the path constraints that exceed a threshold in at least one element.
 
     A motor has one torque constraint for each corner of a range of friction and payload. Such a

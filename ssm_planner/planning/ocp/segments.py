@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from ssm_planner.planning.lower_bound import SCurve
-from ssm_planner.planning.ocp.mesh import SHORTEST_ARC
-from ssm_planner.planning.ocp.nlp import NlpStructure, blocks_of
+from ssm_planner.planning.ocp.mesh import MIN_ARC_SHARE
+from ssm_planner.planning.ocp.nlp import NlpStructure, divide_into_blocks
 from ssm_planner.planning.tolerances import ROUNDING
 from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Mask, record
@@ -42,7 +42,7 @@ class SegmentGuess:
         breaks = np.append(0.0, np.cumsum(cubic.h))
         return Trajectory(breaks, np.stack(coefficients, axis=1), ())
 
-    def halves(
+    def divided_at_position(
         self, joint: int, position: float, least_count: int
     ) -> "tuple[SegmentGuess, SegmentGuess]":
         """Divide the guess in the middle of its duration, where a joint must pass a given position.
@@ -70,11 +70,11 @@ class SegmentGuess:
         passing_time = float(np.interp(direction * position, direction * positions, motion.breaks))
         middle = duration / 2
         return (
-            self._part((0.0, middle), joint, (0.0, passing_time), least_count),
-            self._part((middle, duration), joint, (passing_time, duration), least_count),
+            self._part_during((0.0, middle), joint, (0.0, passing_time), least_count),
+            self._part_during((middle, duration), joint, (passing_time, duration), least_count),
         )
 
-    def _part(
+    def _part_during(
         self,
         span: tuple[float, float],
         joint: int,
@@ -95,11 +95,11 @@ class SegmentGuess:
             Smallest number of elements of an arc.
         """
         (start, end), motion = span, self.motion
-        gap = SHORTEST_ARC * motion.duration
+        gap = MIN_ARC_SHARE * motion.duration
         switches = motion.breaks[np.cumsum(self.arcs)]
         inner_switches = switches[(switches > start + gap) & (switches < end - gap)]
         density = sum(self.arcs) / motion.duration
-        arcs, t = elements_between([start, *inner_switches.tolist(), end], density, least_count)
+        arcs, t = divide_arcs([start, *inner_switches.tolist(), end], density, least_count)
         rate = (joint_span[1] - joint_span[0]) / (end - start)
         result = self.sampled(motion, t, arcs)
         stretched = self.sampled(motion, joint_span[0] + rate * (t - start), arcs).elements
@@ -109,7 +109,7 @@ class SegmentGuess:
         return result
 
 
-def elements_between(
+def divide_arcs(
     switches: Sequence[float], density: float, least_count: int
 ) -> tuple[tuple[int, ...], Array]:
     """Divide the arcs between switching instants into elements of equal length.
@@ -140,7 +140,7 @@ def elements_between(
     return arcs, np.concatenate([switches[:1], *nodes])
 
 
-def guess_of_curves(
+def sample_curves(
     start: Array,
     curves: Sequence[SCurve | None],
     switches: Sequence[float],
@@ -165,7 +165,7 @@ def guess_of_curves(
     least_count : int
         Smallest number of elements of an arc between two switching instants.
     """
-    arcs, t = elements_between(switches, density, least_count)
+    arcs, t = divide_arcs(switches, density, least_count)
     middle, lengths = (t[1:] + t[:-1]) / 2, np.diff(t)
     q = np.tile(start, (len(lengths), 1))
     qd, qdd_start, qdd_end = np.zeros((3, *q.shape))
@@ -221,15 +221,17 @@ class SegmentChain:
             tuple(guess for chain in chains for guess in chain.guesses),
         )
 
-    def structure(self, *, one_time_per_segment: bool, smooth: bool) -> NlpStructure:
+    def structure(
+        self, *, one_block_per_segment: bool, has_continuous_acceleration: bool
+    ) -> NlpStructure:
         """Return the structure of the nonlinear program that optimises these segments.
 
         Parameters
         ----------
-        one_time_per_segment : bool
+        one_block_per_segment : bool
             True if the duration of a segment is one unknown. Otherwise each arc between two
             switching points has its own duration.
-        smooth : bool
+        has_continuous_acceleration : bool
             True if accelerations are continuous, because jerk is limited.
         """
         sizes = tuple(sum(guess.arcs) for guess in self.guesses)
@@ -239,13 +241,13 @@ class SegmentChain:
         return NlpStructure(
             moves=tuple(map(tuple, moves.tolist())),
             segment_sizes=sizes,
-            block_sizes=sizes if one_time_per_segment else blocks_of(arcs),
-            smooth=smooth,
+            block_sizes=sizes if one_block_per_segment else divide_into_blocks(arcs),
+            has_continuous_acceleration=has_continuous_acceleration,
             velocity_limits=True,
-            joints=True,
+            coordinates_are_joints=True,
         )
 
-    def cut_at(
+    def divided_at_port(
         self, port: float, is_outside: Callable[[Array], bool], least_count: int
     ) -> "SegmentChain":
         """Insert a border wherever the tip passes the port of an eye, which divides a segment.
@@ -267,14 +269,14 @@ class SegmentChain:
         directions: list[Array] = []
         guesses: list[SegmentGuess] = []
         for k, guess in enumerate(self.guesses):
-            side_directions = self._sides_of_port(k, port, is_outside)
+            side_directions = self._directions_around_port(k, port, is_outside)
             if len(side_directions) == 1:
                 guesses.append(guess)
             else:
                 # Joint 4 has the sign of the deeper end at the port.
                 deepest = self.points[k : k + 2, 3][np.abs(self.points[k : k + 2, 3]).argmax()]
                 depth = float(np.copysign(port, deepest))
-                guesses += guess.halves(3, depth, least_count)
+                guesses += guess.divided_at_position(3, depth, least_count)
                 border = guesses[-1].elements.u[0].copy()
                 border[3] = depth
                 ports.append(len(points))
@@ -287,7 +289,9 @@ class SegmentChain:
             np.array(points), np.array(fixed), np.array(directions), tuple(guesses), tuple(ports)
         )
 
-    def _sides_of_port(self, k: int, port: float, is_outside: Callable[[Array], bool]) -> Array:
+    def _directions_around_port(
+        self, k: int, port: float, is_outside: Callable[[Array], bool]
+    ) -> Array:
         """Return the directions of the joints before and after joint 4 passes the port.
 
         If the segment begins or ends at the edge of the port, joint 4 rests there until the other
@@ -321,7 +325,7 @@ class SegmentChain:
         side_directions[shallow_end, 3] *= not at_edge
         return side_directions
 
-    def within(self, port: float) -> Mask:
+    def is_within_port(self, port: float) -> Mask:
         """Return a mask (k,) of the segments in which the depth of the tip is at most `port`, in m.
 
         The depth is only known at borders with fixed positions, but it only grows or only shrinks

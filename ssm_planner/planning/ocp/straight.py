@@ -3,7 +3,7 @@
 The unknown is the timing s(t) of the path parameter s, as cubic polynomials on the elements of a
 mesh. The guess is the motion of TOPP-RA along the path, and the mesh follows its switching points.
 Every joint keeps its direction between two reversals, so the sign of its friction is known.
-`joint_pieces` converts s(t) to joint polynomials.
+`joint_polynomials` converts s(t) to joint polynomials.
 """
 
 from collections.abc import Mapping
@@ -12,15 +12,15 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics import RigidBody
-from ssm_planner.elements.element import shared
+from ssm_planner.elements.element import shared_model
 from ssm_planner.elements.rows import (
     UNLIMITED,
     RowName,
     joint_limits,
     limits_jerk,
     tool_limits,
-    tool_names,
-    torque_names,
+    tool_row_names,
+    torque_row_names,
 )
 from ssm_planner.elements.straight_element import StraightElement
 from ssm_planner.kinematics import task_rates
@@ -32,10 +32,10 @@ from ssm_planner.planning.ocp.nlp import (
     Method,
     NlpSolution,
     NlpStructure,
-    cubics,
+    as_cubics,
 )
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
-from ssm_planner.planning.ocp.path_fit import fit
+from ssm_planner.planning.ocp.path_fit import fit_path
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath
@@ -53,17 +53,17 @@ from ssm_planner.problem import (
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, keyword_record
 
-ELEMENTS = 84
+MIN_ELEMENTS = 84
 """Smallest number of elements of a path.
 
-A path with several pieces, for example with rounded corners, gets `ELEMENTS` / 2 for each end of a
-piece.
+A path with several pieces, for example with rounded corners, gets `MIN_ELEMENTS` / 2 for each end
+of a piece.
 """
-OF_PIECE = 18
+ELEMENTS_PER_SPLINE_BREAK = 18
 """Number of elements for each end of a piece of a spline."""
-FINER = 3
+FINE_MESH_FACTOR = 3
 """Factor on the number of elements of a jerk-limited motion that Ipopt confirms."""
-SUBDIVISION = 4
+POLYNOMIALS_PER_ELEMENT = 4
 """Number of quintic joint polynomials of an element.
 
 Between their ends, the motion then deviates from the path by about 1e-9 rad.
@@ -94,7 +94,7 @@ def solve_straight(
     strict : Robot or None
         The robot with tighter limits, which the motion must keep. None: that of the problem.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `rows.LIMITS`.
+        Weights of the motors' heat relative to time, as in `rows.LIMIT_SIZES`.
     count : int or None
         Number of elements. None: chosen by the path.
     method : str
@@ -111,25 +111,27 @@ def solve_straight(
     speeds = phase.speeds_along(path)
     jerk = limits_jerk(robot)
     knots, signs = path.directions
-    elements_per_break = OF_PIECE if isinstance(path, SplinePath) else ELEMENTS // 2
+    elements_per_break = (
+        ELEMENTS_PER_SPLINE_BREAK if isinstance(path, SplinePath) else MIN_ELEMENTS // 2
+    )
     if count is None:
-        finer = FINER if jerk and method == "confirmed" else 1
-        count = finer * max(len(path.breaks) * elements_per_break, ELEMENTS)
+        finer = FINE_MESH_FACTOR if jerk and method == "confirmed" else 1
+        count = finer * max(len(path.breaks) * elements_per_break, MIN_ELEMENTS)
     mesh = Mesh.from_retiming(
-        guess, knots, count, _path_jerk(robot, path, guess.s) if jerk else None
+        guess, knots, count, _path_jerk_limits(robot, path, guess.s) if jerk else None
     )
     # Unit of time: the duration of the guess, or a lower bound if that is longer.
     scale = max(guess.duration, lower_bound(robot, path.sample(np.array([0.0, 1.0])).q))
-    speed_limit = rate_ceiling(path, limits.rates) * scale
+    speed_limit = path_speed_limits(path, limits.rates) * scale
     # Each interval between two reversals is a segment and a block.
     sizes = tuple(np.bincount(mesh.interval).tolist())
     structure = NlpStructure(
         moves=((True,),) * len(sizes),
         segment_sizes=sizes,
         block_sizes=sizes,
-        smooth=jerk,
+        has_continuous_acceleration=jerk,
         velocity_limits=bool(speed_limit.min() < UNLIMITED),
-        joints=False,
+        coordinates_are_joints=False,
     )
     problem = _StraightProblem(
         structure=structure,
@@ -143,7 +145,7 @@ def solve_straight(
         limited=limits.of_tool,
         speed_limit=speed_limit,
         speeds=np.array(speeds) * scale,
-        starting=np.full(4, speeds[0] == 0.0),
+        starts_at_rest=np.full(4, speeds[0] == 0.0),
         work=work or Work(),
     )
     scaled_duration = None if duration is None else duration / scale
@@ -153,7 +155,9 @@ def solve_straight(
     )
 
 
-def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tuple[Array, Array]:
+def retimed_polynomials(
+    path: JointPath, retiming: Retiming, end_speed: float
+) -> tuple[Array, Array]:
     """Convert the motion of TOPP-RA to joint polynomials.
 
     ṡ² is linear in s between grid points, so s̈ is constant there.
@@ -177,7 +181,7 @@ def retimed_pieces(path: JointPath, retiming: Retiming, end_speed: float) -> tup
     accelerations = [retiming.acceleration, retiming.acceleration]
     states = [retiming.s[:-1], np.sqrt(retiming.speed_squared[:-1])]
     elements = np.column_stack([*states, *accelerations, np.diff(retiming.times)])
-    return joint_pieces(path, elements, 1, end_speed)
+    return joint_polynomials(path, elements, 1, end_speed)
 
 
 @keyword_record
@@ -211,9 +215,11 @@ class _StraightProblem(OcpProblem):
         scale = self.time_scale
         # From scaled time to seconds.
         elements = solution.elements * np.array([1.0, 1 / scale, 1 / scale**2, 1 / scale**2, scale])
-        breaks, coefficients = joint_pieces(self.path, elements, SUBDIVISION, end_speed)
+        breaks, coefficients = joint_polynomials(
+            self.path, elements, POLYNOMIALS_PER_ELEMENT, end_speed
+        )
         positions = np.append(elements[:, 0], 1.0)
-        borders = np.interp(self.path.directions[0], positions, breaks[::SUBDIVISION])
+        borders = np.interp(self.path.directions[0], positions, breaks[::POLYNOMIALS_PER_ELEMENT])
         return PhaseSolution.from_solver(
             solution,
             breaks=breaks,
@@ -245,13 +251,13 @@ class _StraightProblem(OcpProblem):
     def complete_element(self) -> StraightElement:
         """Element model with the path constraints of all limits of moving joints and of the tool."""
         moving = np.abs(self.path.overview.dq).max(axis=0) > 0
-        rows: set[RowName] = set().union(*(torque_names(self.robot, i) for i in range(4)))
+        rows: set[RowName] = set().union(*(torque_row_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
             rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}
             if self.robot.joints[i].jerk is not None:
                 rows.add((JointJerk.name, int(i)))
-        rows |= tool_names(self.limited, np.flatnonzero(moving))
-        return shared(
+        rows |= tool_row_names(self.limited, np.flatnonzero(moving))
+        return shared_model(
             StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=frozenset(rows))
         )
 
@@ -267,13 +273,13 @@ class _StraightProblem(OcpProblem):
         """Return the parameters of the element model for elements (n, 5).
 
         They are the directions σ (n, 4) of the joints, the polynomials (n, size) that approximate
-        the path near the elements (`path_fit.fit`), and the limits (size,).
+        the path near the elements (`path_fit.fit_path`), and the limits (size,).
         """
         limits = StraightElement.layout.pack(
             **self.joint_limits, **tool_limits(self.limited), time_scale=self.time_scale
         )
         starts = elements[:, 0]
-        polynomials = fit(self.path, self._bodies, starts, np.append(starts[1:], 1.0))
+        polynomials = fit_path(self.path, self._bodies, starts, np.append(starts[1:], 1.0))
         return self.sigma, polynomials, limits
 
     @cached_property
@@ -282,7 +288,7 @@ class _StraightProblem(OcpProblem):
         return tuple(RigidBody.from_robot(load) for load in self.robot.loads)
 
 
-def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
+def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
     """Compute the largest ṡ that limited rates of task coordinates allow.
 
     Parameters
@@ -311,7 +317,7 @@ def rate_ceiling(path: JointPath, rates: Mapping[str, float]) -> Array:
     return ceiling
 
 
-def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
+def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
     """Return the largest s⃛ that the jerk limits of the joints allow if ṡ is small.
 
     Parameters
@@ -332,7 +338,7 @@ def _path_jerk(robot: Robot, path: JointPath, s: Array) -> Array:
         return np.asarray((joint_limits(robot)["jerk"] / np.abs(path.sample(s).dq)).min(axis=1))
 
 
-def joint_pieces(
+def joint_polynomials(
     path: JointPath, elements: Array, subdivision: int, end_speed: float
 ) -> tuple[Array, Array]:
     """Convert a timing s(t) to quintic joint polynomials.
@@ -362,13 +368,13 @@ def joint_pieces(
     element_ends = np.concatenate([[0.0], np.cumsum(lengths)])
     breaks = np.append((element_ends[:-1, None] + lengths * shares).ravel(), element_ends[-1])
     ends = [
-        _joint_state(path, elements, shares + offset, end_speed)
+        _joint_motion_at(path, elements, shares + offset, end_speed)
         for offset in (0.0, 1.0 / subdivision)
     ]
     return breaks, hermite(breaks, ends[0], ends[1])
 
 
-def _joint_state(
+def _joint_motion_at(
     path: JointPath, elements: Array, shares: Array, end_speed: float
 ) -> tuple[Array, Array, Array]:
     """Evaluate q, q̇ and q̈ at given instants of every element.
@@ -390,7 +396,7 @@ def _joint_state(
     q, qd, qdd : (n k, 4) arrays
         Joint positions, velocities and accelerations.
     """
-    s, speed, acceleration = (value.ravel() for value in cubics(elements).evaluate(shares))
+    s, speed, acceleration = (value.ravel() for value in as_cubics(elements).evaluate(shares))
     s = np.clip(s, 0.0, 1.0)
     if shares[-1] == 1.0:  # The end is exact. The solver's values contain rounding.
         s[-1], speed[-1] = 1.0, end_speed

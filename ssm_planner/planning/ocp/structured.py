@@ -13,37 +13,37 @@ import numpy as np
 from ssm_planner.elements.compiled import Location, native_elements
 from ssm_planner.elements.element import ElementModel
 from ssm_planner.interior.problem import Point, Program, RowGroup
-from ssm_planner.interior.solve import SUPERLINEAR, solve
+from ssm_planner.interior.solve import solve
 from ssm_planner.interior.spline import Spline
 from ssm_planner.planning.ocp.nlp import (
     Multipliers,
     NlpData,
     NlpSolution,
     NlpStructure,
-    cubics,
+    as_cubics,
     stretched,
 )
-from ssm_planner.planning.ocp.transcription import EVEN, SMOOTHING
+from ssm_planner.planning.ocp.transcription import BLOCK_VARIANCE_WEIGHT, SMOOTHING_WEIGHT
 from ssm_planner.typing import Array, Indices
 
-ITERATIONS = 600
+MAX_ITERATIONS = 600
 """Largest number of iterations for each of the exponents."""
-EXPONENTS = 1.2, 1.1, 1.3
+BARRIER_EXPONENTS = 1.5, 1.2, 1.1, 1.3
 """Exponents e of the barrier weight, which decreases as μ → μ^e. One of them usually converges.
 
-A motion with limited jerk, or with a single unknown duration, begins with `SUPERLINEAR`, which is
-more accurate.
+Only a motion with limited jerk, or with a single unknown duration, is solved with the first one,
+which is faster and more accurate.
 """
-SLOWER = 1.2
+GUESS_SLOWDOWN = 1.2
 """Factor by which a guess is slowed down, so that it violates fewer constraints."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
 """Return status of a solve that did not converge."""
-OFF_CENTRE = 1e-3
+CENTRING_TOLERANCE = 1e-3
 """Largest relative deviation of slack · multiplier from the barrier weight, if Ipopt continues."""
 Equalities = tuple[Indices, Indices, Array]
 """Given entries of the elements: index of the element, index in its vector z, and value, (e,) each.
 """
-_NONE: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
+_NO_EQUALITIES: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
 """No equality constraints."""
 
 
@@ -54,8 +54,8 @@ def solve_structured(
     start: Array,
     *,
     warm: NlpSolution | None = None,
-    iterations: int = ITERATIONS,
-    switching: bool = False,
+    iterations: int = MAX_ITERATIONS,
+    slow_barrier: bool = False,
     centred: bool = False,
 ) -> NlpSolution:
     """Solve a program by the structured interior-point solver.
@@ -76,10 +76,11 @@ def solve_structured(
         Structured solution of a similar program. The first attempt starts at it, the others at the
         guess.
     iterations : int
-        Largest number of iterations of an attempt. Below `ITERATIONS`, only one exponent is tried.
-    switching : bool
-        True if a path constraint has rounded edges. `SUPERLINEAR` is then skipped, because the
-        barrier weight must decrease slowly.
+        Largest number of iterations of an attempt. Below `MAX_ITERATIONS`, only one exponent is
+        tried.
+    slow_barrier : bool
+        True if a path constraint has rounded edges. The first of `BARRIER_EXPONENTS` is then
+        skipped, because the barrier weight must decrease slowly.
     centred : bool
         True if the solver stops close to the central path, where slack · multiplier is the barrier
         weight. Ipopt can then compute the multipliers from the slacks.
@@ -89,26 +90,25 @@ def solve_structured(
     NlpSolution
         The solution. Its message is `NOT_CONVERGED` if no attempt converged.
     """
-    program = program_of(structure, element, data)
+    program = build_program(structure, element, data)
     # The first attempt may start at a similar solution, the others start at the guess.
     state = None if warm is None else warm.structured_state
     total_iterations = 0
-    initial = _point(program, structure, data, start)
-    accurate = structure.smooth or len(data.least_times) == 1
-    exponents: tuple[float, ...] = (
-        (SUPERLINEAR, *EXPONENTS) if accurate and not switching else EXPONENTS
-    )
+    initial = _initial_point(program, structure, data, start)
+    accurate = structure.has_continuous_acceleration or len(data.least_times) == 1
+    is_fast = accurate and not slow_barrier
+    exponents: tuple[float, ...] = BARRIER_EXPONENTS if is_fast else BARRIER_EXPONENTS[1:]
     # A short solve has no time for several attempts.
-    if iterations < ITERATIONS:
+    if iterations < MAX_ITERATIONS:
         exponents = exponents[:1]
-    for superlinear in exponents if state is None else (exponents[0], *exponents):
+    for barrier_exponent in exponents if state is None else (exponents[0], *exponents):
         outcome = solve(
             program,
             initial,
             warm=state,
             iterations=iterations,
-            superlinear=superlinear,
-            off_centre=OFF_CENTRE if centred else np.inf,
+            barrier_exponent=barrier_exponent,
+            centring_tolerance=CENTRING_TOLERANCE if centred else np.inf,
         )
         total_iterations += outcome.iterations
         if outcome.converged:
@@ -148,7 +148,9 @@ def _multipliers(
     linear_multipliers = rows[sum(sizes) :][: program.bound.size].reshape(n, -1)
     # `_linear_rows` returns upper bounds of u (optional), u̇, ü at the start, ü at the end and the
     # middle Bernstein coefficient of u̇, then the lower bounds of these, then jerk.
-    size = len(program.matrix) // 2 - m * (structure.smooth and structure.joints)
+    size = len(program.matrix) // 2 - m * (
+        structure.has_continuous_acceleration and structure.coordinates_are_joints
+    )
     upper, lower = (
         columns[:, size - 4 * m : size - 3 * m] + columns[:, size - m : size]
         for columns in (linear_multipliers[:, :size], linear_multipliers[:, size : 2 * size])
@@ -156,7 +158,7 @@ def _multipliers(
     return Multipliers.of_bounds(data, lower, upper, path_multipliers, frozenset(element.row_names))
 
 
-def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
+def build_program(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
     """Build the program in the form that the structured solver reads.
 
     Parameters
@@ -172,19 +174,21 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
     # From rest to rest, the spline's unknowns do not change if all times grow by one factor.
     at_speed = data.lower[0, m : 2 * m].any() or data.end[m:].any()
     spline = Spline(
-        "bspline" if structure.smooth else "hermite",
+        "bspline" if structure.has_continuous_acceleration else "hermite",
         m,
         data.fractions,
         structure.block,
         None if at_speed else float(data.least_times.sum()),
     )
-    free, _, equal = _boundary(structure, spline, data)
+    free, _, equal = _boundary_values(structure, spline, data)
     matrix, bound = _linear_rows(structure, data)
     all_elements = np.arange(n)
     groups = []
     if element.row_names or element.aim != "time":
         groups.append(
-            _group(element, data.element_parameters, all_elements, data.path_bound, data.weights[1])
+            _build_group(
+                element, data.element_parameters, all_elements, data.path_bound, data.weights[1]
+            )
         )
     if np.isfinite(data.breakaway_bound).any():
         # A joint may break away at the start of one element in its direction in another one.
@@ -198,7 +202,7 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
             ),
         )
         groups.append(
-            _group(element, parameters, element_indices, data.breakaway_bound, breakaway=True)
+            _build_group(element, parameters, element_indices, data.breakaway_bound, breakaway=True)
         )
     return Program(
         spline=spline,
@@ -210,12 +214,14 @@ def program_of(structure: NlpStructure, element: ElementModel, data: NlpData) ->
         least_times=data.least_times,
         duration=data.duration,
         time_weight=data.weights[0],
-        smoothing=SMOOTHING / data.acceleration**2 if structure.joints else np.zeros(m),
-        even=EVEN if len(data.least_times) > 1 else 0.0,
+        smoothing=SMOOTHING_WEIGHT / data.acceleration**2
+        if structure.coordinates_are_joints
+        else np.zeros(m),
+        block_variance_weight=BLOCK_VARIANCE_WEIGHT if len(data.least_times) > 1 else 0.0,
     )
 
 
-def _group(
+def _build_group(
     element: ElementModel,
     parameters: tuple[Array, ...],
     elements: Indices,
@@ -254,7 +260,7 @@ def _group(
     return RowGroup(native, elements, bound, cost_weight)
 
 
-def _boundary(
+def _boundary_values(
     structure: NlpStructure, spline: Spline, data: NlpData
 ) -> tuple[Array, Array, Equalities]:
     """Translate the boundary conditions to the unknowns of the spline.
@@ -281,13 +287,17 @@ def _boundary(
     is_fixed = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
     state_values = np.vstack([data.lower[:, : 2 * m], data.end])
     if spline.kind == "hermite":
-        return ~is_fixed.reshape(spline.rows, m), state_values.reshape(spline.rows, m), _NONE
+        return (
+            ~is_fixed.reshape(spline.rows, m),
+            state_values.reshape(spline.rows, m),
+            _NO_EQUALITIES,
+        )
     free = np.ones((spline.rows, m), dtype=bool)
     values = np.zeros((spline.rows, m))
     moving = structure.moving
     for k, i in np.argwhere(~moving):
-        free[spline.local[k], i] = False
-        values[spline.local[k], i] = state_values[k, i]
+        free[spline.rows_of_elements[k], i] = False
+        values[spline.rows_of_elements[k], i] = state_values[k, i]
     equalities: list[tuple[Any, Any, Any]] = []
     # At both ends u is given and ü = 0, so the outermost coefficients are known if u̇ is 0 too.
     # With another u̇, only the first one is known, and u̇ and ü become equality constraints.
@@ -302,7 +312,7 @@ def _boundary(
             equalities += [(k, entries[0] + i, velocity[i]), (k, entries[1] + i, 0.0)]
     equalities += _via_equalities(structure, data)
     if not equalities:
-        return free, values, _NONE
+        return free, values, _NO_EQUALITIES
     index, entry, value = np.array(equalities).T
     return free, values, (index.astype(int), entry.astype(int), value)
 
@@ -340,7 +350,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
         b_k, infinite where a constraint does not apply.
     """
     n, m = structure.elements, structure.coordinates
-    is_bounded = data.bounds_of_u_count(structure)
+    is_bounded = data.needs_position_bounds(structure)
     v_min, _ = data.velocity
     # Without bounds of u, its columns are left out.
     offset = 0 if is_bounded.any() else m
@@ -352,7 +362,7 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     upper = np.hstack([np.where(is_bounded, data.upper, np.inf)[:, offset:], v_bounds[1]])
     matrix = np.vstack([identity, -identity])
     bound = np.hstack([upper, -lower])
-    if structure.smooth and structure.joints:
+    if structure.has_continuous_acceleration and structure.coordinates_are_joints:
         # |ü(h) − ü(0)| ≤ jerk · h as two rows, multiplied by n / jerk.
         rise = np.zeros((m, 5 * m + 1))
         rise[:, 2 * m : 3 * m] = np.diag(-n / data.jerk)
@@ -364,7 +374,9 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     return matrix, bound
 
 
-def _point(program: Program, structure: NlpStructure, data: NlpData, elements: Array) -> Point:
+def _initial_point(
+    program: Program, structure: NlpStructure, data: NlpData, elements: Array
+) -> Point:
     """Return the initial point of the solver for a guess. It is slower than the guess.
 
     Parameters
@@ -381,12 +393,12 @@ def _point(program: Program, structure: NlpStructure, data: NlpData, elements: A
     m = structure.coordinates
     times = np.maximum(structure.times(elements[:, -1]), 1.001 * data.least_times)
     if data.duration == (0.0, np.inf):
-        elements, times = stretched(elements, SLOWER), times * SLOWER
+        elements, times = stretched(elements, GUESS_SLOWDOWN), times * GUESS_SLOWDOWN
     h = times[structure.block] * data.fractions
-    pieces = cubics(elements)
+    pieces = as_cubics(elements)
     u = np.vstack([pieces.u, data.end[:m]])
     v = np.vstack([pieces.v, data.end[m:]])
     acceleration = np.vstack([pieces.a0[:1], (pieces.a1[:-1] + pieces.a0[1:]) / 2, pieces.a1[-1:]])
     unknowns = program.spline.unknowns(u, v, acceleration, h)
-    _, values, _ = _boundary(structure, program.spline, data)
+    _, values, _ = _boundary_values(structure, program.spline, data)
     return Point(np.where(program.free, unknowns, values), times)

@@ -16,7 +16,7 @@ import numpy as np
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.elements.compiled import MappedElements, mapped_elements
 from ssm_planner.elements.element import ElementModel, element_functions
-from ssm_planner.planning.ocp.ipopt import ProgramSymbols, Start, build_solvers, ipopt
+from ssm_planner.planning.ocp.ipopt import ProgramSymbols, Start, build_solvers, run_ipopt
 from ssm_planner.planning.ocp.nlp import (
     Multipliers,
     NlpData,
@@ -26,12 +26,12 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, frozen
 
-SMOOTHING = 3e-6
+SMOOTHING_WEIGHT = 3e-6
 """Weight of the term 3 ∫ (ü/limit)² dt of the joints in the objective.
 
 It determines the motion of joints that could move in many ways without a change of the duration.
 """
-EVEN = 1e-5
+BLOCK_VARIANCE_WEIGHT = 1e-5
 """Weight of the variance of the blocks' durations, each divided by its smallest value.
 
 It makes the mesh unique.
@@ -64,10 +64,11 @@ class Transcription:
 
         With n elements k, m coordinates and b blocks of duration T, the program is
 
-            min   w_t Σ T + w_c Σ L(z_k) + 3 SMOOTHING Σ ∫ (ü/limit)² dt + EVEN var(T / T_least)
+            min   w_t Σ T + w_c Σ L(z_k) + 3 w_s Σ ∫ (ü/limit)² dt + w_v var(T / T_least)
             s.t.  u, u̇ continuous, ü too if jerk is limited;
                   bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
 
+        with w_s = SMOOTHING_WEIGHT and w_v = BLOCK_VARIANCE_WEIGHT.
         z_k contains u, u̇, ü at the start, ü at the end, and the length of element k. The path
         constraints G and the cost L (heat or effort) follow from the element model. Matrices have
         the shape (coordinates, elements), because CasADi maps functions over columns.
@@ -82,9 +83,9 @@ class Transcription:
         # where a joint starts. The path constraints G(z_k) and the cost L(z_k) follow from the
         # element model, with exact derivatives.
         constraints = {
-            "dynamics": _dynamics(structure, symbols.cubic, symbols.p.end),
-            **_limits(structure, symbols.cubic, symbols.p.jerk),
-            "breakaway": _breakaway(structure, element, symbols),
+            "dynamics": _dynamics_constraints(structure, symbols.cubic, symbols.p.end),
+            **_joint_limit_constraints(structure, symbols.cubic, symbols.p.jerk),
+            "breakaway": _breakaway_constraints(structure, element, symbols),
             "duration": duration,
         }
         native = mapped_elements(element, structure.elements)
@@ -120,8 +121,8 @@ class Transcription:
         n, m = self.structure.elements, self.structure.coordinates
         start_kind: Start = "brief" if data.brief else "cold"
         if confirming:
-            start_kind, data = "confirming", self._as_structured(data)
-        result, stats = ipopt(self.solver(start_kind), **self._inputs(data, elements))
+            start_kind, data = "confirming", self._without_implied_bounds(data)
+        result, stats = run_ipopt(self.solver(start_kind), **self._inputs(data, elements))
         if self.native is not None:
             self.native.check()
         x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
@@ -166,14 +167,14 @@ class Transcription:
         rows = np.maximum(constraint_multipliers[sum(self.sizes.values()) :], 0.0).reshape(n, -1)
         return Multipliers.of_bounds(data, lower, upper, rows, frozenset(self.element.row_names))
 
-    def _as_structured(self, data: NlpData) -> NlpData:
+    def _without_implied_bounds(self, data: NlpData) -> NlpData:
         """Return the data without the bounds of u that follow from other constraints.
 
         The structured solver does not have them either. Their barrier would move the point at which
         Ipopt stops.
         """
         positions = slice(self.structure.coordinates)
-        needed = data.bounds_of_u_count(self.structure) | data.is_fixed[:, positions]
+        needed = data.needs_position_bounds(self.structure) | data.is_fixed[:, positions]
         lower, upper = data.lower.copy(), data.upper.copy()
         lower[:, positions][~needed] = -np.inf
         upper[:, positions][~needed] = np.inf
@@ -220,9 +221,9 @@ class Transcription:
 def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any) -> ca.MX:
     """Return the terms of the objective that make the solution unique.
 
-    They are 3 SMOOTHING Σ ∫ r² dt with r = ü/limit, if the coordinates are joints, and EVEN times
-    the variance of the blocks' durations. ü is linear in an element, so that 3 ∫ r² dt = h (r0² +
-    r0 r1 + r1²).
+    They are 3 SMOOTHING_WEIGHT Σ ∫ r² dt with r = ü/limit, if the coordinates are joints, and
+    BLOCK_VARIANCE_WEIGHT times the variance of the blocks' durations. ü is linear in an element, so
+    that 3 ∫ r² dt = h (r0² + r0 r1 + r1²).
 
     Parameters
     ----------
@@ -237,14 +238,16 @@ def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any)
     """
     r0, r1 = (a / ca.repmat(p.acceleration, 1, structure.elements) for a in (cubic.a0, cubic.a1))
     smoothing = (
-        ca.sum2(ca.sum1(cubic.h * (r0**2 + r0 * r1 + r1**2))) if structure.joints else ca.MX(0)
+        ca.sum2(ca.sum1(cubic.h * (r0**2 + r0 * r1 + r1**2)))
+        if structure.coordinates_are_joints
+        else ca.MX(0)
     )
     b, relative = times.numel(), times / p.least_times
     variance = ca.sumsqr(relative - ca.sum1(relative) / b) / b
-    return SMOOTHING * smoothing + EVEN * variance
+    return SMOOTHING_WEIGHT * smoothing + BLOCK_VARIANCE_WEIGHT * variance
 
 
-def _dynamics(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> ca.MX:
+def _dynamics_constraints(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> ca.MX:
     """Return the differences of u and u̇ (and ü if jerk is limited) between neighbouring elements.
 
     They must be 0. The last element is compared with `end` (2 m,), which contains u and u̇ at the
@@ -262,15 +265,19 @@ def _dynamics(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> ca.MX:
     m, moving = structure.coordinates, structure.moving
     u_after, v_after = cubic.end
     differences = [
-        _select(u_after - ca.horzcat(cubic.u[:, 1:], end[:m]), moving),
-        _select(v_after - ca.horzcat(cubic.v[:, 1:], end[m:]), moving),
+        _select_entries(u_after - ca.horzcat(cubic.u[:, 1:], end[:m]), moving),
+        _select_entries(v_after - ca.horzcat(cubic.v[:, 1:], end[m:]), moving),
     ]
-    if structure.smooth:
-        differences.append(_select(cubic.a1[:, :-1] - cubic.a0[:, 1:], moving[:-1] | moving[1:]))
+    if structure.has_continuous_acceleration:
+        differences.append(
+            _select_entries(cubic.a1[:, :-1] - cubic.a0[:, 1:], moving[:-1] | moving[1:])
+        )
     return ca.vertcat(*differences)
 
 
-def _limits(structure: NlpStructure, cubic: Cubic, jerk: ca.MX) -> dict[str, ca.MX]:
+def _joint_limit_constraints(
+    structure: NlpStructure, cubic: Cubic, jerk: ca.MX
+) -> dict[str, ca.MX]:
     """Return the constraints of velocity and jerk, by name.
 
     "velocity" contains the middle Bernstein coefficient of u̇ in each element. The outer ones are
@@ -287,18 +294,23 @@ def _limits(structure: NlpStructure, cubic: Cubic, jerk: ca.MX) -> dict[str, ca.
         Limits of jerk.
     """
     moving = structure.moving
-    jerk_limited = moving & (structure.joints and structure.smooth)
+    jerk_limited = moving & (
+        structure.coordinates_are_joints and structure.has_continuous_acceleration
+    )
     difference = cubic.a1 - cubic.a0
     bound = ca.repmat(jerk, 1, structure.elements) * cubic.h
     return {
-        "velocity": _select(cubic.middle_velocity, moving & structure.velocity_limits),
+        "velocity": _select_entries(cubic.middle_velocity, moving & structure.velocity_limits),
         "jerk": ca.vertcat(
-            _select(difference - bound, jerk_limited), _select(-difference - bound, jerk_limited)
+            _select_entries(difference - bound, jerk_limited),
+            _select_entries(-difference - bound, jerk_limited),
         ),
     }
 
 
-def _breakaway(structure: NlpStructure, element: ElementModel, symbols: ProgramSymbols) -> ca.MX:
+def _breakaway_constraints(
+    structure: NlpStructure, element: ElementModel, symbols: ProgramSymbols
+) -> ca.MX:
     """Return the constraints of static friction at the instants at which joints may start to move.
 
     Parameters
@@ -313,17 +325,17 @@ def _breakaway(structure: NlpStructure, element: ElementModel, symbols: ProgramS
     sigma, *other_parameters = symbols.element_parameters
     rows = []
     for k, direction_element in structure.breakaways:
-        parameters = (_column(parameter, k) for parameter in other_parameters)
+        parameters = (_parameter_column(parameter, k) for parameter in other_parameters)
         rows.append(element.breakaway(symbols.z[:, k], sigma[:, direction_element], *parameters))
     return ca.vertcat(*rows)
 
 
-def forget_programs() -> None:
+def clear_program_cache() -> None:
     """Clear the cache of programs to free memory."""
     Transcription.build.cache_clear()
 
 
-def _select(values: ca.MX, mask: Any) -> ca.MX:
+def _select_entries(values: ca.MX, mask: Any) -> ca.MX:
     """Return the selected entries of a matrix as one vector, element after element.
 
     Parameters
@@ -336,6 +348,6 @@ def _select(values: ca.MX, mask: Any) -> ca.MX:
     return ca.vec(values)[np.flatnonzero(mask).tolist()]
 
 
-def _column(parameter: ca.MX, k: int) -> ca.MX:
+def _parameter_column(parameter: ca.MX, k: int) -> ca.MX:
     """Return the parameter values of element k. A parameter with one column is the same for all."""
     return parameter if parameter.size2() == 1 else parameter[:, k]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.planning.ocp.guesses import guess_between
-from ssm_planner.planning.ocp.mesh import FEWEST, _element_ends
+from ssm_planner.planning.ocp.mesh import MIN_ELEMENTS_PER_ARC, _element_ends
 from ssm_planner.planning.ocp.segments import SegmentGuess
 
 LIMITS = np.array([[0.5, 0.5, 1.0, 0.01], [2.0, 1.0, 3.0, 0.05], [30.0, 20.0, 50.0, 1.0]])
@@ -53,7 +53,7 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
     way_ = np.array(way) * [1, -1, 1, -0.02]
     whole = guess_of(way_, jerk, count)
     place = START[3] + share * way_[3]
-    first, second = whole.halves(3, place, 2)
+    first, second = whole.divided_at_position(3, place, 2)
     duration = first.motion.duration
     assert duration == pytest.approx(second.motion.duration)
     assert 2 * duration == pytest.approx(whole.motion.duration)
@@ -80,11 +80,11 @@ def test_arcs_get_elements_of_equal_length_in_proportion_to_their_own(
 ) -> None:
     ends = _element_ends(borders, count)
     assert (ends[0], ends[-1]) == (borders[0], borders[-1])
-    assert len(ends) - 1 == max(count, FEWEST * (len(borders) - 1))
+    assert len(ends) - 1 == max(count, MIN_ELEMENTS_PER_ARC * (len(borders) - 1))
     sizes = np.diff([np.argmin(np.abs(ends - border)) for border in borders])
-    assert sizes.min() >= FEWEST
-    shares = np.diff(borders) / borders[-1] * (len(ends) - 1 - FEWEST * len(sizes))
-    assert np.abs(sizes - FEWEST - shares).max() < 1 + 1e-5
+    assert sizes.min() >= MIN_ELEMENTS_PER_ARC
+    shares = np.diff(borders) / borders[-1] * (len(ends) - 1 - MIN_ELEMENTS_PER_ARC * len(sizes))
+    assert np.abs(sizes - MIN_ELEMENTS_PER_ARC - shares).max() < 1 + 1e-5
     for start, end, n in zip(borders[:-1], borders[1:], sizes, strict=True):
         inside = ends[(ends >= start) & (ends < end)]
         np.testing.assert_allclose(inside, start + (end - start) * np.arange(n) / n, atol=1e-12)

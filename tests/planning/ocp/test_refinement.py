@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.planning.ocp.refinement import BACKOFF, TOLERANCE, backoff_of
+from ssm_planner.planning.ocp.refinement import BACKOFF_FACTOR, LIMIT_TOLERANCE, additional_backoff
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
 
@@ -16,9 +16,9 @@ def test_every_excess_is_tightened_by_more_than_itself_and_nothing_else(
     found: list[float],
 ) -> None:
     excess = np.array(found)[:, None]
-    more = backoff_of(excess)
+    more = additional_backoff(excess)
     assert more.shape == excess.shape
-    assert np.all(more[excess > 0] >= BACKOFF * excess[excess > 0] + TOLERANCE)
+    assert np.all(more[excess > 0] >= BACKOFF_FACTOR * excess[excess > 0] + LIMIT_TOLERANCE)
     assert np.all(more[excess <= 0] == 0)
 
 

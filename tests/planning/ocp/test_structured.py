@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.elements.compiled import compiled
+from ssm_planner.elements.compiled import compiled_library
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
@@ -31,7 +31,7 @@ from ssm_planner.reporting.text import verdicts
 from tests.support.random_problems import random_problem
 
 pytestmark = pytest.mark.skipif(
-    not compiled(), reason="the package is built without its compiled part"
+    not compiled_library(), reason="the package is built without its compiled part"
 )
 SAME = 1e-6
 """Share of the duration within which both solvers agree."""
@@ -435,6 +435,6 @@ def test_jerk_limited_joints_in_step_are_as_fast_as_on_a_fine_mesh(
 ) -> None:
     problem = faster_starting(tilt_insert, 3.0, tilt=np.radians(-120.0), **to)
     found = plan(problem)
-    monkeypatch.setattr(straight, "ELEMENTS", 4 * straight.ELEMENTS)
+    monkeypatch.setattr(straight, "MIN_ELEMENTS", 4 * straight.MIN_ELEMENTS)
     fine = plan(fast(problem))
     assert found.duration <= (1 + 5e-4) * fine.duration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ssm_planner.codegen import literal
+from ssm_planner.codegen import c_literal
 from ssm_planner.display import environment, render_template
 from ssm_planner.formats.c import ROBOT, c_text, export_c
 from ssm_planner.plans import Plan
@@ -58,10 +58,10 @@ def c_guard(limits: Thresholds, remark: str, suffix: str = "") -> tuple[str, str
         "header": f"{FILE}{suffix}.h",
         "limits": limits,
         "causes": list(Cause),
-        "period": literal(limits.period),
-        "lag": literal(limits.lag),
+        "period": c_literal(limits.period),
+        "lag": c_literal(limits.lag),
         "driven": [int(flag) for flag in driven],
-        "tables": {name: [literal(x) for x in column] for name, column in arrays.items()},
+        "tables": {name: [c_literal(x) for x in column] for name, column in arrays.items()},
     }
     templates = environment("ssm_planner_guard", escape=False)
     return (

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner import Controller, ExportError, Format, Joint, Plan, Robot
-from ssm_planner.codegen import SIGN, Argument, dense, literal, write_function
+from ssm_planner.codegen import SIGN_FUNCTION, Argument, c_literal, dense_function, write_function
 from ssm_planner.dynamics import inertia_about_com
 from ssm_planner.formats.c import ROBOT, export_c
 from ssm_planner.formats.ros2 import link_poses, quaternion
@@ -117,7 +117,7 @@ def drives_header(robot: Robot, suffix: str = "") -> str:
     head = ", ".join(f"const ssm_real {name}[4]" for name in inputs)
     body = write_function(
         f"static void ssm_drive_speeds({head}, ssm_real h, ssm_real after[4])",
-        dense("drives", [*inputs.values(), h], [ca.vertcat(*after)]),
+        dense_function("drives", [*inputs.values(), h], [ca.vertcat(*after)]),
         [*(Argument(name, 4) for name in inputs), Argument("h", 0)],
         [Argument("after", 4)],
     )
@@ -130,7 +130,7 @@ def drives_header(robot: Robot, suffix: str = "") -> str:
         "DAMPING": compliance.damping,
         "FREE_PLAY": compliance.backlash / 2,
     }
-    table = ",\n".join(f"    {{{', '.join(map(literal, values))}}}" for values in rows.values())
+    table = ",\n".join(f"    {{{', '.join(map(c_literal, values))}}}" for values in rows.values())
     return f"""\
 /* {_mark(suffix)}Law of the drives in SI units, joints as in ssm_robot.h.
    A ratio of 0 means no drive. */
@@ -142,7 +142,7 @@ enum {{ {", ".join(rows)} }};
 const ssm_real ssm_drive_constants[{len(rows)}][4] = {{
 {table}
 }};
-{SIGN}
+{SIGN_FUNCTION}
 /* Computes the motor speeds after a step of h seconds. `torque` is the commanded speed of a joint
    without a drive. */
 {body}"""
