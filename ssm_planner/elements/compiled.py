@@ -179,13 +179,13 @@ class NativeElements:
             m=element.coordinates,
             rows=rows,
             points=points,
-            loads=inputs.loads,
+            loads=len(element.robot.loads),
             actuations=len(inputs.arrays["actuation"]),
             costs=len(inputs.arrays["cost"]),
             effort=element.aim == "effort",
             hull=location == "collocation",
             offset=inputs.offset,
-            **inputs.addresses | _addresses(self._arrays),
+            **_addresses(inputs.arrays | self._arrays),
         )
         size = element.size
         all_rows = points * rows
@@ -284,19 +284,15 @@ class _ElementInputs:
 
     Attributes
     ----------
-    addresses : dict of int
-        Addresses of the arrays.
-    rows, loads : int
-        Numbers of rows and of payloads.
+    rows : int
+        Number of rows.
     offset : float
         Offset of θ2, rad.
     """
 
     arrays: Arrays
     """Arrays by their names in `_ElementsStruct`. The limits of the drives are set later."""
-    addresses: dict[str, int]
     rows: int
-    loads: int
     offset: float
 
 
@@ -334,8 +330,7 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
         name: np.ascontiguousarray(values, dtype=int if name in _INTEGER_ARRAYS else float)
         for name, values in values_by_name.items()
     }
-    loads = len(element.robot.loads)
-    return _ElementInputs(arrays, _addresses(arrays), len(rows), loads, offset)
+    return _ElementInputs(arrays, len(rows), offset)
 
 
 def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:

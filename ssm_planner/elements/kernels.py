@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from ssm_planner.codegen import SCALAR_EXPRESSIONS, Argument, casadi_namespace, write_function
 from ssm_planner.dynamics import LOAD, efforts_by_figures
@@ -239,10 +240,8 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     """
     xp = casadi_namespace()
     q, qd, _ = _split_state(y)
-    mechanism: Any
-    eye: Any
-    mechanism = MECHANISM_LAYOUT.unpack(inputs["mechanism"])
-    eye = EYE_LAYOUT.unpack(inputs["eye"])
+    mechanism: Any = MECHANISM_LAYOUT.unpack(inputs["mechanism"])
+    eye: Any = EYE_LAYOUT.unpack(inputs["eye"])
     limits = FreeElement.layout.unpack(inputs["limits"])
     for name in ("omega2", "omega3"):
         x, z = ca.vertsplit(getattr(mechanism, name))
@@ -386,8 +385,6 @@ def _split_state(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 def _object_array(value: ca.SX) -> Any:
     """Return the entries of an expression as an array (n,) of expressions."""
-    import numpy as np
-
     array = np.empty(value.numel(), dtype=object)
     array[:] = ca.vertsplit(ca.vec(value))
     return array
