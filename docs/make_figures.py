@@ -21,17 +21,17 @@ from ssm_planner.kinematics import Mechanism
 from ssm_planner.kinematics.task import pose_from_task, task_from_joints
 from ssm_planner.reporting.figures.style import (
     COLOURS,
-    DASHES,
-    LIMIT,
-    finish,
-    legend,
-    legend_above,
+    LIMIT_STYLE,
+    LINE_DASHES,
+    draw_legend,
+    draw_legend_above,
+    draw_zero_lines,
+    finish_axes,
     new_figure,
     save_figure,
     shade_phases,
-    zero_lines,
 )
-from ssm_planner.reporting.text import BINDING
+from ssm_planner.reporting.text import ACTIVE_MARGIN
 
 HERE = Path(__file__).parent
 SHIPPED = HERE.parent / "results" / "tilt_insert"
@@ -86,11 +86,13 @@ def friction_law() -> Any:
         torque = sign * np.maximum(sign * lines[0], sign * lines[1])
         axes.plot(load, torque, color="black", linewidth=2.2, label="load term of the torque")
         axes.axvspan(*sorted((0.0, -2.0 * sign)), color="0.94", zorder=0)
-        zero_lines(axes, down=True)
+        draw_zero_lines(axes, down=True)
         axes.text(-1.35 * sign, -8 * sign, "load helps,\nmotor still pushes", **TEXT)
         axes.text(1.4 * sign, 12 * sign, "load opposes", **TEXT)
-        finish(axes, "load F (N·m)", "load term (mN·m)" if sign > 0 else "", f"motor turns {name}")
-    legend_above(figure, both[0], 3)
+        finish_axes(
+            axes, "load F (N·m)", "load term (mN·m)" if sign > 0 else "", f"motor turns {name}"
+        )
+    draw_legend_above(figure, both[0], 3)
     return figure
 
 
@@ -123,18 +125,18 @@ def low_speed() -> Any:
     friction = replace(drive.friction, mu=0.10, mu_static=0.16, dwell_constant=0.3)
     figure, (left, right) = panels(2.6, 2, sharey=True)
     x, rest = np.linspace(0.0, 3.0, 200), np.linspace(0.0, 3.0, 200)
-    for law, dashes, colour in zip(("exponential", "gaussian"), DASHES, COLOURS, strict=False):
+    for law, dashes, colour in zip(("exponential", "gaussian"), LINE_DASHES, COLOURS, strict=False):
         mu = 0.10 + 0.05 * stribeck_shape(f"stribeck_{law}", x)
         left.plot(x, mu, dashes, color=colour, label=law)
-    left.axhline(0.10, **LIMIT)
+    left.axhline(0.10, **LIMIT_STYLE)
     left.text(2.4, 0.1035, "$\\mu_k$", **TEXT)
-    finish(left, "speed w / $w_s$", "friction coefficient", "in motion")
-    legend(left)
+    finish_axes(left, "speed w / $w_s$", "friction coefficient", "in motion")
+    draw_legend(left)
     right.plot(rest, static_coefficient(friction, rest), color=COLOURS[2])
     for value, name in ((0.16, "$\\mu_{static}$"), (0.10, "$\\mu_0$")):
-        right.axhline(value, **LIMIT)
+        right.axhline(value, **LIMIT_STYLE)
         right.text(2.7, value + 0.0035, name, **TEXT)
-    finish(right, "rest $t_d$ (s)", "", "at the start after a rest")
+    finish_axes(right, "rest $t_d$ (s)", "", "at the start after a rest")
     left.set_ylim(0.09, 0.17)
     return figure
 
@@ -156,8 +158,8 @@ def self_locking() -> Any:
             mu = drive.friction.mu * wedging
             axes.plot(angle, mu, "o", color=colour, label=f"drive of {joint.name}")
     axes.set(ylim=(0.0, 0.3), xlim=(0.0, 12.0))
-    finish(axes, "lead angle λ (°)", "tan φ = μ / cos θₙ")
-    legend(axes, loc="lower right", ncols=3)
+    finish_axes(axes, "lead angle λ (°)", "tan φ = μ / cos θₙ")
+    draw_legend(axes, loc="lower right", ncols=3)
     return figure
 
 
@@ -174,7 +176,7 @@ def path_bound() -> Any:
     moving = speed > 0.02
     lowest = np.full(moving.sum(), np.inf)
     for joint, qd, colour, dashes in zip(
-        result.robot.joints[:3], samples.qd.T, COLOURS, DASHES, strict=False
+        result.robot.joints[:3], samples.qd.T, COLOURS, LINE_DASHES, strict=False
     ):
         allowed = joint.velocity * speed[moving] / np.maximum(np.abs(qd[moving]), 1e-9)
         lowest = np.minimum(lowest, allowed)
@@ -185,8 +187,8 @@ def path_bound() -> Any:
     axes.plot(*np.degrees([tilt, speed]), color="black", linewidth=2.2, label="planned motion")
     axes.set(ylim=(0.0, 75.0), xlim=(-84.0, -136.0))
     axes.text(-110.0, 62.0, "forbidden by the speed of a joint", **TEXT)
-    finish(axes, "tilt (°)", "tilt speed (°/s)")
-    legend(axes, loc="lower center", ncols=4)
+    finish_axes(axes, "tilt (°)", "tilt speed (°/s)")
+    draw_legend(axes, loc="lower center", ncols=4)
     return figure
 
 
@@ -195,21 +197,21 @@ def lower_bound() -> Any:
     joint = load_robot("vitreoretinal").joints[0]
     fastest, steepest = math.degrees(joint.velocity), math.degrees(joint.acceleration)
     figure, (left, right) = panels(2.5, 2)
-    for distance, colour, dashes in zip((10.0, 40.0), COLOURS, DASHES, strict=False):
+    for distance, colour, dashes in zip((10.0, 40.0), COLOURS, LINE_DASHES, strict=False):
         peak = min(fastest, math.sqrt(distance * steepest))
         duration = distance / peak + peak / steepest
         ramp = peak / steepest
         corners = [0.0, ramp, duration - ramp, duration]
         left.plot(corners, [0.0, peak, peak, 0.0], dashes, color=colour, label=f"{distance:.0f}°")
-    left.axhline(fastest, **LIMIT)
-    finish(left, "time (s)", "joint speed (°/s)", "fastest motion from rest to rest")
-    legend(left, loc="center right")
+    left.axhline(fastest, **LIMIT_STYLE)
+    finish_axes(left, "time (s)", "joint speed (°/s)", "fastest motion from rest to rest")
+    draw_legend(left, loc="center right")
     d = np.linspace(0.0, 60.0, 200)
     peaks = np.minimum(fastest, np.sqrt(d * steepest) + 1e-12)
     right.plot(d, d / peaks + peaks / steepest, color="black")
-    right.axvline(fastest**2 / steepest, **LIMIT)
+    right.axvline(fastest**2 / steepest, **LIMIT_STYLE)
     right.text(fastest**2 / steepest + 1.5, 0.12, "$V^2/A$", fontsize=8.5, ha="left")
-    finish(right, "distance d (°)", "bound $t_i(d)$ (s)", "lower bound of the duration")
+    finish_axes(right, "distance d (°)", "bound $t_i(d)$ (s)", "lower bound of the duration")
     return figure
 
 
@@ -230,8 +232,8 @@ def candidates() -> Any:
                     axes.plot(value, row, mark, color=colour, markersize=8, label=label)
         axes.set_yticks(range(len(entries)), [entry["kind"] for entry in entries])
         axes.set_ylim(len(entries) - 0.4, -1.1)
-        finish(axes, "duration (s)", "", f"first phase of {name}")
-    legend(both[0], loc="upper right", ncols=3, handletextpad=0.1, columnspacing=0.8)
+        finish_axes(axes, "duration (s)", "", f"first phase of {name}")
+    draw_legend(both[0], loc="upper right", ncols=3, handletextpad=0.1, columnspacing=0.8)
     return figure
 
 
@@ -251,11 +253,11 @@ def corners() -> Any:
         speed = np.linalg.norm(np.gradient(tip, t, axis=0), axis=1)
         left.plot(tip[:, 0], tip[:, 2], dashes, color=colour, label=name)
         right.plot(t, speed, dashes, color=colour)
-    right.axhline(25.0, **LIMIT)
+    right.axhline(25.0, **LIMIT_STYLE)
     left.set_aspect("equal", adjustable="datalim")
-    finish(left, "x (mm)", "z (mm)", "path of the tip, from the side")
-    finish(right, "time (s)", "tip speed (mm/s)", "speed; limit 25 mm/s")
-    legend(left)
+    finish_axes(left, "x (mm)", "z (mm)", "path of the tip, from the side")
+    finish_axes(right, "time (s)", "tip speed (mm/s)", "speed; limit 25 mm/s")
+    draw_legend(left)
     return figure
 
 
@@ -336,15 +338,15 @@ def stalled() -> Any:
     figure, (left, right) = panels(2.6, 2)
     left.plot(result.time, np.degrees(result.planned[:, 1]), "--", color="0.4", label="set point")
     left.plot(result.time, np.degrees(result.q[:, 1]), color=COLOURS[1], label="simulated")
-    left.axvline(1.0, **LIMIT)
-    finish(left, "time (s)", "joint 2, tilt (°)", "the motor stalls at 1 s")
-    legend(left)
+    left.axvline(1.0, **LIMIT_STYLE)
+    finish_axes(left, "time (s)", "joint 2, tilt (°)", "the motor stalls at 1 s")
+    draw_legend(left)
     increments = result.following[:, 1] * axis.counts_per_turn / (2 * np.pi)
     shown = np.flatnonzero(np.logical_and(result.powered, result.time > 0.98))
     (use,) = (motor for motor in result.motors if motor.joint == "tilt")
     right.plot(1e3 * (result.time[shown] - 1.0), np.abs(increments[shown]), color=COLOURS[1])
-    right.axhline(use.window, **LIMIT)
-    finish(
+    right.axhline(use.window, **LIMIT_STYLE)
+    finish_axes(
         right, "time after the stall (ms)", "following error (inc)", "the drive trips at its window"
     )
     return figure
@@ -364,8 +366,8 @@ def increments() -> Any:
     axes.plot(1e3 * fine, exact, color=COLOURS[1], label="planned position")
     axes.plot(1e3 * t, np.round(points), "s", color="black", markersize=4, label="set point")
     axes.plot(1e3 * t, np.round(points), color="0.6", linewidth=0.8)
-    finish(axes, "time (ms)", "motor of joint 2 (increments)")
-    legend(axes)
+    finish_axes(axes, "time (ms)", "motor of joint 2 (increments)")
+    draw_legend(axes)
     return figure
 
 
@@ -379,12 +381,12 @@ def certificate() -> Any:
     )
     figure, axes = panels(0.6 + 0.17 * len(rows))
     for row, limit in enumerate(rows):
-        by_design = limit.margin <= BINDING
+        by_design = limit.margin <= ACTIVE_MARGIN
         axes.barh(row, 100 * (1 - limit.margin), color=COLOURS[1] if by_design else COLOURS[0])
     axes.axvline(100.0, color="black", linewidth=1.2)
     axes.set_yticks(range(len(rows)), [", ".join(filter(None, (r.name, r.joint))) for r in rows])
     axes.set_xlim(0.0, 104.0)
-    finish(axes, "share of the limit that the motion uses (%); orange: binds by design", "")
+    finish_axes(axes, "share of the limit that the motion uses (%); orange: binds by design", "")
     axes.tick_params(axis="y", labelsize=7)
     axes.set_axisbelow(True)
     return figure
@@ -400,10 +402,10 @@ def peaks() -> Any:
     axes.plot(coarse, seen, "o", color=COLOURS[1], label="samples every 0.4 s")
     worst = np.argmax(np.abs(speed))
     axes.plot(fine[worst], speed[worst], "D", color="black", label="exact extreme")
-    axes.axhline(65.0 * np.sign(speed[worst]), **LIMIT)
+    axes.axhline(65.0 * np.sign(speed[worst]), **LIMIT_STYLE)
     shade_phases(axes, motion, with_names=True)
-    finish(axes, "time (s)", "joint speed (°/s)")
-    legend(axes, loc="center right")
+    finish_axes(axes, "time (s)", "joint speed (°/s)")
+    draw_legend(axes, loc="center right")
     return figure
 
 

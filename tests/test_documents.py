@@ -19,7 +19,7 @@ import pytest
 import yaml
 from PIL import Image, ImageSequence
 
-from ssm_planner.cli import COMMANDS, _parser, main
+from ssm_planner.cli import COMMANDS, _build_parser, main
 from ssm_planner.loading.load import load_problem
 from ssm_planner.studies.study_file import load_study
 from tests.support.paths import ROOT
@@ -78,7 +78,7 @@ def test_commands_and_their_options_exist(name: str) -> None:
         if words[0] in ("KIND", "COMMAND", "…"):
             continue
         assert words[0] in COMMANDS, (name, words)
-        parser = _parser([words[0]])
+        parser = _build_parser([words[0]])
         (subparsers,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
         known = set(subparsers.choices[words[0]]._option_string_actions)
         given = {word.partition("=")[0] for word in words if re.match(r"-(-\w|[a-z]$)", word)}

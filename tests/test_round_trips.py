@@ -23,8 +23,8 @@ from ssm_planner import Certificate, LimitCheck, Plan, Problem, Trajectory, load
 from ssm_planner.loading.files import of_text, read, shipped_names
 from ssm_planner.loading.robots import robot_from
 from ssm_planner.problem.serialization import plain, problem_from_plain
-from ssm_planner.studies.study_file import robot_content
-from ssm_planner.view.page import Study
+from ssm_planner.studies.study_file import resolved_robot_content
+from ssm_planner.view.page import ViewedProblem
 from tests.problem.test_serialization import same
 from tests.support.cases import selected
 from tests.support.paths import ROOT
@@ -198,14 +198,14 @@ def test_random_motions_and_certificates_return_from_their_file(
 @pytest.mark.parametrize("name", shipped_names("robots"))
 def test_a_robot_returns_from_the_content_of_its_file(name: str) -> None:
     robot = ssm_planner.load_robot(name)
-    content = robot_content(read(shipped_names("robots")[name]))
+    content = resolved_robot_content(read(shipped_names("robots")[name]))
     assert robot_from(of_text(yaml.safe_dump(content))) == robot
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_problem_returns_from_the_text_of_the_view(name: str) -> None:
     problem = ssm_planner.load_problem(name)
-    study = Study(problem)
+    study = ViewedProblem(problem)
     angles = {key: study.start()["values"][key] for key in ("alpha", "beta")}
     assert Problem.from_yaml(study.problem_file({**angles, "own": True})["text"]) == problem
 

@@ -27,7 +27,7 @@ from ssm_planner.problem import (
     read_only_array,
     unchecked,
 )
-from ssm_planner.reporting import COLOURS, finish, legend, new_figure
+from ssm_planner.reporting import COLOURS, draw_legend, finish_axes, new_figure
 from ssm_planner.sizing import DutyCycle, JointLoad, joint_loads
 from ssm_planner.typing import Array, frozen, record
 
@@ -139,8 +139,8 @@ def _stribeck_figure() -> "Figure":
     styles = ((f"{FORMS[0]}, the package", "-"), (f"{FORMS[1]}, a Gaussian", "--"))
     for law, (label, dash), colour in zip(STRIBECK_LAWS, styles, COLOURS, strict=False):
         axes.plot(x, stribeck_shape(law, x), dash, color=colour, label=label)
-    finish(axes, "speed by the Stribeck speed", "Stribeck's part of μ by its value at rest")
-    legend(axes)
+    finish_axes(axes, "speed by the Stribeck speed", "Stribeck's part of μ by its value at rest")
+    draw_legend(axes)
     return figure
 
 

@@ -41,14 +41,14 @@ from ssm_planner.kinematics import Mechanism, inverse_task
 from ssm_planner.problem import JOINTS, Drive, Friction, FrictionLawName, Joint, Rig, Robot
 from ssm_planner.reporting import (
     COLOURS,
-    FIFTH,
-    SIZE,
-    finish,
-    legend,
-    legend_above,
+    FIFTH_COLOUR,
+    FONT_SIZE,
+    draw_legend,
+    draw_legend_above,
+    draw_zero_lines,
+    finish_axes,
+    map_speeds,
     new_figure,
-    speeds_of_map,
-    zero_lines,
 )
 from ssm_planner.typing import Array, record
 from ssm_planner.units import RPM
@@ -266,16 +266,16 @@ def _maps_figure(maps: tuple[FrictionMap, ...]) -> "Figure":
                 markersize=4,
                 label=start,
             )
-        zero_lines(axes, down=True)
+        draw_zero_lines(axes, down=True)
         axes.locator_params(axis="x", nbins=5)
         torque = "motor torque (mN·m)" if curves is maps[0] else ""
-        finish(
+        finish_axes(
             axes,
             "motor speed (rpm)",
             torque,
             f"joint {NUMBER[curves.joint]} ({curves.joint})",
         )
-    legend_above(figure, panels[-1], 4, SIZE - 1)
+    draw_legend_above(figure, panels[-1], 4, FONT_SIZE - 1)
     return figure
 
 
@@ -535,20 +535,20 @@ def _rigs_figure(results: tuple[RigResult, ...]) -> "Figure":
             label="recordings",
         )
         drives = (
-            ("published", result.published, ":", FIFTH),
+            ("published", result.published, ":", FIFTH_COLOUR),
             ("ours, Coulomb", result.fits[LAWS[0]].drive, "--", COLOURS[1]),
             ("ours, Stribeck", result.fits[LAWS[1]].drive, "-", COLOURS[0]),
         )
         for label, drive, dash, colour in drives:
-            for w, named in zip(speeds_of_map(data.w), (None, label), strict=True):
+            for w, named in zip(map_speeds(data.w), (None, label), strict=True):
                 torque = 1e3 * map_torque(drive, w, _rig(drive).load)
                 axes.plot(RPM * w, torque, dash, color=colour, linewidth=1.4, label=named)
-        zero_lines(axes)
-        finish(
+        draw_zero_lines(axes)
+        finish_axes(
             axes,
             "motor speed (rpm)",
             "motor torque (mN·m)" if result is results[0] else "",
             result.title,
         )
-        legend(axes, fontsize=SIZE - 2, loc="lower right")
+        draw_legend(axes, fontsize=FONT_SIZE - 2, loc="lower right")
     return figure

@@ -37,11 +37,11 @@ from ssm_planner.problem import (
 )
 from ssm_planner.reporting import (
     COLOURS,
-    LIMIT,
-    SIZE,
-    finish,
+    FONT_SIZE,
+    LIMIT_STYLE,
+    finish_axes,
     new_figure,
-    payload_curves,
+    payload_curves_figure,
     shade_phases,
 )
 from ssm_planner.sizing import DutyCycle, JointLoad, MotorRequirement, joint_loads
@@ -187,10 +187,10 @@ def _plot(runs: tuple[SpeedRun, ...]) -> "Figure":
                 load.t, 1e3 * load.torque(), color=COLOURS[JOINTS.index(joint)], linewidth=1.1
             )
             for end in run.envelope(joint):
-                axes.axhline(1e3 * end, **LIMIT)
+                axes.axhline(1e3 * end, **LIMIT_STYLE)
             label = f"joint {NUMBER[joint]} ({joint})\nmotor torque (mN·m)" if column == 0 else ""
-            finish(axes, "time (s)" if row == len(DRIVEN) - 1 else "", label)
-        panels[0, column].set_title(run.row.label, fontsize=SIZE)
+            finish_axes(axes, "time (s)" if row == len(DRIVEN) - 1 else "", label)
+        panels[0, column].set_title(run.row.label, fontsize=FONT_SIZE)
     return figure
 
 
@@ -228,8 +228,8 @@ def payloads(inputs: Inputs) -> tuple[Payload, ...]:
 def payload_section(results: tuple[Payload, ...]) -> Section:
     """Build the section about the payload curves."""
     figures = {
-        "payload_curves_package": payload_curves(results[0].package),
-        "payload_curves_table_ii": payload_curves(results[0].identified),
+        "payload_curves_package": payload_curves_figure(results[0].package),
+        "payload_curves_table_ii": payload_curves_figure(results[0].identified),
     }
     return Section("payload", {"payloads": results}, figures)
 

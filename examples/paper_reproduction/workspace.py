@@ -19,16 +19,16 @@ from ssm_planner.kinematics import (
 from ssm_planner.problem import Eye, Robot
 from ssm_planner.reporting import (
     COLOURS,
-    LIMIT,
-    SIZE,
+    FONT_SIZE,
+    LIMIT_STYLE,
     axes_figure,
     design_region_figure,
-    finish,
-    legend,
-    legend_above,
+    draw_legend,
+    draw_legend_above,
+    finish_axes,
     new_figure,
-    pointings,
     reachable_set_figure,
+    tool_directions,
 )
 from ssm_planner.typing import Array, Range, frozen, record
 
@@ -80,19 +80,19 @@ def tilt_disks(mechanism: Mechanism) -> "Figure":
     angles = np.linspace(0.0, 2.0 * math.pi, 361)
     axes.plot(np.cos(angles), np.sin(angles), color="0.8", linewidth=0.8, zorder=0)
     for k, tilt in enumerate(TABLE_I_MEASURED):
-        _ray(axes, tilt, 1.08, label=None if k else "measured (Table I)", **LIMIT)
+        _ray(axes, tilt, 1.08, label=None if k else "measured (Table I)", **LIMIT_STYLE)
     _ray(axes, mechanism.home_tilt, 1.0, color="black", linewidth=1.2, linestyle="-.", label="home")
     for tilt, measured in zip(interval, TABLE_I_MEASURED, strict=True):
         text = minus(f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)")
         side = "right" if math.cos(tilt) < 0 else "left"
         x, y = 1.14 * math.cos(tilt), -1.14 * math.sin(tilt)
-        axes.text(x, y, text, ha=side, va="center", fontsize=SIZE - 1)
+        axes.text(x, y, text, ha=side, va="center", fontsize=FONT_SIZE - 1)
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
-    axes.text(1.36, 0.0, "ω₁", ha="left", va="center", fontsize=SIZE)
-    finish(axes, "", "")
+    axes.text(1.36, 0.0, "ω₁", ha="left", va="center", fontsize=FONT_SIZE)
+    finish_axes(axes, "", "")
     axes.set(xlim=(-1.75, 1.6), ylim=(-1.15, 1.35), aspect="equal")
     axes.set_axis_off()
-    legend(axes, loc="upper center", bbox_to_anchor=(0.5, 0.02), ncols=2)
+    draw_legend(axes, loc="upper center", bbox_to_anchor=(0.5, 0.02), ncols=2)
     return figure
 
 
@@ -108,7 +108,7 @@ def _sector(axes: "Axes", interval: Range, sign: float, **style: Any) -> None:
     # The label must not cover the line of the home position.
     angle = sign * (0.28 * interval[0] + 0.72 * interval[1])
     x, y = 0.75 * math.cos(angle), 0.75 * math.sin(angle)
-    axes.text(x, y, "2α", ha="center", va="center", fontsize=SIZE)
+    axes.text(x, y, "2α", ha="center", va="center", fontsize=FONT_SIZE)
 
 
 def _ray(axes: "Axes", tilt: float, length: float, **style: Any) -> None:
@@ -217,14 +217,14 @@ def eye_sections(mechanism: Mechanism, eye: Eye) -> "Figure":
     tilts = middle + published.REQUIRED_TILT * sweep
     rolls = published.REQUIRED_ROLL * sweep
     sign = mechanism.insertion_sign
-    about_tilt = sign * pointings(mechanism, tilts, np.zeros(len(sweep))).T
-    about_roll = sign * pointings(mechanism, middle, rolls).T
+    about_tilt = sign * tool_directions(mechanism, tilts, np.zeros(len(sweep))).T
+    about_roll = sign * tool_directions(mechanism, middle, rolls).T
     tilt, roll = (math.degrees(x) for x in (published.REQUIRED_TILT, published.REQUIRED_ROLL))
     title = f"tilt {tilt:.0f}°, section through ω₁, roll 0°"
     _eye_section(left, eye, 0, about_tilt, ("along ω₁ (mm)", "up (mm)", title))
     title = f"roll {roll:.0f}°, seen along ω₁"
     _eye_section(right, eye, 1, about_roll, ("across ω₁ (mm)", "", title))
-    legend_above(figure, left, 5)
+    draw_legend_above(figure, left, 5)
     return figure
 
 
@@ -265,7 +265,7 @@ def _eye_section(
     for end in ends[[0, -1]]:
         axes.plot(*zip((0.0, 0.0), end, strict=True), color=COLOURS[0], linewidth=1.0)
     axes.plot([0.0], [0.0], "o", color="black", markersize=4, label="port, RCM")
-    finish(axes, *labels)
+    finish_axes(axes, *labels)
     axes.set(xlim=(centre[0] - 13.0, centre[0] + 13.0), ylim=(-21.0, 5.0), aspect="equal")
 
 

@@ -19,19 +19,19 @@ from typing import Any
 from ssm_planner.errors import ProblemError, SsmPlannerError, suggestion
 from ssm_planner.package_table import package_table
 
-BAD_INPUT, FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
+BAD_INPUT, INTERNAL_FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
 """Exit statuses that do not come from a command."""
-DEBUG = "SSM_PLANNER_DEBUG"
+DEBUG_VARIABLE = "SSM_PLANNER_DEBUG"
 """Environment variable that makes an internal fault show its traceback."""
-ISSUES = "the issue list of ssm_planner"
-OBJECTS = 50_000
+ISSUE_LIST = "the issue list of ssm_planner"
+GARBAGE_THRESHOLD = 50_000
 """Number of new objects after which Python collects garbage.
 
 The default is too small here: imported modules create many objects that are never garbage.
 """
 RETRY_DELAY = 0.01
 """Delay before the program repeats an interruption that the interpreter ignored, s."""
-STREAM_FAULTS = (errno.EBADF, errno.ENOSPC, errno.EIO)
+OUTPUT_ERROR_NUMBERS = (errno.EBADF, errno.ENOSPC, errno.EIO)
 """Numbers of errors that mean that stdout cannot be written."""
 
 COMMANDS = {
@@ -59,32 +59,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Name of the command and its arguments. The default is the command line of the process.
     """
     if arguments is None:
-        gc.set_threshold(OBJECTS)
+        gc.set_threshold(GARBAGE_THRESHOLD)
     _prepare_streams()
     arguments_given = sys.argv[1:] if arguments is None else arguments
-    command_line = [_shield(argument) for argument in arguments_given]
+    command_line = [_protect_negative_value(argument) for argument in arguments_given]
     as_json = "--json" in command_line
-    signals = _Signals(for_good=arguments is None)
+    signals = _SignalHandling(for_good=arguments is None)
     try:
         with signals:
             if arguments is None:
-                _fix_kernels()
+                _fix_numerical_kernels()
             if not command_line and "_ARGCOMPLETE" not in os.environ:
-                _parser(command_line).print_help(sys.stderr)
+                _build_parser(command_line).print_help(sys.stderr)
                 return BAD_INPUT
-            options = _parser(command_line).parse_args(command_line)
+            options = _build_parser(command_line).parse_args(command_line)
             status = int(options.run(options))
             sys.stdout.flush()
         return status if signals.arrived is None else _report_interruption(signals)
     except SsmPlannerError as error:
         if isinstance(error, ProblemError):
-            _name_option(error, command_line)
+            _name_error_by_option(error, command_line)
         return _report_error(error, as_json)
     except BrokenPipeError:  # the reader has closed the pipe
         _discard_output()
         return CLOSED_PIPE
     except OSError as error:
-        if error.filename is not None or error.errno not in STREAM_FAULTS:
+        if error.filename is not None or error.errno not in OUTPUT_ERROR_NUMBERS:
             return _report_fault(error)
         _discard_output()
         return _report_error(
@@ -98,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _report_fault(error)
 
 
-def _fix_kernels() -> None:
+def _fix_numerical_kernels() -> None:
     """Make NumPy and SciPy round alike on every processor with AVX2 and FMA.
 
     OpenBLAS and NumPy choose their kernels for the processor when they load, and each kernel rounds
@@ -120,7 +120,7 @@ def _fix_kernels() -> None:
         os.execv(sys.executable, [sys.executable] + sys.orig_argv[1:])
 
 
-def _name_option(error: ProblemError, arguments: Sequence[str]) -> None:
+def _name_error_by_option(error: ProblemError, arguments: Sequence[str]) -> None:
     """Replace the name and value of a Python argument in an error by those of its option.
 
     `arguments` is the command line. Errors in files are not changed.
@@ -158,7 +158,7 @@ def _discard_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-class _Signals:
+class _SignalHandling:
     """Context in which SIGTERM and SIGHUP interrupt the command like Ctrl-C.
 
     `arrived` is the number of the signal, or None.
@@ -209,7 +209,7 @@ class _Signals:
             signal.pthread_kill(threading.main_thread().ident or 0, self.arrived or signal.SIGINT)
 
 
-def _report_interruption(signals: _Signals) -> int:
+def _report_interruption(signals: _SignalHandling) -> int:
     """Print which results were complete before an interruption, and return the exit status."""
     # CPython records an interruption, and would later end the process. exec() resets the record.
     exec("")
@@ -227,7 +227,7 @@ def _report_interruption(signals: _Signals) -> int:
 
 def _report_fault(error: Exception) -> int:
     """Print an internal fault in one line, and return the exit status."""
-    if os.environ.get(DEBUG):
+    if os.environ.get(DEBUG_VARIABLE):
         import traceback
 
         traceback.print_exception(type(error), error, error.__traceback__)
@@ -240,11 +240,11 @@ def _report_fault(error: Exception) -> int:
         location = f" at {file}:{trace.tb_lineno}"
     text = " ".join(f"{type(error).__name__}: {error}".split())
     print(
-        f"ssm-planner: internal fault{location}: {text[:200]}; please report it in {ISSUES}, "
-        f"with the command and its files ({DEBUG}=1 shows the traceback)",
+        f"ssm-planner: internal fault{location}: {text[:200]}; please report it in {ISSUE_LIST}, "
+        f"with the command and its files ({DEBUG_VARIABLE}=1 shows the traceback)",
         file=sys.stderr,
     )
-    return FAULT
+    return INTERNAL_FAULT
 
 
 def _prepare_streams() -> None:
@@ -258,7 +258,7 @@ def _prepare_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _parser(command_line: Sequence[str]) -> argparse.ArgumentParser:
+def _build_parser(command_line: Sequence[str]) -> argparse.ArgumentParser:
     """Build the argument parser.
 
     Only the commands whose names occur in `command_line` have their arguments, so that the program
@@ -307,7 +307,7 @@ def _parser(command_line: Sequence[str]) -> argparse.ArgumentParser:
     return parser
 
 
-def _shield(word: str) -> str:
+def _protect_negative_value(word: str) -> str:
     """Prepend a space to a negative value such as `-140deg`, so that it is not read as an option.
 
     argparse treats a word that contains a space as a value.

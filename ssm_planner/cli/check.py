@@ -14,10 +14,10 @@ from ssm_planner.cli.shared import (
     FAILED,
     OK,
     UNJUDGED,
-    part_quantity,
+    parse_quantity,
+    parse_speed,
+    print_result,
     progress_reporter,
-    share,
-    show,
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from ssm_planner.problem import Robot, TaskLimits
 
 PLAN_FILE = "plan.json"
-STATUS = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
-PROVEN_STATUS = {"PROVEN": OK, "REFUTED": FAILED, "OPEN": UNJUDGED}
+STATUS_OF_VERDICT = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
+STATUS_OF_PROOF = {"PROVEN": OK, "REFUTED": FAILED, "OPEN": UNJUDGED}
 """Exit status of each verdict of a proof."""
 
 
@@ -50,13 +50,13 @@ def run_check(options: Namespace) -> int:
                 "reason": fault,
                 "limits": [],
             }
-            show(options.json, document, lambda: [f"check: FAILED: {fault}"])
+            print_result(options.json, document, lambda: [f"check: FAILED: {fault}"])
             return FAILED
-    reading, robot, limits = read(options.trajectory, options.robot, options.problem)
+    reading, robot, limits = read_with_robot(options.trajectory, options.robot, options.problem)
     problem = ssm.load_problem(options.problem) if options.problem else None
     if options.tip_speed:
         limits = ssm.TipSpeed(options.tip_speed).on(limits)
-    limits = reading.ends_on(_declared(options, limits))
+    limits = reading.ends_on(_with_declared_rates(options, limits))
     progress(Step("checking"))
     document = {
         "trajectory": options.trajectory,
@@ -64,24 +64,26 @@ def run_check(options: Namespace) -> int:
         "notes": list(reading.notes),
     }
     if options.speed is not None:
-        return _check_speeds(options, reading, robot, limits, document)
+        return _run_speed_check(options, reading, robot, limits, document)
     certificate = reading.check(robot, limits)
     if problem is not None:
         certificate = with_task(certificate, reading.trajectory, replace(problem, robot=robot))
-    certificate = _allowing(certificate, options.allow_unjudged or "")
+    certificate = _allow_unjudged(certificate, options.allow_unjudged or "")
     document |= certificate.to_dict()
     if not options.proof:
         progress(Step("done"))
-        show(options.json, document, lambda: certificate_lines(certificate, reading.notes, robot))
-        return STATUS[certificate.verdict]
+        print_result(
+            options.json, document, lambda: certificate_lines(certificate, reading.notes, robot)
+        )
+        return STATUS_OF_VERDICT[certificate.verdict]
     progress(Step("proving"))
     proofs = ssm.prove(options.trajectory, options.checker)
     progress(Step("done"))
     document["proof"] = [proof.to_dict() for proof in proofs]
     lines = certificate_lines(certificate, reading.notes, robot) + [""] + proof_lines(proofs)
-    show(options.json, document, lambda: lines)
-    statuses = {STATUS[certificate.verdict]}
-    statuses |= {PROVEN_STATUS[proof.verdict] for proof in proofs}
+    print_result(options.json, document, lambda: lines)
+    statuses = {STATUS_OF_VERDICT[certificate.verdict]}
+    statuses |= {STATUS_OF_PROOF[proof.verdict] for proof in proofs}
     return next(status for status in (FAILED, UNJUDGED, OK) if status in statuses)
 
 
@@ -108,7 +110,7 @@ def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
     """Return a table of the bounds of all limits, and the verdict, as lines of text."""
     from ssm_planner.reporting import proof_table
 
-    counts = dict.fromkeys(PROVEN_STATUS, 0)
+    counts = dict.fromkeys(STATUS_OF_PROOF, 0)
     for proof in proofs:
         counts[proof.verdict] += 1
     verdicts = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
@@ -125,7 +127,7 @@ def _signature_fault(folder: Path, key: Path) -> str | None:
         return str(error)
 
 
-def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
+def _allow_unjudged(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
     """Return the certificate with the limits that may remain unjudged (option --allow-unjudged).
 
     `text` contains their names, separated by commas. Raises ProblemError for an unknown name.
@@ -148,7 +150,7 @@ def _allowing(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
     return certificate.allowing(*names)
 
 
-def _check_speeds(
+def _run_speed_check(
     options: Namespace,
     reading: "Reading",
     robot: "Robot",
@@ -182,10 +184,10 @@ def _check_speeds(
             "the trajectory has straight segments", key="--speed", allowed="smooth motions"
         )
     low, dots, high = options.speed.partition("..")
-    speed = share(low)
+    speed = parse_speed(low)
     lines = []
     if dots:
-        if share(high) != 1.0:
+        if parse_speed(high) != 1.0:
             raise ProblemError(
                 "the range must end at 100 %",
                 key="--speed",
@@ -202,8 +204,8 @@ def _check_speeds(
     remark = ", where a limit is nearest" if dots else ""
     lines.append(f"at {100 * speed:.4g} % of the speed{remark}:")
     lines += certificate_lines(certificate, reading.notes, robot)
-    show(options.json, document, lambda: lines)
-    return STATUS[certificate.verdict]
+    print_result(options.json, document, lambda: lines)
+    return STATUS_OF_VERDICT[certificate.verdict]
 
 
 def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
@@ -224,7 +226,7 @@ def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
     return [heading, ""] + table.lines() + [""]
 
 
-def read(
+def read_with_robot(
     path: Path, robot_file: Path | None, problem_file: Path | None = None
 ) -> "tuple[Reading, Robot, ssm.TaskLimits]":
     """Read a trajectory file, and determine the robot and the limits for its check.
@@ -307,19 +309,19 @@ def read(
     return reading, robot, limits
 
 
-def _declared(options: Namespace, limits: "TaskLimits") -> "TaskLimits":
+def _with_declared_rates(options: Namespace, limits: "TaskLimits") -> "TaskLimits":
     """Return the limits with the rates at both ends that the options declare.
 
     Raises ProblemError if a rate is invalid.
     """
     if options.start_rate is not None:
-        limits = replace(limits, start_rate=_rates("--start-rate", options.start_rate))
+        limits = replace(limits, start_rate=_parse_rates("--start-rate", options.start_rate))
     if options.end_rate is not None:
-        limits = replace(limits, end_rate=_rates("--end-rate", options.end_rate))
+        limits = replace(limits, end_rate=_parse_rates("--end-rate", options.end_rate))
     return limits
 
 
-def _rates(option: str, text: str) -> dict[str, float] | None:
+def _parse_rates(option: str, text: str) -> dict[str, float] | None:
     """Parse the value of the option --start-rate or --end-rate.
 
     Returns
@@ -344,7 +346,7 @@ def _rates(option: str, text: str) -> dict[str, float] | None:
             allowed = f"any, or {', '.join(TASK)}"
             raise ProblemError("unknown task coordinate", key=option, value=entry, allowed=allowed)
         quantity_kind = "velocity" if name == "depth" else "angular_velocity"
-        rates[name] = part_quantity(option, value.strip(), quantity_kind, entry)
+        rates[name] = parse_quantity(option, value.strip(), quantity_kind, entry)
     return rates
 
 

@@ -3,10 +3,17 @@
 from argparse import Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, UNJUDGED, progress_reporter, show, text_lines
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    UNJUDGED,
+    fill_in_template,
+    print_result,
+    progress_reporter,
+)
 from ssm_planner.progress import Step
 
-VERDICT_STATUS = {"held": OK, "cannot tell": UNJUDGED, "not held": FAILED}
+STATUS_OF_VERDICT = {"held": OK, "cannot tell": UNJUDGED, "not held": FAILED}
 """Exit status of each verdict of a comparison."""
 
 
@@ -27,8 +34,8 @@ def run_compare(options: Namespace) -> int:
     )
     progress(Step("done"))
     document = {"plan": options.plan, **comparison.to_dict()}
-    show(options.json, document, lambda: compare_lines(comparison))
-    return VERDICT_STATUS[comparison.verdict]
+    print_result(options.json, document, lambda: compare_lines(comparison))
+    return STATUS_OF_VERDICT[comparison.verdict]
 
 
 def compare_lines(comparison: ssm.Comparison) -> list[str]:
@@ -64,7 +71,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
             rows.append(row)
     header = "axis, recording, begins at s, correlation, NRMSD position, speed, torque"
     limits_header = "limit, joint, measured, noise, limit, unit, margin planned, measured, "
-    return text_lines(
+    return fill_in_template(
         "compared.txt",
         comparison=comparison,
         certain=CERTAIN,

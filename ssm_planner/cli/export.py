@@ -4,17 +4,17 @@ import re
 from argparse import ArgumentParser, Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import OK, progress_reporter, rate_argument, show
+from ssm_planner.cli.shared import OK, print_result, progress_reporter, rate_argument
 from ssm_planner.errors import ExportError
 from ssm_planner.formats import FORMATS
 from ssm_planner.progress import Step
 from ssm_planner.typing import Keywords
 
 
-def format_arguments(parser: ArgumentParser) -> None:
+def add_format_arguments(parser: ArgumentParser) -> None:
     """Add the options of all formats to the command `export`."""
-    for option, texts in _options().items():
-        parsed = PARSED.get(option, {})
+    for option, texts in _format_options().items():
+        parsed = ARGPARSE_SETTINGS.get(option, {})
         flag = f"--{'no-' if parsed.get('action') == 'store_false' else ''}{option}"
         text = "; ".join(f"{', '.join(names)}: {text}" for text, names in texts.items())
         parser.add_argument(
@@ -26,7 +26,7 @@ def format_arguments(parser: ArgumentParser) -> None:
         )
 
 
-def _options() -> dict[str, dict[str, list[str]]]:
+def _format_options() -> dict[str, dict[str, list[str]]]:
     """Return the names of the formats by option and by the help text of the option.
 
     Formats may have the same option with different meanings.
@@ -43,12 +43,12 @@ def run_export(options: Namespace) -> int:
     progress = progress_reporter(f"reading {options.plan}")
 
     settings: Keywords = {}
-    for name in ["speed", "sign"] + list(_options()):
+    for name in ["speed", "sign"] + list(_format_options()):
         value = getattr(options, name)
         if value is not None:
             settings[name] = value
     if "counts_per_turn" in settings:
-        settings["counts_per_turn"] = _counts(options.counts_per_turn)
+        settings["counts_per_turn"] = _parse_encoder_counts(options.counts_per_turn)
     files, manifest = ssm.export(
         options.plan, options.to, options.output, force=options.force, **settings
     )
@@ -57,11 +57,11 @@ def run_export(options: Namespace) -> int:
     if not manifest["verified"]:
         lines.append("UNVERIFIED: the plan has no passed certificate; every file is marked so")
     lines += [f"file: {path}" for path in files.values()]
-    show(options.json, {**manifest, "files": files}, lambda: lines)
+    print_result(options.json, {**manifest, "files": files}, lambda: lines)
     return OK
 
 
-def _counts(texts: list[str]) -> int | dict[str, int]:
+def _parse_encoder_counts(texts: list[str]) -> int | dict[str, int]:
     """Parse texts of the form [JOINT=]N, which state the encoder increments per motor turn.
 
     The result is one number for all joints, or a mapping by joint. Raises ExportError for other
@@ -78,7 +78,7 @@ def _counts(texts: list[str]) -> int | dict[str, int]:
     return counts.get("", counts)
 
 
-PARSED: dict[str, Keywords] = {
+ARGPARSE_SETTINGS: dict[str, Keywords] = {
     "rate": {"type": rate_argument, "metavar": "HZ"},
     "columns": {"type": lambda text: re.split(r"\s*,\s*", text.strip()), "metavar": "LIST"},
     "mode": {"choices": ("csp", "csv", "cst")},

@@ -6,11 +6,11 @@ from pathlib import Path
 import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     OK,
+    fill_in_template,
     output_file,
+    print_result,
+    print_result_with_page,
     progress_reporter,
-    show,
-    show_with_page,
-    text_lines,
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
@@ -21,7 +21,7 @@ def run_identify(options: Namespace) -> int:
     """Identify the friction of a drive, write its file, and return the exit status."""
     _check_design_options(options)
     if options.design:
-        return _design(options)
+        return _run_design(options)
     fixed = dict(_fixed_parameter(text) for text in options.fix)
     progress = progress_reporter(f"identifying {options.drive}")
     identification = ssm.identify(
@@ -34,12 +34,12 @@ def run_identify(options: Namespace) -> int:
     )
     result: JsonObject = {
         **identification.to_dict(),
-        "files": _write_drive(identification, options.drive, options.output),
+        "files": _write_drive_files(identification, options.drive, options.output),
     }
     progress(Step("done"))
     table = _parameter_lines(result, identification.drive)
-    lines = text_lines("identified.txt", result=result, table=table)
-    show_with_page(options, options.drive.stem, result, lines, result["files"].values())
+    lines = fill_in_template("identified.txt", result=result, table=table)
+    print_result_with_page(options, options.drive.stem, result, lines, result["files"].values())
     return OK
 
 
@@ -55,7 +55,7 @@ def _check_design_options(options: Namespace) -> None:
             raise ProblemError(f"{name} has no effect here", key=name, allowed=hint)
 
 
-def _design(options: Namespace) -> int:
+def _run_design(options: Namespace) -> int:
     """Design a recording session, write it as CSV, and return the exit status."""
     progress = progress_reporter(f"designing a session for {options.drive}")
     session = ssm.design_session(options.drive, options.count, options.top_speed)
@@ -72,11 +72,13 @@ def _design(options: Namespace) -> int:
         f"{options.count} recordings in {minutes:.1f} min of motion; the table shows what a "
         f"simulated session determines (law {session.law})",
     ]
-    show(options.json, result, lambda: lines)
+    print_result(options.json, result, lambda: lines)
     return OK
 
 
-def _write_drive(identification: ssm.Identification, drive: Path, output: Path | None) -> Files:
+def _write_drive_files(
+    identification: ssm.Identification, drive: Path, output: Path | None
+) -> Files:
     """Write the drive file with the identified friction, and a figure of its torque–velocity map.
 
     Parameters
@@ -174,13 +176,13 @@ def run_predict(options: Namespace) -> int:
         files_of_one = _write_figures(prediction, options.output)
         results.append({**prediction.to_dict(), "friction": origin, "files": files_of_one})
     progress(Step("done"))
-    lines = text_lines("predicted.txt", results=results)
+    lines = fill_in_template("predicted.txt", results=results)
     files: list[Path] = []
     for result in results:
         files += result["files"].values()
     max_nrmsd = max(result["nrmsd"] for result in results)
     lines.append(f"largest NRMSD of {len(results)} recordings: {max_nrmsd:.4f}")
-    show_with_page(options, "prediction", results, lines, files)
+    print_result_with_page(options, "prediction", results, lines, files)
     return OK
 
 

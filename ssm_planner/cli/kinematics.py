@@ -6,7 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, show, show_with_page, text_lines
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    fill_in_template,
+    print_result,
+    print_result_with_page,
+)
 from ssm_planner.display import format_fixed
 from ssm_planner.errors import ProblemError
 from ssm_planner.typing import JsonObject
@@ -19,7 +25,7 @@ def run_ik(options: Namespace) -> int:
     robot = ssm.load_robot(options.robot)
     point = {name: getattr(options, name) for name in TASK}
     solutions = ssm.ik(robot, **point, within_limits=options.within_limits)
-    show(options.json, solutions.to_dict(), lambda: _solution_lines(solutions))
+    print_result(options.json, solutions.to_dict(), lambda: _solution_lines(solutions))
     return OK if solutions.reachable else FAILED
 
 
@@ -46,18 +52,18 @@ def run_workspace(options: Namespace) -> int:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
     robot = None if options.robot is None else ssm.load_robot(options.robot)
     if robot is not None and options.reach is None:
-        result = _workspace(robot, options.output)
+        result = _workspace_result(robot, options.output)
     else:
         low, high = sorted(options.reach)
-        result = _designs((low, high), options.margin, robot, options.output)
+        result = _design_region_result((low, high), options.margin, robot, options.output)
     name = "workspace" if "tilt_range" in result else "design_region"
     files = result.get("files", {}).values()
-    lines = [f"figure: {path}" for path in files] + text_lines("workspace.txt", **result)
-    show_with_page(options, name, result, lines, files)
+    lines = [f"figure: {path}" for path in files] + fill_in_template("workspace.txt", **result)
+    print_result_with_page(options, name, result, lines, files)
     return OK if result.get("reachable", True) else FAILED
 
 
-def _workspace(robot: ssm.Robot, output: Path | None) -> JsonObject:
+def _workspace_result(robot: ssm.Robot, output: Path | None) -> JsonObject:
     """Return the workspace of a robot as JSON types.
 
     With a folder `output`, the figures are written there, and their paths are added under the key
@@ -73,7 +79,7 @@ def _workspace(robot: ssm.Robot, output: Path | None) -> JsonObject:
     return result
 
 
-def _designs(
+def _design_region_result(
     reach: ssm.Range, margin: float, robot: ssm.Robot | None, output: Path | None
 ) -> JsonObject:
     """Return the designs (α, β) that reach a tilt range, as JSON types.

@@ -4,7 +4,7 @@ import sys
 from argparse import Namespace
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, output_file, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, output_file, print_result, progress_reporter
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 
@@ -20,10 +20,12 @@ def run_report(options: Namespace) -> int:
     page = output_file(options.output, ".html", plan.path.with_name(f"{name}.html"))
     files = {name: ssm.report(plan, page, options.other)}
     if options.figures is not None:
-        from ssm_planner.reporting import WIDE, WIDTHS, write_figures_of_file
+        from ssm_planner.reporting import DEFAULT_WIDTH, NAMED_WIDTHS, write_figures_of_file
 
-        files |= write_figures_of_file(plan, options.figures, WIDTHS.get(options.width, WIDE))
-    show(
+        files |= write_figures_of_file(
+            plan, options.figures, NAMED_WIDTHS.get(options.width, DEFAULT_WIDTH)
+        )
+    print_result(
         options.json, {"files": files}, lambda: [f"{name}: {path}" for name, path in files.items()]
     )
     return OK
@@ -37,7 +39,7 @@ def run_film(options: Namespace) -> int:
     lines = [f"{name}: {file}" for name, file in files.items()]
     if path.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")
-    show(options.json, {"files": files}, lambda: lines)
+    print_result(options.json, {"files": files}, lambda: lines)
     return OK
 
 
@@ -65,5 +67,5 @@ def run_reproduce(options: Namespace) -> int:
     left_out = outcome.left_out
     result = {"passed": outcome.passed, "left_out": left_out, "files": outcome.files}
     lines = [f"left out: {line}" for line in left_out] + [f"Results: {folder}"]
-    show(options.json, result, lambda: lines)
+    print_result(options.json, result, lambda: lines)
     return OK if outcome.passed else FAILED

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, print_result, progress_reporter
 from ssm_planner.cli.terminal import shorten
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
@@ -20,7 +20,7 @@ def run_plan(options: Namespace) -> int:
         from ssm_planner.pipeline.run import plan_to_folder, starting_from
         from ssm_planner.plans import load_plan
         from ssm_planner.publishing import file_name
-        from ssm_planner.reporting import explanation, summary_lines
+        from ssm_planner.reporting import explanation_lines, summary_lines
 
         current_plan = getattr(options, "from")  # `from` is a keyword of Python.
         if (current_plan is None) != (options.at is None):
@@ -43,6 +43,6 @@ def run_plan(options: Namespace) -> int:
     if not options.verbose:
         lines = shorten(lines)
     if options.explain:
-        lines = explanation(result) + lines
-    show(options.json, {**result.summary(), "files": files}, lambda: lines)
+        lines = explanation_lines(result) + lines
+    print_result(options.json, {**result.summary(), "files": files}, lambda: lines)
     return OK if result.passed else FAILED

@@ -6,7 +6,7 @@ The command computes the fastest timing of the path in a trajectory file within 
 from argparse import Namespace
 from pathlib import Path
 
-from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, print_result, progress_reporter
 from ssm_planner.progress import Step
 
 
@@ -50,5 +50,5 @@ def run_retime(options: Namespace) -> int:
     lines += summary_lines(result, folder if result.passed else None, verbose=True)
     if "page" in files:
         lines.append(f"file     {files['page']}")
-    show(options.json, document, lambda: lines)
+    print_result(options.json, document, lambda: lines)
     return OK if result.passed else FAILED

@@ -84,12 +84,12 @@ def rate_argument(text: str) -> float:
 ARGUMENTS = Path(__file__).with_name("arguments.csv")
 """Table of the arguments of all commands.
 
-The column `kind` states the type of the value: a key of `TYPES` or of units.KINDS, "flag", the
+The column `kind` states the type of the value: a key of `VALUE_TYPES` or of units.KINDS, "flag", the
 allowed words with "|" between them, or the object that contains them as `module:name`. The column
 `number` contains the number of values in the form of argparse, "append" or "required". At most one
 argument of a group can be used.
 """
-TYPES: dict[str, Callable[[str], Any]] = {
+VALUE_TYPES: dict[str, Callable[[str], Any]] = {
     "path": Path,
     "text": str,
     "int": int,
@@ -108,10 +108,10 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
                 group = row["group"]
                 if group not in groups:
                     groups[group] = parser.add_mutually_exclusive_group()
-                groups[group].add_argument(*row["argument"].split(), **_settings(row))
+                groups[group].add_argument(*row["argument"].split(), **_argument_settings(row))
 
 
-def _settings(row: Mapping[str, str]) -> Keywords:
+def _argument_settings(row: Mapping[str, str]) -> Keywords:
     """Return the arguments of `add_argument` for a row of `ARGUMENTS`."""
     value_type = row["kind"]
     number = row["number"]
@@ -123,8 +123,8 @@ def _settings(row: Mapping[str, str]) -> Keywords:
         settings["choices"] = list(resolve_name(value_type))
     elif "|" in value_type:
         settings["choices"] = value_type.split("|")
-    elif value_type in TYPES:
-        settings["type"] = TYPES[value_type]
+    elif value_type in VALUE_TYPES:
+        settings["type"] = VALUE_TYPES[value_type]
     else:
         settings |= {"type": quantity_argument(value_type), "metavar": value_type.upper()}
     if metavars:
@@ -140,7 +140,7 @@ def _settings(row: Mapping[str, str]) -> Keywords:
     return settings
 
 
-def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
+def parse_quantity(option: str, text: str, kind: str, whole: str | None = None) -> float:
     """Convert a quantity that is part of an option's value.
 
     Parameters
@@ -173,17 +173,17 @@ def part_quantity(option: str, text: str, kind: str, whole: str | None = None) -
         raise ProblemError(error.reason, key=option, value=value, allowed=error.allowed) from None
 
 
-def share(text: str) -> float:
+def parse_speed(text: str) -> float:
     """Convert the value of `--speed`, a percentage or a fraction, to a fraction.
 
     `10%`, `10 %` and `0.1` all give 0.1. Raises ProblemError for other texts.
     """
-    return part_quantity("--speed", text, "share")
+    return parse_quantity("--speed", text, "share")
 
 
 REPORT_INTERVAL = 1.0
 """Shortest interval between two reports of counted steps, s."""
-FIRST = 5
+ALWAYS_REPORTED_STEPS = 5
 """Number of the first counted steps that are always reported."""
 
 
@@ -207,7 +207,11 @@ def progress_reporter(message: str = "") -> Progress:
                 first_done = step.done
                 series_start = now
             is_last = step.done + 1 >= step.total
-            if step.done >= FIRST and not is_last and now - last_report < REPORT_INTERVAL:
+            if (
+                step.done >= ALWAYS_REPORTED_STEPS
+                and not is_last
+                and now - last_report < REPORT_INTERVAL
+            ):
                 return
             elapsed = now - series_start
             newly_done = step.done - first_done
@@ -226,7 +230,7 @@ def progress_reporter(message: str = "") -> Progress:
     return report
 
 
-def text_lines(template: str, **values: Any) -> list[str]:
+def fill_in_template(template: str, **values: Any) -> list[str]:
     """Fill in a template of this package, and return the lines of the text."""
     from ssm_planner.display import environment, render_template
 
@@ -234,7 +238,7 @@ def text_lines(template: str, **values: Any) -> list[str]:
     return render_template(templates, template, **values).splitlines()
 
 
-def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
+def print_result(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
     """Print a result on stdout, as one JSON document or as lines of text.
 
     Parameters
@@ -247,12 +251,12 @@ def show(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> No
         Function that returns the lines. It is called only if text is printed.
     """
     if as_json:
-        print(_json(document))
+        print(_to_json(document))
     else:
         print_lines(lines())
 
 
-def show_with_page(
+def print_result_with_page(
     options: Namespace,
     name: str,
     document: Any,
@@ -286,7 +290,7 @@ def show_with_page(
         write_outcome(page, name, lines[-1], lines, figures=files)
         lines = list(lines)
         lines.insert(-1, f"file: {page}")
-    show(options.json, document, lambda: lines)
+    print_result(options.json, document, lambda: lines)
 
 
 def write_results(
@@ -322,10 +326,10 @@ def write_results(
     with publishing(folder) as temporary:
         files = {name: temporary / f"{name}.json"}
         files |= write(temporary)
-        files[name].write_text(_json(document) + "\n", encoding="utf-8")
+        files[name].write_text(_to_json(document) + "\n", encoding="utf-8")
     return {key: folder / path.name for key, path in files.items()}
 
 
-def _json(document: Any) -> str:
+def _to_json(document: Any) -> str:
     """Format a document as JSON text. Paths become texts, and numbers must be finite."""
     return json.dumps(document, indent=1, allow_nan=False, default=os.fspath)

@@ -7,10 +7,10 @@ import ssm_planner as ssm
 from ssm_planner.cli.shared import (
     FAILED,
     OK,
-    part_quantity,
+    fill_in_template,
+    parse_quantity,
+    print_result,
     progress_reporter,
-    show,
-    text_lines,
     write_results,
 )
 from ssm_planner.errors import ProblemError
@@ -26,7 +26,7 @@ def run_simulate(options: Namespace) -> int:
 
     plan = ssm.load_plan(options.plan)
     controller = None if options.controller is None else ssm.load_controller(options.controller)
-    result = simulate(plan, scenario_of(options, plan.robot), controller, progress)
+    result = simulate(plan, scenario_from_options(options, plan.robot), controller, progress)
     document: JsonObject = {"plan": options.plan, **result.to_dict()}
     stops = plan.stops if options.power_loss == EVERYWHERE else None
     if stops is not None:
@@ -54,11 +54,11 @@ def run_simulate(options: Namespace) -> int:
         "stops": document.get("controlled_stops"),
         "files": document["files"],
     }
-    show(options.json, document, lambda: text_lines("simulated.txt", **values))
+    print_result(options.json, document, lambda: fill_in_template("simulated.txt", **values))
     return OK if result.passed else FAILED
 
 
-def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
+def scenario_from_options(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
     """Build the scenario that the options of the command describe.
 
     `robot` is the robot of the plan.
@@ -75,8 +75,8 @@ def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
     payload_time = 0.0
     if options.payload is not None:
         mass, separator, time = options.payload.partition("@")
-        payload = part_quantity("--payload", mass, "mass")
-        payload_time = part_quantity("--payload", time, "time") if separator else 0.0
+        payload = parse_quantity("--payload", mass, "mass")
+        payload_time = parse_quantity("--payload", time, "time") if separator else 0.0
     stall = None
     if options.stall is not None:
         joint, separator, time = options.stall.partition("@")
@@ -87,10 +87,10 @@ def scenario_of(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
                 value=options.stall,
                 allowed="JOINT@TIME, such as tilt@1s",
             )
-        stall = (joint, part_quantity("--stall", time, "time"))
+        stall = (joint, parse_quantity("--stall", time, "time"))
     power_loss = options.power_loss
     if power_loss is not None and power_loss != EVERYWHERE:
-        power_loss = part_quantity("--power-loss", power_loss, "time")
+        power_loss = parse_quantity("--power-loss", power_loss, "time")
     if options.instants < 1:
         raise ProblemError(
             "invalid number", key="--instants", value=options.instants, allowed="1 or more"

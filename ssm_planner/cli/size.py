@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show_with_page, write_results
+from ssm_planner.cli.shared import (
+    FAILED,
+    OK,
+    print_result_with_page,
+    progress_reporter,
+    write_results,
+)
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
@@ -22,11 +28,11 @@ if TYPE_CHECKING:
 def run_size(options: Namespace) -> int:
     """Size the motors and gears of a motion, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
-    from ssm_planner.reporting import sizing_lines, sizing_verdict, what_if_lines
+    from ssm_planner.reporting import sizing_lines, sizing_verdict_lines, what_if_lines
     from ssm_planner.sizing.size import size
 
     duty = read_duty(options.plan, options.robot)
-    conditions = _conditions(options, duty)
+    conditions = _conditions_from_options(options, duty)
     if options.catalogue is not None or options.gears or options.gearheads:
         return _run_selection(options, duty, conditions)
     candidates = read_candidates(options.motor, duty)
@@ -38,7 +44,7 @@ def run_size(options: Namespace) -> int:
         from ssm_planner.sizing import largest_payload, shortest_duration
 
         progress(Step("what if"))
-        motors = chosen_motors(sizing)
+        motors = selected_motors(sizing)
         payload = largest_payload(duty, motors, conditions, options.payload)
         duration = shortest_duration(duty, motors, conditions, options.payload)
         document["what_if"] = {
@@ -57,8 +63,8 @@ def run_size(options: Namespace) -> int:
     document["files"] = write_results(options.output, "sizing", document, write)
     progress(Step("done"))
     files = document["files"].values()
-    lines += [f"file: {path}" for path in files] + sizing_verdict(sizing)
-    show_with_page(options, "sizing", document, lines, files)
+    lines += [f"file: {path}" for path in files] + sizing_verdict_lines(sizing)
+    print_result_with_page(options, "sizing", document, lines, files)
     return FAILED if sizing.adequate is False else OK
 
 
@@ -122,7 +128,7 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
     lines = [duty.name, *document["notes"], *selection_lines(document["selection"])]
     lines += [f"file: {path}" for path in document["files"].values()]
     lines.append(f"every joint has a suitable motor: {VERDICT_LABELS[adequate]}")
-    show_with_page(options, "selection", document, lines)
+    print_result_with_page(options, "selection", document, lines)
     return FAILED if adequate is False else OK
 
 
@@ -199,7 +205,7 @@ def read_candidates(texts: Sequence[str], duty: "DutyCycle") -> dict[str, list[s
     return candidates
 
 
-def chosen_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
+def selected_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
     """Return the smallest adequate motor of each joint, or its largest candidate if there is none.
 
     Joints without candidates are left out.
@@ -211,7 +217,7 @@ def chosen_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
     }
 
 
-def _conditions(options: Namespace, duty: "DutyCycle") -> "Conditions":
+def _conditions_from_options(options: Namespace, duty: "DutyCycle") -> "Conditions":
     """Return the operating conditions that the options and the duty cycle state."""
     from ssm_planner.sizing import REFERENCE_TEMPERATURE, Conditions
 

@@ -9,39 +9,39 @@ from pathlib import Path
 from typing import Any
 
 import ssm_planner as ssm
-from ssm_planner.cli.shared import FAILED, OK, progress_reporter, show
+from ssm_planner.cli.shared import FAILED, OK, print_result, progress_reporter
 from ssm_planner.display import number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
 
-MAX_ROWS = 12
+MAX_PRINTED_ROWS = 12
 """Largest number of candidates on the front, and of reasons, in the terminal."""
 
 
 def run_study(options: Namespace) -> int:
     """Run a study, or show, compare or audit its results, and return the exit status."""
-    verb, numbers, file = _request(options.words)
+    verb, numbers, file = _parse_words(options.words)
     if verb == "audit":
-        return _audit(Path(file), options)
+        return _run_audit(Path(file), options)
     study = ssm.load_study(file)
     folder = options.output or Path("results") / study.name
     if verb == "study":
-        return _study(study, folder, options)
+        return _run_candidates(study, folder, options)
     from ssm_planner.studies.show import compare_candidates, write_candidate
 
     if verb == "show":
         paths: list[Path] = []
         for number in numbers:
             paths += write_candidate(study, folder, number)
-        show(options.json, {"files": paths}, lambda: [f"file: {path}" for path in paths])
+        print_result(options.json, {"files": paths}, lambda: [f"file: {path}" for path in paths])
         return OK
     document = compare_candidates(study, folder, *numbers)
-    show(options.json, document, lambda: _compared_lines(document))
+    print_result(options.json, document, lambda: _comparison_lines(document))
     return OK
 
 
-def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
+def _parse_words(words: Sequence[str]) -> tuple[str, list[int], str]:
     """Parse the words of the command.
 
     Returns "study", "show", "compare" or "audit", the numbers of the candidates, and the study file
@@ -67,13 +67,13 @@ def _request(words: Sequence[str]) -> tuple[str, list[int], str]:
     return verb, list(map(int, numbers)), words[-1]
 
 
-def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
+def _run_candidates(study: ssm.Study, folder: Path, options: Namespace) -> int:
     """Evaluate the candidates of a study, print the front, and return the exit status."""
     from ssm_planner.studies import run as studies
     from ssm_planner.studies.store import write_table
 
-    with _executor(options.scheduler) as executor:
-        result = studies.study(study, folder, options.workers, executor, _progress())
+    with _dask_executor(options.scheduler) as executor:
+        result = studies.study(study, folder, options.workers, executor, _progress_reporter())
     if options.table is not None:
         write_table(result.rows, options.table)
     files = {
@@ -85,25 +85,25 @@ def _study(study: ssm.Study, folder: Path, options: Namespace) -> int:
         "study": study.name,
         "candidates": len(result.rows),
         "states": result.states,
-        "front": [_entry(row) for row in result.front],
-        "own": _entry(result.own),
+        "front": [_candidate_entry(row) for row in result.front],
+        "own": _candidate_entry(result.own),
         "better": [row.number for row in result.better],
         "reasons": result.reasons,
         "notes": result.notes,
         "finished": result.finished,
         "files": files,
     }
-    show(options.json, document, lambda: _lines(study, result, files))
+    print_result(options.json, document, lambda: _study_lines(study, result, files))
     if not result.finished:
         print("ssm-planner: interrupted; the same command continues", file=sys.stderr)
         return 130
     return OK if result.front else FAILED
 
 
-def _audit(folder: Path, options: Namespace) -> int:
+def _run_audit(folder: Path, options: Namespace) -> int:
     """Audit the results of a study in a folder, and return the exit status."""
     audit = ssm.audit_study(
-        folder, tolerance=options.tolerance, workers=options.workers, progress=_progress()
+        folder, tolerance=options.tolerance, workers=options.workers, progress=_progress_reporter()
     )
     verdict = (
         f"audit: {'PASSED' if audit.passed else 'FAILED'}: {len(audit.planned)} candidates were "
@@ -111,12 +111,12 @@ def _audit(folder: Path, options: Namespace) -> int:
     )
     document = {**vars(audit), "passed": audit.passed}
     lines = list(audit.faults) + list(audit.notes) + [verdict]
-    show(options.json, document, lambda: lines)
+    print_result(options.json, document, lambda: lines)
     return OK if audit.passed else FAILED
 
 
 @contextmanager
-def _executor(address: str | None) -> Iterator[Executor | None]:
+def _dask_executor(address: str | None) -> Iterator[Executor | None]:
     """Yield the executor of a Dask scheduler at an address, or None without an address.
 
     Raises ProblemError if the package is not installed, or if no scheduler answers.
@@ -143,7 +143,7 @@ def _executor(address: str | None) -> Iterator[Executor | None]:
         yield client.get_executor(retries=3)
 
 
-def _progress() -> Callable[[int, int, dict[str, int]], None]:
+def _progress_reporter() -> Callable[[int, int, dict[str, int]], None]:
     """Return a function that reports on stderr how many candidates are finished."""
     progress = progress_reporter()
 
@@ -155,43 +155,43 @@ def _progress() -> Callable[[int, int, dict[str, int]], None]:
     return report
 
 
-def _entry(row: ssm.Candidate) -> JsonObject:
+def _candidate_entry(row: ssm.Candidate) -> JsonObject:
     """Return the entry of a candidate in the output of --json."""
     return {"number": row.number, "design": dict(row.design), "figures": dict(row.figures)}
 
 
-def _lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> list[str]:
+def _study_lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> list[str]:
     """Return the rejections, the front and the summary of a study as lines of text."""
-    from ssm_planner.studies.page import against_own, displayed_choices, in_words
+    from ssm_planner.studies.page import compare_with_original, design_texts, format_result
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())
     front = result.front
     lines = ["Why candidates fall out"]
-    for reason, count in list(result.reasons.items())[:MAX_ROWS]:
+    for reason, count in list(result.reasons.items())[:MAX_PRINTED_ROWS]:
         lines.append(f"  {count:>6}  {reason}")
     lines += [""] + list(result.notes)
     lines += [f"file: {path}" for path in files.values()] + [""]
     lines.append(f"Front in {', '.join(map(plain_words, study.minimise))}: {len(front)} candidates")
-    for row in front[:MAX_ROWS]:
-        values = ", ".join(in_words(name, row.figures) for name in study.minimise)
-        choices = displayed_choices(study, row).items()
+    for row in front[:MAX_PRINTED_ROWS]:
+        values = ", ".join(format_result(name, row.figures) for name in study.minimise)
+        choices = design_texts(study, row).items()
         choices_text = ", ".join(f"{path} {value}" for path, value in choices)
         lines.append(f"  {row.number:>6}  {values}  ({choices_text})")
-    if len(front) > MAX_ROWS:
-        lines.append(f"  … and {len(front) - MAX_ROWS} more in table.csv")
+    if len(front) > MAX_PRINTED_ROWS:
+        lines.append(f"  … and {len(front) - MAX_PRINTED_ROWS} more in table.csv")
     summary = f"{study.name}: {len(result.rows)} candidates: {states}; {len(front)} on the front"
-    return lines + ["", against_own(study, result.own, front), summary]
+    return lines + ["", compare_with_original(study, result.own, front), summary]
 
 
-def _compared_lines(document: JsonObject) -> list[str]:
+def _comparison_lines(document: JsonObject) -> list[str]:
     """Return the table that compares two candidates as lines of text."""
     from ssm_planner.reporting import Table
-    from ssm_planner.studies.page import title_of, unit_of
+    from ssm_planner.studies.page import axis_title, result_unit
 
     rows = []
     for name, pair in {**document["design"], **document["figures"]}.items():
-        _, scale = unit_of(name)
-        row = [title_of(name) if name in document["figures"] else name]
+        _, scale = result_unit(name)
+        row = [axis_title(name) if name in document["figures"] else name]
         for value in pair:
             row.append(number(scale * value, 5) if isinstance(value, float) else str(value))
         rows.append(row)

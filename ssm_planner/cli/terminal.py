@@ -11,15 +11,15 @@ from typing import NoReturn
 from ssm_planner.display import columns
 from ssm_planner.errors import SsmPlannerError, suggestion
 
-LABEL = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
+LABEL_PATTERN = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
 """Beginning of a line: a label that at least two spaces follow, or only the indentation."""
-WIDEST_LABEL = 20
+MAX_LABEL_WIDTH = 20
 """Largest number of characters of a label with which continuation lines are aligned."""
-SHORT, LAST = 25, 6
+MAX_LINES, LAST_LINES = 25, 6
 """Largest number of lines of a shortened text, and the number of last lines that it keeps."""
 RED, GREEN, YELLOW = 31, 32, 33
 """ANSI codes of the colours."""
-COLOURS = (
+VERDICT_COLOURS = (
     (
         RED,
         r"NOT \w+|DOES NOT HOLD|FAILED|EXCEEDED|BEYOND|OUTSIDE|SATURATED|TRIPPED|UNVERIFIED|NO|no "
@@ -29,8 +29,10 @@ COLOURS = (
     (YELLOW, r"not known|not checked|not decided|placeholder figures|CANNOT TELL"),
 )
 """Colours of the words of a verdict."""
-VERDICT = re.compile("|".join(rf"(?P<c{colour}>\b(?:{pattern})\b)" for colour, pattern in COLOURS))
-OPTION = re.compile(r"unrecognized arguments: (.*)")
+VERDICT_PATTERN = re.compile(
+    "|".join(rf"(?P<c{colour}>\b(?:{pattern})\b)" for colour, pattern in VERDICT_COLOURS)
+)
+UNKNOWN_OPTION_PATTERN = re.compile(r"unrecognized arguments: (.*)")
 
 
 class UsageError(SsmPlannerError):
@@ -43,7 +45,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise UsageError with the message, the usage and a suggestion for unknown options."""
         hint = ""
-        match = OPTION.fullmatch(message)
+        match = UNKNOWN_OPTION_PATTERN.fullmatch(message)
         if match:
             option = match[1].split()[0].partition("=")[0]
             hint = suggestion(option, self.options())
@@ -66,25 +68,25 @@ def wrap_line(line: str, width: int) -> list[str]:
     """
     if len(line) <= width or line.startswith("file  "):
         return [line]
-    label = LABEL.match(line)
+    label = LABEL_PATTERN.match(line)
     end = label.end() if label is not None else 0
-    indent = end if 0 < end <= WIDEST_LABEL else len(line) - len(line.lstrip()) + 2
+    indent = end if 0 < end <= MAX_LABEL_WIDTH else len(line) - len(line.lstrip()) + 2
     return wrap(
         line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     )
 
 
 def shorten(lines: Iterable[str]) -> list[str]:
-    """Wrap lines to the terminal, and omit the middle of a text of more than `SHORT` lines.
+    """Wrap lines to the terminal, and omit the middle of a text of more than `MAX_LINES` lines.
 
-    The last LAST lines remain, because they contain the verdict.
+    The last LAST_LINES lines remain, because they contain the verdict.
     """
     wrapped: list[str] = []
     for line in lines:
         wrapped += wrap_line(line, columns())
-    if len(wrapped) <= SHORT:
+    if len(wrapped) <= MAX_LINES:
         return wrapped
-    return wrapped[: SHORT - LAST - 1] + ["… (-v prints all)"] + wrapped[-LAST:]
+    return wrapped[: MAX_LINES - LAST_LINES - 1] + ["… (-v prints all)"] + wrapped[-LAST_LINES:]
 
 
 def print_lines(lines: Iterable[str]) -> None:
@@ -98,9 +100,9 @@ def print_lines(lines: Iterable[str]) -> None:
     for block in lines:
         for line in block.splitlines() or [""]:
             for text in wrap_line(line, columns()):
-                print(VERDICT.sub(_coloured, text) if has_colours else text)
+                print(VERDICT_PATTERN.sub(_colour_match, text) if has_colours else text)
 
 
-def _coloured(match: re.Match[str]) -> str:
+def _colour_match(match: re.Match[str]) -> str:
     """Add the ANSI codes of its colour to a word. The name of the matched group is the code."""
     return f"\x1b[{(match.lastgroup or '')[1:]}m{match[0]}\x1b[0m"

@@ -43,19 +43,19 @@ MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 """Checks of a motor whose margins appear in tables."""
 KELVIN = 273.15
 """0 °C in K."""
-FLOORS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
+LOWER_BOUND_LIMITS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
 """Limits below which a quantity must not fall."""
-BINDING = 0.005
+ACTIVE_MARGIN = 0.005
 """Largest margin of a limit that counts as active, as in the plots of the report."""
-CHECK_OF_RATING = {
+CHECK_BY_RATING = {
     "max_torque": "torque",
     "max_speed": "speed",
     "nominal_torque": "continuous_torque",
 }
 """Name of the check whose limit is a value of the motor file, by the key of this value."""
-SHOWN_SENSITIVITIES = 3
+MAX_SENSITIVITIES = 3
 """Number of sensitivities in the summary of a plan, the largest first."""
-AGREES_IPOPT = 1e-6
+CONFIRMATION_TOLERANCE = 1e-6
 """Largest relative difference of durations at which Ipopt confirms a motion."""
 
 
@@ -208,13 +208,13 @@ def limit_cells(
     excess = limit.worst - limit.limit
     is_distinct = abs(excess) > 1e-5 * abs(limit.limit) + 1e-9
     # A permitted value above the limit, or a forbidden value below it, shows a lower limit.
-    is_floor = limit.name in FLOORS or (is_distinct and (excess > 0) == limit.passed)
+    is_floor = limit.name in LOWER_BOUND_LIMITS or (is_distinct and (excess > 0) == limit.passed)
     worst_text = number(scale * limit.worst, digits)
     bound = f"{'≥' if is_floor else '≤'} {number(scale * limit.limit, digits)}"
     return limit.name, limit.joint or "", worst_text, bound, unit, percent(limit.margin, 4)
 
 
-def _thousandths(value: float) -> str:
+def _format_in_milli(value: float) -> str:
     """Format a value in mN·m, mm or mrad with four significant digits."""
     return number(1e3 * value, 4)
 
@@ -287,7 +287,7 @@ def candidates_table(plan: "Plan") -> Table:
     return Table("phase, candidate, bound s, estimate s, duration s, outcome", rows, (2, 3, 4))
 
 
-def explanation(plan: "Plan") -> list[str]:
+def explanation_lines(plan: "Plan") -> list[str]:
     """Return the lines that `--explain` prints.
 
     They list the candidates of every phase. They also state how much time a further reversal would
@@ -332,15 +332,15 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
         if motor is not None:
             name = motor.name
             placeholders = str(len(motor.placeholders) or "none")
-            peak = _thousandths(motor.max_torque)
-            rms = _thousandths(motor.nominal_torque)
+            peak = _format_in_milli(motor.max_torque)
+            rms = _format_in_milli(motor.nominal_torque)
             speed = format_fixed(RPM * motor.max_speed, 0)
         rows.append(
             (
                 requirement.joint,
                 name,
-                f"{_thousandths(requirement.peak_torque)} of {peak}",
-                f"{_thousandths(requirement.rms_torque)} of {rms}",
+                f"{_format_in_milli(requirement.peak_torque)} of {peak}",
+                f"{_format_in_milli(requirement.rms_torque)} of {rms}",
                 f"{format_fixed(RPM * requirement.peak_speed, 0)} of {speed}",
                 placeholders,
             )
@@ -352,7 +352,7 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
 def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = False) -> list[str]:
     """Return the summary of a plan as lines of text.
 
-    The last lines are those of `answers`. If there is no motion, the lines state the reason.
+    The last lines are those of `answer_lines`. If there is no motion, the lines state the reason.
 
     Parameters
     ----------
@@ -369,7 +369,7 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
         if plan.reason is not None and plan.reason.relaxation:
             lines.append(f"  relaxation: {plan.reason.relaxation}")
         return lines
-    results = list(verdicts(plan) if verbose else conditions(plan))
+    results = list(solver_and_condition_lines(plan) if verbose else condition_lines(plan))
     lines = [f"{plan.problem.name}, robot {plan.problem.robot.name}"]
     if results:
         lines += [""] + results
@@ -394,13 +394,13 @@ def summary_lines(plan: "Plan", folder: Path | None = None, verbose: bool = Fals
         lines += ["", "Not known"] + [f"  {note}" for note in plan.notes]
     lines.append("")
     if plan.sizing is not None:
-        _, _, reason = motors_verdict(plan.sizing.to_dict())
+        _, _, reason = summarise_sizing(plan.sizing.to_dict())
         if reason:
             lines += [f"Motors: {reason}", ""]
-    return lines + list(answers(plan, folder))
+    return lines + list(answer_lines(plan, folder))
 
 
-def answers(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
+def answer_lines(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
     """Yield the lines that answer the main questions about a plan.
 
     There is one line each for the duration, the check, the closest limit, the motors and the
@@ -426,13 +426,13 @@ def answers(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
     else:
         limits = certificate.limits
         violations = certificate.violations
-        binding = sum(limit.margin <= BINDING for limit in limits)
-        kept_text = f"{len(limits)} limits kept{proof_words(plan)}"
+        binding = sum(limit.margin <= ACTIVE_MARGIN for limit in limits)
+        kept_text = f"{len(limits)} limits kept{proof_text(plan)}"
         verdict = f"PASSED: {kept_text}; {binding} bind by design"
         if violations:
             verdict = f"FAILED: {len(violations)} of {len(limits)} limits exceeded"
         yield f"check    {verdict}"
-        limit = closest_limit(limits)
+        limit = closest_inactive_limit(limits)
         if limit is not None:
             name, joint, worst_text, allowed, unit, _ = limit_cells(limit, digits=4)
             owner = f" of {joint}" if joint else ""
@@ -440,19 +440,19 @@ def answers(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
             value = f"{worst_text} {unit}".rstrip()
             yield f"closest  {name}{owner}: {value} ({allowed}), margin {margin}"
     if plan.sizing is not None:
-        outcome = motors_verdict(plan.sizing.to_dict())[1]
+        outcome = summarise_sizing(plan.sizing.to_dict())[1]
         yield f"motors   {outcome.removeprefix('Motors ')}"
     if folder is not None:
         yield f"file     {folder / 'report.html'}"
 
 
-def closest_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
+def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
     """Return the limit with the smallest margin among those that are not active.
 
     The fastest motion reaches some limits, which are called active. Active limits and limits on
     jumps are left out. The result is None if no other limit exists.
     """
-    slack = (limit for limit in limits if limit.margin > BINDING and limit.name not in JUMPS)
+    slack = (limit for limit in limits if limit.margin > ACTIVE_MARGIN and limit.name not in JUMPS)
     return min(slack, key=lambda limit: limit.margin, default=None)
 
 
@@ -466,7 +466,7 @@ def rates_text(rates: Mapping[str, float]) -> str:
     return ", ".join(texts)
 
 
-def solvers(plan: "Plan") -> str:
+def solver_text(plan: "Plan") -> str:
     """Name the solver of a plan, and the phases that only Ipopt could solve."""
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
@@ -476,7 +476,7 @@ def solvers(plan: "Plan") -> str:
     return f"structured; Ipopt in {', '.join(by_ipopt)}"
 
 
-def confirmation(plan: "Plan") -> tuple[str, str]:
+def confirmation_texts(plan: "Plan") -> tuple[str, str]:
     """Describe how the motions by Ipopt compare with those of the structured solver.
 
     Numbers of iterations and exact differences are left out, because they depend on rounding.
@@ -490,8 +490,8 @@ def confirmation(plan: "Plan") -> tuple[str, str]:
     if plan.confirmation is None:
         return "", ""
     difference = abs(plan.confirmation[1])
-    verb, agreement = "confirms", f"durations agree within {AGREES_IPOPT:.0e}"
-    if difference > AGREES_IPOPT:
+    verb, agreement = "confirms", f"durations agree within {CONFIRMATION_TOLERANCE:.0e}"
+    if difference > CONFIRMATION_TOLERANCE:
         verb = "shortens"
         agreement = f"durations differ by up to {difference:.0e}: the shorter motion is used"
     alone = [
@@ -550,7 +550,7 @@ def path_lines(plan: "Plan") -> list[str]:
     return corners + constant
 
 
-def proof_words(plan: "Plan") -> str:
+def proof_text(plan: "Plan") -> str:
     """Return the share of the limits that are proven, as an addition to "limits kept"."""
     if not plan.proof or plan.certificate is None:
         return ""
@@ -575,7 +575,7 @@ def proof_table(proofs: Sequence["Proof"]) -> Table:
     return Table("limit, joint, worst from, to, limit, at s, ", rows, (2, 3, 4, 5))
 
 
-def conditions(plan: "Plan") -> Iterator[str]:
+def condition_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on the conditions that a problem contains in addition to its limits.
 
     The conditions are corners, constant tip speeds, rates at the start and at the end, and ranges
@@ -616,7 +616,7 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
             f"{source.name} of {source.joint}"
         )
     if plan.sensitivities:
-        rows = sensitivities_table(plan).rows[:SHOWN_SENSITIVITIES]
+        rows = sensitivities_table(plan).rows[:MAX_SENSITIVITIES]
         savings = ", ".join(f"{limit} of {joint} {saved} ms" for limit, joint, saved, _ in rows)
         yield f"faster       +1 % of a limit saves: {savings}".replace(f" of {NOTHING}", "")
     for reason in dict.fromkeys(phase.not_judged for phase in plan.phases if phase.not_judged):
@@ -624,17 +624,17 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
         yield f"cross-check  none of {names}: {reason}"
 
 
-def verdicts(plan: "Plan") -> Iterator[str]:
-    """Yield lines on the solvers and the conditions of a plan, which `answers` omits."""
+def solver_and_condition_lines(plan: "Plan") -> Iterator[str]:
+    """Yield lines on the solvers and the conditions of a plan, which `answer_lines` omits."""
     if plan.problem.planner == "fast" and plan.phases:
-        yield f"solver       {solvers(plan)}"
-    verb, agreement = confirmation(plan)
+        yield f"solver       {solver_text(plan)}"
+    verb, agreement = confirmation_texts(plan)
     if verb:
         yield f"confirmed    Ipopt {verb} the structured solver's motion: {agreement}"
-    yield from conditions(plan)
+    yield from condition_lines(plan)
 
 
-def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
+def summarise_sizing(sizing: SizingObject) -> tuple[str, str, str]:
     """Summarise a sizing in words.
 
     Parameters
@@ -655,12 +655,12 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     with_motor = {motor["joint"] for motor in motors}
     missing_motors = ", ".join(sorted({gear["joint"] for gear in gears} - with_motor))
     if sizing["adequate"] is False:
-        return "bad", "Motors or gears do not suffice", "; ".join(_failures(sizing))
+        return "bad", "Motors or gears do not suffice", "; ".join(_failed_checks(sizing))
     if not gears:
         return "open", "Motors open", "no joint has a drive"
     if missing_motors:
         return "open", "Motors open", f"no motor given for {missing_motors}"
-    undecided = _undecided(sizing)
+    undecided = _open_checks(sizing)
     margins = []
     for motor in motors:
         for name, margin in motor["margins"].items():
@@ -671,7 +671,7 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     lacking = f"Not checked or undecided: {', '.join(undecided)}"
     if margin < 0:
         return "open", "Motors suffice: not known", lacking
-    values = list(stand_ins(sizing))
+    values = list(placeholder_values(sizing))
     outcome = f"Motors suffice with {format_fixed(100 * margin, 1)} % margin"
     reasons = [tightest]
     if values:
@@ -687,7 +687,7 @@ def motors_verdict(sizing: SizingObject) -> tuple[str, str, str]:
     return "good", "Motors and gears suffice", reason
 
 
-def stand_ins(sizing: SizingObject) -> Iterator[str]:
+def placeholder_values(sizing: SizingObject) -> Iterator[str]:
     """Yield the joint and name of each assumed value on which a check depends.
 
     A motor file may mark values as placeholders. If such a value is a rating, the text also states
@@ -697,11 +697,11 @@ def stand_ins(sizing: SizingObject) -> Iterator[str]:
         margins = motor["margins"]
         is_electrical = margins["voltage"] is not None or margins["heat"] is not None
         for name in motor["placeholders"]:
-            margin = margins.get(CHECK_OF_RATING.get(name))
+            margin = margins.get(CHECK_BY_RATING.get(name))
             if margin is not None:
                 spare = f" (may be {format_fixed(100 * margin, 1)} % lower)"
                 yield f"{motor['joint']} {plain_words(name)}{spare}"
-            elif is_electrical and name not in (*CHECK_OF_RATING, "encoder_counts"):
+            elif is_electrical and name not in (*CHECK_BY_RATING, "encoder_counts"):
                 yield f"{motor['joint']} {plain_words(name)}"
     for gear in sizing["gears"]:
         if any(margin is not None for margin in gear["margins"].values()):
@@ -709,7 +709,7 @@ def stand_ins(sizing: SizingObject) -> Iterator[str]:
                 yield f"{gear['joint']} {plain_words(name)}"
 
 
-def missing_data(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
+def skipped_checks(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
     """Yield the checks that were skipped because data are missing.
 
     Each entry contains the joint, the motor or gear, its skipped checks, and the data that these
@@ -730,7 +730,7 @@ def missing_data(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
             yield joint, component, checks, ", ".join(data)
 
 
-def _undecided(sizing: SizingObject) -> list[str]:
+def _open_checks(sizing: SizingObject) -> list[str]:
     """Name the checks that are open for at least one joint. All gear checks count as one."""
     gear_checks = _gear_checks(sizing)
     names: dict[str, None] = {}  # a set that keeps the order
@@ -740,7 +740,7 @@ def _undecided(sizing: SizingObject) -> list[str]:
     return list(names)
 
 
-def _failures(sizing: SizingObject) -> list[str]:
+def _failed_checks(sizing: SizingObject) -> list[str]:
     """Describe each failed check by its joint, name and margin."""
     failed = {}
     for motor in sizing["motors"]:
@@ -762,7 +762,7 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """Return lines of text that report a sizing without its verdict (`sizing_verdict`).
+    """Return lines of text that report a sizing without its verdict (`sizing_verdict_lines`).
 
     They list unknown data, the requirements, the parts of the peak torque, candidates and gears.
     """
@@ -771,17 +771,17 @@ def sizing_lines(sizing: Sizing) -> list[str]:
         confidence = f"at {100 * sizing.conditions.confidence:g} % confidence"
     unknowns = [
         f"joint {joint}, {component}: {checks} not checked: needs {data}"
-        for joint, component, checks, data in missing_data(sizing.to_dict())
+        for joint, component, checks, data in skipped_checks(sizing.to_dict())
     ]
-    unknowns += _notes(sizing)
+    unknowns += _motor_notes(sizing)
     lines = []
     if unknowns:
         lines += ["Not known"] + [f"  {line}" for line in unknowns] + [""]
-    lines += ["Required of the motors"] + _requirements(sizing).lines() + [""]
+    lines += ["Required of the motors"] + _requirements_table(sizing).lines() + [""]
     lines += ["Parts of the peak torque, mN·m (+ increases it, − reduces it)"]
-    lines += _split(sizing).lines() + [""]
-    lines += [f"Margins {confidence}"] + _candidates(sizing) + [""]
-    return lines + ["Gears"] + _gears(sizing).lines()
+    lines += _torque_parts_table(sizing).lines() + [""]
+    lines += [f"Margins {confidence}"] + _candidate_lines(sizing) + [""]
+    return lines + ["Gears"] + _gears_table(sizing).lines()
 
 
 def what_if_lines(payload: WhatIf, duration: WhatIf) -> Iterator[str]:
@@ -846,24 +846,24 @@ def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
             yield f"not known: {check}"
 
 
-def _requirements(sizing: Sizing) -> Table:
+def _requirements_table(sizing: Sizing) -> Table:
     """Build the table of the required torques, speeds and powers of each joint."""
     head = "joint, peak mN·m, RMS mN·m, mean mN·m, peak rpm, peak rad/s², peak W, mean W, Joule W"
     rows = []
     confidence = sizing.conditions.confidence
     for joint in sizing.joints:
         requirement = joint.requirement
-        peak = _thousandths(requirement.peak_torque)
-        rms = _thousandths(requirement.rms_torque)
+        peak = _format_in_milli(requirement.peak_torque)
+        rms = _format_in_milli(requirement.rms_torque)
         if joint.band.known:
-            peak += f" (≤ {_thousandths(joint.band.high('peak_torque', confidence))})"
-            rms += f" (≤ {_thousandths(joint.band.high('rms_torque', confidence))})"
+            peak += f" (≤ {_format_in_milli(joint.band.high('peak_torque', confidence))})"
+            rms += f" (≤ {_format_in_milli(joint.band.high('rms_torque', confidence))})"
         rows.append(
             (
                 requirement.joint,
                 peak,
                 rms,
-                _thousandths(requirement.mean_torque),
+                _format_in_milli(requirement.mean_torque),
                 number(RPM * requirement.peak_speed, 4),
                 number(requirement.peak_acceleration, 4),
                 number(requirement.peak_power, 4),
@@ -874,7 +874,7 @@ def _requirements(sizing: Sizing) -> Table:
     return Table(head, rows, range(1, 9))
 
 
-def _split(sizing: Sizing) -> Table:
+def _torque_parts_table(sizing: Sizing) -> Table:
     """Build the table of the parts of the peak torque, mN·m.
 
     A part has a positive sign if it increases the magnitude of the torque.
@@ -888,7 +888,7 @@ def _split(sizing: Sizing) -> Table:
     return Table(header, rows, range(1, len(header)))
 
 
-def _candidates(sizing: Sizing) -> list[str]:
+def _candidate_lines(sizing: Sizing) -> list[str]:
     """Return the table of all assessed motors with the margins of their checks, as lines."""
     head = ["joint", "motor", "adequate", "binds"]
     head += [plain_words(name) for name in MOTOR_MARGINS]
@@ -902,7 +902,7 @@ def _candidates(sizing: Sizing) -> list[str]:
         row = [verdict.joint, f"{prefix}{verdict.motor.name}{mark}"]
         row += [VERDICT_LABELS[verdict.adequate], plain_words(verdict.binds or NOTHING)]
         row += [percent(by_name[name]) for name in MOTOR_MARGINS]
-        row += [percent(min(gear_margins, default=None)), _winding(verdict)]
+        row += [percent(min(gear_margins, default=None)), _winding_temperature(verdict)]
         rows.append(row)
     lines = Table(head, rows, range(2, len(head))).lines()
     if any(verdict.motor.placeholder for verdict in sizing.verdicts):
@@ -910,7 +910,7 @@ def _candidates(sizing: Sizing) -> list[str]:
     return lines
 
 
-def _winding(verdict: MotorVerdict) -> str:
+def _winding_temperature(verdict: MotorVerdict) -> str:
     """Format the largest temperature of the winding in °C."""
     if verdict.heat is None:
         return NOTHING
@@ -918,7 +918,7 @@ def _winding(verdict: MotorVerdict) -> str:
     return "no steady state" if hottest is None else f"{hottest - KELVIN:.0f} °C"
 
 
-def _gears(sizing: Sizing) -> Table:
+def _gears_table(sizing: Sizing) -> Table:
     """Build the table of the margins of all gears."""
     rows = []
     for joint in sizing.joints:
@@ -933,7 +933,7 @@ def _gears(sizing: Sizing) -> Table:
     return Table("joint, drive, margins", rows)
 
 
-def _notes(sizing: Sizing) -> Iterator[str]:
+def _motor_notes(sizing: Sizing) -> Iterator[str]:
     """Yield the notes of all assessed motors, and the times until their windings are too hot."""
     notes: dict[str, None] = {}  # a set that keeps the order
     for verdict in sizing.verdicts + sizing.alternatives:
@@ -945,26 +945,26 @@ def _notes(sizing: Sizing) -> Iterator[str]:
     yield from notes
 
 
-def sizing_verdict(sizing: Sizing) -> list[str]:
+def sizing_verdict_lines(sizing: Sizing) -> list[str]:
     """Return lines that state the verdict for each joint, and for all motors together.
 
     If the verdict is open, the last lines state the reason.
     """
     lines = ["", "Verdicts"]
     for joint in sizing.joints:
-        verdict = _joint_verdict(joint, sizing.conditions.confidence)
+        verdict = _joint_verdict_text(joint, sizing.conditions.confidence)
         lines.append(f"  {joint.load.joint:10} {verdict}")
         lines += [
             f"  {'':10} with {alternative.motor.name}: {VERDICT_LABELS[alternative.adequate]}"
             for alternative in joint.alternatives
         ]
-    _, outcome, reason = motors_verdict(sizing.to_dict())
+    _, outcome, reason = summarise_sizing(sizing.to_dict())
     if sizing.adequate is None:
         return lines + [f"  why        {reason}", outcome]
     return lines + [f"Motors and gears suffice: {VERDICT_LABELS[sizing.adequate]}"]
 
 
-def _joint_verdict(joint: JointSizing, confidence: float) -> str:
+def _joint_verdict_text(joint: JointSizing, confidence: float) -> str:
     """Describe the verdict on the candidate motors of one joint.
 
     Parameters
@@ -999,8 +999,8 @@ def simulation_tables(result: "SimulationResult") -> tuple[Table, Table]:
     errors = [
         (
             tracking.joint,
-            _thousandths(tracking.worst),
-            _thousandths(tracking.rms),
+            _format_in_milli(tracking.worst),
+            _format_in_milli(tracking.rms),
             "mm" if tracking.joint == JOINTS[3] else "mrad",
         )
         for tracking in result.tracking
@@ -1009,8 +1009,8 @@ def simulation_tables(result: "SimulationResult") -> tuple[Table, Table]:
     motors = [
         (
             motor.joint,
-            _thousandths(motor.peak_torque),
-            _thousandths(motor.limit),
+            _format_in_milli(motor.peak_torque),
+            _format_in_milli(motor.limit),
             "SATURATED" if motor.saturated else "no",
             format_fixed(motor.following_error, 0),
             str(motor.window),

@@ -12,16 +12,16 @@ from ssm_planner.studies.store import Candidates
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.typing import Keywords
 
-BATCH = 16
+BATCH_SIZE = 16
 """Number of candidates in a batch."""
-POPULATION = 32
+POPULATION_SIZE = 32
 """Population size of NSGA-II, which equals two batches."""
 
-Tell = Callable[[Candidates], None]
+ReportResults = Callable[[Candidates], None]
 """Function that reports the results of a batch to the search."""
 
 
-def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
+def candidate_batches(study: Study) -> Iterator[tuple[list[Design], ReportResults]]:
     """Yield batches of candidates, each with a function that reports their results.
 
     The caller must report the results of a batch, in the order of its candidates, before it
@@ -39,17 +39,17 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         ) from None
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     search = study.search
-    options: Keywords = {"seed": search.seed, "constraints_func": _violation}
+    options: Keywords = {"seed": search.seed, "constraints_func": _constraint_value}
     sampler: Any
     if search.method == "tpe":
         sampler = optuna.samplers.TPESampler(multivariate=True, **options)
     else:
-        sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION, **options)
+        sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION_SIZE, **options)
     count = len(study.minimise)
     engine = optuna.create_study(directions=["minimize"] * count, sampler=sampler)
-    for start in range(0, search.points, BATCH):
-        trials = [engine.ask() for _ in range(min(BATCH, search.points - start))]
-        designs = [_design(study, trial) for trial in trials]
+    for start in range(0, search.points, BATCH_SIZE):
+        trials = [engine.ask() for _ in range(min(BATCH_SIZE, search.points - start))]
+        designs = [_ask_for_design(study, trial) for trial in trials]
 
         def tell(rows: Candidates, trials: Sequence[Any] = tuple(trials)) -> None:
             """Report the results of a batch to the search."""
@@ -62,13 +62,13 @@ def batches(study: Study) -> Iterator[tuple[list[Design], Tell]]:
         yield designs, tell
 
 
-def _violation(trial: Any) -> tuple[float]:
+def _constraint_value(trial: Any) -> tuple[float]:
     """Return the constraint of a trial, which is positive if the candidate was rejected."""
     is_rejected = trial.user_attrs.get("rejected", False)
     return (1.0,) if is_rejected else (-1.0,)
 
 
-def _design(study: Study, trial: Any) -> Design:
+def _ask_for_design(study: Study, trial: Any) -> Design:
     """Request the design of one trial from Optuna."""
     design: dict[str, str] = {}
     for variable in study.vary:

@@ -12,9 +12,20 @@ from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.studies.provenance import context_of, description_of, differences, study_of
-from ssm_planner.studies.run import OWN, TABLE, StudyProgress, driver_of, existing_store
-from ssm_planner.studies.store import Candidate, pareto, write_table
+from ssm_planner.studies.provenance import (
+    context_hash,
+    describe_differences,
+    describe_study,
+    study_from_description,
+)
+from ssm_planner.studies.run import (
+    ORIGINAL_NUMBER,
+    TABLE_FILE,
+    StudyProgress,
+    open_existing_store,
+    open_runner,
+)
+from ssm_planner.studies.store import Candidate, pareto_front, write_table
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import frozen
 
@@ -88,43 +99,43 @@ def audit_study(
     if not 0 <= tolerance < 1:
         raise ProblemError("not a share", key="tolerance", value=tolerance, allowed="0 to 1")
     folder = Path(folder)
-    with existing_store(folder) as store:
+    with open_existing_store(folder) as store:
         description = store.description()
-        study = study_of(description, str(folder))
-        store.describe(description, context_of(description))
+        study = study_from_description(description, str(folder))
+        store.describe(description, context_hash(description))
         entries = {number: row for _, number, row in store.entries()}
-    original = entries.pop(OWN, None)
-    faults = dict(_faults(study, entries))
+    original = entries.pop(ORIGINAL_NUMBER, None)
+    faults = dict(_row_faults(study, entries))
     if original is None or original.design:
-        faults[OWN] = "the row is missing or was changed"
+        faults[ORIGINAL_NUMBER] = "the row is missing or was changed"
     rows = [row for number, row in entries.items() if row and number not in faults]
-    front = pareto(rows, study.minimise)
+    front = pareto_front(rows, study.minimise)
     front_numbers = {row.number for row in front}
     remaining = [row for row in rows if row.number not in front_numbers]
     sample = list(front) + random.sample(remaining, math.ceil(0.05 * len(remaining)))
     with (
         TemporaryDirectory() as temporary,
-        driver_of(study, Path(temporary), workers, None, progress) as driver,
+        open_runner(study, Path(temporary), workers, None, progress) as driver,
     ):
         driver.run([row.design for row in sample])
         new_rows = driver.rows()
-        expected_table = Path(temporary, TABLE)
+        expected_table = Path(temporary, TABLE_FILE)
         write_table(rows, expected_table)
-        table = folder / TABLE
+        table = folder / TABLE_FILE
         table_differs = table.is_file() and table.read_bytes() != expected_table.read_bytes()
     messages = [f"candidate {number}: {fault}" for number, fault in sorted(faults.items())]
-    notes = differences(description, description_of(study))
+    notes = describe_differences(description, describe_study(study))
     if not faults and table_differs:
-        messages.append(f"{TABLE} does not contain the figures of the rows")
+        messages.append(f"{TABLE_FILE} does not contain the figures of the rows")
     stored_rows = [original or new_rows[0]] + sample
     for row, new_row in zip(stored_rows, new_rows, strict=True):
-        for text, is_near in _differences(row, new_row, tolerance):
+        for text, is_near in _result_differences(row, new_row, tolerance):
             (notes if is_near else messages).append(f"candidate {row.number}: {text}")
-    numbers = [OWN] + [row.number for row in sample]
+    numbers = [ORIGINAL_NUMBER] + [row.number for row in sample]
     return Audit(tuple(numbers), tuple(messages), tuple(notes))
 
 
-def _faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[tuple[int, str]]:
+def _row_faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[tuple[int, str]]:
     """Yield the number and the fault of each row that is not a result of the study.
 
     `entries` contains the rows by number, or None for a row that was changed.
@@ -142,7 +153,7 @@ def _faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[t
         yield number, "the search of the study does not give this candidate"
 
 
-def _differences(stored: Candidate, new: Candidate, tolerance: float) -> Iterator[Any]:
+def _result_differences(stored: Candidate, new: Candidate, tolerance: float) -> Iterator[Any]:
     """Yield each difference between two results of a candidate.
 
     Each item contains a text and whether the difference is within the tolerance, which is a share

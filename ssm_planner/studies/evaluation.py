@@ -31,33 +31,33 @@ from ssm_planner.sizing import (
     select_joint,
     size_motion,
 )
-from ssm_planner.studies.provenance import program
+from ssm_planner.studies.provenance import describe_program
 from ssm_planner.studies.store import Candidate
-from ssm_planner.studies.study import PACE, Choice, Design, Study
+from ssm_planner.studies.study import PACE_PATH, Choice, Design, Study
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Fields, JsonObject, record
 from ssm_planner.verification.check import check
 
-CHECKED = (*MARGINS, "heat")
+CHECKS_WITH_MARGIN = (*MARGINS, "heat")
 """Motor checks whose margins must reach the required one."""
-SPARE = 1e-4
+MARGIN_ALLOWANCE = 1e-4
 """Additional margin of motors, because planner and sizing evaluate different instants."""
 
-MEMORY = 200e6
+MEMORY_THRESHOLD = 200e6
 """Memory above which a worker discards cached programs, bytes."""
-GROWTH = 60e6
+MEMORY_GROWTH_THRESHOLD = 60e6
 """Growth of the memory above which it discards them again, bytes."""
 _memory_after_release = [0]
-PACES = 6
+SPEED_COUNT = 6
 """Number of speeds that are tried from the fastest motion to the candidate's pace."""
 
-Motions = Mapping[str, Trajectory]
+TrajectoryByMotion = Mapping[str, Trajectory]
 """Trajectories by name of the motion."""
-Problems = Mapping[str, Problem]
+ProblemByMotion = Mapping[str, Problem]
 """Problems by name of the motion."""
 
 
-class Rejected(Exception):
+class CandidateRejected(Exception):
     """End of an evaluation that rejects a candidate, with the figures that were computed."""
 
     def __init__(self, stage: str, reason: str, figures: Fields | None = None) -> None:
@@ -76,7 +76,7 @@ class Evaluation:
         """Return the results of a candidate. A fault of this program gives the state "failed"."""
         try:
             return Candidate(number, "done", design, figures=self._evaluate(design))
-        except Rejected as error:
+        except CandidateRejected as error:
             return Candidate(
                 number, "infeasible", design, error.stage, str(error), figures=error.figures
             )
@@ -93,29 +93,29 @@ class Evaluation:
         """
         study = self.study
         margin = study.require.motor_margin
-        slowdown = float(design.get(PACE, 1.0))
+        slowdown = float(design.get(PACE_PATH, 1.0))
         components: dict[str, str] = {}
-        fast_motions: Motions = {}
+        fast_motions: TrajectoryByMotion = {}
         if study.selected:
-            original_problems = dict(problems_of(study, design))
+            original_problems = dict(candidate_problems(study, design))
             undriven = {
-                name: _without_selected_motors(study, problem)
+                name: _remove_selected_motors(study, problem)
                 for name, problem in original_problems.items()
             }
             fast_motions = _plan_motions(undriven, {})
             components = select_components(study, original_problems, fast_motions, slowdown)
-        problems = dict(problems_of(study, {**design, **components}))
+        problems = dict(candidate_problems(study, {**design, **components}))
         reduced_problems = {
-            name: with_motor_margin(problem, margin) for name, problem in problems.items()
+            name: derate_motors(problem, margin) for name, problem in problems.items()
         }
         try:
             motions = _plan_motions(reduced_problems, fast_motions)
-        except Rejected as error:
-            raise Rejected(error.stage, str(error), components) from error
-        results: JsonObject = components | _motion_figures(problems, motions)
-        results |= _geometry_figures(next(iter(problems.values())))
+        except CandidateRejected as error:
+            raise CandidateRejected(error.stage, str(error), components) from error
+        results: JsonObject = components | _motion_results(problems, motions)
+        results |= _geometry_results(next(iter(problems.values())))
         if slowdown > 1 and not _keeps_margin(results, margin):
-            results |= _slower_figures(
+            results |= _slower_motion_results(
                 problems, reduced_problems, fast_motions, slowdown, margin=margin
             )
         if not _keeps_margin(results, margin):
@@ -123,14 +123,14 @@ class Evaluation:
                 f"a motor margin of {100 * results['motor_margin']:.4g} %, required are "
                 f"{100 * margin:.4g} %"
             )
-            raise Rejected("motors", reason, results)
+            raise CandidateRejected("motors", reason, results)
         return results
 
 
-def _slower_figures(
-    problems: Problems,
-    reduced: Problems,
-    fast_motions: Motions,
+def _slower_motion_results(
+    problems: ProblemByMotion,
+    reduced: ProblemByMotion,
+    fast_motions: TrajectoryByMotion,
     slowdown: float,
     *,
     margin: float,
@@ -153,10 +153,10 @@ def _slower_figures(
         Required motor margin, as a share.
     """
     results: JsonObject = {}
-    for speed in np.geomspace(1.0, 1.0 / slowdown, PACES)[1:]:
+    for speed in np.geomspace(1.0, 1.0 / slowdown, SPEED_COUNT)[1:]:
         slower = {name: motion.slower(float(speed)) for name, motion in fast_motions.items()}
-        if all(_passes(slower[name], problem) for name, problem in reduced.items()):
-            results = _motion_figures(problems, slower)
+        if all(_passes_check(slower[name], problem) for name, problem in reduced.items()):
+            results = _motion_results(problems, slower)
             if _keeps_margin(results, margin):
                 break
     return results
@@ -183,18 +183,20 @@ def evaluate_batch(
     worker_program
         Description of the worker's program.
     """
-    evaluation = _read(pickled)
+    evaluation = _unpickle_evaluation(pickled)
     start = time.monotonic()
     rows = []
     for number, design in candidates:
         rows.append(evaluation(number, design))
-        if _memory() > max(MEMORY, _memory_after_release[0] + GROWTH):
+        if _resident_memory() > max(
+            MEMORY_THRESHOLD, _memory_after_release[0] + MEMORY_GROWTH_THRESHOLD
+        ):
             _release_memory()
-            _memory_after_release[0] = _memory()
-    return rows, time.monotonic() - start, program()
+            _memory_after_release[0] = _resident_memory()
+    return rows, time.monotonic() - start, describe_program()
 
 
-def _memory() -> int:
+def _resident_memory() -> int:
     """Return the memory of the process in bytes, or 0 if the system does not provide /proc."""
     try:
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * mmap.PAGESIZE
@@ -215,12 +217,12 @@ def _release_memory() -> None:
 
 
 @lru_cache(maxsize=1)
-def _read(pickled: bytes) -> Evaluation:
+def _unpickle_evaluation(pickled: bytes) -> Evaluation:
     """Unpickle an evaluation. The latest one is cached."""
     return pickle.loads(pickled)
 
 
-def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
+def candidate_problems(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
     """Yield the name and the problem of each motion of a study, with a candidate as the robot.
 
     Raises ProblemError if the candidate is invalid.
@@ -230,15 +232,15 @@ def problems_of(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
         yield name, problem_from_dict({"name": name, **motion, "robot": tree})
 
 
-def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
+def plan_candidate(study: Study, row: Candidate) -> dict[str, Plan]:
     """Plan the motions of a candidate again, and return the plans by name of the motion.
 
     The robot has the motors and gears that were selected for the candidate. The plans keep the
     motor margin that the study requires.
     """
     plans = {}
-    for name, problem in problems_of(study, study.complete_design(row.design, row.figures)):
-        result = plan(quickly(with_motor_margin(problem, study.require.motor_margin)))
+    for name, problem in candidate_problems(study, study.complete_design(row.design, row.figures)):
+        result = plan(quickly(derate_motors(problem, study.require.motor_margin)))
         if result.trajectory is not None:
             certificate = check(result.trajectory, problem.robot, problem.task_limits, seal=True)
             result = replace(result, problem=problem, certificate=certificate)
@@ -246,37 +248,37 @@ def plans_of(study: Study, row: Candidate) -> dict[str, Plan]:
     return plans
 
 
-def _plan_motions(problems: Problems, previous: Motions) -> Motions:
+def _plan_motions(problems: ProblemByMotion, previous: TrajectoryByMotion) -> TrajectoryByMotion:
     """Plan a trajectory for each problem. Raises Rejected for the first one without a plan.
 
     A trajectory in `previous` is used again if it passes the check of the problem.
     """
     motions = {}
     for name, problem in problems.items():
-        if name in previous and _passes(previous[name], problem):
+        if name in previous and _passes_check(previous[name], problem):
             motions[name] = previous[name]
             continue
         result = plan(quickly(problem), relaxations=False)
         if not result.passed or result.trajectory is None:
             reason = "no motion found" if result.reason is None else result.reason.message
-            raise Rejected("plan", f"{name}: {reason}")
+            raise CandidateRejected("plan", f"{name}: {reason}")
         motions[name] = result.trajectory
     return motions
 
 
-def _passes(motion: Trajectory, problem: Problem) -> bool:
+def _passes_check(motion: Trajectory, problem: Problem) -> bool:
     """Return True if a trajectory passes the check with the robot and the limits of a problem."""
     return check(motion, problem.robot, problem.task_limits).passed
 
 
-def with_motor_margin(problem: Problem, margin: float) -> Problem:
+def derate_motors(problem: Problem, margin: float) -> Problem:
     """Reduce the torque, the continuous torque and the speed of all motors by a margin.
 
     `margin` is a share of these limits. The planner then keeps the margin.
     """
     if margin == 0:
         return problem
-    share = 1 - margin - SPARE
+    share = 1 - margin - MARGIN_ALLOWANCE
 
     def reduced(joint: Joint) -> Joint:
         """Return a joint whose motor has the reduced limits."""
@@ -291,16 +293,16 @@ def with_motor_margin(problem: Problem, margin: float) -> Problem:
         )
         return unchecked(joint, motor=motor)
 
-    return _with_joints(problem, reduced)
+    return _with_changed_joints(problem, reduced)
 
 
-def _with_joints(problem: Problem, change: Callable[[Joint], Joint]) -> Problem:
+def _with_changed_joints(problem: Problem, change: Callable[[Joint], Joint]) -> Problem:
     """Return the problem in which a function has changed every joint of the robot."""
     joints = tuple(map(change, problem.robot.joints))
     return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
 
 
-def _without_selected_motors(study: Study, problem: Problem) -> Problem:
+def _remove_selected_motors(study: Study, problem: Problem) -> Problem:
     """Remove the motors of all joints whose motor or gear is selected."""
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
 
@@ -310,11 +312,11 @@ def _without_selected_motors(study: Study, problem: Problem) -> Problem:
             return replace(joint, motor=None, alternatives=())
         return joint
 
-    return _with_joints(problem, undriven)
+    return _with_changed_joints(problem, undriven)
 
 
 def select_components(
-    study: Study, problems: Problems, motions: Motions, slowdown: float
+    study: Study, problems: ProblemByMotion, motions: TrajectoryByMotion, slowdown: float
 ) -> dict[str, str]:
     """Select a motor and a gear for each joint with such a choice.
 
@@ -351,11 +353,11 @@ def select_components(
     components: dict[str, str] = {}
     for joint in dict.fromkeys(choice.path.split(".")[1] for choice in study.selected):
         loads_of_joint = [item for item in loads if item[0].joint == joint]
-        components |= _selected_pair(study, joint, loads_of_joint)
+        components |= _select_pair(study, joint, loads_of_joint)
     return components
 
 
-def _selected_pair(
+def _select_pair(
     study: Study, joint: str, loads: Sequence[tuple[JointLoad, Conditions]]
 ) -> dict[str, str]:
     """Select the motor and the gear of one joint. Raises Rejected if no pair is suitable.
@@ -385,7 +387,7 @@ def _selected_pair(
         reasons = ", ".join(f"{name} {count}" for name, count in counts) or "their margins"
         pairs = f"{len(motors)} motors" + (f" with {len(gears)} gears" if gear_choice else "")
         text = f"joint {joint}: none of {pairs} holds with {100 * margin:.4g} % to spare"
-        raise Rejected("selection", f"{text} (ruled out by {reasons})")
+        raise CandidateRejected("selection", f"{text} (ruled out by {reasons})")
     gear_index, motor_index = indices
     components = {}
     if gear_choice is not None:
@@ -414,8 +416,10 @@ def _admissible_pairs(
 
 
 def _checked_margins(verdict: MotorVerdict) -> list[float]:
-    """Return the margins of the checks `CHECKED` of a motor that are evaluated."""
-    margins = {check.name: check.margin for check in verdict.checks if check.name in CHECKED}
+    """Return the margins of the checks `CHECKS_WITH_MARGIN` of a motor that are evaluated."""
+    margins = {
+        check.name: check.margin for check in verdict.checks if check.name in CHECKS_WITH_MARGIN
+    }
     return [margin for margin in margins.values() if margin is not None]
 
 
@@ -464,7 +468,7 @@ def _keeps_margin(results: Fields, margin: float) -> bool:
     return available is None or available >= margin
 
 
-def _motion_figures(problems: Problems, motions: Motions) -> JsonObject:
+def _motion_results(problems: ProblemByMotion, motions: TrajectoryByMotion) -> JsonObject:
     """Return the durations of the motions, and the results for the motors, in SI units."""
     results: JsonObject = {}
     sizings = []
@@ -473,10 +477,10 @@ def _motion_figures(problems: Problems, motions: Motions) -> JsonObject:
         results[f"duration.{name}"] = motion.duration
         sizings.append(size_motion(motion, problem.robot, pause_of(problem)))
     results["duration"] = sum(motion.duration for motion in motions.values())
-    return results | _motor_figures(sizings)
+    return results | _motor_results(sizings)
 
 
-def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
+def _motor_results(sizings: Sequence[Sizing]) -> JsonObject:
     """Return the smallest motor margin, the largest torques and the mass of the motors.
 
     All values are in SI units. The mass is None if the mass of a motor is unknown.
@@ -501,7 +505,7 @@ def _motor_figures(sizings: Sequence[Sizing]) -> JsonObject:
     return results
 
 
-def _geometry_figures(problem: Problem) -> JsonObject:
+def _geometry_results(problem: Problem) -> JsonObject:
     """Return α, β and the tilt range of a robot, rad."""
     from ssm_planner.kinematics import Mechanism, tilt_interval
 

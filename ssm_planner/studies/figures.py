@@ -5,8 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ssm_planner.reporting import COLOURS, FIFTH, finish, legend, new_figure, save_figures
-from ssm_planner.studies.page import choices_at, scaled, title_of
+from ssm_planner.reporting import (
+    COLOURS,
+    FIFTH_COLOUR,
+    draw_legend,
+    finish_axes,
+    new_figure,
+    save_figures,
+)
+from ssm_planner.studies.page import axis_title, displayed_result, variable_column
 from ssm_planner.studies.store import Candidate, Candidates
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import Files
@@ -16,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-STAGE_COLOURS = ("0.45", COLOURS[1], COLOURS[2], FIFTH, COLOURS[3])
+STAGE_COLOURS = ("0.45", COLOURS[1], COLOURS[2], FIFTH_COLOUR, COLOURS[3])
 
 
 def write_study_figures(
@@ -50,22 +57,22 @@ def write_study_figures(
     ]
     if len(names) > 1:
         plots["front"] = new_figure(5.5, 4.0)
-        _front(plots["front"].add_subplot(), rows, reference, front, names[:2])
+        _plot_front(plots["front"].add_subplot(), rows, reference, front, names[:2])
     if len(study.vary) > 1 and rows:
         plots["map"] = new_figure(6.5, 4.0)
-        _map(plots["map"].add_subplot(), study, rows)
+        _plot_map(plots["map"].add_subplot(), study, rows)
     return save_figures(plots, folder)
 
 
-def _front(
+def _plot_front(
     axes: "Axes", rows: Candidates, reference: Candidate, front: Candidates, names: list[str]
 ) -> None:
     """Plot the planned candidates, the front and the study's own robot over two objectives."""
 
     def plot(candidates: Candidates, style: str, size: int, colour: str, label: str) -> None:
         """Plot candidates with the first objective to the right and the second one upwards."""
-        x = [scaled(names[0], row.figures) for row in candidates]
-        y = [scaled(names[1], row.figures) for row in candidates]
+        x = [displayed_result(names[0], row.figures) for row in candidates]
+        y = [displayed_result(names[1], row.figures) for row in candidates]
         # Missing values become NaN, which the plot leaves out.
         points = np.array([x, y], dtype=float)
         axes.plot(points[0], points[1], style, markersize=size, color=colour, label=label)
@@ -75,14 +82,14 @@ def _front(
     plot(front, "o-", 5, COLOURS[0], f"front, {len(front)}")
     if reference.state == "done":
         plot([reference], "*", 12, COLOURS[1], "the study's own robot")
-    finish(axes, title_of(names[0]), title_of(names[1]))
-    legend(axes)
+    finish_axes(axes, axis_title(names[0]), axis_title(names[1]))
+    draw_legend(axes)
 
 
-def _map(axes: "Axes", study: Study, rows: Candidates) -> None:
+def _plot_map(axes: "Axes", study: Study, rows: Candidates) -> None:
     """Plot the state of every candidate over the first two variables."""
-    horizontal = choices_at(study, study.paths[0], rows)
-    vertical = choices_at(study, study.paths[1], rows)
+    horizontal = variable_column(study, study.paths[0], rows)
+    vertical = variable_column(study, study.paths[1], rows)
     points: dict[str, list[tuple[float, float]]] = {}
     for x, y, row in zip(horizontal["at"], vertical["at"], rows, strict=True):
         points.setdefault(row.rejection or row.state, []).append((x, y))
@@ -92,5 +99,5 @@ def _map(axes: "Axes", study: Study, rows: Candidates) -> None:
         marker = MARKERS[k % len(MARKERS)]
         label = f"{state}, {len(points[state])}"
         axes.plot(x_values, y_values, marker, markersize=4, color=colour, label=label)
-    finish(axes, horizontal["title"], vertical["title"])
-    legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    finish_axes(axes, horizontal["title"], vertical["title"])
+    draw_legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))

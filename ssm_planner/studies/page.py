@@ -9,13 +9,13 @@ import numpy as np
 
 from ssm_planner.atomic import write_text
 from ssm_planner.display import number, plain_words
-from ssm_planner.reporting import render
-from ssm_planner.studies.store import Candidate, Candidates, better
+from ssm_planner.reporting import render_page
+from ssm_planner.studies.store import Candidate, Candidates, dominating_candidates
 from ssm_planner.studies.study import Study, Varied
 from ssm_planner.typing import Array, Fields, JsonObject
 from ssm_planner.units import display_unit
 
-UNITS = {
+RESULT_UNITS = {
     "duration": "s",
     "motor_mass": "kg",
     "peak_torque": "N·m",
@@ -23,9 +23,9 @@ UNITS = {
     "reach_margin": "rad",
 }
 """SI unit of each result, by the first part of its name. Other results are dimensionless."""
-BINS = 12
+BIN_COUNT = 12
 """Number of bins into which `correlation_ratio` divides a quantity."""
-MAX_ROWS = 50
+MAX_FRONT_ROWS = 50
 """Largest number of rows in the table of the front."""
 
 
@@ -53,16 +53,18 @@ def write_study_page(
         If the file cannot be written.
     """
     original, *candidates = rows
-    content = _content(study, candidates, front)
-    content["own"] = against_own(study, original, front)
+    content = _template_values(study, candidates, front)
+    content["own"] = compare_with_original(study, original, front)
     reports = sorted(path.parent.glob("candidate_*/*/report.html"))
     content["reports"] = [report.relative_to(path.parent).as_posix() for report in reports]
-    text = render("study.html", _data(study, candidates, front), **content, unfinished=not finished)
+    text = render_page(
+        "study.html", _script_data(study, candidates, front), **content, unfinished=not finished
+    )
     write_text(path, text)
     return path
 
 
-def _content(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
+def _template_values(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
     """Return the variables of the template."""
     states = sorted(Counter(row.state for row in rows).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
@@ -73,14 +75,14 @@ def _content(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
         "headline": f"The front of {objectives} contains {len(front)} of {len(rows)} candidates.",
         "summary": f"{len(rows)} candidates: {counts_text}.",
         "notes": study.notes,
-        "fallen": _rejections(rows),
-        "objectives": [title_of(name) for name in study.minimise],
-        "sensitivity": sensitivity(study, rows),
+        "fallen": _rejection_rows(rows),
+        "objectives": [axis_title(name) for name in study.minimise],
+        "sensitivity": sensitivity_rows(study, rows),
         "front": _front_table(study, front),
     }
 
 
-def _rejections(rows: Candidates) -> list[JsonObject]:
+def _rejection_rows(rows: Candidates) -> list[JsonObject]:
     """Return the number of rejections and an example for each stage, most frequent first."""
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
@@ -102,21 +104,21 @@ def _front_table(study: Study, front: Candidates) -> JsonObject:
     Its columns are the objectives, the variables and the selected parts.
     """
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
-    header = ["number"] + [title_of(name) for name in names] + list(study.paths)
+    header = ["number"] + [axis_title(name) for name in names] + list(study.paths)
     header += [choice.path for choice in study.selected]
     table = []
-    for row in front[:MAX_ROWS]:
-        objectives = [number(scaled(name, row.figures), 5) for name in names]
-        choices = list(displayed_choices(study, row).values())
+    for row in front[:MAX_FRONT_ROWS]:
+        objectives = [number(displayed_result(name, row.figures), 5) for name in names]
+        choices = list(design_texts(study, row).values())
         table.append([str(row.number)] + objectives + choices)
     return {"header": header, "rows": table}
 
 
-def against_own(study: Study, reference: Candidate, front: Candidates) -> str:
+def compare_with_original(study: Study, reference: Candidate, front: Candidates) -> str:
     """Describe the result of the study's own robot, and how many candidates beat it."""
-    results = ", ".join(in_words(name, reference.figures) for name in study.minimise)
+    results = ", ".join(format_result(name, reference.figures) for name in study.minimise)
     missing = [plain_words(name) for name in study.minimise if reference.figures.get(name) is None]
-    count = len(better(reference, front, study.minimise))
+    count = len(dominating_candidates(reference, front, study.minimise))
     if reference.state != "done":
         outcome = f"{reference.state}, {reference.reason}" if reference.reason else reference.state
     elif missing:
@@ -130,14 +132,14 @@ def against_own(study: Study, reference: Candidate, front: Candidates) -> str:
     return f"{study.own_words}: {outcome}"
 
 
-def _data(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
+def _script_data(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
     """Return the data for the script of the page: columns over all candidates, as JSON types."""
     plotted = _plotted_results(study, rows)
     front_numbers = {row.number for row in front}
-    columns = [choices_at(study, path, rows) for path in study.paths]
+    columns = [variable_column(study, path, rows) for path in study.paths]
     for name in plotted:
-        values = [scaled(name, row.figures) for row in rows]
-        columns.append({"title": title_of(name), "at": values, "labels": None})
+        values = [displayed_result(name, row.figures) for row in rows]
+        columns.append({"title": axis_title(name), "at": values, "labels": None})
     return {
         "names": list(study.paths) + plotted,
         "columns": columns,
@@ -171,7 +173,7 @@ def _plotted_results(study: Study, rows: Candidates) -> list[str]:
     return list(dict.fromkeys(objectives + candidates))
 
 
-def choices_at(study: Study, path: str, rows: Candidates) -> JsonObject:
+def variable_column(study: Study, path: str, rows: Candidates) -> JsonObject:
     """Return the values that the candidates have at one path of the robot file.
 
     The result has the keys `title`, `at` and `labels`. The key `at` contains numbers in the unit of
@@ -186,7 +188,7 @@ def choices_at(study: Study, path: str, rows: Candidates) -> JsonObject:
     return {"title": path, "at": [labels.index(row.design[path]) for row in rows], "labels": labels}
 
 
-def sensitivity(study: Study, rows: Candidates) -> list[JsonObject]:
+def sensitivity_rows(study: Study, rows: Candidates) -> list[JsonObject]:
     """Return how much of each objective's variance each variable explains, in %.
 
     The result has one entry for each path. Only planned candidates are evaluated.
@@ -194,9 +196,9 @@ def sensitivity(study: Study, rows: Candidates) -> list[JsonObject]:
     finished = [row for row in rows if row.state == "done"]
     shares_by_path = []
     for path in study.paths:
-        positions = np.array(choices_at(study, path, finished)["at"], dtype=float)
+        positions = np.array(variable_column(study, path, finished)["at"], dtype=float)
         shares = [0] * len(study.minimise)
-        if len(finished) > BINS:
+        if len(finished) > BIN_COUNT:
             for k, name in enumerate(study.minimise):
                 value = np.array([row.figures.get(name) for row in finished], dtype=float)
                 shares[k] = round(100 * correlation_ratio(positions, value))
@@ -225,8 +227,8 @@ def correlation_ratio(positions: Array, value: Array) -> float:
         return 0.0
     distinct = np.unique(positions)
     edges = distinct
-    if len(distinct) > BINS:
-        edges = np.quantile(positions, np.linspace(0, 1, BINS + 1)[:-1])
+    if len(distinct) > BIN_COUNT:
+        edges = np.quantile(positions, np.linspace(0, 1, BIN_COUNT + 1)[:-1])
     bins = np.searchsorted(edges, positions, side="right") - 1
     groups = [value[bins == k] for k in np.unique(bins)]
     degrees = len(value) - len(groups)
@@ -236,13 +238,13 @@ def correlation_ratio(positions: Array, value: Array) -> float:
     return max(0.0, 1.0 - float(within / degrees / value.var(ddof=1)))
 
 
-def displayed_choices(study: Study, row: Candidate) -> dict[str, str]:
+def design_texts(study: Study, row: Candidate) -> dict[str, str]:
     """Return the choices of a candidate by path, with a typographic minus sign."""
     full_design = study.complete_design(row.design, row.figures)
     return {path: re.sub(r"^-", "−", str(value)) for path, value in full_design.items()}
 
 
-def unit_of(name: str) -> tuple[str, float]:
+def result_unit(name: str) -> tuple[str, float]:
     """Return the display unit of a result, and the factor that converts SI values to this unit.
 
     The unit is "" for results without a unit.
@@ -250,21 +252,21 @@ def unit_of(name: str) -> tuple[str, float]:
     quantity_name = name.split(".")[0]
     if quantity_name == "motor_margin":
         return ("%", 100.0)
-    return display_unit(UNITS.get(quantity_name, ""))
+    return display_unit(RESULT_UNITS.get(quantity_name, ""))
 
 
-def title_of(name: str) -> str:
+def axis_title(name: str) -> str:
     """Return the name of a result in words, with its display unit in parentheses."""
-    unit = unit_of(name)[0]
+    unit = result_unit(name)[0]
     return f"{plain_words(name)} ({unit})" if unit else plain_words(name)
 
 
-def in_words(name: str, results: Fields) -> str:
+def format_result(name: str, results: Fields) -> str:
     """Format a result with its name and unit, for example as "motor mass 0.239 kg"."""
-    return f"{plain_words(name)} {number(scaled(name, results), 4)} {unit_of(name)[0]}".strip()
+    return f"{plain_words(name)} {number(displayed_result(name, results), 4)} {result_unit(name)[0]}".strip()
 
 
-def scaled(name: str, results: Fields) -> float | None:
+def displayed_result(name: str, results: Fields) -> float | None:
     """Return a result in its display unit, or None if it is missing."""
     value = results.get(name)
-    return None if value is None else float(value) * unit_of(name)[1]
+    return None if value is None else float(value) * result_unit(name)[1]

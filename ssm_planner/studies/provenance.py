@@ -13,18 +13,18 @@ from pydantic import TypeAdapter, ValidationError
 from ssm_planner.errors import ProblemError
 from ssm_planner.native.library import load
 from ssm_planner.publishing import sha256
-from ssm_planner.studies.store import hash_of
+from ssm_planner.studies.store import hash_contents
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import JsonObject
 
-LIBRARIES = ("casadi", "numpy", "scipy", "toppra")
+NUMERICAL_LIBRARIES = ("casadi", "numpy", "scipy", "toppra")
 """Packages whose version may change the results."""
-SOURCES = (".py", ".c", ".h", ".csv")
+SOURCE_SUFFIXES = (".py", ".c", ".h", ".csv")
 """Suffixes of the files of this package that may change the results."""
 
 
 @cache
-def program() -> dict[str, str]:
+def describe_program() -> dict[str, str]:
     """Describe the program that computes the results.
 
     Returns the hash of the package's sources, whether the compiled part is in use, and the versions
@@ -33,13 +33,13 @@ def program() -> dict[str, str]:
     folder = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*.*")):
-        if path.suffix in SOURCES:
+        if path.suffix in SOURCE_SUFFIXES:
             digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
     result = {
         "ssm_planner": digest.hexdigest()[:16],
         "compiled part": "in use" if load() else "not in use",
     }
-    for name in LIBRARIES:
+    for name in NUMERICAL_LIBRARIES:
         result[name] = version(name)
     for group in ("ssm_planner.drives", "ssm_planner.motions"):
         for point in entry_points(group=group):
@@ -48,12 +48,12 @@ def program() -> dict[str, str]:
     return result
 
 
-def description_of(study: Study) -> JsonObject:
+def describe_study(study: Study) -> JsonObject:
     """Describe the program and all inputs of a study as JSON types.
 
     The description does not contain the name of the study and of its file.
     """
-    inputs = {**asdict(study), "program": program(), "tables": {}}
+    inputs = {**asdict(study), "program": describe_program(), "tables": {}}
     del inputs["name"], inputs["file"]
     for motion in study.motions.values():
         for entry in motion.get("motion", ()):
@@ -63,7 +63,7 @@ def description_of(study: Study) -> JsonObject:
     return json.loads(json.dumps(inputs, default=str))
 
 
-def study_of(description: JsonObject, name: str) -> Study:
+def study_from_description(description: JsonObject, name: str) -> Study:
     """Return the study with a description. Raises ProblemError if no study has this description."""
     try:
         return TypeAdapter(Study).validate_python({**description, "name": name})
@@ -71,22 +71,22 @@ def study_of(description: JsonObject, name: str) -> Study:
         raise ProblemError(f"this folder does not describe a study: {error}", file=name) from None
 
 
-def context_of(description: JsonObject) -> str:
+def context_hash(description: JsonObject) -> str:
     """Return the hash of all that determines the result of a design.
 
     The search and the objectives are not part of it, so rows remain valid if only these change.
     """
-    return hash_of(json.dumps({**description, "search": 0, "minimise": 0}, sort_keys=True))
+    return hash_contents(json.dumps({**description, "search": 0, "minimise": 0}, sort_keys=True))
 
 
-def differences(previous: JsonObject, current: JsonObject) -> list[str]:
+def describe_differences(previous: JsonObject, current: JsonObject) -> list[str]:
     """Return in words what differs between two descriptions of studies or of programs."""
     texts = []
     for name in sorted(previous.keys() | current.keys()):
         old = previous.get(name)
         new = current.get(name)
         if name == "program":
-            texts += differences(old or {}, new or {})
+            texts += describe_differences(old or {}, new or {})
         elif old != new:
             texts.append(f"{name} ({old} instead of {new})" if isinstance(old, str) else name)
     return texts

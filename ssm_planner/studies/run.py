@@ -18,36 +18,48 @@ from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.studies.evaluation import Evaluation, evaluate_batch
 from ssm_planner.studies.figures import write_study_figures
 from ssm_planner.studies.page import write_study_page
-from ssm_planner.studies.provenance import context_of, description_of, differences, program
+from ssm_planner.studies.provenance import (
+    context_hash,
+    describe_differences,
+    describe_program,
+    describe_study,
+)
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate, Store, better, key_of, pareto, write_table
+from ssm_planner.studies.store import (
+    Candidate,
+    Store,
+    candidate_key,
+    dominating_candidates,
+    pareto_front,
+    write_table,
+)
 from ssm_planner.studies.study import Design, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import WorkerDied, Workers
 from ssm_planner.typing import frozen
 
-STORE = "study.sqlite"
-TABLE = "table.csv"
-PAGE = "study.html"
-OWN = -1
+STORE_FILE = "study.sqlite"
+TABLE_FILE = "table.csv"
+PAGE_FILE = "study.html"
+ORIGINAL_NUMBER = -1
 """Number of the study's own robot."""
-SCREENED_TOGETHER = 4096
+SCREENING_BLOCK_SIZE = 4096
 """Number of candidates that are screened at once."""
-COMMIT_EVERY = 0.5
+WRITE_INTERVAL = 0.5
 """Interval between writes of the store, s."""
-PAGE_EVERY = 10.0
+PAGE_INTERVAL = 10.0
 """Shortest interval between two pages of a running study, s."""
-AHEAD = 8
+QUEUED_BATCHES_PER_WORKER = 8
 """Number of batches per worker that are submitted in advance, so that no worker has to wait."""
-AHEAD_ELSEWHERE = 512
+QUEUED_BATCHES_FOR_EXECUTOR = 512
 """Number of batches that are submitted in advance to an executor of unknown size."""
-BATCH_SECONDS = 0.25
+BATCH_DURATION = 0.25
 """Target duration of a batch, s. An executor has a fixed cost for each batch."""
-LARGEST_BATCH = 64
+MAX_BATCH_SIZE = 64
 """Largest number of candidates in a batch."""
-MOST_WORKERS = 256
+MAX_WORKERS = 256
 
-Task = tuple[str, int, Design]
+CandidateTask = tuple[str, int, Design]
 """Key, number and design of a candidate that workers evaluate."""
 
 
@@ -97,12 +109,12 @@ class StudyResult:
 
         Empty if that robot lacks an objective or violates a requirement.
         """
-        return better(self.own, self.front, self.study.minimise)
+        return dominating_candidates(self.own, self.front, self.study.minimise)
 
     @property
     def front(self) -> tuple[Candidate, ...]:
         """Candidates that no other candidate dominates, in the order of the first objective."""
-        return pareto(self.rows, self.study.minimise)
+        return pareto_front(self.rows, self.study.minimise)
 
 
 @checked
@@ -157,7 +169,7 @@ def study(
     """
     definition = of if isinstance(of, Study) else load_study(of)
     folder = Path(folder)
-    with driver_of(definition, folder, workers, executor, progress) as driver:
+    with open_runner(definition, folder, workers, executor, progress) as driver:
         finished = True
         try:
             driver.run()
@@ -168,53 +180,55 @@ def study(
     original = all_rows[0]
     rows = tuple(all_rows[1:])
     result = StudyResult(definition, rows, folder, finished, original, notes=tuple(driver.notes))
-    write_table(rows, folder / TABLE)
-    write_study_page(definition, all_rows, result.front, folder / PAGE, finished=True)
+    write_table(rows, folder / TABLE_FILE)
+    write_study_page(definition, all_rows, result.front, folder / PAGE_FILE, finished=True)
     write_study_figures(definition, original, rows, result.front, folder)
     return result
 
 
-def existing_store(folder: Path) -> Store:
+def open_existing_store(folder: Path) -> Store:
     """Open the store of the results in a folder. Raises ProblemError if it does not exist."""
-    if not (folder / STORE).is_file():
+    if not (folder / STORE_FILE).is_file():
         raise ProblemError(
             "this folder does not contain the results of a study",
-            file=folder / STORE,
+            file=folder / STORE_FILE,
             allowed="the folder that `study -o` wrote",
         )
-    return Store(folder / STORE)
+    return Store(folder / STORE_FILE)
 
 
 @contextmanager
-def driver_of(
+def open_runner(
     definition: Study,
     folder: Path,
     workers: int | None,
     executor: Executor | None,
     progress: StudyProgress,
-) -> Iterator[Driver]:
+) -> Iterator[StudyRunner]:
     """Yield the driver of a study, and end its workers at the end of the block.
 
     The arguments and errors are those of `study`.
     """
-    if workers is not None and not 1 <= workers <= MOST_WORKERS:
+    if workers is not None and not 1 <= workers <= MAX_WORKERS:
         raise ProblemError(
             "invalid number of workers",
             key="workers",
             value=workers,
-            allowed=f"1 to {MOST_WORKERS}",
+            allowed=f"1 to {MAX_WORKERS}",
         )
     count = workers or os.cpu_count() or 1
     with ExitStack() as stack:
-        store = stack.enter_context(Store(folder / STORE))
+        store = stack.enter_context(Store(folder / STORE_FILE))
         pool = executor or Workers(count)
         if executor is None:
             stack.callback(pool.shutdown, cancel_futures=True)
-        ahead = AHEAD * count if executor is None else AHEAD_ELSEWHERE
-        yield Driver(definition, store, pool, ahead, progress)
+        ahead = (
+            QUEUED_BATCHES_PER_WORKER * count if executor is None else QUEUED_BATCHES_FOR_EXECUTOR
+        )
+        yield StudyRunner(definition, store, pool, ahead, progress)
 
 
-class Driver:
+class StudyRunner:
     """Driver of a study. It screens candidates, sends them to the workers and writes the store."""
 
     def __init__(
@@ -225,25 +239,25 @@ class Driver:
         self._pool = pool
         self._ahead = ahead
         self._progress = progress
-        description = description_of(study)
-        self._context = context_of(description)
+        description = describe_study(study)
+        self._context = context_hash(description)
         previous = store.describe(description, self._context)
         self.notes = study.notes
-        if previous and context_of(previous) != self._context:
+        if previous and context_hash(previous) != self._context:
             self.notes += [
                 "The folder contained results of another study or program: "
-                f"{', '.join(differences(previous, description))}. Their rows remain in {STORE}, "
+                f"{', '.join(describe_differences(previous, description))}. Their rows remain in {STORE_FILE}, "
                 "but they are not used, and the candidates were evaluated again."
             ]
         self._screens = Screens(study)
         self.keys: list[str] = []
-        self.own = key_of({}, self._context)
-        self._pending: dict[Future[Any], Sequence[Task]] = {}
+        self.own = candidate_key({}, self._context)
+        self._pending: dict[Future[Any], Sequence[CandidateTask]] = {}
         # Decaying sums over the latest batches.
-        self._batch_seconds, self._batch_candidates = BATCH_SECONDS, 1.0
+        self._batch_seconds, self._batch_candidates = BATCH_DURATION, 1.0
         self._finished: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()
-        self._next_page = self._last_write + PAGE_EVERY
+        self._next_page = self._last_write + PAGE_INTERVAL
         self._states: Counter[str] = Counter()
         self._earlier: dict[str, tuple[int | None, str]] = {}
         # Executors treat the pickle as bytes, so the study is pickled only once.
@@ -254,21 +268,21 @@ class Driver:
 
         With a `sample`, only these designs are evaluated.
         """
-        self._store.add([(OWN, self.own, {})])
+        self._store.add([(ORIGINAL_NUMBER, self.own, {})])
         self._earlier = self._store.states()
         if self._earlier[self.own][1] == "waiting":
-            self._submit([(self.own, OWN, {})])
+            self._submit([(self.own, ORIGINAL_NUMBER, {})])
         self._total = self._study.count if sample is None else len(sample)
         if self._study.search.adaptive and sample is None:
-            from ssm_planner.studies.adaptive import batches
+            from ssm_planner.studies.adaptive import candidate_batches
 
-            for designs, tell in batches(self._study):
+            for designs, tell in candidate_batches(self._study):
                 self._process(designs)
                 self._drain()
                 tell(self.rows()[-len(designs) :])
             return
         remaining = self._study.designs() if sample is None else iter(sample)
-        while block := list(islice(remaining, SCREENED_TOGETHER)):
+        while block := list(islice(remaining, SCREENING_BLOCK_SIZE)):
             self._process(block)
         self._drain()
 
@@ -288,18 +302,18 @@ class Driver:
     def _write_page(self) -> None:
         """Write the page of the running study. Pages take at most 2 % of the time."""
         rows = self.rows()
-        page = self._store.path.with_name(PAGE)
-        front = pareto(rows, self._study.minimise)
+        page = self._store.path.with_name(PAGE_FILE)
+        front = pareto_front(rows, self._study.minimise)
         write_study_page(self._study, rows, front, page, finished=False)
         now = time.monotonic()
-        self._next_page = now + max(PAGE_EVERY, 50 * (now - self._last_write))
+        self._next_page = now + max(PAGE_INTERVAL, 50 * (now - self._last_write))
 
     def _process(self, designs: Sequence[Design]) -> None:
         """Screen candidates, and send those that pass to the workers."""
-        waiting: list[Task] = []
+        waiting: list[CandidateTask] = []
         new: list[tuple[int, str, Design]] = []
         for number, design in enumerate(designs, len(self.keys)):
-            key = key_of(design, self._context)
+            key = candidate_key(design, self._context)
             self.keys.append(key)
             known_number, state = self._earlier.get(key, (None, "waiting"))
             if known_number != number:
@@ -309,7 +323,7 @@ class Driver:
             else:
                 self._count(state)
         self._store.add(new)
-        batch: list[Task] = []
+        batch: list[CandidateTask] = []
         rejections = self._screens.reject([design for _, _, design in waiting])
         for task, rejection in zip(waiting, rejections, strict=True):
             if rejection is not None:
@@ -318,8 +332,8 @@ class Driver:
                 self._record(key, Candidate(number, "infeasible", design, stage, reason))
                 continue
             batch.append(task)
-            size = BATCH_SECONDS * self._batch_candidates / self._batch_seconds
-            if len(batch) >= min(size, LARGEST_BATCH):
+            size = BATCH_DURATION * self._batch_candidates / self._batch_seconds
+            if len(batch) >= min(size, MAX_BATCH_SIZE):
                 while len(self._pending) >= self._ahead:
                     self._collect()
                 self._submit(batch)
@@ -327,7 +341,7 @@ class Driver:
         if batch:
             self._submit(batch)
 
-    def _submit(self, batch: Sequence[Task]) -> None:
+    def _submit(self, batch: Sequence[CandidateTask]) -> None:
         """Send a batch to the next free worker."""
         candidates = [(number, design) for _, number, design in batch]
         future = self._pool.submit(evaluate_batch, self._evaluation, candidates)
@@ -346,11 +360,11 @@ class Driver:
         StudyError if the executor fails in another way, or if a worker has another program.
         """
         worker_error: BaseException | None = None
-        for future in wait(self._pending, timeout=COMMIT_EVERY, return_when=FIRST_COMPLETED).done:
+        for future in wait(self._pending, timeout=WRITE_INTERVAL, return_when=FIRST_COMPLETED).done:
             batch = self._pending.pop(future)
             try:
                 rows, seconds, workers_program = future.result()
-                differing = differences(workers_program, program())
+                differing = describe_differences(workers_program, describe_program())
                 if differing:
                     names = ", ".join(differing)
                     raise StudyError(f"a worker has another program than the driver: {names}")
@@ -369,7 +383,7 @@ class Driver:
             self._batch_candidates = 0.8 * self._batch_candidates + len(batch)
             for (key, _, _), row in zip(batch, rows, strict=True):
                 self._record(key, row)
-        if worker_error is not None or time.monotonic() - self._last_write > COMMIT_EVERY:
+        if worker_error is not None or time.monotonic() - self._last_write > WRITE_INTERVAL:
             self.flush()
         if worker_error is not None:
             reason = str(worker_error)
@@ -384,7 +398,7 @@ class Driver:
         self._finished.append((key, row))
         if key != self.own:
             self._count(row.state)
-        if len(self._finished) >= SCREENED_TOGETHER:
+        if len(self._finished) >= SCREENING_BLOCK_SIZE:
             self.flush()
 
     def _count(self, state: str) -> None:

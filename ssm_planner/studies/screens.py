@@ -21,9 +21,9 @@ from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.typing import Array, frozen
 from ssm_planner.units import quantity
 
-ANGLES = ("alpha", "home_tilt", "home_roll")
+GEOMETRY_ANGLES = ("alpha", "home_tilt", "home_roll")
 """Keys of the robot file that define a geometry."""
-FIRST_STEP = 1e-6
+START_FRACTION = 1e-6
 """Share of a straight motion from which the directions of its joints are computed."""
 DEGREE = math.pi / 180
 
@@ -40,9 +40,9 @@ Rejections = list[Rejection | None]
 """Rejection of each candidate, or None if it passes."""
 
 
-Options = dict[str, Joint | ProblemError]
+JointOptions = dict[str, Joint | ProblemError]
 """Joint with each entry of a choice by name of the entry, or the error if the entry is invalid."""
-Move = tuple[list[float], list[float]]
+StraightMove = tuple[list[float], list[float]]
 """Start and end of a straight motion in task coordinates, rad and m."""
 
 
@@ -54,7 +54,7 @@ class Screens:
         self._valid_design = study.design([0.0] * len(study.vary))
         problems = list(self._problems())
         self.robot: Robot | None = problems[0].robot if problems else None
-        self._tilts, self._moves = _demands(problems)
+        self._tilts, self._moves = _required_tilts_and_moves(problems)
         self._joints = self._alternatives()
 
     def reject(self, designs: Sequence[Design]) -> Rejections:
@@ -99,19 +99,19 @@ class Screens:
     def _family(self, designs: Sequence[Design]) -> Family | None:
         """Return the geometries of all designs as arrays.
 
-        None if other keys than `ANGLES` define the geometry.
+        None if other keys than `GEOMETRY_ANGLES` define the geometry.
         """
         geometry = self.study.robot["geometry"]
         axes_vary = any(path.startswith("geometry.axes") for path in self.study.paths)
         if "alpha" not in geometry or "beta" in geometry or axes_vary:
             return None
         columns = []
-        for name in ANGLES:
+        for name in GEOMETRY_ANGLES:
             path = f"geometry.{name}"
             texts = [str(geometry.get(name, "0 deg"))]
             if path in self.study.paths:
                 texts = [design[path] for design in designs]
-            columns.append(np.broadcast_to(_angles(texts), (len(designs),)))
+            columns.append(np.broadcast_to(_parse_angles(texts), (len(designs),)))
         sign = -1 if geometry["insertion"] == "negative" else 1
         return Family(columns[0], columns[1], columns[2], sign)
 
@@ -154,20 +154,20 @@ class Screens:
             return Rejection("locking", f"joint {joint.name}: {error.reason}")
         return None
 
-    def _alternatives(self) -> dict[str, Options]:
+    def _alternatives(self) -> dict[str, JointOptions]:
         """Build one joint for each drive or motor that the study can choose.
 
         All other values are those of the first candidate. The result contains the joints by path of
         the choice and name of the entry, or the error if an entry is invalid.
         """
-        joints: dict[str, Options] = {}
+        joints: dict[str, JointOptions] = {}
         for variable in self.study.vary:
             keys = variable.path.split(".")
             is_component = keys[0] == "joints" and ("drive" in keys or "motor" in keys)
             if not isinstance(variable, Choice) or not is_component:
                 continue
             index = JOINTS.index(keys[1])
-            options: Options = {}
+            options: JointOptions = {}
             for label in variable.contents:
                 try:
                     tree = self.study.resolved({**self._valid_design, variable.path: label})
@@ -199,7 +199,7 @@ class Screens:
     def _weak_motors(self, family: Family, branch: int, designs: Sequence[Design]) -> Rejections:
         """Return the rejection of each design whose motors are too weak on one branch, or None."""
         starts, ends = np.array(self._moves).swapaxes(0, 1)
-        steps = starts + FIRST_STEP * (ends - starts)
+        steps = starts + START_FRACTION * (ends - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
             q = family.joints(starts, branch)
             step = family.joints(steps, branch) - q
@@ -212,7 +212,7 @@ class Screens:
             if name in selected:
                 continue
             for joint, members in self._groups(name, designs):
-                faults = _start_faults(joint, load[members, :, k], direction[members, :, k])
+                faults = _motor_rejections(joint, load[members, :, k], direction[members, :, k])
                 for i, rejection in faults.items():
                     rejections[members[i]] = rejections[members[i]] or rejection
         return rejections
@@ -237,7 +237,9 @@ class Screens:
         new_axes = (family.omega1, family.omega2, family.omega3, family.omega3)
         centres = [body.frame @ body.com for body in self.robot.bodies]
         bodies = zip(centres, self.robot.geometry.axes, new_axes, strict=True)
-        return np.stack([_rotated(centre, old, new) for centre, old, new in bodies], axis=1)
+        return np.stack(
+            [_rotate_with_axis(centre, old, new) for centre, old, new in bodies], axis=1
+        )
 
     def _groups(self, name: str, designs: Sequence[Design]) -> Iterator[tuple[Joint, Array]]:
         """Yield each variant of a joint, and the indices of the designs that contain it.
@@ -266,7 +268,7 @@ class Screens:
                 yield joint, np.array(members)
 
 
-def _start_faults(joint: Joint, load: Array, direction: Array) -> dict[int, Rejection]:
+def _motor_rejections(joint: Joint, load: Array, direction: Array) -> dict[int, Rejection]:
     """Return the rejection of each robot whose motor cannot start a joint, by index.
 
     The result is empty if the joint lacks a motor or the friction of its drive.
@@ -295,14 +297,14 @@ def _start_faults(joint: Joint, load: Array, direction: Array) -> dict[int, Reje
     }
 
 
-def _angles(texts: Sequence[str]) -> Array:
+def _parse_angles(texts: Sequence[str]) -> Array:
     """Convert texts such as "30 deg" to angles (n,) in rad. All texts have the same unit."""
     unit = texts[0].strip().partition(" ")[2]
     factor = quantity(f"1 {unit}", "angle")
     return np.array([float(text.strip().partition(" ")[0]) for text in texts]) * factor
 
 
-def _rotated(point: Array, old: Array, new: Array) -> Array:
+def _rotate_with_axis(point: Array, old: Array, new: Array) -> Array:
     """Rotate a point by the smallest rotation that turns one axis into another.
 
     Parameters
@@ -325,14 +327,14 @@ def _rotated(point: Array, old: Array, new: Array) -> Array:
     return point + tangent + np.cross(axis, tangent) / (1.0 + cosine)[:, None]
 
 
-def _demands(problems: Sequence[Problem]) -> tuple[Array, list[Move]]:
+def _required_tilts_and_moves(problems: Sequence[Problem]) -> tuple[Array, list[StraightMove]]:
     """Return the tilts (k,) that all motions must reach, rad, and their straight motions.
 
     Only motions whose ends are given in task coordinates are evaluated. The evaluation of a problem
     ends at its first other motion.
     """
     tilts: list[float] = []
-    moves: list[Move] = []
+    moves: list[StraightMove] = []
     for problem in problems:
         start = problem.start
         if not isinstance(start, Task):

@@ -10,24 +10,24 @@ from ssm_planner.atomic import write_text
 from ssm_planner.errors import ProblemError
 from ssm_planner.pipeline.folder import write_folder
 from ssm_planner.reporting import write_report
-from ssm_planner.studies.evaluation import plans_of
+from ssm_planner.studies.evaluation import plan_candidate
 from ssm_planner.studies.page import write_study_page
-from ssm_planner.studies.provenance import context_of, description_of, differences
-from ssm_planner.studies.run import PAGE, existing_store
-from ssm_planner.studies.store import Candidate, pareto, refuse_link
+from ssm_planner.studies.provenance import context_hash, describe_differences, describe_study
+from ssm_planner.studies.run import PAGE_FILE, open_existing_store
+from ssm_planner.studies.store import Candidate, check_not_link, pareto_front
 from ssm_planner.studies.study import Study
 from ssm_planner.typing import Fields, JsonObject
 
 
-def results(study: Study, folder: Path) -> dict[int, Candidate]:
+def load_candidates(study: Study, folder: Path) -> dict[int, Candidate]:
     """Return the candidates of a study by number, from the store in `folder`.
 
     Raises ProblemError if there is no store, or if it contains the rows of another study or of
     another program.
     """
-    current = description_of(study)
-    with existing_store(folder) as store:
-        differing = differences(store.description(), current)
+    current = describe_study(study)
+    with open_existing_store(folder) as store:
+        differing = describe_differences(store.description(), current)
         if differing:
             raise ProblemError(
                 "the folder contains the results of another study or program: "
@@ -35,11 +35,11 @@ def results(study: Study, folder: Path) -> dict[int, Candidate]:
                 file=store.path,
                 allowed="the results of this study; `study FILE -o DIR` computes them",
             )
-        store.describe(current, context_of(current))
+        store.describe(current, context_hash(current))
         return {row.number: row for row in store.rows()}
 
 
-def candidate(rows: Mapping[int, Candidate], number: int) -> Candidate:
+def find_candidate(rows: Mapping[int, Candidate], number: int) -> Candidate:
     """Return the candidate with a number. Raises ProblemError if it does not exist."""
     if number not in rows:
         raise ProblemError(
@@ -58,8 +58,8 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     study. The page of the study then has links to the pages of the candidate. Raises ProblemError
     for a motion without a plan, and ExportError if a file cannot be written.
     """
-    rows = results(study, folder)
-    row = candidate(rows, number)
+    rows = load_candidates(study, folder)
+    row = find_candidate(rows, number)
     target = folder / f"candidate_{number}"
     target.mkdir(parents=True, exist_ok=True)
     robot = target / "robot.yaml"
@@ -67,18 +67,18 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     tree["name"] = f"{tree['name']}, candidate {number}"
     tree["source"] = f"study {study.name}; {tree.get('source', '')}"
     text = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
-    refuse_link(robot)
+    check_not_link(robot)
     write_text(robot, f"# Candidate {number} of the study {study.name}.\n{text}")
     paths = [robot]
-    for name, plan in plans_of(study, row).items():
+    for name, plan in plan_candidate(study, row).items():
         if not plan.passed:
             reason = "" if plan.reason is None else plan.reason.message
             raise ProblemError(f"candidate {number}: the motion {name} cannot be planned: {reason}")
         paths += write_folder(plan, target / name).values()
         paths.append(write_report(plan, target / name / "report.html"))
     all_rows = list(rows.values())
-    front = pareto(all_rows[1:], study.minimise)  # the first row is the study's own robot
-    write_study_page(study, all_rows, front, folder / PAGE, finished=True)
+    front = pareto_front(all_rows[1:], study.minimise)  # the first row is the study's own robot
+    write_study_page(study, all_rows, front, folder / PAGE_FILE, finished=True)
     return paths
 
 
@@ -88,19 +88,19 @@ def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int)
     The keys are study, numbers, design and figures. Raises ProblemError if a candidate does not
     exist.
     """
-    rows = results(study, folder)
-    a = candidate(rows, number_1)
-    b = candidate(rows, number_2)
+    rows = load_candidates(study, folder)
+    a = find_candidate(rows, number_1)
+    b = find_candidate(rows, number_2)
     design_a = study.complete_design(a.design, a.figures)
     design_b = study.complete_design(b.design, b.figures)
     return {
         "study": study.name,
         "numbers": [number_1, number_2],
-        "design": _pairs(design_a, design_b),
-        "figures": _pairs(a.figures, b.figures),
+        "design": _value_pairs(design_a, design_b),
+        "figures": _value_pairs(a.figures, b.figures),
     }
 
 
-def _pairs(a: Fields, b: Fields) -> dict[str, tuple[Any, Any]]:
+def _value_pairs(a: Fields, b: Fields) -> dict[str, tuple[Any, Any]]:
     """Return the values of both mappings by name, with None for missing values."""
     return {name: (a.get(name), b.get(name)) for name in {**a, **b}}

@@ -34,11 +34,11 @@ State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
 - "failed": a fault of this program prevented its evaluation.
 - "quarantined": it ended its worker process at every attempt.
 """
-FORMAT = 2
+STORE_VERSION = 2
 """Version of the database's layout."""
-LOCK_WAIT = 0.5
+LOCK_TIMEOUT = 0.5
 """Time to wait for another process that holds the lock of a store, s."""
-WRITTEN = ("study.", "table.", "front.", "map.", "candidate_")
+OUTPUT_PREFIXES = ("study.", "table.", "front.", "map.", "candidate_")
 """Beginnings of the names of all files and folders that a study writes."""
 _TABLES = f"""
 CREATE TABLE IF NOT EXISTS candidates (
@@ -49,7 +49,7 @@ CREATE TABLE IF NOT EXISTS numbers (number INTEGER PRIMARY KEY, key TEXT NOT NUL
 CREATE TABLE IF NOT EXISTS study (
     id INTEGER PRIMARY KEY, description TEXT NOT NULL, sha256 TEXT NOT NULL
 );
-PRAGMA user_version = {FORMAT};
+PRAGMA user_version = {STORE_VERSION};
 """
 
 
@@ -97,15 +97,15 @@ Candidates = Sequence[Candidate]
 """Results of several candidates."""
 
 
-def key_of(design: Fields, context: str) -> str:
+def candidate_key(design: Fields, context: str) -> str:
     """Return the key of a design in the store.
 
     `context` identifies the inputs of the study and the program.
     """
-    return hash_of(context, _text(design))[:32]
+    return hash_contents(context, _to_json(design))[:32]
 
 
-def hash_of(*contents: object) -> str:
+def hash_contents(*contents: object) -> str:
     """Return the SHA-256 of texts and missing texts (None) in hexadecimal."""
     return hashlib.sha256(repr(contents).encode()).hexdigest()
 
@@ -125,15 +125,15 @@ class Store(AbstractContextManager["Store"]):
         lock = path.with_suffix(".lock")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            prefixes = WRITTEN + (f"{path.stem}.",)
+            prefixes = OUTPUT_PREFIXES + (f"{path.stem}.",)
             for entry in path.parent.iterdir():
                 if entry.name.startswith(prefixes):
-                    refuse_link(entry)
+                    check_not_link(entry)
             lock.touch()
         except OSError as error:
             raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from error
         # If a driver is killed while it starts a worker, the worker keeps the lock for a moment.
-        deadline = time.monotonic() + LOCK_WAIT
+        deadline = time.monotonic() + LOCK_TIMEOUT
         while True:
             self._lock = locked(lock, wait=False)
             try:
@@ -158,15 +158,15 @@ class Store(AbstractContextManager["Store"]):
         with self._faults():
             self._connection = sqlite3.connect(self.path, isolation_level=None)
             (version,) = self._connection.execute("PRAGMA user_version").fetchone()
-            if version not in (0, FORMAT):
+            if version not in (0, STORE_VERSION):
                 raise ProblemError(
                     f"another version of the program wrote this store (format {version})",
                     file=self.path,
-                    allowed=f"format {FORMAT}; choose another folder, or remove this file",
+                    allowed=f"format {STORE_VERSION}; choose another folder, or remove this file",
                 )
             # A damaged text must not raise an error here, because its wrong hash is reported later.
             self._connection.text_factory = lambda text: text.decode(errors="replace")
-            self._connection.create_function("hash_of", -1, hash_of)
+            self._connection.create_function("hash_contents", -1, hash_contents)
             self._connection.execute("PRAGMA journal_mode = WAL")
             # A power cut loses only the latest rows.
             self._connection.execute("PRAGMA synchronous = NORMAL")
@@ -183,7 +183,7 @@ class Store(AbstractContextManager["Store"]):
         text = json.dumps(description)
         if json.dumps(previous) != text:
             self._write("DELETE FROM numbers", [()])
-            statement = "INSERT OR REPLACE INTO study VALUES (0, ?1, hash_of(?1))"
+            statement = "INSERT OR REPLACE INTO study VALUES (0, ?1, hash_contents(?1))"
             self._write(statement, [(text,)])
         return previous
 
@@ -195,7 +195,7 @@ class Store(AbstractContextManager["Store"]):
         for text, sha256 in self._read("SELECT description, sha256 FROM study"):
             with suppress(ValueError, RecursionError):
                 description = json.loads(text)
-                if sha256 == hash_of(text) and isinstance(description, dict):
+                if sha256 == hash_contents(text) and isinstance(description, dict):
                     return description
             raise ProblemError("the description of the study was changed", file=self.path)
         return {}
@@ -205,10 +205,10 @@ class Store(AbstractContextManager["Store"]):
 
         `designs` contains the number, the key and the design of each candidate.
         """
-        rows = [(number, key, _text(design)) for number, key, design in designs]
+        rows = [(number, key, _to_json(design)) for number, key, design in designs]
         self._write(
             "INSERT OR IGNORE INTO candidates VALUES (?1, 'waiting', NULL, NULL, ?2, '{}', "
-            "hash_of(?1, 'waiting', NULL, NULL, ?2, '{}'))",
+            "hash_contents(?1, 'waiting', NULL, NULL, ?2, '{}'))",
             [row[1:] for row in rows],
         )
         self._write("INSERT OR REPLACE INTO numbers VALUES (?, ?)", [row[:2] for row in rows])
@@ -217,8 +217,8 @@ class Store(AbstractContextManager["Store"]):
         """Write the results of candidates. `rows` contains the key and the result of each."""
         self._write(
             "UPDATE candidates SET state = ?1, stage = ?2, reason = ?3, figures = ?4, "
-            "sha256 = hash_of(key, ?1, ?2, ?3, design, ?4) WHERE key = ?5",
-            ((row.state, row.stage, row.reason, _text(row.figures), key) for key, row in rows),
+            "sha256 = hash_contents(key, ?1, ?2, ?3, design, ?4) WHERE key = ?5",
+            ((row.state, row.stage, row.reason, _to_json(row.figures), key) for key, row in rows),
         )
 
     def states(self) -> dict[str, tuple[int | None, str]]:
@@ -261,10 +261,10 @@ class Store(AbstractContextManager["Store"]):
             "CAST(design AS TEXT), CAST(figures AS TEXT), sha256 FROM numbers "
             "LEFT JOIN candidates USING (key) ORDER BY number"
         ):
-            intact = sha256 == hash_of(key, *contents)
+            intact = sha256 == hash_contents(key, *contents)
             if self._context is not None:
-                intact = intact and key == hash_of(self._context, contents[3])[:32]
-            yield key, number, _candidate(number, *contents) if intact else None
+                intact = intact and key == hash_contents(self._context, contents[3])[:32]
+            yield key, number, _candidate_from_row(number, *contents) if intact else None
 
     def _read(self, statement: str) -> list[tuple[Any, ...]]:
         """Return all rows of a query."""
@@ -303,30 +303,30 @@ class Store(AbstractContextManager["Store"]):
         self._lock.__exit__(None, None, None)
 
 
-_text = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":")).encode
+_to_json = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":")).encode
 """Encode a value as JSON. Equal values give equal texts."""
 
 
-def _candidate(number: int, state: Any, *contents: Any) -> Candidate | None:
+def _candidate_from_row(number: int, state: Any, *contents: Any) -> Candidate | None:
     """Return the candidate in a row, or None if no study writes such a row."""
     stage, reason, design, figures = contents
     try:
         results = json.loads(figures, parse_constant=lambda _: None)  # NaN is unknown
         row = Candidate(number, state, dict(json.loads(design)), stage, reason, figures=results)
-        is_valid = state in get_args(State) and all(starmap(_is_figure, row.figures.items()))
+        is_valid = state in get_args(State) and all(starmap(_is_result, row.figures.items()))
         return row if is_valid else None
     except (ArithmeticError, AttributeError, RecursionError, TypeError, ValueError):
         return None
 
 
-def _is_figure(name: str, value: Any) -> bool:
+def _is_result(name: str, value: Any) -> bool:
     """Return True if a value can be a result: a component, a finite number or unknown (None)."""
     if name.startswith("joints."):
         return isinstance(value, str)
     return value is None or (not isinstance(value, str) and math.isfinite(value))
 
 
-def refuse_link(path: Path) -> None:
+def check_not_link(path: Path) -> None:
     """Raise ExportError if a result is a symbolic link, because the target would change."""
     if path.is_symlink():
         raise ExportError(f"{path}: cannot be written: is a symbolic link; remove it")
@@ -361,7 +361,7 @@ def write_table(rows: Candidates, path: Path) -> None:
         parquet.write_table(pyarrow.table(table), temporary)
 
 
-def pareto(rows: Candidates, objectives: Sequence[str]) -> tuple[Candidate, ...]:
+def pareto_front(rows: Candidates, objectives: Sequence[str]) -> tuple[Candidate, ...]:
     """Return the Pareto front: the candidates that no other candidate dominates.
 
     A candidate dominates another one if it is not worse in any objective. Margins are maximised,
@@ -382,13 +382,13 @@ def pareto(rows: Candidates, objectives: Sequence[str]) -> tuple[Candidate, ...]
     return tuple(row for _, row in front)
 
 
-def better(
+def dominating_candidates(
     reference: Candidate, front: Candidates, objectives: Sequence[str]
 ) -> tuple[Candidate, ...]:
     """Return the candidates of a front that dominate the candidate `reference`.
 
     The result is empty if `reference` is not done or lacks an objective.
     """
-    if not pareto((reference,), objectives):
+    if not pareto_front((reference,), objectives):
         return ()
-    return tuple(row for row in front if pareto((reference, row), objectives) == (row,))
+    return tuple(row for row in front if pareto_front((reference, row), objectives) == (row,))

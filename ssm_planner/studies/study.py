@@ -21,13 +21,13 @@ Design = Mapping[str, str]
 """Value at each varied path of the robot file: a quantity with unit, or the name of an entry."""
 OBJECTIVES = ("duration", "motor_mass", "motor_margin", "peak_torque", "reach_margin")
 """Results that `minimise` can name. Margins are maximised."""
-GEARS = ("worm", "screw")
+GEAR_KEYS = ("worm", "screw")
 """Last key of a path that replaces the gear of a drive, such as `joints.tilt.drive.worm`."""
-MOST_CANDIDATES = 10_000_000
+MAX_CANDIDATES = 10_000_000
 """Largest number of candidates. The results of more would not fit into memory."""
-DRAWN_TOGETHER = 4096
+SOBOL_BLOCK_SIZE = 4096
 """Number of points of a Sobol' sequence that are drawn at once, a power of 2."""
-PACE = "pace"
+PACE_PATH = "pace"
 """Path of the factor (at least 1) by which motions are slowed down for the selection of parts."""
 
 
@@ -164,12 +164,12 @@ class Study:
     """Choices of motors and gears that follow from the motions of a candidate."""
 
     def __post_init__(self) -> None:
-        if not 1 <= self.count <= MOST_CANDIDATES:
+        if not 1 <= self.count <= MAX_CANDIDATES:
             raise ProblemError(
                 f"the {self.search.method} search has {self.count:.6g} candidates",
                 key="search.points",
                 value=self.search.points,
-                allowed=f"1 to {MOST_CANDIDATES} candidates",
+                allowed=f"1 to {MAX_CANDIDATES} candidates",
             )
 
     @property
@@ -229,7 +229,7 @@ class Study:
             for values in itertools.product(*grids):
                 yield dict(zip(self.paths, values, strict=True))
             return
-        yield from map(self.design, sobol(len(self.vary), search.points, search.seed))
+        yield from map(self.design, sobol_points(len(self.vary), search.points, search.seed))
 
     def design(self, point: Sequence[float] | Array) -> Design:
         """Return the design at a point (d,) of the unit cube, with one coordinate per variable."""
@@ -248,12 +248,12 @@ class Study:
             for variable in self.vary + self.selected
             if isinstance(variable, Choice)
         }
-        return changed_robot(self.robot, contents, design)
+        return robot_with_design(self.robot, contents, design)
 
     whole = Renamed("complete_design")
 
 
-def changed_robot(robot: Fields, contents: Mapping[str, Fields], design: Design) -> JsonObject:
+def robot_with_design(robot: Fields, contents: Mapping[str, Fields], design: Design) -> JsonObject:
     """Return the content of a robot file with the values of a design.
 
     `robot` is the original content, in which drives and motors replace the names of their files.
@@ -264,9 +264,9 @@ def changed_robot(robot: Fields, contents: Mapping[str, Fields], design: Design)
     for path, text in design.items():
         if path in contents and text not in contents[path]:
             raise ProblemError("no such entry", key=path, value=text)
-        if path == PACE:
+        if path == PACE_PATH:
             continue  # The pace is not a key of the robot file.
-        _put(tree, path, contents[path][text] if path in contents else number_or_text(text))
+        _set_at_path(tree, path, contents[path][text] if path in contents else number_or_text(text))
     for path in design:
         if path.startswith("joints.") and path.endswith(".motor"):
             joint = path.split(".")[1]
@@ -274,16 +274,16 @@ def changed_robot(robot: Fields, contents: Mapping[str, Fields], design: Design)
     return tree
 
 
-def sobol(dimensions: int, points: int, seed: int) -> Iterator[Array]:
+def sobol_points(dimensions: int, points: int, seed: int) -> Iterator[Array]:
     """Yield the points (dimensions,) of a scrambled Sobol' sequence in the unit cube."""
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(dimensions, scramble=True, seed=seed)
-    for start in range(0, points, DRAWN_TOGETHER):
-        yield from sampler.random(DRAWN_TOGETHER)[: points - start]
+    for start in range(0, points, SOBOL_BLOCK_SIZE):
+        yield from sampler.random(SOBOL_BLOCK_SIZE)[: points - start]
 
 
-def _put(tree: JsonObject, path: str, content: Any) -> None:
+def _set_at_path(tree: JsonObject, path: str, content: Any) -> None:
     """Set the content at a dotted path of a robot file's content, in place.
 
     If the path ends with a gear, the content is merged into the existing drive.
@@ -293,14 +293,14 @@ def _put(tree: JsonObject, path: str, content: Any) -> None:
     node: Any = tree
     for key in keys:
         node = node[int(key)] if isinstance(node, list) else node.setdefault(key, {})
-    if final_key not in GEARS:
+    if final_key not in GEAR_KEYS:
         node[int(final_key) if isinstance(node, list) else final_key] = copy.deepcopy(content)
         return
     if any(key.startswith("geometry.") for key in content):
         dimensions = node["geometry"].items()
         node["geometry"] = {key: value for key, value in dimensions if key == "thread_angle"}
     for key, value in content.items():
-        _put(node, key, value)
+        _set_at_path(node, key, value)
 
 
 def _replace_rotor(joint: JsonObject, original: Fields) -> None:
@@ -311,9 +311,9 @@ def _replace_rotor(joint: JsonObject, original: Fields) -> None:
     """
     if "drive" not in joint:
         return
-    old_rotor = _inertia(original.get("motor"), "rotor_inertia")
-    new_rotor = _inertia(joint.get("motor"), "rotor_inertia")
-    inertia = _inertia(joint["drive"], "input_inertia") - old_rotor + new_rotor
+    old_rotor = _stated_inertia(original.get("motor"), "rotor_inertia")
+    new_rotor = _stated_inertia(joint.get("motor"), "rotor_inertia")
+    inertia = _stated_inertia(joint["drive"], "input_inertia") - old_rotor + new_rotor
     source = "the drive's, with the rotor of the motor chosen"
     joint["drive"] = {
         **joint["drive"],
@@ -321,7 +321,7 @@ def _replace_rotor(joint: JsonObject, original: Fields) -> None:
     }
 
 
-def _inertia(mapping: Fields | None, key: str) -> float:
+def _stated_inertia(mapping: Fields | None, key: str) -> float:
     """Return the inertia that a drive or motor states under a key, kg·m².
 
     Missing and invalid values count as 0, because the loader of motors reports invalid values.
@@ -334,7 +334,7 @@ def _inertia(mapping: Fields | None, key: str) -> float:
         return 0.0
 
 
-def path_exists(tree: Fields, path: str) -> bool:
+def leads_to_container(tree: Fields, path: str) -> bool:
     """Return True if a path leads to an existing mapping or list of a robot file.
 
     The last key of the path may be new.
@@ -347,6 +347,6 @@ def path_exists(tree: Fields, path: str) -> bool:
             node = node[int(key)] if isinstance(node, list) else node[key]
         except (KeyError, IndexError, ValueError, TypeError):
             return False
-    if final_key in GEARS:
+    if final_key in GEAR_KEYS:
         return isinstance(node, Mapping) and "geometry" in node
     return isinstance(node, (Mapping, list))

@@ -33,23 +33,23 @@ from ssm_planner.loading.schema import Part as Keys
 from ssm_planner.loading.schema import model_of
 from ssm_planner.sizing import RANKS
 from ssm_planner.studies.study import (
-    GEARS,
-    MOST_CANDIDATES,
+    GEAR_KEYS,
+    MAX_CANDIDATES,
     OBJECTIVES,
-    PACE,
+    PACE_PATH,
     Choice,
     Requirements,
     Search,
     Study,
     Variable,
     Varied,
-    path_exists,
+    leads_to_container,
 )
 from ssm_planner.typing import JsonObject
 from ssm_planner.units import BadQuantity, share
 
 
-def _margin(value: object) -> float:
+def _parse_margin(value: object) -> float:
     """Return a share from 0 to below 1. Raises BadQuantity."""
     margin = share(value)
     if 0 <= margin < 1:
@@ -62,14 +62,16 @@ class SearchModel(Model):
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
     """Scrambled Sobol points; a grid; or with the extra `optuna` TPE or NSGA-II."""
-    points: Annotated[int, Field(ge=1, le=MOST_CANDIDATES)] = 256
+    points: Annotated[int, Field(ge=1, le=MAX_CANDIDATES)] = 256
     """Number of candidates, at least 1; for a grid, values per range."""
     seed: Annotated[int, Field(ge=0)] = 0
     """The same seed gives the same candidates."""
 
 
-_SHARE = Share(_margin, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %")
-RequirementsModel = model_of(Requirements, {"motor_margin": (Annotated[float, _SHARE], 0.0)})
+_MARGIN_FIELD = Share(
+    _parse_margin, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %"
+)
+RequirementsModel = model_of(Requirements, {"motor_margin": (Annotated[float, _MARGIN_FIELD], 0.0)})
 
 
 class StudyModel(Model):
@@ -124,13 +126,13 @@ def load_study(name: str | Path) -> Study:
 def study_from(section: Section) -> Study:
     """Convert the content of a study file to a study. Raises ProblemError if it is invalid."""
     model = validated(section, StudyModel)
-    robot = robot_content(follow(section, "robot"))
-    motions = _motions(section, model.motions)
+    robot = resolved_robot_content(follow(section, "robot"))
+    motions = _load_motions(section, model.motions)
     if not model.vary:
         raise section.error(
             "the study varies nothing", "vary", allowed="at least one path of the robot file"
         )
-    vary = tuple(_variable(section.sub("vary", path), path, robot) for path in model.vary)
+    vary = tuple(_parse_variable(section.sub("vary", path), path, robot) for path in model.vary)
     selected = tuple(
         variable
         for variable in vary
@@ -149,11 +151,11 @@ def study_from(section: Section) -> Study:
             search=Search(**dict(model.search)),
             file=None if section.file is None else str(section.file),
         )
-    _check_paths(section, study)
+    _check_first_candidate(section, study)
     return study
 
 
-def _motions(section: Section, names: Sequence[str]) -> JsonObject:
+def _load_motions(section: Section, names: Sequence[str]) -> JsonObject:
     """Return the contents of problem files without robot and name, by the names of the files.
 
     Included motions are expanded, and the paths of tables are absolute. Raises ProblemError if a
@@ -174,7 +176,7 @@ def _motions(section: Section, names: Sequence[str]) -> JsonObject:
     return motions
 
 
-def robot_content(robot: Section) -> JsonObject:
+def resolved_robot_content(robot: Section) -> JsonObject:
     """Return the content of a robot file, in which drives and motors replace the names of files.
 
     Raises ProblemError if the robot is invalid.
@@ -196,9 +198,9 @@ def robot_content(robot: Section) -> JsonObject:
     return tree
 
 
-def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
+def _parse_variable(section: Section, path: str, robot: JsonObject) -> Variable:
     """Convert the entry for a path to a variable. Raises ProblemError if the entry is invalid."""
-    if not path_exists(robot, path):
+    if not leads_to_container(robot, path):
         raise section.error(
             "the robot file does not contain this path",
             show=False,
@@ -213,17 +215,17 @@ def _variable(section: Section, path: str, robot: JsonObject) -> Variable:
         )
         raise section.error("not a variation", allowed=allowed)
     if "from" in value:
-        return _span(section, path)
+        return _parse_range(section, path)
     if "choices" in value:
-        return Choice(path, _choices(section, path.split(".")[-1]))
+        return Choice(path, _listed_contents(section, path.split(".")[-1]))
     select = value.get("select")
     if select is not None and select not in RANKS:
         raise section.error("unknown rank", "select", allowed=", ".join(RANKS))
-    contents, sizes = catalogue(section, path)
+    contents, sizes = _load_catalogue(section, path)
     return Choice(path, contents, select, sizes if select else {})
 
 
-def _choices(section: Section, key: str) -> JsonObject:
+def _listed_contents(section: Section, key: str) -> JsonObject:
     """Return the contents of listed choices by name.
 
     The contents of files replace the names of drives and motors. `key` is the last key of the
@@ -255,20 +257,20 @@ def _check_selection(
         )
     for choice in selected:
         keys = choice.path.split(".")
-        if keys[0] != "joints" or not (keys[-1] == "motor" or keys[-1] in GEARS):
+        if keys[0] != "joints" or not (keys[-1] == "motor" or keys[-1] in GEAR_KEYS):
             raise section.error(
                 "only motors and gears can be selected", "vary", choice.path, show=False
             )
     for variable in vary:
-        if variable.path == PACE and not (selected and _valid_pace(variable)):
+        if variable.path == PACE_PATH and not (selected and _is_valid_pace(variable)):
             reason = (
                 "invalid pace" if selected else "without a selected part, the pace has no effect"
             )
             allowed = "numbers of at least 1, beside {catalogue: …, select: …}"
-            raise section.error(reason, "vary", PACE, allowed=allowed)
+            raise section.error(reason, "vary", PACE_PATH, allowed=allowed)
 
 
-def _valid_pace(variable: Variable) -> bool:
+def _is_valid_pace(variable: Variable) -> bool:
     """Return True if all values of a pace are finite and at least 1."""
     # A range begins with its smallest value.
     paces = variable.contents if isinstance(variable, Choice) else [variable.value_at(0.0)]
@@ -278,7 +280,7 @@ def _valid_pace(variable: Variable) -> bool:
         return False
 
 
-def _span(section: Section, path: str) -> Varied:
+def _parse_range(section: Section, path: str) -> Varied:
     """Convert the keys `from` and `to` to a range. Raises ProblemError if they are invalid."""
     numbers = []
     units = []
@@ -302,7 +304,7 @@ def _span(section: Section, path: str) -> Varied:
     return Varied(path, low, high, units[0])
 
 
-def catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[str, float]]]:
+def _load_catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[str, float]]]:
     """Read the catalogue that an entry names, which is a CSV file or a folder of YAML files.
 
     Returns the contents of all entries by name, and their masses (kg) and lengths (m) if the
@@ -311,14 +313,14 @@ def catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[s
     folder = Path() if section.file is None else section.file.parent
     file = folder / str(section.value["catalogue"])
     try:
-        return entries(file, gear=path.split(".")[-1] in GEARS), stated_beside(file)
+        return entries(file, gear=path.split(".")[-1] in GEAR_KEYS), stated_beside(file)
     except ProblemError as error:
         if error.line is not None:
             raise
         raise section.error(str(error), "catalogue", show=False) from None
 
 
-def _check_paths(section: Section, study: Study) -> None:
+def _check_first_candidate(section: Section, study: Study) -> None:
     """Check that the robot is valid with the first value of each variable.
 
     Raises ProblemError, which names the path of the invalid value.

@@ -22,9 +22,9 @@ from ssm_planner.errors import SsmPlannerError
 P = ParamSpec("P")
 T = TypeVar("T")
 
-ATTEMPTS = 3
+DEFAULT_ATTEMPTS = 3
 """Default number of workers that one task may end before it fails."""
-_START = "from ssm_planner.studies.workers import serve; serve()"
+_WORKER_PROGRAM = "from ssm_planner.studies.workers import serve; serve()"
 
 
 class WorkerDied(SsmPlannerError):
@@ -42,7 +42,7 @@ class Workers(Executor):
         Number of workers that one task may end before it fails.
     """
 
-    def __init__(self, count: int, attempts: int = ATTEMPTS) -> None:
+    def __init__(self, count: int, attempts: int = DEFAULT_ATTEMPTS) -> None:
         self._attempts = attempts
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
         self._closed = self._ended = False
@@ -112,23 +112,23 @@ class Workers(Executor):
                         process.kill()
                 answer = self._ask(process, message)
                 died += answer is None
-            _resolve(future, answer, died)
+            _resolve_future(future, answer, died)
         if process is not None:
-            _end(process)
+            _terminate_worker(process)
 
     def _ask(self, process: subprocess.Popen[bytes], message: bytes) -> bytes | None:
         """Return the worker's answer, or None if the worker died."""
         assert process.stdin is not None
         assert process.stdout is not None
         try:
-            _send(process.stdin, message)
-            return _receive(process.stdout)
+            _send_message(process.stdin, message)
+            return _receive_message(process.stdout)
         except (OSError, EOFError):
-            _end(process)
+            _terminate_worker(process)
             return None
 
 
-def _resolve(future: Future[Any], answer: bytes | None, died: int) -> None:
+def _resolve_future(future: Future[Any], answer: bytes | None, died: int) -> None:
     """Set the result or the exception of a future from a worker's answer.
 
     The answer is None if the task ended its worker `died` times.
@@ -150,7 +150,7 @@ def _start_worker() -> subprocess.Popen[bytes]:
         ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"
     )
     return subprocess.Popen(
-        python_command(_START),
+        python_command(_WORKER_PROGRAM),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, **single_thread},
@@ -158,7 +158,7 @@ def _start_worker() -> subprocess.Popen[bytes]:
     )
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _terminate_worker(process: subprocess.Popen[bytes]) -> None:
     """Kill a worker, close its pipes and wait for its end."""
     process.kill()
     for pipe in (process.stdin, process.stdout):
@@ -168,13 +168,13 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _send(stream: BinaryIO | Any, message: bytes) -> None:
+def _send_message(stream: BinaryIO | Any, message: bytes) -> None:
     """Write a message as a pickle, which contains its own length."""
     pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
     stream.flush()
 
 
-def _receive(stream: BinaryIO | Any) -> bytes:
+def _receive_message(stream: BinaryIO | Any) -> bytes:
     """Read the next message. Raises EOFError if the other side has closed the stream."""
     try:
         message: bytes = pickle.load(stream)
@@ -193,18 +193,18 @@ def serve() -> None:
     os.dup2(2, 1)  # The output of libraries must not mix with the answers.
     while True:
         try:
-            message = _receive(sys.stdin.buffer)
+            message = _receive_message(sys.stdin.buffer)
         except EOFError:
             return
         try:
             function, arguments, keywords = pickle.loads(message)
             answer = pickle.dumps((True, function(*arguments, **keywords)), pickle.HIGHEST_PROTOCOL)
         except Exception as error:  # noqa: BLE001 the caller handles every exception
-            answer = _fault(error)
-        _send(answers, answer)
+            answer = _failed_answer(error)
+        _send_message(answers, answer)
 
 
-def _fault(error: Exception) -> bytes:
+def _failed_answer(error: Exception) -> bytes:
     """Return the answer for a failed call. An exception that cannot be pickled becomes text."""
     try:
         pickle.loads(pickle.dumps(error))

@@ -16,18 +16,18 @@ from ssm_planner.problem import Problem
 from ssm_planner.progress import Step
 from ssm_planner.studies.workers import Workers
 from ssm_planner.typing import JsonObject, frozen
-from ssm_planner.view.page import Study
+from ssm_planner.view.page import ViewedProblem
 
 if TYPE_CHECKING:
     from ssm_planner.plans import Plan
 
 T = TypeVar("T")
-KEPT = 8
+MAX_KEPT_RUNS = 8
 """Number of runs whose results stay available."""
 
 
 @frozen
-class Outcome:
+class PlanningOutcome:
     """Answer of the planner's process.
 
     Attributes
@@ -49,7 +49,7 @@ class Outcome:
 
 
 @dataclass
-class Job:
+class PlanningJob:
     """One planning run.
 
     Attributes
@@ -64,12 +64,12 @@ class Job:
 
     identity: str
     steps: Path
-    outcome: Outcome | None = None
+    outcome: PlanningOutcome | None = None
 
     def to_dict(self) -> JsonObject:
         """Return the object that the page receives, with {steps, done, message, …}."""
         outcome = self.outcome  # The planner may finish during this call.
-        result = outcome or Outcome("")
+        result = outcome or PlanningOutcome("")
         return {
             "steps": self.steps.read_text(encoding="utf-8").splitlines(),
             "done": outcome is not None,
@@ -81,20 +81,20 @@ class Job:
         }
 
 
-class Jobs:
+class PlanningJobs:
     """The planning runs of one server, and its studies by the path of their page."""
 
-    def __init__(self, study: Study) -> None:
+    def __init__(self, study: ViewedProblem) -> None:
         """Create the study of the first page and a folder for progress."""
         self.studies = {"/": study}
-        self._jobs: dict[str, Job] = {}
+        self._jobs: dict[str, PlanningJob] = {}
         self._lock = threading.Lock()
         self._workers: Workers | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
-    def study(self, request: JsonObject) -> Study:
+    def study(self, request: JsonObject) -> ViewedProblem:
         """Return the study whose page made a request. Raises ProblemError if it is unknown."""
-        return _item(self.studies, request, "of")
+        return _find_requested(self.studies, request, "of")
 
     def edit(self, request: JsonObject) -> JsonObject:
         """Answer {text} with {page}.
@@ -133,9 +133,9 @@ class Jobs:
             for active_job in self._jobs.values():
                 self._cancel(active_job, "cancelled, because a newer motion is planned")
             identity = secrets.token_urlsafe(16)
-            job = self._jobs[identity] = Job(identity, Path(self._folder.name) / identity)
+            job = self._jobs[identity] = PlanningJob(identity, Path(self._folder.name) / identity)
             job.steps.touch()
-            for old_identity in list(self._jobs)[:-KEPT]:
+            for old_identity in list(self._jobs)[:-MAX_KEPT_RUNS]:
                 del self._jobs[old_identity]
             future = self._submit(run_plan, requests, job.steps)
             future.add_done_callback(partial(self._finish, job))
@@ -146,22 +146,22 @@ class Jobs:
 
         Raises ProblemError if the run is unknown.
         """
-        return _item(self._jobs, request, "job").to_dict()
+        return _find_requested(self._jobs, request, "job").to_dict()
 
     def cancel(self, request: JsonObject) -> JsonObject:
         """Kill the planner's process, and answer {job} as `progress` does.
 
         Raises ProblemError if the run is unknown.
         """
-        job = _item(self._jobs, request, "job")
+        job = _find_requested(self._jobs, request, "job")
         with self._lock:
             self._cancel(job, "cancelled")
         return job.to_dict()
 
-    def _cancel(self, job: Job, message: str) -> None:
+    def _cancel(self, job: PlanningJob, message: str) -> None:
         """Kill the planner's process if a run is in progress. The caller holds the lock."""
         if job.outcome is None:
-            job.outcome = Outcome(message)
+            job.outcome = PlanningOutcome(message)
             self._end()
 
     def text(self, text_type: str, identity: str) -> str | None:
@@ -173,7 +173,7 @@ class Jobs:
         if job is None or job.outcome is None or job.outcome.plan is None:
             return None
         with self._lock:
-            future = self._submit(text_of, text_type, job.outcome.plan)
+            future = self._submit(plan_document, text_type, job.outcome.plan)
         return future.result()
 
     def _submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
@@ -188,7 +188,7 @@ class Jobs:
             self._end()
         self._folder.cleanup()
 
-    def _finish(self, job: Job, future: Future[Outcome]) -> None:
+    def _finish(self, job: PlanningJob, future: Future[PlanningOutcome]) -> None:
         """Store the outcome of a run unless it was cancelled."""
         error = future.exception()
         with self._lock:
@@ -197,9 +197,9 @@ class Jobs:
             if error is None:
                 job.outcome = future.result()
             elif isinstance(error, SsmPlannerError):
-                job.outcome = Outcome(str(error))
+                job.outcome = PlanningOutcome(str(error))
             else:
-                job.outcome = Outcome(f"stopped by a fault of the program: {error}")
+                job.outcome = PlanningOutcome(f"stopped by a fault of the program: {error}")
 
     def _end(self) -> None:
         """Kill the planner's process."""
@@ -208,7 +208,7 @@ class Jobs:
             self._workers = None
 
 
-def _item(items: Mapping[str, T], request: JsonObject, key: str) -> T:
+def _find_requested(items: Mapping[str, T], request: JsonObject, key: str) -> T:
     """Return the study or the run that a request names under a key.
 
     Without the key, the name is "/", which is the first page. Raises ProblemError if the name is
@@ -220,7 +220,7 @@ def _item(items: Mapping[str, T], request: JsonObject, key: str) -> T:
     return item
 
 
-def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outcome:
+def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> PlanningOutcome:
     """Plan problems in the planner's process, and compare their motions.
 
     Parameters
@@ -252,7 +252,7 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
     from ssm_planner.pipeline.relaxation import changes_of_limits
     from ssm_planner.pipeline.run import plan
     from ssm_planner.pipeline.thermal import quickly
-    from ssm_planner.reporting import answers, comparison_data
+    from ssm_planner.reporting import answer_lines, comparison_data
 
     plans: dict[str, Plan] = {}
     for name, problem, share in requests:
@@ -270,7 +270,7 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
         # The first nine characters of a line are its label.
         columns = []
         for planned in plans.values():
-            columns.append({line[:9]: line[9:] for line in answers(planned)})
+            columns.append({line[:9]: line[9:] for line in answer_lines(planned)})
         rows = [[label] + [column.get(label, "") for column in columns] for label in columns[-1]]
         desk = comparison_data(tuple(plans.values()))
         desk["panels"] = [panel for panel in desk["panels"] if panel["section"] == "Motors"]
@@ -278,7 +278,7 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
         desk["rows"] = rows
     if result.trajectory is None:
         reason = result.reason
-        return Outcome(
+        return PlanningOutcome(
             reason.message if reason else result.status,
             relaxation=reason.relaxation if reason and relaxed else None,
             changes=descriptions,
@@ -286,10 +286,10 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Outco
         )
     verdict = "passed" if result.passed else "failed"
     text = f"planned: {result.duration:.4f} s, independent check {verdict}"
-    return Outcome(text, result, changes=descriptions, desk=desk)
+    return PlanningOutcome(text, result, changes=descriptions, desk=desk)
 
 
-def text_of(text_type: str, plan: "Plan") -> str:
+def plan_document(text_type: str, plan: "Plan") -> str:
     """Return the report of a plan as HTML ("report"), or the content of plan.json ("plan")."""
     from ssm_planner.reporting import report_page
 

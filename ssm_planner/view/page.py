@@ -1,6 +1,6 @@
 """Render the local view's page, and answer its requests about a mechanism, in JSON types.
 
-A request is a JSON object that the script of the page sends. The methods of `Study` state the keys
+A request is a JSON object that the script of the page sends. The methods of `ViewedProblem` state the keys
 of their requests and answers.
 """
 
@@ -31,50 +31,50 @@ from ssm_planner.loading import (
     shipped_folder,
 )
 from ssm_planner.problem import JOINTS, TASK, Problem, Task
-from ssm_planner.reporting import COLOURS, link_sides, mechanism_scene, render
-from ssm_planner.studies.study import GEARS, Choice, Variable, Varied, changed_robot
-from ssm_planner.studies.study_file import robot_content
+from ssm_planner.reporting import COLOURS, link_sides, mechanism_scene, render_page
+from ssm_planner.studies.study import GEAR_KEYS, Choice, Variable, Varied, robot_with_design
+from ssm_planner.studies.study_file import resolved_robot_content
 from ssm_planner.typing import JsonObject, Range, record
 from ssm_planner.units import display_unit, quantity
 
-PUBLISHED = math.radians(30.0), math.radians(109.778)
+PAPER_ANGLES = math.radians(30.0), math.radians(109.778)
 """Angles α and β of the paper's robot, rad. A page without a problem shows them."""
-SAME = 1e-9
+ANGLE_TOLERANCE = 1e-9
 """Difference up to which angles α and β equal those of the robot, rad."""
 Pose = tuple[float, float, float, float]
 """Roll, tilt, spin and depth, rad and m."""
-MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
+SUGGESTED_MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
 """Margins of the tilt range for suggested α and β, rad, largest first."""
-PARTS = (("geometry", "ratio"), ("geometry", "lead"), ("friction", "mu"))
+ADJUSTABLE_KEYS = (("geometry", "ratio"), ("geometry", "lead"), ("friction", "mu"))
 """Groups and keys of the quantities of a drive that a user can change on the page."""
-SPAN = 3.0
+MAX_ADJUSTMENT_FACTOR = 3.0
 """Largest factor by which a user can change such a quantity, up or down."""
-LONGEST_DWELL = 3600.0
+MAX_DWELL = 3600.0
 """Longest dwell, s."""
-LARGEST_PAYLOAD = 0.5
+MAX_PAYLOAD = 0.5
 """Largest payload, kg."""
-LARGEST_POSE: Pose = 4 * math.pi, math.pi, 4 * math.pi, 1.0
+MAX_POSE: Pose = 4 * math.pi, math.pi, 4 * math.pi, 1.0
 """Largest magnitudes of the task coordinates in a request, rad and m."""
-LOWEST, HIGHEST = math.radians(1.0), math.radians(179.0)
+MIN_ANGLE, MAX_ANGLE = math.radians(1.0), math.radians(179.0)
 """Smallest and largest angle α or β in a request, rad."""
 
 
-def _coordinates(pose: Pose) -> dict[str, str]:
+def _pose_entry(pose: Pose) -> dict[str, str]:
     """Return a pose (rad and m) in the form of a problem file."""
-    return {name: _in_units(name, value) for name, value in zip(TASK, pose, strict=True)}
+    return {name: _coordinate_text(name, value) for name, value in zip(TASK, pose, strict=True)}
 
 
-def _value_of(value: Any) -> Any:
+def _stated_value(value: Any) -> Any:
     """Return the value of an entry, which may be a mapping with the value and its source."""
     return value["value"] if isinstance(value, dict) else value
 
 
-def _in_units(name: str, value: float) -> str:
+def _coordinate_text(name: str, value: float) -> str:
     """Return a task coordinate (rad or m) as text with its unit."""
     return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
-def view_page(study: "Study", token: str) -> str:
+def view_page(study: "ViewedProblem", token: str) -> str:
     """Return the HTML document of a page.
 
     Parameters
@@ -85,7 +85,7 @@ def view_page(study: "Study", token: str) -> str:
         Secret that every POST request of the page must contain.
     """
     start = study.start()
-    return render(
+    return render_page(
         "view.html",
         {"start": start, "token": token, "colours": list(COLOURS)},
         title=f"{start['name']} – mechanism" if start["name"] else "Mechanism",
@@ -96,7 +96,7 @@ def view_page(study: "Study", token: str) -> str:
 
 
 @record
-class Study:
+class ViewedProblem:
     """State of a page of the view.
 
     Attributes
@@ -114,7 +114,7 @@ class Study:
     def robot_mechanism(self) -> Mechanism:
         """The mechanism with the angles of the robot."""
         if self.problem is None:
-            return Mechanism.from_angles(*PUBLISHED)
+            return Mechanism.from_angles(*PAPER_ANGLES)
         return Mechanism.from_robot(self.problem.robot)
 
     def mechanism(self, request: JsonObject) -> tuple[Mechanism, bool]:
@@ -137,9 +137,12 @@ class Study:
             If an angle is out of range.
         """
         original = self.robot_mechanism
-        alpha = number(request, "alpha", LOWEST, HIGHEST)
-        beta = number(request, "beta", LOWEST, HIGHEST)
-        if abs(alpha - original.alpha) < SAME and abs(beta - original.beta) < SAME:
+        alpha = requested_number(request, "alpha", MIN_ANGLE, MAX_ANGLE)
+        beta = requested_number(request, "beta", MIN_ANGLE, MAX_ANGLE)
+        if (
+            abs(alpha - original.alpha) < ANGLE_TOLERANCE
+            and abs(beta - original.beta) < ANGLE_TOLERANCE
+        ):
             return original, True
         # With a roll of 0 at home, the home tilt φ satisfies cos φ = cos β / cos α.
         cosine = math.cos(beta) / math.cos(alpha)
@@ -158,9 +161,9 @@ class Study:
         """
         file = self.edited or read(self._file)
         name = {} if self.problem is None else {"name": self.problem.name}
-        return name | file.value | {"robot": robot_content(follow(file, "robot"))}
+        return name | file.value | {"robot": resolved_robot_content(follow(file, "robot"))}
 
-    def edit(self, text: str) -> "Study":
+    def edit(self, text: str) -> "ViewedProblem":
         """Return the study of a text that replaces the problem file.
 
         Parameters
@@ -174,7 +177,7 @@ class Study:
             If the text is invalid.
         """
         section = Section(self._file, of_text(text).root)
-        return Study(problem_from(section), section)
+        return ViewedProblem(problem_from(section), section)
 
     @property
     def _file(self) -> Path:
@@ -200,18 +203,22 @@ class Study:
                 present = {"": joint["motor"]}
                 variables.append(Choice(f"joints.{name}.motor", present | motors))
             drive = joint.get("drive", {})
-            for gear in GEARS:
+            for gear in GEAR_KEYS:
                 if drive.get("kind", "").endswith(gear):
                     catalogue = entries(folder / "catalogues" / f"{gear}s.csv", gear=True)
                     present = {"": {"name": drive["name"]}}
                     variables.append(Choice(f"joints.{name}.drive.{gear}", present | catalogue))
-            for group, key in PARTS:
+            for group, key in ADJUSTABLE_KEYS:
                 value = drive.get(group, {}).get(key)
-                text, _, unit = str(_value_of(value)).partition(" ")
+                text, _, unit = str(_stated_value(value)).partition(" ")
                 with suppress(ValueError):
                     size = float(text)
                     path = f"joints.{name}.drive.{group}.{key}"
-                    variables.append(Varied(path, size / SPAN, SPAN * size, unit))
+                    variables.append(
+                        Varied(
+                            path, size / MAX_ADJUSTMENT_FACTOR, MAX_ADJUSTMENT_FACTOR * size, unit
+                        )
+                    )
         return tuple(variables)
 
     def changed_robot(self, request: JsonObject) -> JsonObject:
@@ -233,23 +240,23 @@ class Study:
             if path.endswith(".mu"):
                 friction = content["joints"][path.split(".")[1]]["drive"]["friction"]
                 static = friction.get("mu_static", friction["mu"])
-                ratio = _value_of(static) / _value_of(friction["mu"])
+                ratio = _stated_value(static) / _stated_value(friction["mu"])
                 design[f"{path}_static"] = f"{float(text) * ratio:.12g}"
         if not is_original:
-            if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > SAME:
+            if "home_tilt" not in content["geometry"] or abs(mechanism.home_roll) > ANGLE_TOLERANCE:
                 raise ProblemError(
                     "the frames of the robot's links do not follow these angles",
                     key="beta",
                     allowed="β between α and 180° − α, and a robot file with alpha and home_tilt",
                 )
             for name in ("alpha", "home_tilt"):
-                design[f"geometry.{name}"] = _in_units(name, getattr(mechanism, name))
+                design[f"geometry.{name}"] = _coordinate_text(name, getattr(mechanism, name))
             angles = math.degrees(mechanism.alpha), math.degrees(mechanism.beta)
             changes.insert(0, "α {:.6g}°, β {:.6g}°".format(*angles))
         contents = {
             choice.path: choice.contents for choice in self.variables if isinstance(choice, Choice)
         }
-        content = changed_robot(content, contents, design)
+        content = robot_with_design(content, contents, design)
         if not is_original:
             content["geometry"].pop("beta", None)
         return content | {"name": f"{content.get('name', 'robot')} with {', '.join(changes)}"}
@@ -267,7 +274,7 @@ class Study:
         for path, value in values.items():
             variable = paths[path]
             if isinstance(variable, Varied):
-                size = number(values, path, variable.low, variable.high, variable.unit)
+                size = requested_number(values, path, variable.low, variable.high, variable.unit)
                 design[path] = f"{size:.12g} {variable.unit}".rstrip()
             elif value in list(variable.contents):
                 design[path] = value
@@ -294,7 +301,9 @@ class Study:
         if problem is not None:
             values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
             for variable in self.variables:
-                values[variable.path] = variable.low * SPAN if isinstance(variable, Varied) else ""
+                values[variable.path] = (
+                    variable.low * MAX_ADJUSTMENT_FACTOR if isinstance(variable, Varied) else ""
+                )
         return {
             "values": values,
             "depth_range": list(ranges.get("depth", (0.0, 0.03))),
@@ -306,12 +315,12 @@ class Study:
     def workspace(self, request: JsonObject) -> JsonObject:
         """Answer {alpha, beta, tilt_range} with {tilt_range, reached, margin, own, scene}.
 
-        `tilt_range` of the answer is the range that the mechanism reaches, rad. `margin` is the
+        `requested_tilt_range` of the answer is the range that the mechanism reaches, rad. `margin` is the
         smaller distance of the requested range from its ends, rad. `own` is true if the angles are
         those of the robot. Raises ProblemError if a value is invalid.
         """
         mechanism, same = self.mechanism(request)
-        required = tilt_range(request)
+        required = requested_tilt_range(request)
         low, high = tilt_interval(mechanism)
         margin = min(required[0] - low, high - required[1])
         problem = self.problem
@@ -330,10 +339,10 @@ class Study:
         """Answer {tilt_range} with {alpha, beta, margin}, rad.
 
         The result is the smallest α that reaches the range with the largest possible entry of
-        `MARGINS`. Raises ProblemError if no angles reach the range.
+        `SUGGESTED_MARGINS`. Raises ProblemError if no angles reach the range.
         """
-        required = tilt_range(request)
-        for margin in MARGINS:
+        required = requested_tilt_range(request)
+        for margin in SUGGESTED_MARGINS:
             try:
                 region = design_region(*required, margin)
             except GeometryError as error:
@@ -343,7 +352,7 @@ class Study:
                     allowed="both ends of one sign",
                 ) from error
             alpha, beta = region.smallest_alpha
-            if not region.empty and alpha >= LOWEST and beta <= HIGHEST:
+            if not region.empty and alpha >= MIN_ANGLE and beta <= MAX_ANGLE:
                 return {"alpha": alpha, "beta": beta, "margin": margin}
         raise ProblemError("no α and β reach this range", key="tilt_range")
 
@@ -358,7 +367,7 @@ class Study:
         if request.get("design") or not self.mechanism(request)[1]:
             content["robot"] = self.changed_robot(request)
         if "payload" in request:
-            mass = number(request, "payload", 0.0, LARGEST_PAYLOAD, "kg")
+            mass = requested_number(request, "payload", 0.0, MAX_PAYLOAD, "kg")
             content["tip_payload"] = f"{mass:.12g} kg"
             if not mass:
                 del content["tip_payload"]
@@ -367,21 +376,21 @@ class Study:
         motion = request.get("motion")
         if not isinstance(motion, list) or not all(isinstance(step, dict) for step in motion):
             raise ProblemError("not a motion", key="motion", allowed="a list of poses and dwells")
-        content["start"] = _coordinates(pose(request, "start"))
+        content["start"] = _pose_entry(requested_pose(request, "start"))
         entries: list[JsonObject] = []
         for step in motion:
             if "dwell" in step:
-                duration = number(step, "dwell", 1e-3, LONGEST_DWELL, "s")
+                duration = requested_number(step, "dwell", 1e-3, MAX_DWELL, "s")
                 entries.append({"dwell": f"{duration:.12g} s"})
             else:
-                entries.append({"straight": {"to": _coordinates(pose(step, "pose"))}})
+                entries.append({"straight": {"to": _pose_entry(requested_pose(step, "pose"))}})
         content["motion"] = entries
-        low, high = tilt_range(request)
+        low, high = requested_tilt_range(request)
         if self.problem is not None and "tilt" in self.problem.ranges:
             lowest, highest = self.problem.ranges["tilt"]
             low = max(low, lowest)
             high = min(high, highest)
-        tilts = [_in_units("tilt", low), _in_units("tilt", high)]
+        tilts = [_coordinate_text("tilt", low), _coordinate_text("tilt", high)]
         return content | {"limits": {**content.get("limits", {}), "tilt": tilts}}
 
     def requested_problem(self, request: JsonObject) -> Problem:
@@ -411,7 +420,7 @@ class Study:
         if self.problem is not None:
             limits = np.array([joint.position for joint in self.problem.robot.joints])
         solutions = inverse_task(
-            mechanism, [pose(request, "pose")], limits=limits, reference=np.zeros(4)
+            mechanism, [requested_pose(request, "pose")], limits=limits, reference=np.zeros(4)
         )
         tips = tip_position(mechanism, solutions.joints[0])
         branches = [
@@ -430,7 +439,7 @@ class Study:
         }
 
 
-def pose(request: JsonObject, key: str) -> Pose:
+def requested_pose(request: JsonObject, key: str) -> Pose:
     """Return four task coordinates of a request, rad and m.
 
     Raises ProblemError if the entry is not a list of four numbers in their ranges.
@@ -439,26 +448,30 @@ def pose(request: JsonObject, key: str) -> Pose:
     if not isinstance(values, list) or len(values) != len(TASK):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
     coordinates = []
-    for name, value, largest in zip(TASK, values, LARGEST_POSE, strict=True):
+    for name, value, largest in zip(TASK, values, MAX_POSE, strict=True):
         path = f"{key}.{name}"
         unit = "m" if name == "depth" else "rad"
-        coordinates.append(number({path: value}, path, -largest, largest, unit))
+        coordinates.append(requested_number({path: value}, path, -largest, largest, unit))
     roll, tilt, spin, depth = coordinates
     return roll, tilt, spin, depth
 
 
-def tilt_range(request: JsonObject) -> Range:
+def requested_tilt_range(request: JsonObject) -> Range:
     """Return the tilt range of a request, rad. Raises ProblemError if it is not a range."""
     ends = request.get("tilt_range")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ProblemError("not a range", key="tilt_range", value=ends, allowed="[low, high]")
-    low, high = [number({"tilt_range": end}, "tilt_range", -math.pi, math.pi) for end in ends]
+    low, high = [
+        requested_number({"tilt_range": end}, "tilt_range", -math.pi, math.pi) for end in ends
+    ]
     if not low < high:
         raise ProblemError("the lower end is not below the upper", key="tilt_range")
     return low, high
 
 
-def number(request: JsonObject, key: str, low: float, high: float, unit: str = "rad") -> float:
+def requested_number(
+    request: JsonObject, key: str, low: float, high: float, unit: str = "rad"
+) -> float:
     """Return a number of a request.
 
     Parameters
@@ -482,6 +495,6 @@ def number(request: JsonObject, key: str, low: float, high: float, unit: str = "
     allowed = f"{scale * low:.6g} to {scale * high:.6g} {unit}"
     if not isinstance(value, (int, float)) or isinstance(value, bool):
         raise ProblemError("not a number", key=key, value=value, allowed=allowed)
-    if not low - SAME <= value <= high + SAME:
+    if not low - ANGLE_TOLERANCE <= value <= high + ANGLE_TOLERANCE:
         raise ProblemError(f"{scale * value:.6g} {unit} is out of range", key=key, allowed=allowed)
     return min(max(float(value), low), high)

@@ -17,14 +17,14 @@ from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.loading import load_problem
 from ssm_planner.problem import Problem
 from ssm_planner.typing import JsonObject
-from ssm_planner.view.jobs import Jobs
-from ssm_planner.view.page import Study, view_page
+from ssm_planner.view.jobs import PlanningJobs
+from ssm_planner.view.page import ViewedProblem, view_page
 
 ADDRESS = "127.0.0.1"
 """Address of the loopback interface."""
-LONGEST = 262144
+MAX_REQUEST_SIZE = 262144
 """Largest size of a request, bytes."""
-HEADERS = {
+SECURITY_HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'self'; base-uri 'none'; form-action 'none'",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -33,9 +33,9 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
 }
 """Headers of all responses. They prevent access by other pages."""
-KINDS = {"report": "text/html", "plan": "application/json"}
+CONTENT_TYPES = {"report": "text/html", "plan": "application/json"}
 """Content types of /<kind>/<job>."""
-Answer = Callable[[JsonObject], JsonObject]
+AnswerFunction = Callable[[JsonObject], JsonObject]
 """Function that answers a request."""
 
 
@@ -59,14 +59,16 @@ class ViewServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, study: Study, port: int = 0) -> None:
+    def __init__(self, study: ViewedProblem, port: int = 0) -> None:
         """Open the socket. The port 0 selects any free port."""
-        self.jobs = Jobs(study)  # created first, so that server_close works if the socket fails
-        super().__init__((ADDRESS, port), Handler)
+        self.jobs = PlanningJobs(
+            study
+        )  # created first, so that server_close works if the socket fails
+        super().__init__((ADDRESS, port), RequestHandler)
         self.token = secrets.token_urlsafe(24)
         self.hosts = {f"{name}:{self.server_port}" for name in (ADDRESS, "localhost")}
         jobs = self.jobs
-        self.answers: dict[str, Answer] = {
+        self.answers: dict[str, AnswerFunction] = {
             "/workspace": lambda request: jobs.study(request).workspace(request),
             "/ik": lambda request: jobs.study(request).ik(request),
             "/plan": jobs.start,
@@ -126,13 +128,13 @@ def serve_view(problem: Problem | str | Path | None = None, port: int = 0) -> Vi
     if isinstance(problem, (str, Path)):
         problem = load_problem(problem)
     try:
-        return ViewServer(Study(problem), port)
+        return ViewServer(ViewedProblem(problem), port)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ProblemError(f"{ADDRESS} cannot be used: {reason}", key="port", value=port) from error
 
 
-class Handler(BaseHTTPRequestHandler):
+class RequestHandler(BaseHTTPRequestHandler):
     """Handler of the requests of a browser.
 
     It answers GET for the page and for finished reports, and POST with JSON and the token of the
@@ -154,11 +156,11 @@ class Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.OK, view_page(study, self.server.token), "text/html")
             return
         text_type, _, identity = self.path.removeprefix("/").partition("/")
-        text = self.server.jobs.text(text_type, identity) if text_type in KINDS else None
+        text = self.server.jobs.text(text_type, identity) if text_type in CONTENT_TYPES else None
         if text is None:
             self._refuse(HTTPStatus.NOT_FOUND, "page not found")
         else:
-            self._send(HTTPStatus.OK, text, KINDS[text_type])
+            self._send(HTTPStatus.OK, text, CONTENT_TYPES[text_type])
 
     def do_POST(self) -> None:
         """Answer a request of the page."""
@@ -225,8 +227,8 @@ class Handler(BaseHTTPRequestHandler):
             return HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "only application/json"
         if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
             return HTTPStatus.LENGTH_REQUIRED, "the length is missing"
-        if len(length) > 9 or int(length) > LONGEST:
-            return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"at most {LONGEST} bytes"
+        if len(length) > 9 or int(length) > MAX_REQUEST_SIZE:
+            return HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"at most {MAX_REQUEST_SIZE} bytes"
         return None
 
     def _refuse(
@@ -254,7 +256,7 @@ class Handler(BaseHTTPRequestHandler):
         """Send a text with its content type and the security headers."""
         body = text.encode("utf-8")
         self.send_response(status)
-        for name, value in HEADERS.items():
+        for name, value in SECURITY_HEADERS.items():
             self.send_header(name, value)
         self.send_header("Content-Type", f"{content_type}; charset=utf-8")
         self.send_header("Content-Length", str(len(body)))

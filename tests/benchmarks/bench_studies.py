@@ -20,7 +20,7 @@ from ssm_planner.studies import run
 from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.page import write_study_page
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate, Store, key_of, pareto
+from ssm_planner.studies.store import Candidate, Store, candidate_key, pareto_front
 from ssm_planner.studies.study import Design, Requirements, Search
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
@@ -87,9 +87,11 @@ def rate(executor: Executor, folder: Path, candidates: int = 20_000) -> float:
         load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", candidates, 1)
     )
     wait([executor.submit(abs, -i) for i in range(20)])
-    with Store(folder / run.STORE) as store:
+    with Store(folder / run.STORE_FILE) as store:
         begin = time.perf_counter()
-        run.Driver(study, store, executor, run.AHEAD_ELSEWHERE, lambda *_: None).run()
+        run.StudyRunner(
+            study, store, executor, run.QUEUED_BATCHES_FOR_EXECUTOR, lambda *_: None
+        ).run()
         taken = time.perf_counter() - begin
         assert {state for _, state in store.states().values()} == {"done"}
     return candidates / taken
@@ -117,19 +119,21 @@ def resuming(folder: Path) -> tuple[float, float, float]:
         Candidate(i, "done", design, figures=each)
         for i, (design, each) in enumerate(zip(study.designs(), figures, strict=True))
     ]
-    with Store(folder / run.STORE) as store:
+    with Store(folder / run.STORE_FILE) as store:
         store.describe(description, context)
-        for chunk in ([Candidate(run.OWN, "done", {})], done):
-            keys = [key_of(row.design, context) for row in chunk]
+        for chunk in ([Candidate(run.ORIGINAL_NUMBER, "done", {})], done):
+            keys = [candidate_key(row.design, context) for row in chunk]
             store.add((row.number, key, row.design) for key, row in zip(keys, chunk, strict=True))
             store.put(zip(keys, chunk, strict=True))
     begin = time.process_time()
-    with Workers(1) as workers, Store(folder / run.STORE) as store:
-        run.Driver(study, store, workers, run.AHEAD, lambda *_: None).run()
+    with Workers(1) as workers, Store(folder / run.STORE_FILE) as store:
+        run.StudyRunner(study, store, workers, run.QUEUED_BATCHES_PER_WORKER, lambda *_: None).run()
     resumed = time.process_time() - begin
     begin = time.process_time()
     page = folder / "page.html"
-    write_study_page(study, (done[0], *done), pareto(done, study.minimise), page, finished=True)
+    write_study_page(
+        study, (done[0], *done), pareto_front(done, study.minimise), page, finished=True
+    )
     return resumed, time.process_time() - begin, page.stat().st_size / 1e6
 
 

@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.studies.adaptive import batches
+from ssm_planner.studies.adaptive import candidate_batches
 from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.screens import Screens
-from ssm_planner.studies.store import Candidate, pareto
-from ssm_planner.studies.study import PACE, Design, Search, Study
+from ssm_planner.studies.store import Candidate, pareto_front
+from ssm_planner.studies.study import PACE_PATH, Design, Search, Study
 from ssm_planner.studies.study_file import load_study
 from ssm_planner.studies.workers import Workers
 from ssm_planner.typing import Array
@@ -45,12 +45,12 @@ class Surface:
         with (ROOT / "results" / "study" / "table.csv").open(encoding="utf-8") as stream:
             rows = [row for row in csv.DictReader(stream) if row["state"] == "done"]
         self.places = np.array([self.place(row) for row in rows])
-        self.paces = [row[PACE] for row in rows]
+        self.paces = [row[PACE_PATH] for row in rows]
         self.values = np.array([[float(row[name]) for name in study.minimise] for row in rows])
 
     def place(self, design: Design) -> Array:
         """(2,), each from 0 to 1."""
-        spans = [variable for variable in self.study.vary if variable.path != PACE]
+        spans = [variable for variable in self.study.vary if variable.path != PACE_PATH]
         return np.array(
             [(float(design[v.path].split()[0]) - v.low) / (v.high - v.low) for v in spans]
         )
@@ -63,7 +63,7 @@ class Surface:
             if fallen is not None:
                 found.append(Candidate(i, "infeasible", design, fallen.stage, fallen.reason))
                 continue
-            same = np.array([pace == design[PACE] for pace in self.paces])
+            same = np.array([pace == design[PACE_PATH] for pace in self.paces])
             far = np.linalg.norm(self.places - self.place(design), axis=1) + 1e-9
             near = np.argsort(np.where(same, far, np.inf))[:4]
             duration = float(np.average(self.values[near, 0], weights=1 / far[near]))
@@ -103,7 +103,7 @@ def run(surface: Surface | Planned, method: str, seed: int, points: int) -> list
     if not study.search.adaptive:
         return surface.rows(list(study.designs()), 0)
     rows: list[Candidate] = []
-    for designs, tell in batches(study):
+    for designs, tell in candidate_batches(study):
         rows += surface.rows(designs, len(rows))
         tell(rows[-len(designs) :])
     return rows
@@ -113,7 +113,7 @@ def hypervolume(rows: list[Candidate], names: tuple[str, ...], worst: tuple[floa
     """Of what a front dominates below `worst`."""
     volume, last = 0.0, worst[1]
     for duration, mass in sorted(
-        tuple(row.figures[name] for name in names) for row in pareto(rows, names)
+        tuple(row.figures[name] for name in names) for row in pareto_front(rows, names)
     ):
         if duration < worst[0] and mass < last:
             volume += (worst[0] - duration) * (last - mass)

@@ -195,7 +195,7 @@ def simulation(simulated: Any, tmp_path_factory: pytest.TempPathFactory) -> Path
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of the shipped study with candidates of drawn figures, a fourth of which fall out."""
     from ssm_planner.studies.page import write_study_page
-    from ssm_planner.studies.store import Candidate, pareto
+    from ssm_planner.studies.store import Candidate, pareto_front
     from ssm_planner.studies.study_file import load_study
 
     of, draw = load_study(ROOT / "problems/studies/vitreoretinal.yaml"), random.Random(1)
@@ -212,5 +212,5 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
         rows.append(Candidate(number, "done", design, figures=figures) if number % 4 else fallen)
     out = tmp_path_factory.mktemp("study") / "study.html"
-    write_study_page(of, (rows[1], *rows), pareto(rows, of.minimise), out, finished=True)
+    write_study_page(of, (rows[1], *rows), pareto_front(rows, of.minimise), out, finished=True)
     return out

@@ -20,7 +20,7 @@ from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.html.compare import write_comparison
 from ssm_planner.reporting.html.report import write_report
-from ssm_planner.reporting.text import motors_verdict
+from ssm_planner.reporting.text import summarise_sizing
 from ssm_planner.simulation.simulate import SimulationResult
 from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 from tests.support.random_problems import random_problem
@@ -319,7 +319,7 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(
     visit: Open, report: Path
 ) -> None:
     page = visit(report.as_uri()).page
-    _, verdict, reason = motors_verdict(load_plan(PLAN).sizing.to_dict())
+    _, verdict, reason = summarise_sizing(load_plan(PLAN).sizing.to_dict())
     sentence, _, condition = verdict.removeprefix("Motors ").partition(" if ")
     card = page.locator("header .card", has_text="Motors").inner_text().replace("\xa0", " ")
     assert sentence in card

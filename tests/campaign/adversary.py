@@ -673,7 +673,7 @@ def read(case: Case, form: str, path: Path) -> tuple[Any, Any, Any]:
     from ssm_planner.formats.read import read_trajectory
 
     if form == "plan":
-        reading, robot, limits = command.read(path, None)
+        reading, robot, limits = command.read_with_robot(path, None)
     else:
         reading, robot, limits = read_trajectory(path, case.robot), case.robot, case.limits
     return reading, robot, reading.ends_on(limits)

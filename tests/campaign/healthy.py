@@ -189,7 +189,7 @@ class Healthy:
         try:
             with watchdog():
                 if path.suffix == ".json":
-                    reading, robot, limits = command.read(path, None)
+                    reading, robot, limits = command.read_with_robot(path, None)
                 else:
                     robot = plan.robot
                     reading = read_trajectory(path, robot)

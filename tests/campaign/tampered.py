@@ -131,8 +131,8 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
     from ssm_planner.errors import SsmPlannerError
     from ssm_planner.formats.export import verified
     from ssm_planner.plans import load_plan
-    from ssm_planner.reporting.html.report import report_page, verdict
-    from ssm_planner.reporting.text import answers
+    from ssm_planner.reporting.html.report import report_page, verdict_marks
+    from ssm_planner.reporting.text import answer_lines
 
     try:
         plan = load_plan(path)
@@ -140,9 +140,9 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
         return None  # not a plan any more
     if plan.passed or plan.summary()["passed"]:
         return f"{place}: the plan passes"
-    if verdict(plan)[1][1] != "Not certified":
-        return f"{place}: the report says {verdict(plan)[1]}"
-    if any("PASSED" in line for line in answers(plan)):
+    if verdict_marks(plan)[1][1] != "Not certified":
+        return f"{place}: the report says {verdict_marks(plan)[1]}"
+    if any("PASSED" in line for line in answer_lines(plan)):
         return f"{place}: the summary says PASSED"
     try:
         if verified(plan, force=False)[1]:

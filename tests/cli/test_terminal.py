@@ -17,13 +17,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.cli import COMMANDS, _parser, _shield, main
+from ssm_planner.cli import COMMANDS, _build_parser, _protect_negative_value, main
 from ssm_planner.cli.shared import output_file, progress_reporter
 from ssm_planner.cli.terminal import print_lines, shorten, wrap_line
 from ssm_planner.display import columns
 from ssm_planner.plans import load_plan
 from ssm_planner.progress import Step
-from ssm_planner.reporting.text import BINDING, Table, answers, closest_limit, summary_lines
+from ssm_planner.reporting.text import (
+    ACTIVE_MARGIN,
+    Table,
+    answer_lines,
+    closest_inactive_limit,
+    summary_lines,
+)
 from ssm_planner.studies.run import StudyResult
 from ssm_planner.studies.store import Candidate
 from ssm_planner.studies.study_file import load_study
@@ -134,8 +140,8 @@ def test_every_help_fits(
         said = capsys.readouterr().out
         assert max(map(len, said.splitlines())) <= 100, name
         words = shlex.split(said.partition("Example: ssm-planner ")[2])
-        example = [_shield(word) for word in words]
-        assert _parser(example).parse_args(example).run.__name__ == f"run_{name}"
+        example = [_protect_negative_value(word) for word in words]
+        assert _build_parser(example).parse_args(example).run.__name__ == f"run_{name}"
 
 
 def test_a_path_with_spaces_is_never_broken() -> None:
@@ -162,13 +168,13 @@ def test_a_plan_ends_with_its_answers_on_one_screen(
     ]
     assert str(folder / "report.html") in short[-1]
     assert plan.certificate is not None
-    closest = closest_limit(plan.certificate.limits)
+    closest = closest_inactive_limit(plan.certificate.limits)
     assert closest is not None
     assert f"closest  {closest.name}" in short[-3]
     beyond = [each for each in plan.certificate.limits if each.margin < closest.margin]
-    assert all(each.margin <= BINDING for each in beyond)
+    assert all(each.margin <= ACTIVE_MARGIN for each in beyond)
     everything = summary_lines(plan, folder, verbose=True)
-    assert everything[-5:] == [*answers(plan, folder)]
+    assert everything[-5:] == [*answer_lines(plan, folder)]
     assert any(line.startswith("limit ") for line in everything)
 
 

@@ -29,7 +29,7 @@ from ssm_planner.formats.ros2 import _from_states, _state, _trajectory
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import plain
-from ssm_planner.reporting.html.report import report_page, verdict
+from ssm_planner.reporting.html.report import report_page, verdict_marks
 from ssm_planner.trajectory import Trajectory
 from tests.support.paths import ROOT
 from tests.support.plans import certified, read_back, smooth, trapezoids, write_plan
@@ -50,12 +50,12 @@ def test_coefficients_changed_by_hand_are_nowhere_certified(tmp_path: Path) -> N
     path.write_text(json.dumps(document), encoding="utf-8")
     plan = load_plan(path)
     assert not plan.passed
-    assert verdict(plan)[1][:2] == ("bad", "Not certified")
+    assert verdict_marks(plan)[1][:2] == ("bad", "Not certified")
     assert "changed after the check" in report_page(plan)
     assert any("changed after the check" in note for note in plan.notes)
     with pytest.raises(ExportError, match="changed after the check"):
         export(plan, "csv", tmp_path / "csv")
-    assert verdict(load_plan(SHIPPED))[1][1] == "Certified"
+    assert verdict_marks(load_plan(SHIPPED))[1][1] == "Certified"
 
 
 def test_a_plan_changed_in_python_has_no_certificate(made: Plan, robot: Robot) -> None:
@@ -74,7 +74,7 @@ def test_a_certificate_without_limits_is_none(robot: Robot, tmp_path: Path) -> N
     plan = load_plan(path)
     assert not plan.passed
     assert "no limits" in str(plan.uncertified_reason)
-    assert verdict(plan)[1][1] == "Not certified"
+    assert verdict_marks(plan)[1][1] == "Not certified"
 
 
 def test_limits_in_a_plan_are_compared_with_the_robot_s(

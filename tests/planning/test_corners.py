@@ -24,7 +24,7 @@ from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.reporting.text import verdicts
+from ssm_planner.reporting.text import solver_and_condition_lines
 from ssm_planner.sizing.joint_load import joint_loads
 from ssm_planner.typing import Array
 from ssm_planner.verification.check import check
@@ -201,7 +201,7 @@ def test_toppra_keeps_the_rows_of_every_corner() -> None:
 def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None:
     ranged = replace(weakened("tilt_insert", "ranges", 1.12), friction=0.95, payload=PAYLOAD)
     made = plan(ranged)
-    said = "\n".join(verdicts(made))
+    said = "\n".join(solver_and_condition_lines(made))
     assert "friction within 95 %, payload up to 30 g: +" in said
     assert "joint tilt: worst, margin" in said
     again = load_plan(made.write(tmp_path / "plan.json"))

@@ -11,7 +11,7 @@ import pytest
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
-from ssm_planner.reporting.text import missing_data, motors_verdict
+from ssm_planner.reporting.text import skipped_checks, summarise_sizing
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.size import size, size_motion
 from ssm_planner.trajectory import Trajectory
@@ -44,7 +44,7 @@ def known(robot: Robot) -> Robot:
 
 
 def said(robot: Robot, trajectory: Trajectory) -> tuple[str, str, str]:
-    return motors_verdict(size_motion(trajectory, robot).to_dict())
+    return summarise_sizing(size_motion(trajectory, robot).to_dict())
 
 
 def test_the_verdict_on_a_motion_is_that_of_the_command(
@@ -101,7 +101,7 @@ def test_a_conditional_verdict_holds_up_to_the_error_that_it_permits(
     """With its stand-in figure lower by almost that share the motors suffice, by more they do not."""
     stand_in = replace(CONFIRMED, placeholders=("nominal_torque",))
     sizing = size_motion(trajectory, with_motor(known, "tilt", stand_in)).to_dict()
-    state, word, reason = motors_verdict(sizing)
+    state, word, reason = summarise_sizing(sizing)
     assert (state, sizing["adequate"]) == ("open", None)
     assert re.fullmatch(r"Motors suffice with [\d.]+ % margin if 1 stand-in figure holds", word)
     (spare,) = re.findall(r"tilt nominal torque \(may be ([\d.]+) % lower\)", reason)
@@ -135,7 +135,7 @@ def test_every_missing_figure_is_listed_with_its_joint(
 ) -> None:
     sizing: dict[str, Any] = size_motion(trajectory, robot).to_dict()
     assert sizing["adequate"] is not True
-    rows = list(missing_data(sizing))
+    rows = list(skipped_checks(sizing))
     for part, owner in (
         *((m, m["motor"]) for m in sizing["motors"]),
         *((g, g["drive"]) for g in sizing["gears"]),

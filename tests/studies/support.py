@@ -12,7 +12,7 @@ import pytest
 
 from ssm_planner.loading.files import of_data
 from ssm_planner.studies.evaluation import Evaluation
-from ssm_planner.studies.store import Candidate, hash_of
+from ssm_planner.studies.store import Candidate, hash_contents
 from ssm_planner.studies.study_file import study_from
 from ssm_planner.studies.workers import Workers
 
@@ -91,7 +91,7 @@ def forge(folder: Path, number: int, **columns: object) -> None:
     assignments = ", ".join(f"{name} = ?" for name in (*names, "sha256"))
     connection.execute(
         f"UPDATE candidates SET {assignments} WHERE key = ?",
-        (*changed.values(), hash_of(key, *changed.values()), key),
+        (*changed.values(), hash_contents(key, *changed.values()), key),
     )
     connection.close()
 

@@ -16,7 +16,7 @@ from ssm_planner.cli import main
 from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.store import Store
-from ssm_planner.studies.study import Search, Varied, sobol
+from ssm_planner.studies.study import Search, Varied, sobol_points
 from tests.studies.support import FILE, execute, study, without_planning
 
 __all__ = ["without_planning"]
@@ -88,7 +88,7 @@ def test_candidates_are_generated_when_they_are_needed(method: str) -> None:
 @pytest.mark.parametrize("points", [1, 5, 4096, 4097, 10_000])
 def test_the_points_are_those_of_the_whole_sequence(dimensions: int, points: int) -> None:
     whole = qmc.Sobol(dimensions, scramble=True, seed=7).random_base2(14)
-    drawn = np.array(list(sobol(dimensions, points, 7)))
+    drawn = np.array(list(sobol_points(dimensions, points, 7)))
     assert np.array_equal(drawn, whole[:points])
 
 

@@ -19,7 +19,12 @@ import ssm_planner
 from ssm_planner.errors import ProblemError
 from ssm_planner.studies import evaluation, provenance, run
 from ssm_planner.studies.evaluation import Evaluation
-from ssm_planner.studies.provenance import context_of, description_of, differences, study_of
+from ssm_planner.studies.provenance import (
+    context_hash,
+    describe_differences,
+    describe_study,
+    study_from_description,
+)
 from ssm_planner.studies.run import StudyError
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.show import compare_candidates, write_candidate
@@ -30,7 +35,7 @@ from tests.support.paths import PROBLEMS, ROOT
 
 __all__ = ["without_planning"]
 PACKAGE = Path(ssm_planner.__file__).parent
-PROGRAM = provenance.program()
+PROGRAM = provenance.describe_program()
 
 
 def set_program(monkeypatch: pytest.MonkeyPatch, **changes: str) -> dict[str, str]:
@@ -58,41 +63,41 @@ def test_every_source_changes_the_program(
     """A changed byte, another name and a missing file; the working folder has no influence."""
     file = sorted(copy.glob(name))[0]
     content = file.read_bytes()
-    before = provenance.program.__wrapped__()
+    before = provenance.describe_program.__wrapped__()
     monkeypatch.setattr(provenance, "__file__", str(copy / "studies" / "provenance.py"))
-    assert provenance.program.__wrapped__() == before
+    assert provenance.describe_program.__wrapped__() == before
     hashes = {before["ssm_planner"]}
     file.write_bytes(content + b"\n")
-    hashes.add(provenance.program.__wrapped__()["ssm_planner"])
+    hashes.add(provenance.describe_program.__wrapped__()["ssm_planner"])
     file.rename(file.with_stem("other"))
     file.with_stem("other").write_bytes(content)
-    hashes.add(provenance.program.__wrapped__()["ssm_planner"])
+    hashes.add(provenance.describe_program.__wrapped__()["ssm_planner"])
     file.with_stem("other").unlink()
-    hashes.add(provenance.program.__wrapped__()["ssm_planner"])
+    hashes.add(provenance.describe_program.__wrapped__()["ssm_planner"])
     file.write_bytes(content)
     assert len(hashes) == 4
-    assert provenance.program.__wrapped__() == before
+    assert provenance.describe_program.__wrapped__() == before
 
 
-@pytest.mark.parametrize("name", provenance.LIBRARIES)
+@pytest.mark.parametrize("name", provenance.NUMERICAL_LIBRARIES)
 def test_the_version_of_a_numerical_library_changes_the_program(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, stated = provenance.program.__wrapped__(), provenance.version
+    before, stated = provenance.describe_program.__wrapped__(), provenance.version
     monkeypatch.setattr(provenance, "version", lambda each: "0.0" if each == name else stated(each))
-    after = provenance.program.__wrapped__()
-    assert differences(before, after) == [f"{name} ({stated(name)} instead of 0.0)"]
+    after = provenance.describe_program.__wrapped__()
+    assert describe_differences(before, after) == [f"{name} ({stated(name)} instead of 0.0)"]
 
 
 def test_a_missing_compiled_part_is_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = provenance.program.__wrapped__()
+    before = provenance.describe_program.__wrapped__()
     monkeypatch.setattr(provenance, "load", lambda: None)
-    assert provenance.program.__wrapped__() == {**before, "compiled part": "not in use"}
+    assert provenance.describe_program.__wrapped__() == {**before, "compiled part": "not in use"}
 
 
 def test_every_input_changes_the_context_and_the_search_does_not() -> None:
     of = study()
-    context = context_of(description_of(of))
+    context = context_hash(describe_study(of))
     others = [
         replace(of, robot={**of.robot, "gravity": ["0", "0", "-9 m/s^2"]}),
         replace(of, motions={"other": of.motions["tilt_insert"]}),
@@ -100,15 +105,15 @@ def test_every_input_changes_the_context_and_the_search_does_not() -> None:
         replace(of, vary=(*of.vary, Varied("joints.roll.drive.ratio", 1.0, 2.0, ""))),
         replace(of, selected=(Choice("joints.roll.motor", {"a": {}}, "mass"),)),
     ]
-    assert len({context, *(context_of(description_of(each)) for each in others)}) == 6
+    assert len({context, *(context_hash(describe_study(each)) for each in others)}) == 6
     for same in (
         replace(of, search=Search("grid", 3)),
         replace(of, minimise=("duration",)),
         replace(of, name="other", file="other.yaml"),
     ):
-        assert context_of(description_of(same)) == context
-    assert study_of(description_of(of), of.name).designs
-    assert description_of(study_of(description_of(of), "name")) == description_of(of)
+        assert context_hash(describe_study(same)) == context
+    assert study_from_description(describe_study(of), of.name).designs
+    assert describe_study(study_from_description(describe_study(of), "name")) == describe_study(of)
 
 
 def test_a_table_of_a_motion_is_an_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,11 +128,13 @@ def test_a_table_of_a_motion_is_an_input(tmp_path: Path, monkeypatch: pytest.Mon
     )
     monkeypatch.chdir(ROOT)
     of = load_study(tmp_path / "study.yaml")
-    first = description_of(of)
-    (problem,) = (problem for _, problem in evaluation.problems_of(of, {}))
+    first = describe_study(of)
+    (problem,) = (problem for _, problem in evaluation.candidate_problems(of, {}))
     assert problem.motion[0].curve == "samples"
     (tmp_path / "points.csv").write_text(table.replace("-100", "-101"), encoding="utf-8")
-    assert differences(first, description_of(load_study(tmp_path / "study.yaml"))) == ["tables"]
+    assert describe_differences(first, describe_study(load_study(tmp_path / "study.yaml"))) == [
+        "tables"
+    ]
 
 
 @pytest.mark.usefixtures("without_planning")

@@ -13,12 +13,12 @@ import pytest
 
 from ssm_planner.atomic import locked
 from ssm_planner.errors import ExportError, ProblemError
-from ssm_planner.studies.store import Candidate, Store, key_of, write_table
+from ssm_planner.studies.store import Candidate, Store, candidate_key, write_table
 
 
 def _designs(count):
     designs = [{"geometry.alpha": f"{i} deg"} for i in range(count)]
-    return [(i, key_of(design, "context"), design) for i, design in enumerate(designs)]
+    return [(i, candidate_key(design, "context"), design) for i, design in enumerate(designs)]
 
 
 def test_what_was_put_is_read_again(tmp_path):
@@ -41,9 +41,9 @@ def test_what_was_put_is_read_again(tmp_path):
 
 def test_the_key_is_of_the_value_not_of_its_order():
     assert (
-        key_of({"a": 1, "b": 2}, "x")
-        == key_of({"b": 2, "a": 1}, "x")
-        != key_of({"a": 1, "b": 2}, "y")
+        candidate_key({"a": 1, "b": 2}, "x")
+        == candidate_key({"b": 2, "a": 1}, "x")
+        != candidate_key({"a": 1, "b": 2}, "y")
     )
 
 

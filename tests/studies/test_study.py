@@ -24,13 +24,13 @@ from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.loading.files import of_data
 from ssm_planner.studies import run as driver
-from ssm_planner.studies.evaluation import Evaluation, evaluate_batch, problems_of
+from ssm_planner.studies.evaluation import Evaluation, candidate_problems, evaluate_batch
 from ssm_planner.studies.page import correlation_ratio, write_study_page
-from ssm_planner.studies.run import STORE, StudyError, StudyResult
+from ssm_planner.studies.run import STORE_FILE, StudyError, StudyResult
 from ssm_planner.studies.run import study as run_study
 from ssm_planner.studies.screens import Screens
 from ssm_planner.studies.show import write_candidate
-from ssm_planner.studies.store import Candidate, Store, pareto
+from ssm_planner.studies.store import Candidate, Store, pareto_front
 from ssm_planner.studies.study import Search, Varied
 from ssm_planner.studies.study_file import load_study, study_from
 from ssm_planner.studies.workers import WorkerDied
@@ -68,7 +68,7 @@ def test_what_varies_comes_into_the_robot_and_its_bodies_follow():
     """The tool lies along the third axis, and each body's centre of mass keeps its place in its own frame."""
     of = study()
     design = {"geometry.alpha": "35 deg", "geometry.home_tilt": "-110 deg"}
-    ((_, problem),) = problems_of(of, design)
+    ((_, problem),) = candidate_problems(of, design)
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     assert np.isclose(mechanism.alpha, np.radians(35))
     assert np.isclose(mechanism.home_tilt, np.radians(-110))
@@ -105,7 +105,7 @@ def test_the_weight_on_the_screen_is_that_of_the_robot_built():
     q = family.joints(np.array([[0.0, -1.9, 0.0, 0.0], [0.1, -2.0, 0.2, 0.01]]), 1)
     loads = screens._loads(family, q)
     for i, design in enumerate(designs):
-        ((_, problem),) = problems_of(of, design)
+        ((_, problem),) = candidate_problems(of, design)
         assert np.allclose(
             loads[i], RigidBody.from_robot(problem.robot).gravity_load(q[i]), rtol=0, atol=1e-9
         )
@@ -163,7 +163,7 @@ def test_two_workers_give_the_same_table_as_one_and_as_a_killed_run(tmp_path, ta
     file.write_text(yaml.safe_dump(FILE), encoding="utf-8")
     command = [sys.executable, "-c", code, tmp_path / "killed", file]
     assert subprocess.run(command, cwd=ROOT, check=False).returncode == -signal.SIGKILL
-    with Store(tmp_path / "killed" / STORE) as store:
+    with Store(tmp_path / "killed" / STORE_FILE) as store:
         states = [row.state for row in store.rows() if row.number >= 0]
     assert "waiting" in states
     assert set(states) > {"waiting"}
@@ -247,8 +247,8 @@ def test_a_batch_that_ends_its_workers_is_split_and_one_candidate_is_to_blame(
     monkeypatch.setattr(
         Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design)
     )
-    monkeypatch.setattr(driver, "BATCH_SECONDS", 1e3)  # whatever the machine does, batches grow
-    monkeypatch.setattr(driver, "AHEAD_ELSEWHERE", 1)
+    monkeypatch.setattr(driver, "BATCH_DURATION", 1e3)  # whatever the machine does, batches grow
+    monkeypatch.setattr(driver, "QUEUED_BATCHES_FOR_EXECUTOR", 1)
     deadly = Deadly()
     result = run_study(study(search={"points": 64, "seed": 3}), tmp_path, executor=deadly)
     sent = [row.number for row in result.rows if row.stage != "reach"]
@@ -343,7 +343,7 @@ def test_a_catalogue_of_motors_becomes_choices_with_their_rotors_in_the_drive():
     base = {
         design: problem.robot.joints[0]
         for design in variable.contents
-        for _, problem in problems_of(of, {"joints.roll.motor": design})
+        for _, problem in candidate_problems(of, {"joints.roll.motor": design})
     }
     rotors = {
         name: joint.drive.input_inertia - joint.motor.rotor_inertia for name, joint in base.items()
@@ -365,7 +365,7 @@ def test_a_motor_whose_rotor_is_no_inertia_falls_out_with_the_reason(inertia):
     }
     with pytest.raises(ProblemError, match="rotor_inertia"):  # noqa: PT012 in the study, or in the candidate
         of = study(vary={"joints.roll.motor": {"choices": [{**motor, "rotor_inertia": inertia}]}})
-        list(problems_of(of, next(of.designs())))
+        list(candidate_problems(of, next(of.designs())))
 
 
 def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
@@ -377,7 +377,7 @@ def test_a_worm_of_a_catalogue_replaces_the_gear_and_keeps_the_rest(tmp_path):
     of = study(vary={"joints.tilt.drive.worm": {"catalogue": str(tmp_path / "worms.csv")}})
     ratios = {}
     for name in ("P30-60", "P30-120"):
-        ((_, problem),) = problems_of(of, {"joints.tilt.drive.worm": name})
+        ((_, problem),) = candidate_problems(of, {"joints.tilt.drive.worm": name})
         ratios[name] = problem.robot.joints[1].drive.ratio
         assert (
             problem.robot.joints[1].drive.friction.mu == 0.13
@@ -420,7 +420,7 @@ def test_a_study_over_fixed_bodies_says_so_and_one_of_parts_moves_their_mass():
     assert of.notes == []
     masses = []
     for alpha in ("28 deg", "35 deg"):
-        ((_, problem),) = problems_of(
+        ((_, problem),) = candidate_problems(
             of, {"geometry.alpha": alpha, "geometry.home_tilt": "-112 deg"}
         )
         masses.append(problem.robot.bodies[0].mass)
@@ -433,7 +433,7 @@ def test_the_front_holds_what_nothing_beats():
         Candidate(i, "done", {}, figures={"a": float(x), "b": float(y)})
         for i, (x, y) in enumerate(rng.random((200, 2)))
     ]
-    front = pareto(rows, ("a", "b"))
+    front = pareto_front(rows, ("a", "b"))
     for row in rows:
         better = [
             o for o in rows if o is not row and all(o.figures[k] <= row.figures[k] for k in "ab")
@@ -540,7 +540,7 @@ def test_a_page_of_many_candidates_stays_small(tmp_path):
     found = enumerate(zip(designs, figures, strict=True))
     rows = [Candidate(i, "done", design, figures=each) for i, (design, each) in found]
     write_study_page(
-        of, (rows[0], *rows), pareto(rows, of.minimise), tmp_path / "page.html", finished=True
+        of, (rows[0], *rows), pareto_front(rows, of.minimise), tmp_path / "page.html", finished=True
     )
     assert (tmp_path / "page.html").stat().st_size < 4_000_000
 
@@ -565,13 +565,13 @@ def with_friction_of_its_motor(robot, index):
 def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin():
     """Against the one-by-one verdict of every motor on the demands of the plan: no lighter one has the margin."""
     from ssm_planner.sizing.size import size_motion
-    from ssm_planner.studies.evaluation import plans_of
+    from ssm_planner.studies.evaluation import plan_candidate
 
     of = study(vary={**GEOMETRY, **PARTS}, require={"motor_margin": "20 %"})
     row = Evaluation(of)(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})
     assert row.state == "done"
     assert row.figures["motor_margin"] >= 0.2
-    made = plans_of(of, row)["tilt_insert"]
+    made = plan_candidate(of, row)["tilt_insert"]
     assert made.passed
     assert made.duration == pytest.approx(
         row.figures["duration"], rel=1e-4
@@ -582,7 +582,7 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
         chosen = made.problem.robot.joints[joint].motor
         for label in variable.contents:
             design = {**row.design, **{p: row.figures[p] for p in PARTS}, path: label}
-            ((_, problem),) = problems_of(of, design)
+            ((_, problem),) = candidate_problems(of, design)
             if problem.robot.joints[joint].motor.mass >= chosen.mass:
                 continue
             robot = with_friction_of_its_motor(problem.robot, joint)
@@ -600,11 +600,11 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     pickled = pickle.dumps(Evaluation(study()))
     # Ipopt's programs are what takes memory
     monkeypatch.setattr("ssm_planner.studies.evaluation.quickly", lambda problem: problem)
-    monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", math.inf)
+    monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", math.inf)
     ((kept,), *_) = evaluate_batch(pickled, asked)
     assert Transcription.build.cache_info().currsize > 0
-    monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY", 0)
-    monkeypatch.setattr("ssm_planner.studies.evaluation.GROWTH", -math.inf)
+    monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", 0)
+    monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_GROWTH_THRESHOLD", -math.inf)
     ((forgotten,), *_) = evaluate_batch(pickled, asked)
     assert Transcription.build.cache_info().currsize == 0
     assert kept == forgotten

@@ -29,9 +29,9 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.serialization import plain
-from ssm_planner.view.jobs import Job, Outcome
-from ssm_planner.view.page import Study
-from ssm_planner.view.server import LONGEST, ViewServer
+from ssm_planner.view.jobs import PlanningJob, PlanningOutcome
+from ssm_planner.view.page import ViewedProblem
+from ssm_planner.view.server import MAX_REQUEST_SIZE, ViewServer
 from tests.support.paths import PROBLEMS, ROOT
 
 APPROACH = PROBLEMS / "eye_approach.yaml"
@@ -44,7 +44,7 @@ RATIO = "joints.tilt.drive.geometry.ratio"
 
 @pytest.fixture(scope="module")
 def server(tilt_insert: Problem) -> Iterator[ViewServer]:
-    with ViewServer(Study(tilt_insert)) as running:
+    with ViewServer(ViewedProblem(tilt_insert)) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()
@@ -128,7 +128,7 @@ def test_localhost_is_this_host(server: ViewServer) -> None:
         ({"Content_Type": None}, 415),
         ({"Content_Length": None}, 411),
         ({"Content_Length": "-1"}, 411),
-        ({"Content_Length": str(LONGEST + 1)}, 413),
+        ({"Content_Length": str(MAX_REQUEST_SIZE + 1)}, 413),
         ({"Content_Length": "9" * 40}, 413),
         ({"Transfer_Encoding": "chunked"}, 411),
     ],
@@ -313,10 +313,10 @@ def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time
 ) -> None:
     class Steps(type(tmp_path)):  # type: ignore[misc]
         def read_text(self, *_: Any, **__: Any) -> str:
-            job.outcome = Outcome("planned", load_plan(PLAN))
+            job.outcome = PlanningOutcome("planned", load_plan(PLAN))
             return ""
 
-    job = Job("identity", Steps(tmp_path / "steps"))
+    job = PlanningJob("identity", Steps(tmp_path / "steps"))
     assert job.to_dict() == {
         **dict.fromkeys(("desk", "plan", "relaxation")),
         "steps": [],
@@ -403,7 +403,7 @@ def test_a_relaxation_can_be_planned(tmp_path: Path) -> None:
     text = (PROBLEMS / "tilt_insert.yaml").read_text(encoding="utf-8")
     text = text.replace("to: -135 deg", "to: -135 deg, duration: 0.5 s")
     file.write_text(text.replace("robots/vitreoretinal.yaml", "vitreoretinal"), encoding="utf-8")
-    with ViewServer(Study(load_problem(file))) as running:
+    with ViewServer(ViewedProblem(load_problem(file))) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()
@@ -426,7 +426,7 @@ def test_a_larger_share_of_a_relaxation_moves_the_limit_farther(tmp_path: Path) 
         "robots/vitreoretinal.yaml", "vitreoretinal"
     )
     file.write_text(text, encoding="utf-8")
-    with ViewServer(Study(load_problem(file))) as running:
+    with ViewServer(ViewedProblem(load_problem(file))) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()
@@ -457,7 +457,7 @@ def without_files(value: Any) -> Any:
 def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) -> None:
     """The page and `study` resolve the same design to the same robot."""
     from ssm_planner.loading.files import of_data
-    from ssm_planner.studies.evaluation import problems_of
+    from ssm_planner.studies.evaluation import candidate_problems
     from ssm_planner.studies.study_file import study_from
 
     design = {RATIO: 100.0, MU: 0.26, "joints.insertion.motor": "rig_motor"}
@@ -477,7 +477,7 @@ def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) ->
             }
         )
     )
-    ((_, expected),) = problems_of(study, study.design([0.0] * 4))
+    ((_, expected),) = candidate_problems(study, study.design([0.0] * 4))
     made = server.jobs.study({}).requested_problem(own_motion(server, design=design))
     assert without_files(made.robot) == without_files(expected.robot)
     assert (
@@ -544,8 +544,8 @@ def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
 
 def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
     problem = load_problem(APPROACH)
-    own = Study(problem).robot_mechanism
-    made = Study(problem).requested_problem(
+    own = ViewedProblem(problem).robot_mechanism
+    made = ViewedProblem(problem).requested_problem(
         {
             "alpha": own.alpha,
             "beta": own.beta,
@@ -565,12 +565,12 @@ def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
 def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> None:
     request = {**ANGLES, "tilt_range": [-2.0, -1.5]}
     problem = load_problem(APPROACH)
-    assert Study(problem).workspace(request)["scene"]["eye"] == plain(problem.eye)
-    assert Study(tilt_insert).workspace(request)["scene"]["eye"] is None
+    assert ViewedProblem(problem).workspace(request)["scene"]["eye"] == plain(problem.eye)
+    assert ViewedProblem(tilt_insert).workspace(request)["scene"]["eye"] is None
 
 
 def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
-    with ViewServer(Study(None)) as alone:
+    with ViewServer(ViewedProblem(None)) as alone:
         assert alone.jobs.study({}).start()["can_plan"] is False
         assert alone.jobs.study({}).ik({**ANGLES, "pose": POSE})["reachable"]
         with pytest.raises(ProblemError, match="problem file"):

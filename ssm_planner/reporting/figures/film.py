@@ -19,7 +19,7 @@ from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import Eye, Robot
 from ssm_planner.publishing import publishing_results, replacing_result
 from ssm_planner.reporting.figures.style import new_panels
-from ssm_planner.reporting.figures.workspace import great_arc
+from ssm_planner.reporting.figures.workspace import great_circle_arc
 from ssm_planner.reporting.html.scene import link_sides
 from ssm_planner.typing import Array, JsonObject, Keywords
 
@@ -27,25 +27,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from PIL.Image import Image
 
-RATE = 25.0
+FRAME_RATE = 25.0
 """Pictures per second. A GIF states the time of a picture in hundredths of a second."""
-LONGEST = 30.0
+MAX_FILM_DURATION = 30.0
 """Longest film, s. Longer motions are shown faster."""
-STILLS = 5
+STILL_COUNT = 5
 """Number of single pictures, which also form the strip."""
-LINK, TAIL = 0.026, 0.030
+LINK_RADIUS, TOOL_TAIL_LENGTH = 0.026, 0.030
 """Radius of the arcs that represent links, and length of the tool outside the eye, m."""
-VIEW = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[[0, 2]]
+PROJECTION = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[
+    [0, 2]
+]
 """Orthonormal rows (2, 3) that project base coordinates onto the picture."""
-JOINT = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
+JOINT_MARKER = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
 """Style of a line with a circle at its first point, which marks a joint."""
-LINES: tuple[Keywords, ...] = (
-    {"color": "#4d5966", **JOINT},
-    {"color": "#8694a3", **JOINT},
+LINE_STYLES: tuple[Keywords, ...] = (
+    {"color": "#4d5966", **JOINT_MARKER},
+    {"color": "#8694a3", **JOINT_MARKER},
     {"color": "black"},
 )
 """Styles of link 1, link 2 and the tool. A circle marks the joint at the beginning of a link."""
-LABEL: Keywords = {"ha": "center", "va": "bottom", "fontsize": 7}
+LABEL_STYLE: Keywords = {"ha": "center", "va": "bottom", "fontsize": 7}
 """Style of a label."""
 
 
@@ -85,26 +87,26 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     if speed <= 0.0:
         raise ProblemError("invalid speed", key="speed", value=speed, allowed="above 0")
     plan, path = as_plan(plan), Path(path)
-    pictures = list(_pictures(plan, max(speed, plan.motion.duration / LONGEST)))
+    pictures = list(_film_frames(plan, max(speed, plan.motion.duration / MAX_FILM_DURATION)))
     with BytesIO() as file:
-        times = [round(1000 / RATE)] * (len(pictures) - 1) + [1000]
+        times = [round(1000 / FRAME_RATE)] * (len(pictures) - 1) + [1000]
         pictures[0].save(
             file, "GIF", save_all=True, append_images=pictures[1:], duration=times, loop=0
         )
         gif = file.getvalue()
     if path.suffix in (".gif", ".mp4"):
         with replacing_result(path, plan.sha256) as single:
-            _write(gif, single)
+            _write_film(gif, single)
         return {path.name: path}
     with publishing_results(path, plan.sha256) as folder:
-        _write(gif, folder / "film.gif")
+        _write_film(gif, folder / "film.gif")
         if shutil.which("ffmpeg"):
-            _write(gif, folder / "film.mp4")
+            _write_film(gif, folder / "film.mp4")
         _write_stills(pictures, folder)
         return {file.name: path / file.name for file in sorted(folder.iterdir())}
 
 
-def _write(gif: bytes, path: Path) -> None:
+def _write_film(gif: bytes, path: Path) -> None:
     """Write a film as GIF or, with ffmpeg, as MP4.
 
     Parameters
@@ -138,7 +140,7 @@ def _write_stills(pictures: list[Image], folder: Path) -> None:
     """Write single pictures of the motion, and all of them side by side as strip.png."""
     from PIL import Image
 
-    indices = np.linspace(0, len(pictures) - 1, STILLS).round().astype(int)
+    indices = np.linspace(0, len(pictures) - 1, STILL_COUNT).round().astype(int)
     stills = [pictures[k] for k in indices]
     for k, picture in enumerate(stills, start=1):
         picture.save(folder / f"picture_{k}.png")
@@ -146,7 +148,7 @@ def _write_stills(pictures: list[Image], folder: Path) -> None:
     Image.fromarray(strip).quantize(64).save(folder / "strip.png")
 
 
-def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
+def project_mechanism(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     """Project the links and the tool onto the plane of the picture.
 
     Parameters
@@ -171,13 +173,16 @@ def mechanism_lines(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     outward = -fk(robot, inserted).position
     axis1 = np.tile(sides[0] * mechanism.omega1, (len(q), 1))
     axis2 = rotation(mechanism.omega1, q[:, 0]) @ (sides[1] * mechanism.omega2)
-    length = TAIL + np.linalg.norm(tip, axis=1).max()
+    length = TOOL_TAIL_LENGTH + np.linalg.norm(tip, axis=1).max()
     tool = np.stack([tip, tip + length * outward], axis=1)
-    link1, link2 = LINK * great_arc(axis1, axis2), LINK * great_arc(axis2, outward)
-    return link1 @ VIEW.T, link2 @ VIEW.T, tool @ VIEW.T
+    link1, link2 = (
+        LINK_RADIUS * great_circle_arc(axis1, axis2),
+        LINK_RADIUS * great_circle_arc(axis2, outward),
+    )
+    return link1 @ PROJECTION.T, link2 @ PROJECTION.T, tool @ PROJECTION.T
 
 
-def still(plan: Plan) -> JsonObject:
+def mechanism_still(plan: Plan) -> JsonObject:
     """Return the lines of the mechanism at the start, halfway and at the end of a motion.
 
     Returns
@@ -191,10 +196,10 @@ def still(plan: Plan) -> JsonObject:
     eye = plan.limits.eye
     to_svg = np.array([1e3, -1e3])  # From m to mm. The y-axis of an SVG points down.
     q = plan.motion.sample(plan.motion.breaks[0] + t).q
-    lines = [(to_svg * line).round(2).reshape(3, -1) for line in mechanism_lines(plan.robot, q)]
+    lines = [(to_svg * line).round(2).reshape(3, -1) for line in project_mechanism(plan.robot, q)]
     circle = None
     if eye is not None:
-        circle = np.append(to_svg * (VIEW @ eye.centre), 1e3 * eye.radius).tolist()
+        circle = np.append(to_svg * (PROJECTION @ eye.centre), 1e3 * eye.radius).tolist()
     return {
         "reach": 1.05 * max(np.abs(line).max() for line in lines),
         "instants": [(time, [line[k] for line in lines]) for k, time in enumerate(t.tolist())],
@@ -202,7 +207,7 @@ def still(plan: Plan) -> JsonObject:
     }
 
 
-def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
+def _film_frames(plan: Plan, speed: float) -> Iterator[Image]:
     """Yield the pictures of a film, with a common palette of 64 colours.
 
     The left panel shows the arm. If there is an eye, the right panel shows the tool in the eye.
@@ -218,12 +223,12 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
 
     motion = plan.motion
     eye = plan.limits.eye
-    count = max(2, round(RATE * motion.duration / speed) + 1)
+    count = max(2, round(FRAME_RATE * motion.duration / speed) + 1)
     t = np.linspace(0.0, motion.duration, count)
-    lines = mechanism_lines(plan.robot, motion.sample(motion.breaks[0] + t).q)
+    lines = project_mechanism(plan.robot, motion.sample(motion.breaks[0] + t).q)
     boxes = [np.concatenate([line.reshape(-1, 2) for line in lines])]
     if eye is not None:
-        boxes.append(VIEW @ eye.centre + eye.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        boxes.append(PROJECTION @ eye.centre + eye.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
         boxes[0] = np.concatenate(boxes)
     figure, panels = new_panels(
         2.1 * len(boxes), 2.3, rows=1, columns=len(boxes), edges=(0, 0, 0, 0.2), gaps=(0, 0)
@@ -239,8 +244,8 @@ def _pictures(plan: Plan, speed: float) -> Iterator[Image]:
         tip_path = lines[2][:, 0]
         axes.plot(tip_path[:, 0], tip_path[:, 1], color="#d55e00", linewidth=1.2)
         axes.plot(0, 0, "o", color="black", markersize=4)
-        axes.annotate("port", (0, 0), (-16, -8), textcoords="offset points", **LABEL)
-        for line, style in zip(lines, LINES, strict=True):
+        axes.annotate("port", (0, 0), (-16, -8), textcoords="offset points", **LABEL_STYLE)
+        for line, style in zip(lines, LINE_STYLES, strict=True):
             (artist,) = axes.plot([], animated=True, **style)
             moving.append((axes, artist, line))
     text = figure.text(0.01, 0.94, "", fontsize=8, animated=True)
@@ -266,16 +271,16 @@ def _draw_eye(axes: Axes, eye: Eye) -> None:
     """Draw the retina, the sphere that the tip must not leave, and the lens."""
     from matplotlib.patches import Circle, Polygon
 
-    x, y = VIEW @ eye.centre
+    x, y = PROJECTION @ eye.centre
     for radius, style in ((eye.radius, "-"), (eye.radius - eye.clearance, "--")):
         axes.add_patch(Circle((x, y), radius, facecolor="#f6d9cf", edgecolor="#c98a76", ls=style))
-    axes.annotate("retina", (x, y - eye.radius), **LABEL)
+    axes.annotate("retina", (x, y - eye.radius), **LABEL_STYLE)
     if eye.lens is not None:
         # An ellipsoid appears as the ellipse of the projected semi-axes.
-        half = VIEW @ (eye.lens.frame * eye.lens.semi_axes)
+        half = PROJECTION @ (eye.lens.frame * eye.lens.semi_axes)
         values, vectors = np.linalg.eigh(half @ half.T)
         angles = np.linspace(0.0, 2 * np.pi, 90)
         circle = np.sqrt(values) * np.column_stack([np.cos(angles), np.sin(angles)])
-        middle = VIEW @ eye.lens.centre
+        middle = PROJECTION @ eye.lens.centre
         axes.add_patch(Polygon(middle + circle @ vectors.T, color="#8fb8de"))
-        axes.annotate("lens", tuple(middle), **LABEL)
+        axes.annotate("lens", tuple(middle), **LABEL_STYLE)

@@ -18,18 +18,18 @@ from ssm_planner.problem import (
 )
 from ssm_planner.reporting.figures.style import (
     COLOURS,
-    DASHES,
-    LETTER,
-    LIMIT,
-    SIZE,
-    finish,
+    FONT_SIZE,
+    LETTER_WIDTH,
+    LIMIT_STYLE,
+    LINE_DASHES,
+    display_unit_of,
+    draw_legend_above,
+    finish_axes,
     joint_label,
-    legend_above,
     new_figure,
     new_panels,
     save_figures,
     shade_phases,
-    unit_of,
 )
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Files, Range
@@ -42,25 +42,25 @@ if TYPE_CHECKING:
     from ssm_planner.simulation.simulate import SimulationResult
     from ssm_planner.sizing import MotorRequirement
 
-SAMPLES = 1200
+SAMPLE_COUNT = 1200
 """Number of samples of a curve."""
-WIDE = 9.0
+DEFAULT_WIDTH = 9.0
 """Width of the figures that `plan` writes, inches."""
-NARROW = 5.0
+MIN_TWO_COLUMN_WIDTH = 5.0
 """Width below which panels are stacked, inches."""
-MEDIUM = 8.0
+MIN_FIVE_ENTRY_WIDTH = 8.0
 """Width below which the legend has three instead of five columns, inches."""
-WIDTHS = {"single": 3.5, "double": 7.16, "slide": 8.0}
+NAMED_WIDTHS = {"single": 3.5, "double": 7.16, "slide": 8.0}
 """Widths of one and two columns of a journal page and of a slide, inches."""
-NEAR = 2.0
+MAX_LIMIT_DISTANCE = 2.0
 """Largest distance of a drawn limit from its curve, in multiples of the curve's span."""
 
 
-def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> "Figure":
+def motion_figure(trajectory: Trajectory, robot: Robot, width: float = DEFAULT_WIDTH) -> "Figure":
     """Draw joint positions, velocities and accelerations over time, with dashed limits.
 
     Revolute joints are on the left, and the translation is on the right. Figures narrower than
-    `NARROW` have a single column of panels.
+    `MIN_TWO_COLUMN_WIDTH` have a single column of panels.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     width : float
         Width of the figure, inches.
     """
-    t = np.linspace(0.0, trajectory.duration, SAMPLES)
+    t = np.linspace(0.0, trajectory.duration, SAMPLE_COUNT)
     samples = trajectory.sample(t)
-    if width < NARROW:
+    if width < MIN_TWO_COLUMN_WIDTH:
         separator = "\n"
         height, rows, columns, legend_columns = 8.6, 6, 1, 2
         left_edge, top_edge = 0.85, 0.85
@@ -81,7 +81,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
         separator = " "
         height, rows, columns, legend_columns = min(6.4, 0.78 * width), 3, 2, 5
         left_edge, top_edge = 0.75, 0.55
-        if width < MEDIUM:
+        if width < MIN_FIVE_ENTRY_WIDTH:
             legend_columns, top_edge = 3, 0.7
     figure, panels = new_panels(
         width,
@@ -99,28 +99,30 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = WIDE) -> 
     )
     for row, (field, name, per, limited) in enumerate(quantities):
         for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
-            unit, scale = unit_of(base)
+            unit, scale = display_unit_of(base)
             axes = panels.flat[2 * row + column]
             shade_phases(axes, trajectory, with_names=axes in panels[0])
             for i, joint in enumerate(robot.joints):
                 if joint.kind != kind:
                     continue
                 values = scale * getattr(samples, field)[:, i]
-                axes.plot(t, values, DASHES[i], color=COLOURS[i], label=joint_label(joint.name))
+                axes.plot(
+                    t, values, LINE_DASHES[i], color=COLOURS[i], label=joint_label(joint.name)
+                )
                 for limit in joint.limits:
                     if isinstance(limit, limited):
                         _draw_limit(axes, (scale * limit.low, scale * limit.high), values)
             time_label = "time (s)" if axes in panels[-1] else ""
-            finish(axes, time_label, f"{name}{separator}({unit}{per})")
+            finish_axes(axes, time_label, f"{name}{separator}({unit}{per})")
     handles = []
     for axes in panels.flat[:2]:
         handles += axes.get_legend_handles_labels()[0]
-    handles += panels.flat[2].plot([], [], **LIMIT, label="limit")
+    handles += panels.flat[2].plot([], [], **LIMIT_STYLE, label="limit")
     figure.legend(
         handles=handles,
         loc="upper center",
         ncols=legend_columns,
-        fontsize=SIZE,
+        fontsize=FONT_SIZE,
         frameon=False,
     )
     return figure
@@ -130,20 +132,24 @@ def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
     """Draw the bounds that are close to the values (n,), so that the curve stays readable."""
     size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     for end in ends:
-        if values.min() - NEAR * size <= end <= values.max() + NEAR * size:
-            axes.axhline(end, **LIMIT)
+        if (
+            values.min() - MAX_LIMIT_DISTANCE * size
+            <= end
+            <= values.max() + MAX_LIMIT_DISTANCE * size
+        ):
+            axes.axhline(end, **LIMIT_STYLE)
 
 
 def motors_figure(
     trajectory: Trajectory,
     robot: Robot,
     requirements: "Sequence[MotorRequirement]",
-    width: float = WIDE,
+    width: float = DEFAULT_WIDTH,
 ) -> "Figure":
     """Draw the motor torque over time and over motor speed for every driven joint.
 
     The panels also state the RMS torque and the ratings of the motor. Figures narrower than
-    `NARROW` have a single column of panels.
+    `MIN_TWO_COLUMN_WIDTH` have a single column of panels.
 
     Parameters
     ----------
@@ -156,11 +162,11 @@ def motors_figure(
     width : float
         Width of the figure, inches.
     """
-    is_narrow = width < NARROW
+    is_narrow = width < MIN_TWO_COLUMN_WIDTH
     columns = 1 if is_narrow else 2
     rows = len(requirements) * 2 // columns
-    top_edge, gap = (0.6, 0.75) if width < MEDIUM else (0.45, 0.6)
-    letters = int(width / columns * 72 / (LETTER * SIZE)) - 8
+    top_edge, gap = (0.6, 0.75) if width < MIN_FIVE_ENTRY_WIDTH else (0.45, 0.6)
+    letters = int(width / columns * 72 / (LETTER_WIDTH * FONT_SIZE)) - 8
     figure, panels = new_panels(
         width,
         2.3 * rows + 0.2,
@@ -185,11 +191,11 @@ def motors_figure(
         time_label, speed_label = "", ""
         if row == len(requirements) - 1 or is_narrow:
             time_label, speed_label = "time (s)", "motor speed (rpm)"
-        finish(over_time, time_label, f"{joint_label(requirement.joint)}\nmotor torque (mN·m)")
-        finish(against_speed, speed_label, "motor torque (mN·m)" if is_narrow else "")
+        finish_axes(over_time, time_label, f"{joint_label(requirement.joint)}\nmotor torque (mN·m)")
+        finish_axes(against_speed, speed_label, "motor torque (mN·m)" if is_narrow else "")
         text = f"RMS {rms:.3g} (dotted), peak {1e3 * requirement.peak_torque:.3g} mN·m"
         lines = [text] + wrap(_ratings_text(requirement.motor), letters)
-        against_speed.set_title("\n".join(lines), fontsize=SIZE - 1, loc="right", y=1.0, pad=3)
+        against_speed.set_title("\n".join(lines), fontsize=FONT_SIZE - 1, loc="right", y=1.0, pad=3)
     return figure
 
 
@@ -206,13 +212,13 @@ def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
     The figures are "playback" and, if the simulation contains several power losses, "power_loss".
     Raises ExportError if a file cannot be written.
     """
-    figures = {"playback": playback(result)}
+    figures = {"playback": playback_figure(result)}
     if len(result.losses.time) > 1:
-        figures["power_loss"] = power_loss(result)
+        figures["power_loss"] = power_loss_figure(result)
     return save_figures(figures, folder)
 
 
-def playback(result: "SimulationResult") -> "Figure":
+def playback_figure(result: "SimulationResult") -> "Figure":
     """Draw following errors, motor torques and the distance of the tip from the plan."""
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
@@ -220,7 +226,7 @@ def playback(result: "SimulationResult") -> "Figure":
         k = JOINTS.index(motor.joint)
         style = {
             "color": COLOURS[k],
-            "linestyle": DASHES[k],
+            "linestyle": LINE_DASHES[k],
             "linewidth": 1.1,
             "label": motor.joint,
         }
@@ -228,16 +234,16 @@ def playback(result: "SimulationResult") -> "Figure":
         errors.plot(result.time, result.following[:, k] * counts / (2 * np.pi), **style)
         torques.plot(result.time, 100 * result.torque[:, k] / motor.limit, **style)
     for level in (-100, 100):
-        torques.axhline(level, **LIMIT)
+        torques.axhline(level, **LIMIT_STYLE)
     tip.plot(result.time, 1e3 * result.tip, color="black", linewidth=1.3)
-    finish(errors, "", "following error\n(increments)")
-    finish(torques, "", "motor torque\n(% of largest)")
-    finish(tip, "time (s)", "distance of tip\nfrom plan (mm)")
-    legend_above(figure, errors, 4)
+    finish_axes(errors, "", "following error\n(increments)")
+    finish_axes(torques, "", "motor torque\n(% of largest)")
+    finish_axes(tip, "time (s)", "distance of tip\nfrom plan (mm)")
+    draw_legend_above(figure, errors, 4)
     return figure
 
 
-def power_loss(result: "SimulationResult") -> "Figure":
+def power_loss_figure(result: "SimulationResult") -> "Figure":
     """Draw the tip travel and the time to standstill over the instant of the power loss."""
     losses = result.losses
     figure = new_figure(7.2, 4.2)
@@ -245,8 +251,8 @@ def power_loss(result: "SimulationResult") -> "Figure":
     travel.plot(losses.time, 1e3 * losses.travel, color="black", linewidth=1.2)
     times = np.where(np.isfinite(losses.standing), losses.standing, np.nan)
     standstill.plot(losses.time, 1e3 * times, color="black")
-    finish(travel, "", "tip travel (mm)")
-    finish(standstill, "power lost at (s)", "time to standstill (ms)")
+    finish_axes(travel, "", "tip travel (mm)")
+    finish_axes(standstill, "power lost at (s)", "time to standstill (ms)")
     return figure
 
 

@@ -20,7 +20,12 @@ from typing import TYPE_CHECKING
 from ssm_planner.children import python_command
 from ssm_planner.errors import ExportError
 from ssm_planner.publishing import publishing_results
-from ssm_planner.reporting.figures.plan import PLAN_FIGURES, WIDE, motion_figure, motors_figure
+from ssm_planner.reporting.figures.plan import (
+    DEFAULT_WIDTH,
+    PLAN_FIGURES,
+    motion_figure,
+    motors_figure,
+)
 from ssm_planner.reporting.figures.style import (
     new_panels,
     render_figure,
@@ -36,14 +41,14 @@ if TYPE_CHECKING:
     from ssm_planner.verification.proof import Proof
     from ssm_planner.verification.second_opinion import Opinion
 
-TIMEOUT = 60.0
+ANSWER_TIMEOUT = 60.0
 """Time for which the caller waits before it does the work of the child itself, s."""
-JUDGEMENT = "judgement"
+JUDGEMENT_REQUEST = "judgement"
 """Name of the request for a second opinion and a proof."""
-_START = "from ssm_planner.reporting.figures.process import serve; serve()"
+_CHILD_PROGRAM = "from ssm_planner.reporting.figures.process import serve; serve()"
 """Program of the child process."""
 
-Contents = dict[str, dict[str, bytes]]
+FigureContents = dict[str, dict[str, bytes]]
 """Content by figure and file extension."""
 Judgement = tuple["tuple[Opinion, ...]", "tuple[Proof, ...]"]
 """Second opinions on the phases of a motion, and proofs of its limits."""
@@ -66,7 +71,7 @@ class FigureProcess:
     def judge(self, trajectory: "Trajectory", problem: "Problem") -> None:
         """Request opinions and proofs for a motion, and return immediately."""
         self._questions += 1
-        self.draw(JUDGEMENT, trajectory, problem)
+        self.draw(JUDGEMENT_REQUEST, trajectory, problem)
 
     def judgement(self) -> Judgement | None:
         """Wait for the answer to the last request of `judge`, and return it.
@@ -75,12 +80,12 @@ class FigureProcess:
         -------
         tuple or None
             The result of `second_opinions_and_proofs`. None if `judge` was not called, or if the
-            process failed or took longer than `TIMEOUT`.
+            process failed or took longer than `ANSWER_TIMEOUT`.
         """
         judgement = None
         try:
             for _ in range(self._questions):
-                judgement = self._pipe.submit(self._read).result(TIMEOUT)
+                judgement = self._pipe.submit(self._read).result(ANSWER_TIMEOUT)
         except (OSError, ValueError, TookTooLong, EOFError):
             return None
         return judgement
@@ -91,7 +96,7 @@ class FigureProcess:
         Parameters
         ----------
         name : str
-            Key of `PLAN_FIGURES`, or `JUDGEMENT`. A new request for the same figure replaces the
+            Key of `PLAN_FIGURES`, or `JUDGEMENT_REQUEST`. A new request for the same figure replaces the
             earlier one.
         *arguments
             Arguments of the function that draws the figure.
@@ -99,21 +104,21 @@ class FigureProcess:
         if self._process is not None:
             self._pipe.submit(self._write, pickle.dumps((name, arguments)))
 
-    def result(self) -> Contents:
+    def result(self) -> FigureContents:
         """Wait for the requested figures, and return the content of their files.
 
         Returns
         -------
         dict
             Content by name of the figure and file extension. It is empty if the process failed or
-            took longer than `TIMEOUT`.
+            took longer than `ANSWER_TIMEOUT`.
         """
         process = self._process
         if process is None:
             return {}
         try:
-            answer, _ = self._pipe.submit(process.communicate).result(TIMEOUT)
-            files: Contents = pickle.loads(answer) if process.returncode == 0 else {}
+            answer, _ = self._pipe.submit(process.communicate).result(ANSWER_TIMEOUT)
+            files: FigureContents = pickle.loads(answer) if process.returncode == 0 else {}
         except (OSError, ValueError, TookTooLong, EOFError):
             return {}
         return files
@@ -150,7 +155,7 @@ def _start_process() -> subprocess.Popen[bytes] | None:
         return None
     try:
         return subprocess.Popen(
-            python_command(_START),
+            python_command(_CHILD_PROGRAM),
             cwd=Path(__file__).parent,  # Matplotlib reads settings from the working directory.
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -178,13 +183,13 @@ def serve() -> None:
     from ssm_planner.verification import second_opinions_and_proofs
 
     import_module("toppra")
-    files: Contents = {}
+    files: FigureContents = {}
     while True:
         try:
             name, arguments = pickle.load(sys.stdin.buffer)
         except EOFError:
             break
-        if name == JUDGEMENT:
+        if name == JUDGEMENT_REQUEST:
             pickle.dump(second_opinions_and_proofs(*arguments), answer)
             answer.flush()
         else:
@@ -231,7 +236,7 @@ def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = Non
     return paths
 
 
-def write_figures_of_file(plan: "Plan", folder: Path, width: float = WIDE) -> Files:
+def write_figures_of_file(plan: "Plan", folder: Path, width: float = DEFAULT_WIDTH) -> Files:
     """Write the figures of a loaded plan as PNG and PDF.
 
     Parameters

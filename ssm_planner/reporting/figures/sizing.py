@@ -13,16 +13,16 @@ from ssm_planner.display import plain_words
 from ssm_planner.problem import JOINTS
 from ssm_planner.reporting.figures.style import (
     COLOURS,
-    DASHES,
-    LIMIT,
-    SIZE,
-    finish,
+    FONT_SIZE,
+    LIMIT_STYLE,
+    LINE_DASHES,
+    draw_legend,
+    draw_legend_above,
+    draw_zero_lines,
+    finish_axes,
     joint_label,
-    legend,
-    legend_above,
     new_figure,
     save_figures,
-    zero_lines,
 )
 from ssm_planner.sizing import available_torque, continuous_torque
 from ssm_planner.typing import Array, Files, Indices, Keywords
@@ -52,15 +52,15 @@ def write_sizing_figures(sizing: "Sizing", folder: Path) -> Files:
     if not sizing.joints:
         return {}
     figures = {
-        "payload_curves": payload_curves(sizing),
+        "payload_curves": payload_curves_figure(sizing),
         "torque_split": torque_split_figure(sizing),
     }
     if sizing.verdicts:
-        figures["operating_regions"] = operating_regions(sizing)
+        figures["operating_regions"] = operating_regions_figure(sizing)
     return save_figures(figures, folder)
 
 
-def payload_curves(sizing: "Sizing") -> "Figure":
+def payload_curves_figure(sizing: "Sizing") -> "Figure":
     """Draw the motor torque over the motor speed.
 
     Rotary joints are on the left, and the translation is on the right. A broad bar at the peak
@@ -73,11 +73,11 @@ def payload_curves(sizing: "Sizing") -> "Figure":
     panels = figure.subplots(1, len(groups), squeeze=False)[0]
     for axes, group in zip(panels, groups, strict=True):
         for joint in group:
-            _curve(axes, joint, sizing.conditions.confidence)
-        zero_lines(axes, down=True)
+            _draw_torque_curve(axes, joint, sizing.conditions.confidence)
+        draw_zero_lines(axes, down=True)
         axes.locator_params(axis="x", nbins=5)
-        finish(axes, "motor speed (rpm)", "motor torque (mN·m)")
-        legend(axes, loc="upper left")
+        finish_axes(axes, "motor speed (rpm)", "motor torque (mN·m)")
+        draw_legend(axes, loc="upper left")
     return figure
 
 
@@ -93,12 +93,12 @@ def torque_split_figure(sizing: "Sizing") -> "Figure":
             label = plain_words(name)
             axes.plot(t, 1e3 * torque, linestyle=dash, color=colour, linewidth=1.2, label=label)
         time_label = "time (s)" if axes is panels[-1] else ""
-        finish(axes, time_label, f"{joint_label(joint.load.joint)}\nmotor torque (mN·m)")
-    legend_above(figure, panels[0], 3)
+        finish_axes(axes, time_label, f"{joint_label(joint.load.joint)}\nmotor torque (mN·m)")
+    draw_legend_above(figure, panels[0], 3)
     return figure
 
 
-def operating_regions(sizing: "Sizing") -> "Figure":
+def operating_regions_figure(sizing: "Sizing") -> "Figure":
     """Draw the motion of each joint in the speed–torque plane of each candidate motor.
 
     The continuous region of the motor is shaded, and the short-term region is outlined. A dotted
@@ -110,16 +110,16 @@ def operating_regions(sizing: "Sizing") -> "Figure":
     figure = new_figure(3.3 * columns, 2.8 * rows + 0.5)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, verdict in zip(panels, verdicts, strict=False):
-        _region(axes, verdict, sizing)
+        _draw_operating_region(axes, verdict, sizing)
         axes.locator_params(axis="x", nbins=5)
-        finish(axes, "motor speed (rpm)", "|torque| (mN·m)")
+        finish_axes(axes, "motor speed (rpm)", "|torque| (mN·m)")
     for axes in panels[len(verdicts) :]:
         axes.set_visible(False)
-    legend_above(figure, panels[0], 4)
+    draw_legend_above(figure, panels[0], 4)
     return figure
 
 
-def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
+def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     """Draw the regions of one motor, and the motion of its joint, in one panel."""
     motor = verdict.motor
     conditions = sizing.conditions
@@ -132,11 +132,11 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
         axes.fill_between(RPM * speed, 0.0, continuous_region, color="0.88", label="continuous")
     # A vertical line at the largest speed closes the region.
     outline_speeds = RPM * np.append(speed, speed[-1])
-    axes.plot(outline_speeds, np.append(peak_limit, 0.0), label="short-term", **LIMIT)
+    axes.plot(outline_speeds, np.append(peak_limit, 0.0), label="short-term", **LIMIT_STYLE)
     i = JOINTS.index(verdict.joint)
     torque = 1e3 * np.abs(verdict.requirement.torque)
     speeds = RPM * np.abs(verdict.load.speed())
-    for run in _runs(verdict.load.direction):
+    for run in _runs_of_direction(verdict.load.direction):
         axes.plot(speeds[run], torque[run], color=COLOURS[i], linewidth=1.0)
     # The area of a circle is the time that the motion spends near it.
     weight = verdict.load.weight * (verdict.load.direction != 0)
@@ -175,17 +175,17 @@ def _region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
     axes.set_title(
         f"{verdict.joint}: {motor.name}\n{stages}{answer}{mark}, up to "
         f"{RPM * motor.max_speed:.0f} rpm",
-        fontsize=SIZE - 1.5,
+        fontsize=FONT_SIZE - 1.5,
     )
 
 
-def _curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:
+def _draw_torque_curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:
     """Draw torque over speed for one joint, and the range of its peak torque."""
     i = JOINTS.index(joint.load.joint)
     speed, torque = RPM * joint.requirement.speed, 1e3 * joint.requirement.torque
     label: str | None = joint_label(joint.load.joint)
-    for run in _runs(joint.load.direction):
-        axes.plot(speed[run], torque[run], DASHES[i], color=COLOURS[i], label=label)
+    for run in _runs_of_direction(joint.load.direction):
+        axes.plot(speed[run], torque[run], LINE_DASHES[i], color=COLOURS[i], label=label)
         label = None
     if joint.band.known:
         peak = int(np.argmax(np.abs(torque)))
@@ -195,7 +195,7 @@ def _curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:
         axes.plot([speed[peak]] * 2, bar, "_-", color=COLOURS[i], linewidth=3, alpha=0.45)
 
 
-def _runs(direction: Array) -> list[Indices]:
+def _runs_of_direction(direction: Array) -> list[Indices]:
     """Return the indices of each run of instants with the same direction ±1.
 
     A curve is drawn run by run, so that no line connects both directions.
@@ -205,9 +205,9 @@ def _runs(direction: Array) -> list[Indices]:
     return [run for run in runs if direction[run[0]] != 0]
 
 
-MODEL: Keywords = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}
-MEASURED: Keywords = {"color": "black", "linewidth": 0.8}
-OUTLIER: Keywords = {"color": COLOURS[1], "marker": "x", "markersize": 7, "linestyle": "none"}
+MODEL_STYLE: Keywords = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}
+MEASURED_STYLE: Keywords = {"color": "black", "linewidth": 0.8}
+OUTLIER_STYLE: Keywords = {"color": COLOURS[1], "marker": "x", "markersize": 7, "linestyle": "none"}
 """Styles of the fitted law, of measurements and of outliers."""
 
 
@@ -235,18 +235,20 @@ def map_figure(fit: "MapFit", data: "TorqueMap", load: float) -> "Figure":
     speed, torque = RPM * data.w, 1e3 * data.tau
     axes.plot(speed, torque, "o", color="black", fillstyle="none", markersize=5, label="measured")
     if is_outlier.any():
-        axes.plot(speed[is_outlier], torque[is_outlier], **OUTLIER, label="outlier (lower weight)")
+        axes.plot(
+            speed[is_outlier], torque[is_outlier], **OUTLIER_STYLE, label="outlier (lower weight)"
+        )
     law = f"{plain_words(fit.law)}, NRMSD {fit.nrmsd:.3f}"
-    for w, label in zip(speeds_of_map(data.w), (None, law), strict=True):
-        _bands(axes, fit.drive, w, load, label is not None)
-        axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL, label=label)
-    finish(axes, "motor speed (rpm)", "motor torque (mN·m)", fit.drive.name)
-    zero_lines(axes, down=True)
-    legend(axes, loc="best")
+    for w, label in zip(map_speeds(data.w), (None, law), strict=True):
+        _draw_bands(axes, fit.drive, w, load, label is not None)
+        axes.plot(RPM * w, 1e3 * map_torque(fit.drive, w, load), **MODEL_STYLE, label=label)
+    finish_axes(axes, "motor speed (rpm)", "motor torque (mN·m)", fit.drive.name)
+    draw_zero_lines(axes, down=True)
+    draw_legend(axes, loc="best")
     return figure
 
 
-def _bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels: bool) -> None:
+def _draw_bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels: bool) -> None:
     """Draw the bands that contain 95 % of new recordings at constant motor speeds.
 
     A drive without a posterior is drawn without bands.
@@ -288,7 +290,7 @@ def _bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels: boo
             )
 
 
-def speeds_of_map(w: Array) -> tuple[Array, Array]:
+def map_speeds(w: Array) -> tuple[Array, Array]:
     """Return the backward and the forward speeds at which the fitted law is drawn.
 
     Parameters
@@ -318,8 +320,8 @@ def prediction_figure(prediction: "Prediction") -> "Figure":
     torque, speed = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     recording = prediction.recording
     label = f"predicted, NRMSD {prediction.nrmsd:.3f}"
-    torque.plot(recording.time, 1e3 * recording.tau, **MEASURED, label="measured")
-    torque.plot(recording.time, 1e3 * prediction.tau, **MODEL, label=label)
+    torque.plot(recording.time, 1e3 * recording.tau, **MEASURED_STYLE, label="measured")
+    torque.plot(recording.time, 1e3 * prediction.tau, **MODEL_STYLE, label=label)
     if prediction.band is not None:
         band = prediction.band
         deviation = np.where(prediction.rest, np.nan, prediction.tau - prediction.tau.mean())
@@ -337,10 +339,10 @@ def prediction_figure(prediction: "Prediction") -> "Figure":
                 color=COLOURS[1],
                 linewidth=0,
             )
-    speed.plot(recording.time, RPM * recording.w, **MEASURED)
-    finish(torque, "", "motor torque (mN·m)", recording.name)
-    finish(speed, "time (s)", "motor speed\n(rpm)")
-    legend(torque, loc="best")
+    speed.plot(recording.time, RPM * recording.w, **MEASURED_STYLE)
+    finish_axes(torque, "", "motor torque (mN·m)", recording.name)
+    finish_axes(speed, "time (s)", "motor speed\n(rpm)")
+    draw_legend(torque, loc="best")
     for axes in (torque, speed):
-        zero_lines(axes)
+        draw_zero_lines(axes)
     return figure

@@ -26,28 +26,28 @@ if TYPE_CHECKING:
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#000000")
 """Colours of joints 1 to 4 (Okabe–Ito). Line styles distinguish them in grey print."""
-FIFTH = "#A0457E"
+FIFTH_COLOUR = "#A0457E"
 """Colour of a fifth curve. Its line style differs from those of the joints."""
-DASHES = ("-", "--", "-.", ":")
+LINE_DASHES = ("-", "--", "-.", ":")
 """Line styles of joints 1 to 4."""
-LIMIT: Keywords = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
+LIMIT_STYLE: Keywords = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4, 2))}
 """Style of a line at a limit."""
-AXIS: Keywords = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
+ZERO_LINE_STYLE: Keywords = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """Style of a line at zero."""
-SIZE = 9.0
+FONT_SIZE = 9.0
 """Font size, points."""
 DPI = 200
 """Resolution of PNG files, pixels per inch."""
-LETTER = 0.58
+LETTER_WIDTH = 0.58
 """Mean width of a letter as a share of the font size."""
-MARGIN = 0.05
+AXIS_MARGIN = 0.05
 """Margin that matplotlib adds at each end of an axis, as a share of the range of the data."""
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-PNG_HEADER = 33
+PNG_HEADER_SIZE = 33
 """Number of bytes in a PNG file up to the end of its first chunk."""
 
 
-def unit_of(unit: str) -> tuple[str, float]:
+def display_unit_of(unit: str) -> tuple[str, float]:
     """Return the display unit of an SI unit, and the factor that converts SI values to it.
 
     Degrees have the symbol °, as in all pages and figures. For example, "rad/s" gives ("°/s",
@@ -133,7 +133,7 @@ def _empty_figure(width: float, height: float) -> "Figure":
     return figure
 
 
-def finish(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
+def finish_axes(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     """Add labels and a light grid to a panel, and remove its frame at the top and on the right.
 
     Parameters
@@ -145,11 +145,11 @@ def finish(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     title : str, optional
         Text above the panel.
     """
-    axes.set_xlabel(x, fontsize=SIZE)
-    axes.set_ylabel(y, fontsize=SIZE)
+    axes.set_xlabel(x, fontsize=FONT_SIZE)
+    axes.set_ylabel(y, fontsize=FONT_SIZE)
     if title is not None:
-        axes.set_title(title, fontsize=SIZE)
-    axes.tick_params(labelsize=SIZE - 1)
+        axes.set_title(title, fontsize=FONT_SIZE)
+    axes.tick_params(labelsize=FONT_SIZE - 1)
     axes.grid(True, color="0.9", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
@@ -179,7 +179,7 @@ def render_figure(
     from matplotlib import rc_context
 
     with BytesIO() as file, rc_context({"pdf.fonttype": 42}):
-        files = {"png": _png(figure)}
+        files = {"png": _render_png(figure)}
         if pdf:
             from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
@@ -257,11 +257,11 @@ def png_with_text(png: bytes, key: str, text: str) -> bytes:
     key, text : str
         Keyword and text of the chunk (PNG specification, tEXt).
     """
-    chunk = _chunk(b"tEXt", key.encode("ascii") + b"\0" + text.encode("latin-1"))
-    return png[:PNG_HEADER] + chunk + png[PNG_HEADER:]
+    chunk = _png_chunk(b"tEXt", key.encode("ascii") + b"\0" + text.encode("latin-1"))
+    return png[:PNG_HEADER_SIZE] + chunk + png[PNG_HEADER_SIZE:]
 
 
-def _png(figure: "Figure") -> bytes:
+def _render_png(figure: "Figure") -> bytes:
     """Render a figure as an opaque PNG image with a palette of 256 colours.
 
     The palette reduces the file to a third of its size. Python's zlib compresses the image, because
@@ -280,31 +280,31 @@ def _png(figure: "Figure") -> bytes:
     header = struct.pack(">2I", width, height) + bytes((8, 3, 0, 0, 0))  # 8 bits with a palette.
     per_metre = round(figure.dpi / 0.0254)
     chunks = (
-        _chunk(b"IHDR", header),
-        _chunk(b"pHYs", struct.pack(">2IB", per_metre, per_metre, 1)),
-        _chunk(b"PLTE", bytes(image.getpalette() or ())),
-        _chunk(b"IDAT", compress(rows.data)),
-        _chunk(b"IEND", b""),
+        _png_chunk(b"IHDR", header),
+        _png_chunk(b"pHYs", struct.pack(">2IB", per_metre, per_metre, 1)),
+        _png_chunk(b"PLTE", bytes(image.getpalette() or ())),
+        _png_chunk(b"IDAT", compress(rows.data)),
+        _png_chunk(b"IEND", b""),
     )
     return PNG_SIGNATURE + b"".join(chunks)
 
 
-def _chunk(chunk_type: bytes, content: bytes) -> bytes:
+def _png_chunk(chunk_type: bytes, content: bytes) -> bytes:
     """Return a chunk of a PNG file: length, type, content and checksum."""
     body = chunk_type + content
     return struct.pack(">I", len(content)) + body + struct.pack(">I", crc32(body))
 
 
-def legend(axes: "Axes", fontsize: float = SIZE - 1, **options: Any) -> None:
+def draw_legend(axes: "Axes", fontsize: float = FONT_SIZE - 1, **options: Any) -> None:
     """Draw a legend inside a panel. The further options are those of `Axes.legend`."""
     axes.legend(fontsize=fontsize, frameon=False, **options)
 
 
-def zero_lines(axes: "Axes", down: bool = False) -> None:
+def draw_zero_lines(axes: "Axes", down: bool = False) -> None:
     """Draw a horizontal line at zero and, if `down` is true, a vertical line as well."""
-    axes.axhline(0.0, **AXIS)
+    axes.axhline(0.0, **ZERO_LINE_STYLE)
     if down:
-        axes.axvline(0.0, **AXIS)
+        axes.axvline(0.0, **ZERO_LINE_STYLE)
 
 
 def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = False) -> None:
@@ -319,8 +319,10 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
     with_names : bool
         Write the name of each phase above the panel, in the longest form that fits.
     """
-    size = SIZE - 1
-    inches = axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * MARGIN))  # Inches per second.
+    size = FONT_SIZE - 1
+    inches = (
+        axes.bbox.width / DPI / (trajectory.duration * (1 + 2 * AXIS_MARGIN))
+    )  # Inches per second.
     style: Keywords = {
         "transform": axes.get_xaxis_transform(),
         "ha": "center",
@@ -330,12 +332,12 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
         if k % 2:
             axes.axvspan(phase.start, phase.end, color="0.95", zorder=0, linewidth=0)
         if with_names:
-            letters = int(72 * inches * (phase.end - phase.start) / (LETTER * size))
+            letters = int(72 * inches * (phase.end - phase.start) / (LETTER_WIDTH * size))
             middle = (phase.start + phase.end) / 2
-            axes.text(middle, 1.02, fitting_name(phase.name, letters), **style)
+            axes.text(middle, 1.02, fit_phase_name(phase.name, letters), **style)
 
 
-def fitting_name(name: str, letters: int) -> str:
+def fit_phase_name(name: str, letters: int) -> str:
     """Return the longest form of a phase's name that has at most `letters` letters.
 
     For example, the forms of "ring, spot 12" are "ring, spot 12", "spot 12", "12" and "".
@@ -346,7 +348,9 @@ def fitting_name(name: str, letters: int) -> str:
     return next(form for form in forms if len(form) <= letters)
 
 
-def legend_above(figure: "Figure", axes: "Axes", columns: int, size: float = SIZE) -> None:
+def draw_legend_above(
+    figure: "Figure", axes: "Axes", columns: int, size: float = FONT_SIZE
+) -> None:
     """Draw the legend of one panel above all panels of a figure, in several columns."""
     figure.legend(
         *axes.get_legend_handles_labels(),

@@ -23,10 +23,10 @@ from ssm_planner.kinematics import (
 from ssm_planner.publishing import publishing
 from ssm_planner.reporting.figures.style import (
     COLOURS,
-    DASHES,
-    SIZE,
-    finish,
-    legend,
+    FONT_SIZE,
+    LINE_DASHES,
+    draw_legend,
+    finish_axes,
     new_figure,
     save_figures,
 )
@@ -35,9 +35,9 @@ from ssm_planner.typing import Array, Files, Keywords
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-AXES = ("ω₁\nθ₁ roll", "ω₂\nθ₂", "ω₃\nθ₃ spin\nθ₄ insertion")
+AXIS_LABELS = ("ω₁\nθ₁ roll", "ω₂\nθ₂", "ω₃\nθ₃ spin\nθ₄ insertion")
 """Label of each axis with its joints."""
-CENTRED: Keywords = {"ha": "center", "va": "center", "fontsize": SIZE}
+CENTRED_TEXT: Keywords = {"ha": "center", "va": "center", "fontsize": FONT_SIZE}
 """Style of a label whose middle is at the given position."""
 
 
@@ -86,16 +86,16 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
-    for k, (axis, name) in enumerate(zip(directions, AXES, strict=True)):
+    for k, (axis, name) in enumerate(zip(directions, AXIS_LABELS, strict=True)):
         line = np.outer(axis, (0.0, 1.15))
-        axes.plot(*line, color=COLOURS[k], linestyle=DASHES[k], linewidth=1.6)
-        axes.text(*(1.3 * axis), name, color=COLOURS[k], **CENTRED)
+        axes.plot(*line, color=COLOURS[k], linestyle=LINE_DASHES[k], linewidth=1.6)
+        axes.text(*(1.3 * axis), name, color=COLOURS[k], **CENTRED_TEXT)
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
-    label: Keywords = {"va": "center", "fontsize": SIZE - 1}
+    label: Keywords = {"va": "center", "fontsize": FONT_SIZE - 1}
     angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
     for i, j, radius, name in angles:
-        arc = radius * great_arc(directions[i], directions[j])
+        arc = radius * great_circle_arc(directions[i], directions[j])
         axes.plot(*arc.T, color="black", linewidth=1.0)
         beside = arc[len(arc) // 2] * (1 + 0.08 / radius)
         axes.text(*beside, name, ha="left", **label)
@@ -117,7 +117,7 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
     return figure
 
 
-def great_arc(start: Array, end: Array) -> Array:
+def great_circle_arc(start: Array, end: Array) -> Array:
     """Interpolate along the shortest arcs between unit vectors.
 
     The weights of both ends are sin((1 − s) θ)/sin θ and sin(s θ)/sin θ, where θ is the angle
@@ -157,17 +157,19 @@ def theta2_figure(mechanism: Mechanism) -> "Figure":
     """
     figure = new_figure(6.0, 4.2)
     axes = figure.add_subplot()
-    tilt = _tilts(mechanism)
+    tilt = _dense_tilts(mechanism)
     for k, branch in enumerate((1, -1)):
         theta2 = theta2_from_tilt(mechanism, tilt, branch)
         label = minus(f"branch {branch:+d}")
         if branch == mechanism.home_branch:
             label += " (home)"
-        axes.plot(np.degrees(tilt), np.degrees(theta2), DASHES[k], color=COLOURS[k], label=label)
+        axes.plot(
+            np.degrees(tilt), np.degrees(theta2), LINE_DASHES[k], color=COLOURS[k], label=label
+        )
     axes.plot([np.degrees(mechanism.home_tilt)], [0.0], "o", color="black", label="home")
-    _mark_interval(axes, mechanism)
-    finish(axes, "tilt φ (°)", "θ₂ (°)", _title("θ₂ against tilt", mechanism))
-    legend(axes)
+    _draw_tilt_limits(axes, mechanism)
+    finish_axes(axes, "tilt φ (°)", "θ₂ (°)", _title_with_angles("θ₂ against tilt", mechanism))
+    draw_legend(axes)
     return figure
 
 
@@ -178,11 +180,11 @@ def joint_speed_figure(mechanism: Mechanism) -> "Figure":
     """
     figure = new_figure(6.0, 5.6)
     speeds, singular = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    tilt = _tilts(mechanism)[1:-1]
+    tilt = _dense_tilts(mechanism)[1:-1]
     rates = np.abs(joint_speed_per_tilt_speed(mechanism, tilt, mechanism.home_branch))
     for i in range(3):
         speeds.semilogy(
-            np.degrees(tilt), rates[:, i], DASHES[i], color=COLOURS[i], label=f"joint {i + 1}"
+            np.degrees(tilt), rates[:, i], LINE_DASHES[i], color=COLOURS[i], label=f"joint {i + 1}"
         )
     speeds.axhline(1.0, color="0.8", linewidth=0.8, zorder=0)
     speeds.set_ylim(max(rates.min() / 1.5, 1e-2), min(rates.max() * 1.5, 1e3))
@@ -190,16 +192,16 @@ def joint_speed_figure(mechanism: Mechanism) -> "Figure":
     q[:, 1] = theta2_from_tilt(mechanism, tilt, mechanism.home_branch)
     singular.plot(np.degrees(tilt), smallest_singular_value(mechanism, q), color="black")
     singular.set_ylim(bottom=0.0)
-    finish(
+    finish_axes(
         speeds,
         "",
         "joint speed by tilt speed, |dθᵢ/dφ|",
-        _title("Joint speed per tilt speed", mechanism),
+        _title_with_angles("Joint speed per tilt speed", mechanism),
     )
-    finish(singular, "tilt φ (°)", "smallest\nsingular value")
-    legend(speeds, ncols=3, loc="upper center")
+    finish_axes(singular, "tilt φ (°)", "smallest\nsingular value")
+    draw_legend(speeds, ncols=3, loc="upper center")
     for axes in (speeds, singular):
-        _mark_interval(axes, mechanism)
+        _draw_tilt_limits(axes, mechanism)
     return figure
 
 
@@ -223,7 +225,7 @@ def design_region_figure(
 
     figure = new_figure(*size)
     axes = figure.add_subplot()
-    finish(axes, "α (°)", "β (°)")
+    finish_axes(axes, "α (°)", "β (°)")
     for extra, grey in zip(np.radians((0.0, 10.0, 20.0)), ("0.85", "0.7", "0.55"), strict=True):
         smaller = design_region(*region.tilt_range, region.margin + float(extra))
         if not smaller.empty:
@@ -241,12 +243,12 @@ def design_region_figure(
         label = f"as given: ({alpha:.4g}°, {beta:.4g}°)"
         axes.plot([alpha], [beta], "x", color="black", markersize=11, label=label, zorder=4)
     low, high = np.degrees(region.tilt_range)
-    axes.set_title(minus(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=SIZE)
+    axes.set_title(minus(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=FONT_SIZE)
     axes.set(xlim=(0.0, 180.0), ylim=(0.0, 180.0), aspect="equal")
     ticks = range(0, 181, 30)
     axes.set(xticks=ticks, yticks=ticks)
     if not region.empty or built is not None:
-        legend(axes, loc="upper right")
+        draw_legend(axes, loc="upper right")
     return figure
 
 
@@ -255,18 +257,18 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
     ends = np.abs(tilt_interval(mechanism))
     around = np.linspace(0.0, 2.0 * np.pi, 121)
     for tilt in np.linspace(0.0, np.pi, 13):
-        axes.plot(*pointings(mechanism, tilt, around), color="0.85", linewidth=0.6)
-    band = pointings(mechanism, *np.meshgrid(np.linspace(ends.min(), ends.max(), 25), around))
+        axes.plot(*tool_directions(mechanism, tilt, around), color="0.85", linewidth=0.6)
+    band = tool_directions(mechanism, *np.meshgrid(np.linspace(ends.min(), ends.max(), 25), around))
     axes.plot_surface(
         *band, rstride=1, cstride=1, color="0.75", linewidth=0, antialiased=False, zorder=2
     )
     for tilt in ends:
-        axes.plot(*pointings(mechanism, tilt, around), color="black", linewidth=1.0, zorder=3)
+        axes.plot(*tool_directions(mechanism, tilt, around), color="black", linewidth=1.0, zorder=3)
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
     for axis, name in zip(directions, ("ω₁", "ω₂", "ω₃"), strict=True):
         axes.plot(*np.outer(axis, (1.0, 1.4)), color="black", linewidth=1.3, zorder=4)
-        axes.text(*(1.5 * axis), name, zorder=5, **CENTRED)
-    axes.set_title("reachable pointings on the unit sphere", fontsize=SIZE)
+        axes.text(*(1.5 * axis), name, zorder=5, **CENTRED_TEXT)
+    axes.set_title("reachable pointings on the unit sphere", fontsize=FONT_SIZE)
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.1)
     axes.set(**dict.fromkeys(("xlim", "ylim", "zlim"), (-1.1, 1.1)))
     axes.set_axis_off()
@@ -302,18 +304,18 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         # Next to ω1 the label would overlap its arrow.
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
         text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
-        axes.text(1.3 * np.cos(tilt), height, text, **CENTRED)
+        axes.text(1.3 * np.cos(tilt), height, text, **CENTRED_TEXT)
     home = ray(mechanism.home_tilt)
     axes.plot(*home, color="black", linewidth=1.2, linestyle="--", label="home")
     axes.annotate("", (1.3, 0.0), (0.0, 0.0), arrowprops={"arrowstyle": "->"})
-    axes.text(1.4, 0.0, "ω₁", **CENTRED)
+    axes.text(1.4, 0.0, "ω₁", **CENTRED_TEXT)
     axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.35), aspect="equal")
     axes.set_axis_off()
-    axes.set_title(_title("section through ω₁", mechanism), fontsize=SIZE)
-    legend(axes, loc="lower center", ncols=3, handlelength=1.6, columnspacing=1.0)
+    axes.set_title(_title_with_angles("section through ω₁", mechanism), fontsize=FONT_SIZE)
+    draw_legend(axes, loc="lower center", ncols=3, handlelength=1.6, columnspacing=1.0)
 
 
-def pointings(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
+def tool_directions(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
     """Return the directions of ω3 in the base frame.
 
     Parameters
@@ -335,19 +337,19 @@ def pointings(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
     return np.tensordot(mechanism.frame, points, axes=1)
 
 
-def _tilts(mechanism: Mechanism) -> Array:
+def _dense_tilts(mechanism: Mechanism) -> Array:
     """Return tilts (721,) in the tilt range, rad. They are denser towards its ends."""
     low, high = tilt_interval(mechanism)
     return (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.linspace(0.0, np.pi, 721))
 
 
-def _mark_interval(axes: Any, mechanism: Mechanism) -> None:
+def _draw_tilt_limits(axes: Any, mechanism: Mechanism) -> None:
     """Draw vertical lines at both ends of the tilt range."""
     for tilt in np.degrees(tilt_interval(mechanism)):
         axes.axvline(tilt, color="0.7", linewidth=0.8, zorder=0)
 
 
-def _title(content: str, mechanism: Mechanism) -> str:
+def _title_with_angles(content: str, mechanism: Mechanism) -> str:
     """Return a title that states α and β."""
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     return f"{content} (α = {alpha:.2f}°, β = {beta:.2f}°)"

@@ -40,9 +40,9 @@ from ssm_planner.sizing.joint_load import INSTANTS
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Arrays
 
-RATE, FEWEST, MOST = 400.0, 1200, 4000
+SAMPLE_RATE, MIN_SAMPLES, MAX_SAMPLES = 400.0, 1200, 4000
 """Samples per second of motion in a page, and the smallest and largest number of samples."""
-CELSIUS = 273.15
+ZERO_CELSIUS = 273.15
 """0 °C in K."""
 EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
 """Name of the channel of each clearance in the eye."""
@@ -50,10 +50,12 @@ EYE_CHANNELS = {RetinaClearance.name: "retina", LensClearance.name: "lens"}
 
 def time_grid(duration: float) -> Array:
     """Return the instants (n,) in s at which a page shows a motion of this duration."""
-    return np.linspace(0.0, duration, int(np.clip(RATE * duration, FEWEST, MOST)))
+    return np.linspace(
+        0.0, duration, int(np.clip(SAMPLE_RATE * duration, MIN_SAMPLES, MAX_SAMPLES))
+    )
 
 
-def channels_of(plan: Plan, t: Array) -> Arrays:
+def sample_channels(plan: Plan, t: Array) -> Arrays:
     """Sample every plotted quantity of a plan.
 
     Parameters
@@ -93,7 +95,7 @@ def channels_of(plan: Plan, t: Array) -> Arrays:
     return channels | _temperature_channels(loads, t, pause_of(plan.problem))
 
 
-def encode(channels: Arrays) -> dict[str, str]:
+def encode_channels(channels: Arrays) -> dict[str, str]:
     """Encode channels (n,) for the scripts of a page.
 
     Each channel becomes the base64 text of little-endian doubles, which is exact and fast to read.
@@ -104,7 +106,7 @@ def encode(channels: Arrays) -> dict[str, str]:
     }
 
 
-def limited_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
+def plotted_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
     """Return the kinds of tool speed that the page plots: the tip speed and limited speeds."""
     limited = [type(limit) for limit in limits.speeds if not isinstance(limit, TipSpeed)]
     return [TipSpeed] + limited
@@ -137,7 +139,7 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
     tip = tip_position(mechanism, samples.q)
     channels = {
         speed_type.field: tool_speed(speed_type, mechanism, samples.q, samples.qd)
-        for speed_type in limited_speeds(limits)
+        for speed_type in plotted_speeds(limits)
     }
     channels |= {f"tip{i}": tip[:, i] for i in range(3)}
     channels |= {f"task{i}": task[:, i] for i in range(4)}
@@ -180,6 +182,6 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
         state = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)
         if state.steady:
             i = JOINTS.index(load.joint)
-            channels[f"winding{i}"] = np.interp(t, cycle.t, state.winding) - CELSIUS
-            channels[f"housing{i}"] = np.interp(t, cycle.t, state.housing) - CELSIUS
+            channels[f"winding{i}"] = np.interp(t, cycle.t, state.winding) - ZERO_CELSIUS
+            channels[f"housing{i}"] = np.interp(t, cycle.t, state.housing) - ZERO_CELSIUS
     return channels

@@ -9,19 +9,19 @@ import numpy as np
 from ssm_planner.display import NOTHING, number, percent, signed
 from ssm_planner.plans import Plan
 from ssm_planner.reporting.figures.style import COLOURS
-from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
-from ssm_planner.reporting.html.page import render, write_page
-from ssm_planner.reporting.html.panels import Panel, new_panel, panels_of
-from ssm_planner.reporting.html.report import verdict
-from ssm_planner.reporting.html.scene import scene_of
+from ssm_planner.reporting.html.channels import encode_channels, sample_channels, time_grid
+from ssm_planner.reporting.html.page import render_page, write_page
+from ssm_planner.reporting.html.panels import Panel, build_panels, new_panel
+from ssm_planner.reporting.html.report import verdict_marks
+from ssm_planner.reporting.html.scene import robot_scene
 from ssm_planner.reporting.text import Table
 from ssm_planner.typing import Arrays, JsonObject
 from ssm_planner.units import RPM
 from ssm_planner.verification import Certificate
 
-LEFT_OUT = ("Parts of the motor torque",)
+OMITTED_SECTIONS = ("Parts of the motor torque",)
 """Sections of the report that the comparison omits."""
-NAMES = ("A", "B")
+PLAN_NAMES = ("A", "B")
 """Names of the two plans on the page."""
 
 
@@ -46,14 +46,14 @@ def write_comparison(plan_a: Plan, plan_b: Plan, path: Path) -> Path:
 def comparison_page(plan_a: Plan, plan_b: Plan) -> str:
     """Return the comparison of two plans as an HTML document."""
     plans = plan_a, plan_b
-    return render(
+    return render_page(
         "compare.html",
         comparison_data(plans),
         title=f"{plan_a.problem.name} against {plan_b.problem.name} – plan comparison",
-        plans=list(zip(NAMES, plans, map(verdict, plans), strict=True)),
-        durations=_durations(plans),
-        limits=_limits(plan_a.certificate, plan_b.certificate),
-        motors=_motors(plans),
+        plans=list(zip(PLAN_NAMES, plans, map(verdict_marks, plans), strict=True)),
+        durations=_durations_table(plans),
+        limits=_limits_table(plan_a.certificate, plan_b.certificate),
+        motors=_motors_table(plans),
     )
 
 
@@ -65,20 +65,20 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
     """
     duration = max(plan.motion.duration for plan in plans)
     t = time_grid(duration)
-    channels = [channels_of(plan, t) for plan in plans]
+    channels = [sample_channels(plan, t) for plan in plans]
     panels = []
     for plan, samples in zip(plans, channels, strict=True):
         # A limit cannot be active after the end of the plan.
         is_running = t <= plan.motion.duration + 1e-9
         running_samples = {name: values[is_running] for name, values in samples.items()}
-        panels.append(panels_of(plan, running_samples) + list(_margin_panels(plan, samples)))
+        panels.append(build_panels(plan, running_samples) + list(_margin_panels(plan, samples)))
     return {
         "duration": duration,
         "ends": [plan.motion.duration for plan in plans],
         "colours": list(COLOURS),
-        "panels": _merge(panels),
-        "scenes": [scene_of(plan.robot, plan.limits) for plan in plans],
-        "channels": [encode(samples) for samples in channels],
+        "panels": _merge_panels(panels),
+        "scenes": [robot_scene(plan.robot, plan.limits) for plan in plans],
+        "channels": [encode_channels(samples) for samples in channels],
     }
 
 
@@ -98,20 +98,20 @@ def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
             yield panel | {"scale": 100.0}
 
 
-def _durations(plans: tuple[Plan, Plan]) -> Table:
+def _durations_table(plans: tuple[Plan, Plan]) -> Table:
     """Build the table of durations, lower bounds and the gap between them."""
     a, b = plans
     gaps = [None if plan.gap is None else 100 * plan.gap for plan in plans]
     rows = [
-        ("duration s",) + _pair(a.duration, b.duration),
-        ("lower bound s",) + _pair(a.lower_bound, b.lower_bound),
-        ("toppra s",) + _pair(a.toppra_duration, b.toppra_duration),
-        ("above the lower bound %",) + _pair(gaps[0], gaps[1], relative=False),
+        ("duration s",) + _pair_cells(a.duration, b.duration),
+        ("lower bound s",) + _pair_cells(a.lower_bound, b.lower_bound),
+        ("toppra s",) + _pair_cells(a.toppra_duration, b.toppra_duration),
+        ("above the lower bound %",) + _pair_cells(gaps[0], gaps[1], relative=False),
     ]
     return Table(", A, B, change", rows, (1, 2, 3))
 
 
-def _limits(certificate_a: Certificate | None, certificate_b: Certificate | None) -> Table:
+def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate | None) -> Table:
     """Build the table of the margins in both certificates, smallest margin first."""
     margins_a = _margins(certificate_a)
     margins_b = _margins(certificate_b)
@@ -133,7 +133,7 @@ def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
     return {(limit.name, limit.joint or ""): limit.margin for limit in certificate.limits}
 
 
-def _motors(plans: tuple[Plan, Plan]) -> Table:
+def _motors_table(plans: tuple[Plan, Plan]) -> Table:
     """Build the table of the required torques and speeds of the motors in both plans."""
     requirements_a, requirements_b = (
         {item.joint: item.to_dict() for item in plan.requirements} for plan in plans
@@ -150,11 +150,11 @@ def _motors(plans: tuple[Plan, Plan]) -> Table:
         ):
             value_a = scale * a[key] if key in a else None
             value_b = scale * b[key] if key in b else None
-            rows.append((joint, motors, name) + _pair(value_a, value_b))
+            rows.append((joint, motors, name) + _pair_cells(value_a, value_b))
     return Table("joint, motor, , A, B, change", rows, (3, 4, 5))
 
 
-def _pair(a: float | None, b: float | None, relative: bool = True) -> tuple[str, str, str]:
+def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tuple[str, str, str]:
     """Format the values of plans A and B, and the change from A to B.
 
     Parameters
@@ -170,15 +170,15 @@ def _pair(a: float | None, b: float | None, relative: bool = True) -> tuple[str,
     return number(a, 5), number(b, 5), change
 
 
-def _merge(panels: Sequence[list[Panel]]) -> list[Panel]:
+def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
     """Merge the panels of plans A and B into one panel for each quantity.
 
     The key "side" is 0 for A and 1 for B, and selects the colour. It is None for a limit that both
     plans have.
     """
     merged: dict[tuple[str, str], Panel] = {}
-    for side, name in enumerate(NAMES[: len(panels)]):
-        shown_panels = [panel for panel in panels[side] if panel["section"] not in LEFT_OUT]
+    for side, name in enumerate(PLAN_NAMES[: len(panels)]):
+        shown_panels = [panel for panel in panels[side] if panel["section"] not in OMITTED_SECTIONS]
         for panel in chain.from_iterable(map(_split_by_series, shown_panels)):
             key = panel["section"], panel["channel"]
             shared = merged.setdefault(key, {**panel, "limits": [], "active": [], "sides": []})

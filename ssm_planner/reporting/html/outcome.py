@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ssm_planner.atomic import write_text
-from ssm_planner.reporting.html.page import render
+from ssm_planner.reporting.html.page import render_page
 from ssm_planner.reporting.text import Table
 
 
@@ -47,7 +47,7 @@ def write_outcome(
         for file in figures
         if file.suffix == ".png"
     ]
-    text = render(
+    text = render_page(
         "outcome.html",
         None,
         title=title,

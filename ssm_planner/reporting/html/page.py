@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 PACKAGE = "ssm_planner.reporting"
 """Package that contains the templates and assets."""
-LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
+EMBEDDED_LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
 """Name with version, and file stem in assets/vendor, of each library.
 
 Every page contains copies of these libraries and therefore their licences.
 """
 
 
-def render(template: str, data: Any, **content: Any) -> str:
+def render_page(template: str, data: Any, **content: Any) -> str:
     """Render a template as an HTML document.
 
     Parameters
@@ -45,14 +45,16 @@ def render(template: str, data: Any, **content: Any) -> str:
     """
     from markupsafe import Markup
 
-    return render_template(templates(), template, data=Markup(safe_json(data)), **content)
+    return render_template(
+        template_environment(), template, data=Markup(safe_json(data)), **content
+    )
 
 
 @cache
-def templates() -> "Environment":
+def template_environment() -> "Environment":
     """Return the template environment of the pages, which escapes every value."""
     pages = environment(PACKAGE, escape=True)
-    pages.globals.update(asset=_asset, libraries=LIBRARIES)
+    pages.globals.update(asset=_read_asset, libraries=EMBEDDED_LIBRARIES)
     return pages
 
 
@@ -89,7 +91,7 @@ def safe_json(data: Any) -> str:
 
 
 @cache
-def _asset(name: str) -> "Markup":
+def _read_asset(name: str) -> "Markup":
     """Return the content of a file in assets/, which is trusted and therefore not escaped."""
     from markupsafe import Markup
 

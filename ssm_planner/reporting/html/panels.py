@@ -31,8 +31,8 @@ from ssm_planner.problem import (
     TaskRange,
     TaskRate,
 )
-from ssm_planner.reporting.figures.style import unit_of
-from ssm_planner.reporting.html.channels import CELSIUS, limited_speeds
+from ssm_planner.reporting.figures.style import display_unit_of
+from ssm_planner.reporting.html.channels import ZERO_CELSIUS, plotted_speeds
 from ssm_planner.sizing import (
     FIGURES,
     PARTS,
@@ -46,20 +46,22 @@ from ssm_planner.units import RPM
 
 Panel = JsonObject
 """A plot on the page, as JSON types. `new_panel` lists its keys."""
-T = TypeVar("T", TaskRange, TaskRate)
-NEAR = 0.005
+CoordinateLimit = TypeVar("CoordinateLimit", TaskRange, TaskRate)
+ACTIVE_TOLERANCE = 0.005
 """Largest distance from an active limit, as a share of the limit or of a range's half width."""
-GAP = 0.01
+MAX_MERGED_GAP = 0.01
 """Gap between two active intervals below which they are merged, s."""
-GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
+COORDINATE_GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
 """Indices, unit and title of the coordinates that share a panel."""
-TEMPERATURE = "Steady-state temperature of the repeated motion at 25\N{NO-BREAK SPACE}°C ambient"
+TEMPERATURE_SECTION = (
+    "Steady-state temperature of the repeated motion at 25\N{NO-BREAK SPACE}°C ambient"
+)
 """Heading of the panels of temperatures."""
-POINTS = 81
+MAP_POINTS = 81
 """Number of speeds in the map of a motor."""
 
 
-def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
+def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
     """Build all panels of a plan, in the order of the page.
 
     Parameters
@@ -96,13 +98,13 @@ def panels_of(plan: Plan, channels: Arrays) -> list[Panel]:
                 panels.append(_joint_panel(group, field, unit + per, limited))
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
-    panels += split_panels(channels)
+    panels += torque_part_panels(channels)
     panels += temperature_panels(
         channels, {i: j.motor for i, j in enumerate(joints) if j.motor is not None}
     )
     for panel in panels:
-        mark_active(panel, channels)
-        in_display_units(panel)
+        add_active_intervals(panel, channels)
+        convert_to_display_units(panel)
     return panels
 
 
@@ -131,7 +133,7 @@ def new_panel(section: str, title: str, unit: str, series: list[tuple[str, str, 
     }
 
 
-def new_limit(
+def new_limit_entry(
     name: str,
     of: str,
     index: int,
@@ -155,7 +157,7 @@ def new_limit(
     channel : str, optional
         Channel whose intervals at the limit are marked. None marks no intervals.
     size : float, optional
-        Value to which the tolerance `NEAR` refers. The default is the limit itself, or the half
+        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the limit itself, or the half
         width of a range.
     """
     return {
@@ -170,7 +172,7 @@ def new_limit(
     }
 
 
-def limit_line(limit: Limit, index: int, channel: str) -> JsonObject:
+def limit_entry(limit: Limit, index: int, channel: str) -> JsonObject:
     """Return a limit of the problem in the form that the page reads.
 
     Parameters
@@ -185,14 +187,14 @@ def limit_line(limit: Limit, index: int, channel: str) -> JsonObject:
     low = -np.inf if isinstance(limit, SpeedLimit) else limit.low  # A speed is never negative.
     size = limit.half_width if isinstance(limit, RetinaClearance) else None
     owner = limit.coordinate if isinstance(limit, TaskRange) else limit.joint or ""
-    line = new_limit(
+    line = new_limit_entry(
         limit.name, owner, index=index, low=low, high=limit.high, channel=channel, size=size
     )
     # The name of a range contains its coordinate.
     return {**line, "label": limit.name} if isinstance(limit, TaskRange) else line
 
 
-def mark_active(panel: Panel, channels: Arrays) -> None:
+def add_active_intervals(panel: Panel, channels: Arrays) -> None:
     """Add to a panel the intervals in which one of its limits is active.
 
     Parameters
@@ -214,12 +216,12 @@ def mark_active(panel: Panel, channels: Arrays) -> None:
             )
 
 
-def in_display_units(panel: Panel) -> None:
+def convert_to_display_units(panel: Panel) -> None:
     """Convert the limits and intervals of a panel to display units, in place.
 
     The channels stay in SI units. The scripts of the page multiply them by the panel's scale.
     """
-    panel["unit"], panel["scale"] = unit_of(panel["unit"])
+    panel["unit"], panel["scale"] = display_unit_of(panel["unit"])
     for limit in panel["limits"]:
         for end in ("low", "high"):
             limit[end] = panel["scale"] * limit[end] if np.isfinite(limit[end]) else None
@@ -241,7 +243,7 @@ def active_intervals(
     low, high : float
         Bounds of the quantity. They may be infinite.
     size : float, optional
-        Value to which the tolerance `NEAR` refers. The default is the bound itself. If both bounds
+        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the bound itself. If both bounds
         are finite, the tolerance always refers to half of their distance.
 
     Yields
@@ -253,19 +255,19 @@ def active_intervals(
     """
     for side, bound in ((1, high), (-1, low)):
         if np.isfinite(bound):
-            tolerance = NEAR * (abs(bound) if size is None else size)
+            tolerance = ACTIVE_TOLERANCE * (abs(bound) if size is None else size)
             if np.isfinite(low) and np.isfinite(high):
-                tolerance = NEAR / 2 * (high - low)
+                tolerance = ACTIVE_TOLERANCE / 2 * (high - low)
             with np.errstate(invalid="ignore"):
                 active = side * (bound - values) <= tolerance
-            for start, end in _runs(t, active):
+            for start, end in _merged_runs(t, active):
                 yield start, end, side
 
 
-def _runs(t: Array, active: Mask) -> list[Range]:
+def _merged_runs(t: Array, active: Mask) -> list[Range]:
     """Return the start and end times in s of all runs of true values.
 
-    Runs with a gap shorter than GAP are merged.
+    Runs with a gap shorter than MAX_MERGED_GAP are merged.
 
     Parameters
     ----------
@@ -277,7 +279,7 @@ def _runs(t: Array, active: Mask) -> list[Range]:
     intervals: list[Range] = []
     for first_index, end_index in runs(active):
         start, end = float(t[first_index]), float(t[end_index - 1])
-        if intervals and start - intervals[-1][1] < GAP:
+        if intervals and start - intervals[-1][1] < MAX_MERGED_GAP:
             start = intervals.pop()[0]
         intervals.append((start, end))
     return intervals
@@ -296,13 +298,13 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     rows = []
     for limit in sorted(limits.all_limits, key=lambda limit: not isinstance(limit, TaskRange)):
         low = limit.low if isinstance(limit, TaskRange) or limit.is_floor else -np.inf
-        unit, scale = unit_of(limit.unit)
+        unit, scale = display_unit_of(limit.unit)
         ends = [number(scale * end, 6) if np.isfinite(end) else "" for end in (low, limit.high)]
         rows.append((limit.name + radii.get(limit.name, ""), ends[0], ends[1], unit))
     return rows
 
 
-def without_temperature(channels: Arrays, motors: dict[int, Motor]) -> Iterator[str]:
+def missing_temperature_reasons(channels: Arrays, motors: dict[int, Motor]) -> Iterator[str]:
     """Yield the reasons why temperatures of motors cannot be plotted.
 
     Parameters
@@ -339,10 +341,10 @@ def motor_map(i: int, motor: Motor) -> JsonObject:
     Returns
     -------
     dict
-        JSON types: the largest and the continuous torque in mN·m at POINTS motor speeds in rpm.
+        JSON types: the largest and the continuous torque in mN·m at MAP_POINTS motor speeds in rpm.
     """
     conditions = Conditions()
-    speed = np.linspace(0.0, motor.max_speed, POINTS)
+    speed = np.linspace(0.0, motor.max_speed, MAP_POINTS)
     available = available_torque(motor, conditions, speed)
     continuous = np.minimum(available, continuous_torque(motor, conditions.ambient) or 0.0)
     return {
@@ -384,7 +386,7 @@ def _joint_panel(
         if limit is None:
             unlimited.append(joint.name)
         else:
-            panel["limits"].append(limit_line(limit, i, f"{field}{i}"))
+            panel["limits"].append(limit_entry(limit, i, f"{field}{i}"))
     if unlimited:
         owners = f": {', '.join(unlimited)}" if panel["limits"] else ""
         panel["missing"].append(f"no {limited.name} limit{owners}")
@@ -402,16 +404,16 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel
             if motor is None:
                 panel["missing"].append("no motor given")
             else:
-                panel["limits"].append(limit_line(joint.limit(limited), i, f"{name}{i}"))
+                panel["limits"].append(limit_entry(joint.limit(limited), i, f"{name}{i}"))
                 high = motor.nominal_torque
                 if name == "tau":
                     panel["limits"].append(
-                        new_limit("nominal torque", joint.name, index=i, low=-high, high=high)
+                        new_limit_entry("nominal torque", joint.name, index=i, low=-high, high=high)
                     )
             yield panel
 
 
-def split_panels(channels: Arrays) -> Iterator[Panel]:
+def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
     """Yield one panel for each driven joint with the components of its motor torque.
 
     Parameters
@@ -443,11 +445,11 @@ def temperature_panels(channels: Arrays, motors: dict[int, Motor]) -> Iterator[P
         series = [(f"winding{i}", "winding", 1), (f"housing{i}", "housing", 0)]
         if f"winding{i}" not in channels:
             continue
-        panel = new_panel(TEMPERATURE, f"Motor of {JOINTS[i]}", "°C", series)
+        panel = new_panel(TEMPERATURE_SECTION, f"Motor of {JOINTS[i]}", "°C", series)
         if motor.max_winding_temperature is not None:
-            high = motor.max_winding_temperature - CELSIUS
+            high = motor.max_winding_temperature - ZERO_CELSIUS
             panel["limits"] = [
-                new_limit(
+                new_limit_entry(
                     "winding temperature",
                     JOINTS[i],
                     index=1,
@@ -465,15 +467,15 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
     They plot the task coordinates, their limited rates, the tool speeds and the clearances in the
     eye.
     """
-    for indices, unit, title in GROUPS:
+    for indices, unit, title in COORDINATE_GROUPS:
         series = [(f"task{i}", TASK[i], i) for i in indices]
         panel = new_panel("Task coordinates", title, unit, series)
-        for limit in _in_order(limits, TaskRange, indices):
+        for limit in _ordered_limits(limits, TaskRange, indices):
             i = TASK.index(limit.coordinate)
-            panel["limits"].append(limit_line(limit, i, f"task{i}"))
+            panel["limits"].append(limit_entry(limit, i, f"task{i}"))
         yield panel
-    for indices, unit, _ in GROUPS:
-        rates = {TASK.index(r.coordinate): r for r in _in_order(limits, TaskRate, indices)}
+    for indices, unit, _ in COORDINATE_GROUPS:
+        rates = {TASK.index(r.coordinate): r for r in _ordered_limits(limits, TaskRate, indices)}
         if not rates:
             continue
         title = "Rate: " + ", ".join(TASK[i] for i in rates)
@@ -481,20 +483,22 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
             title = rates[3].name.capitalize()
         series = [(f"task_rate{i}", TASK[i], i) for i in rates]
         panel = new_panel("Task coordinates", title, f"{unit}/s", series)
-        panel["limits"] = [limit_line(rate, i, f"task_rate{i}") for i, rate in rates.items()]
+        panel["limits"] = [limit_entry(rate, i, f"task_rate{i}") for i, rate in rates.items()]
         yield panel
-    for speed_type in limited_speeds(limits):
+    for speed_type in plotted_speeds(limits):
         series = [(speed_type.field, "tip", 3)]
         panel = new_panel("Tool tip", speed_type.name.capitalize(), speed_type.unit, series)
         speed = next((limit for limit in limits.speeds if type(limit) is speed_type), None)
         if speed is not None:
-            panel["limits"] = [limit_line(speed, 3, speed_type.field)]
+            panel["limits"] = [limit_entry(speed, 3, speed_type.field)]
         yield panel
     if limits.eye is not None:
         yield from _eye_panels(limits.eye)
 
 
-def _in_order(limits: TaskLimits, limit_type: type[T], indices: list[int]) -> list[T]:
+def _ordered_limits(
+    limits: TaskLimits, limit_type: type[CoordinateLimit], indices: list[int]
+) -> list[CoordinateLimit]:
     """Return the limits of one class on the selected coordinates, in the order of `TASK`."""
     by_coordinate = {
         limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
@@ -507,7 +511,7 @@ def _eye_panels(eye: Eye) -> Iterator[Panel]:
     for limit in eye.limits:
         if isinstance(limit, RetinaClearance):
             panel = new_panel("Tool tip", "Tip to retina", limit.unit, [("retina", "tip", 3)])
-            panel["limits"] = [limit_line(limit, 3, "retina")]
+            panel["limits"] = [limit_entry(limit, 3, "retina")]
             panel["missing"].append(
                 f"in the port ({1e3 * eye.port:g} mm): {1e3 * eye.clearance:g} mm plus distance to "
                 "its edge"
@@ -515,5 +519,5 @@ def _eye_panels(eye: Eye) -> Iterator[Panel]:
         else:
             unit = "semi-axes from its centre"
             panel = new_panel("Tool tip", "Shaft to lens", unit, [("lens", "shaft", 3)])
-            panel["limits"] = [limit_line(limit, 3, "lens")]
+            panel["limits"] = [limit_entry(limit, 3, "lens")]
         yield panel

@@ -22,37 +22,37 @@ from ssm_planner.problem import (
     MotorTorque,
     plain,
 )
-from ssm_planner.reporting.figures.film import still
-from ssm_planner.reporting.figures.style import COLOURS, FIFTH
-from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
+from ssm_planner.reporting.figures.film import mechanism_still
+from ssm_planner.reporting.figures.style import COLOURS, FIFTH_COLOUR
+from ssm_planner.reporting.html.channels import encode_channels, sample_channels, time_grid
 from ssm_planner.reporting.html.outcome import write_outcome
-from ssm_planner.reporting.html.page import render, write_page
+from ssm_planner.reporting.html.page import render_page, write_page
 from ssm_planner.reporting.html.panels import (
-    TEMPERATURE,
+    TEMPERATURE_SECTION,
     Panel,
+    build_panels,
     limit_rows,
+    missing_temperature_reasons,
     motor_map,
-    panels_of,
-    without_temperature,
 )
-from ssm_planner.reporting.html.scene import scene_of
+from ssm_planner.reporting.html.scene import robot_scene
 from ssm_planner.reporting.text import (
     MOTOR_MARGINS,
     Table,
     candidates_table,
-    closest_limit,
-    confirmation,
+    closest_inactive_limit,
+    confirmation_texts,
     joints_table,
     limit_cells,
-    missing_data,
     motors_table,
-    motors_verdict,
     phases_table,
     proof_table,
-    proof_words,
+    proof_text,
     range_lines,
     rates_text,
     sensitivities_table,
+    skipped_checks,
+    summarise_sizing,
     tip_error_table,
 )
 from ssm_planner.typing import Array, JsonObject
@@ -61,25 +61,25 @@ from ssm_planner.verification import Certificate, LimitCheck
 
 JOINT_COLUMNS = "joint, kind, position, velocity, acceleration, jerk, drive, motor"
 """Headings of the table of the joints."""
-TIGHTEST = 10
+MIN_SHOWN_LIMITS = 10
 """Number of limits that the page always shows."""
 MAX_CLAUSES = 5
 """Largest number of clauses in the sentence about the motion."""
-UNCHANGED = 1e-6
+COORDINATE_TOLERANCE = 1e-6
 """Change below which a coordinate counts as unchanged, rad or m."""
-NOTABLE = 0.15
+MIN_ACTIVE_FRACTION = 0.15
 """Share of the duration during which a limit must be active to appear in the sentence."""
 JOINT_LIMITS = tuple(
     limit.name for limit in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
 )
 """Names of limits that apply to one joint."""
-LENGTHS = ("tip x", "y", "z", "depth", "q4")
+LENGTH_COORDINATES = ("tip x", "y", "z", "depth", "q4")
 """Parts of a target whose unit is that of a length."""
 JOINT_POSITIONS = ("q1", "q2", "q3", "q4")
 """Names of the joint positions in a target."""
 LimitRow = tuple[LimitCheck, tuple[str, ...]]
 """A limit of the certificate, and its cells from `limit_cells`."""
-Mark = tuple[str, str, str]
+VerdictMark = tuple[str, str, str]
 """A verdict: its kind ("good", "bad" or "open"), a short text and the reason."""
 
 
@@ -104,19 +104,19 @@ def write_report(plan: Plan, path: Path) -> Path:
 def report_page(plan: Plan) -> str:
     """Return the report of a plan with a trajectory as an HTML document."""
     data = report_data(plan)
-    sizing = sizing_of(plan)
-    missing = list(missing_data(sizing))
-    return render(
+    sizing = sizing_object(plan)
+    missing = list(skipped_checks(sizing))
+    return render_page(
         "report.html",
         data,
         title=f"{plan.problem.name} – plan report",
-        sentence=sentence(plan, data["panels"]),
-        verdict_marks=verdict(plan),
+        sentence=motion_sentence(plan, data["panels"]),
+        verdict_marks=verdict_marks(plan),
         plan=plan,
-        confirmation=confirmation(plan),
+        confirmation=confirmation_texts(plan),
         ranges=list(range_lines(plan)),
-        closest=plan.certificate and closest_limit(plan.certificate.limits),
-        tiers=_tiers(plan.certificate),
+        closest=plan.certificate and closest_inactive_limit(plan.certificate.limits),
+        tiers=_limit_groups(plan.certificate),
         proof=proof_table(plan.proof),
         phases=phases_table(plan),
         sensitivities=sensitivities_table(plan),
@@ -124,13 +124,13 @@ def report_page(plan: Plan) -> str:
         candidates=candidates_table(plan),
         ends=joints_table(plan),
         motors=motors_table(plan.requirements),
-        stops=_stops(plan),
+        stops=_controlled_stops_summary(plan),
         sizing=sizing,
         margins=MOTOR_MARGINS,
         missing=Table("joint, motor or gear, not checked, missing data", missing),
-        repeated=repetition(plan.problem.duty),
+        repeated=repetition_text(plan.problem.duty),
         problem=problem_tables(plan),
-        still=still(plan),
+        still=mechanism_still(plan),
     )
 
 
@@ -154,7 +154,7 @@ def write_no_plan(plan: Plan, path: Path, changes: Sequence[tuple[str, float]] =
     """
     reason = plan.reason
     if reason is None or plan.disagreements:
-        conclusion = f"The motion is not certified: {_certification(plan)[2]}."
+        conclusion = f"The motion is not certified: {_certificate_mark(plan)[2]}."
     else:
         conclusion = f"No motion keeps every limit: {reason.message}."
         if reason.relaxation:
@@ -170,13 +170,13 @@ def problem_tables(plan: Plan) -> list[Table]:
     joints = [_joint_row(joint) for joint in plan.problem.robot.joints]
     limits = limit_rows(plan.limits)
     return [
-        _motion(plan),
+        _motion_table(plan),
         Table("limit, from, to, unit", limits, (1, 2), "Limits of the task"),
         Table(JOINT_COLUMNS, joints, (2, 3, 4, 5), "Joints"),
     ]
 
 
-def repetition(duty: float | None) -> str:
+def repetition_text(duty: float | None) -> str:
     """Describe how often the robot performs the motion, as the beginning of a sentence.
 
     Parameters
@@ -195,7 +195,7 @@ def report_data(plan: Plan) -> JsonObject:
     They contain the sampled quantities, the panels, phases, joints and stops of the tip, the maps
     of the motors, and the scene of the 3D view. Times count from the start of the motion, s.
     """
-    channels = channels_of(plan, time_grid(plan.motion.duration))
+    channels = sample_channels(plan, time_grid(plan.motion.duration))
     motors = {
         i: joint.motor
         for i, joint in enumerate(plan.robot.joints)
@@ -204,22 +204,22 @@ def report_data(plan: Plan) -> JsonObject:
     start = float(plan.motion.breaks[0])
     return {
         "duration": plan.motion.duration,
-        "colours": COLOURS + (FIFTH,),
-        "stops": _tip_stops(plan, channels),
+        "colours": COLOURS + (FIFTH_COLOUR,),
+        "stops": _rest_positions(plan, channels),
         "phases": [
             {"name": phase.name, "start": phase.start - start, "end": phase.end - start}
             for phase in plan.motion.phases
         ],
         "joints": [{"name": joint.name, "kind": joint.kind} for joint in plan.robot.joints],
-        "panels": panels_of(plan, channels),
+        "panels": build_panels(plan, channels),
         "maps": [motor_map(i, motor) for i, motor in motors.items()],
-        "notes": {TEMPERATURE: list(without_temperature(channels, motors))},
-        "scene": scene_of(plan.robot, plan.limits),
-        "channels": encode(channels),
+        "notes": {TEMPERATURE_SECTION: list(missing_temperature_reasons(channels, motors))},
+        "scene": robot_scene(plan.robot, plan.limits),
+        "channels": encode_channels(channels),
     }
 
 
-def sentence(plan: Plan, panels: list[Panel]) -> str:
+def motion_sentence(plan: Plan, panels: list[Panel]) -> str:
     """Describe in one sentence the motion, its duration and the limits that determine it.
 
     An example is "Tilts −85° → −135°, inserts 20 mm in 3.35 s; limited by the tip speed."
@@ -240,7 +240,7 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
     for name, phases in groups.items():
         spots = sum(_is_spot(phase) for phase in phases)
         if len(phases) == 1:
-            clauses += _changes(phases[0])
+            clauses += _coordinate_clauses(phases[0])
         elif spots:
             clauses.append(f"visits {spots} spots ({name})")
         else:
@@ -248,17 +248,17 @@ def sentence(plan: Plan, panels: list[Panel]) -> str:
     if len(clauses) > MAX_CLAUSES:
         clauses = [f"makes {len(plan.phases)} phases"]
     text = f"{', '.join(clauses) or 'stands still'} in {format_fixed(plan.duration, 2)} s"
-    limits = _limited_by(plan, panels)
+    limits = _limiting_text(plan, panels)
     if limits:
         text += f"; limited by {limits}"
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _changes(phase: PhaseSummary) -> Iterator[str]:
+def _coordinate_clauses(phase: PhaseSummary) -> Iterator[str]:
     """Yield a clause for each task coordinate that a phase changes, such as “inserts 20 mm”."""
     for name, start, end in zip(TASK, phase.task_start, phase.task_end, strict=True):
         change = abs(end - start)
-        if change <= UNCHANGED:
+        if change <= COORDINATE_TOLERANCE:
             continue
         if name == "depth":
             yield f"{'inserts' if end > start else 'withdraws'} {number(1e3 * change, 3)} mm"
@@ -268,11 +268,11 @@ def _changes(phase: PhaseSummary) -> Iterator[str]:
             yield f"{name}s {start_angle}° → {end_angle}°"
 
 
-def _limited_by(plan: Plan, panels: list[Panel]) -> str:
+def _limiting_text(plan: Plan, panels: list[Panel]) -> str:
     """Name at most two limits that are active for the longest time.
 
     Position limits are left out, because they do not determine the duration. A limit must be active
-    for the share `NOTABLE` of the duration.
+    for the share `MIN_ACTIVE_FRACTION` of the duration.
     """
     times: dict[str, dict[int, float]] = {}
     for panel in panels:
@@ -283,7 +283,11 @@ def _limited_by(plan: Plan, panels: list[Panel]) -> str:
                 by_joint = times.setdefault(name, {})
                 by_joint[joint] = by_joint.get(joint, 0.0) + interval["end"] - interval["start"]
     active_times = {name: max(by_joint.values()) for name, by_joint in times.items()}
-    names = [name for name, time in active_times.items() if time > NOTABLE * plan.motion.duration]
+    names = [
+        name
+        for name, time in active_times.items()
+        if time > MIN_ACTIVE_FRACTION * plan.motion.duration
+    ]
     names.sort(key=lambda name: -active_times[name])
     return " and ".join(_limit_text(name, sorted(times[name])) for name in names[:2])
 
@@ -315,7 +319,7 @@ def _is_spot(phase: PhaseSummary) -> bool:
     return phase.task_start == phase.task_end and ", " in phase.name
 
 
-def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
+def _rest_positions(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
     """Return the tip positions at the ends of the phases.
 
     Parameters
@@ -323,7 +327,7 @@ def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
     plan : Plan
         Plan that is reported.
     channels : mapping of (n,) arrays
-        Sampled quantities of the plan, see `channels_of`.
+        Sampled quantities of the plan, see `sample_channels`.
 
     Returns
     -------
@@ -341,7 +345,7 @@ def _tip_stops(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObject]:
     return [{"position": list(position), "spot": spot} for position, spot in stops.items()]
 
 
-def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
+def _limit_groups(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
     """Divide the limits of a certificate into three groups, each sorted by margin.
 
     The first group contains the tightest limits, among them all violated ones. The second group
@@ -358,7 +362,7 @@ def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
     ]
     numerical = [row for row in rows if row[0].name in JUMPS and row[0].passed]
     main_rows = [row for row in rows if row not in numerical]
-    count = max(TIGHTEST, sum(not check.passed for check, _ in main_rows))
+    count = max(MIN_SHOWN_LIMITS, sum(not check.passed for check, _ in main_rows))
     return [
         ("tightest", main_rows[:count]),
         ("Other limits", main_rows[count:]),
@@ -366,21 +370,21 @@ def _tiers(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
     ]
 
 
-def verdict(plan: Plan) -> list[Mark]:
+def verdict_marks(plan: Plan) -> list[VerdictMark]:
     """Return the verdicts on the planning, the certificate and the motors of a plan."""
     planning = ("good", "Feasible", "")
     if plan.status != "solved":
         planning = ("bad", "No plan", plan.status)
-    return [planning, _certification(plan), motors_verdict(sizing_of(plan))]
+    return [planning, _certificate_mark(plan), summarise_sizing(sizing_object(plan))]
 
 
-def sizing_of(plan: Plan) -> JsonObject:
+def sizing_object(plan: Plan) -> JsonObject:
     """Return the sizing of a plan with a trajectory, in the form that `size --json` prints."""
     assert plan.sizing is not None
     return plan.sizing.to_dict()
 
 
-def _certification(plan: Plan) -> Mark:
+def _certificate_mark(plan: Plan) -> VerdictMark:
     """Return the verdict on the certificate of a plan."""
     certificate = plan.certificate
     if certificate is None:
@@ -391,10 +395,10 @@ def _certification(plan: Plan) -> Mark:
         return "bad", "Not certified", f"{tightest.name}{joint} exceeded at {tightest.time:.3f} s"
     if plan.disagreements:
         return "bad", "Not certified", plan.disagreements[0]
-    return "good", "Certified", f"{len(certificate.limits)} limits kept{proof_words(plan)}"
+    return "good", "Certified", f"{len(certificate.limits)} limits kept{proof_text(plan)}"
 
 
-def _stops(plan: Plan) -> JsonObject | None:
+def _controlled_stops_summary(plan: Plan) -> JsonObject | None:
     """Summarise the controlled stops of a plan.
 
     Returns
@@ -418,12 +422,12 @@ def _stops(plan: Plan) -> JsonObject | None:
     }
 
 
-def _motion(plan: Plan) -> Table:
+def _motion_table(plan: Plan) -> Table:
     """Build the table of a problem's motion: its start, every entry, and rates at both ends."""
     problem = plain(plan.problem)
-    rows = [("start", "", _target({"target": problem.get("start")}))]
+    rows = [("start", "", _target_text({"target": problem.get("start")}))]
     for entry in problem.get("motion") or []:
-        rows.append((str(entry["name"]), str(entry["kind"]), _target(entry)))
+        rows.append((str(entry["name"]), str(entry["kind"]), _target_text(entry)))
     ends = (("at the start", plan.problem.start_rate), ("at the end", plan.problem.end_rate))
     for label, rates in ends:
         if any(rates.values()):
@@ -431,17 +435,17 @@ def _motion(plan: Plan) -> Table:
     return Table("motion, kind, to", rows, caption="Motion")
 
 
-def _target(motion: JsonObject) -> str:
+def _target_text(motion: JsonObject) -> str:
     """Format the target or the duration of an entry of the motion list."""
     if motion.get("duration") is not None:
         return f"{motion['duration']:g} s"
     target = motion.get("target") or {}
     values = dict(target.get("task") or {})
-    values |= zip(LENGTHS, target.get("tip") or (), strict=False)
+    values |= zip(LENGTH_COORDINATES, target.get("tip") or (), strict=False)
     values |= zip(JOINT_POSITIONS, target.get("joints") or (), strict=False)
     texts = []
     for name, value in values.items():
-        unit, scale = display_unit("m" if name in LENGTHS else "rad", "°")
+        unit, scale = display_unit("m" if name in LENGTH_COORDINATES else "rad", "°")
         texts.append(f"{name} {number(scale * value, 6)} {unit}")
     return ", ".join(texts)
 

@@ -12,15 +12,15 @@ from ssm_planner.kinematics import Mechanism, pose_from_task, tilt_interval
 from ssm_planner.problem import JOINTS, Eye, Robot, TaskLimits, plain
 from ssm_planner.typing import Array, JsonObject, Range
 
-LINK = 0.11
+LINK_RADIUS = 0.11
 """Radius of the drawn links, m. Robot files do not contain the shapes of links."""
-BAND = 0.075
+BAND_RADIUS = 0.075
 """Radius of the sphere on which the tilt band is drawn, m."""
-STEP = math.radians(5.0)
+MAX_VERTEX_ANGLE = math.radians(5.0)
 """Largest angle between two vertices of the band, rad."""
 
 
-def scene_of(robot: Robot, limits: TaskLimits) -> JsonObject:
+def robot_scene(robot: Robot, limits: TaskLimits) -> JsonObject:
     """Return the scene of a robot: its mechanism, the ranges of task coordinates, and the eye."""
     mechanism = Mechanism.from_robot(robot)
     scene = mechanism_scene(mechanism, limits.ranges, link_sides(robot, mechanism), limits.eye)
@@ -49,24 +49,24 @@ def mechanism_scene(
         Eye with the retina and the lens.
     """
     low, high = tilt_interval(mechanism)
-    bands = [{"name": "reachable", **band(mechanism, (low, high), (-math.pi, math.pi))}]
+    bands = [{"name": "reachable", **tilt_band(mechanism, (low, high), (-math.pi, math.pi))}]
     if "tilt" in ranges:
         allowed = max(ranges["tilt"][0], low), min(ranges["tilt"][1], high)
         if allowed[0] < allowed[1]:
             roll = ranges.get("roll", (-math.pi, math.pi))
-            bands.append({"name": "allowed", **band(mechanism, allowed, roll)})
+            bands.append({"name": "allowed", **tilt_band(mechanism, allowed, roll)})
     return {
         "axes": [mechanism.omega1.tolist(), mechanism.omega2.tolist(), mechanism.omega3.tolist()],
         "sides": [-1, -1] if sides is None else sides,
         "names": list(JOINTS),
-        "link": LINK,
+        "link": LINK_RADIUS,
         "insertion_sign": mechanism.insertion_sign,
         "bands": bands,
         "eye": None if eye is None else plain(eye),
     }
 
 
-def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
+def tilt_band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
     """Return the band of a sphere about the RCM that the tool axis reaches.
 
     The vertices of the band form a grid whose rows have equal tilt.
@@ -83,19 +83,19 @@ def band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
     dict
         Numbers of rows and columns, and the coordinates of the vertices in m, one after the other.
     """
-    tilts = _grid(tilt[0], tilt[1])
-    rolls = _grid(max(roll[0], -math.pi), min(roll[1], math.pi))
+    tilts = _angle_grid(tilt[0], tilt[1])
+    rolls = _angle_grid(max(roll[0], -math.pi), min(roll[1], math.pi))
     task = np.zeros((len(tilts) * len(rolls), 4))
     task[:, 0] = np.tile(rolls, len(tilts))
     task[:, 1] = np.repeat(tilts, len(rolls))
     rotations, _ = pose_from_task(mechanism, task)
-    vertices = np.round(BAND * rotations[:, :, 2], 6)  # The tool axis is the third column.
+    vertices = np.round(BAND_RADIUS * rotations[:, :, 2], 6)  # The tool axis is the third column.
     return {"rows": len(tilts), "columns": len(rolls), "vertices": vertices.ravel().tolist()}
 
 
-def _grid(low: float, high: float) -> Array:
-    """Return evenly spaced angles (n,) in rad with steps of at most `STEP`."""
-    return np.linspace(low, high, max(2, math.ceil((high - low) / STEP) + 1))
+def _angle_grid(low: float, high: float) -> Array:
+    """Return evenly spaced angles (n,) in rad with steps of at most `MAX_VERTEX_ANGLE`."""
+    return np.linspace(low, high, max(2, math.ceil((high - low) / MAX_VERTEX_ANGLE) + 1))
 
 
 def link_sides(robot: Robot, mechanism: Mechanism) -> list[int]:

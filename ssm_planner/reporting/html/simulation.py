@@ -14,16 +14,16 @@ from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, MotorTorque
 from ssm_planner.reporting.figures.style import COLOURS
-from ssm_planner.reporting.html.channels import channels_of, encode, time_grid
-from ssm_planner.reporting.html.page import render, write_page
+from ssm_planner.reporting.html.channels import encode_channels, sample_channels, time_grid
+from ssm_planner.reporting.html.page import render_page, write_page
 from ssm_planner.reporting.html.panels import (
     Panel,
-    in_display_units,
-    limit_line,
-    new_limit,
+    convert_to_display_units,
+    limit_entry,
+    new_limit_entry,
     new_panel,
 )
-from ssm_planner.reporting.html.scene import scene_of
+from ssm_planner.reporting.html.scene import robot_scene
 from ssm_planner.reporting.text import simulation_tables
 from ssm_planner.simulation.simulate import SimulationResult
 from ssm_planner.typing import Array, Arrays, JsonObject
@@ -59,7 +59,7 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
     losses = result.losses
     holding = "holds" if result.holds else "does not hold"
     standstill = f"the arm {holding}, the tip travels {1e3 * result.travel:.4f} mm"
-    return render(
+    return render_page(
         "simulation.html",
         simulation_data(plan, result),
         title=f"{plan.problem.name} – simulated playback",
@@ -81,22 +81,22 @@ def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
     if result.scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(result.scenario.speed))
     t = time_grid(float(result.time[-1]))
-    channels = [channels_of(plan, t), _simulated(plan, result, t)]
-    panels = list(_panels(plan, result))
+    channels = [sample_channels(plan, t), _simulated_channels(plan, result, t)]
+    panels = list(_simulation_panels(plan, result))
     for panel in panels:
-        in_display_units(panel)
+        convert_to_display_units(panel)
     return {
         "duration": float(t[-1]),
         "ends": [plan.motion.duration, float(t[-1])],
         "names": ["planned", "simulated"],
         "colours": list(COLOURS),
         "panels": panels,
-        "scenes": [scene_of(plan.robot, plan.limits)] * 2,
-        "channels": [encode(samples) for samples in channels],
+        "scenes": [robot_scene(plan.robot, plan.limits)] * 2,
+        "channels": [encode_channels(samples) for samples in channels],
     }
 
 
-def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
+def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
     """Return the channels of the simulated motion.
 
     Parameters
@@ -111,7 +111,7 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
     Returns
     -------
     dict of (n,) arrays
-        Values in SI units by name of the channel, with the names of `channels_of`. An error is the
+        Values in SI units by name of the channel, with the names of `sample_channels`. An error is the
         simulated minus the planned value.
     """
 
@@ -138,27 +138,35 @@ def _simulated(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
     return channels
 
 
-def _panels(plan: Plan, result: SimulationResult) -> list[Panel]:
+def _simulation_panels(plan: Plan, result: SimulationResult) -> list[Panel]:
     """Build the panels of power losses, tip error, tracking errors and motor torques."""
-    tip = _panel("Tracking error", "Distance of the tip from the plan", "m", "tip_error")
-    tip["limits"] = [new_limit("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error)]
-    losses = _panel("Power loss at this time", "Travel of the tip until standstill", "m", "travel")
+    tip = _single_channel_panel(
+        "Tracking error", "Distance of the tip from the plan", "m", "tip_error"
+    )
+    tip["limits"] = [
+        new_limit_entry("allowed", "", index=0, low=-np.inf, high=result.scenario.tip_error)
+    ]
+    losses = _single_channel_panel(
+        "Power loss at this time", "Travel of the tip until standstill", "m", "travel"
+    )
     errors = []
     torques = []
     for motor in result.motors:
         i = JOINTS.index(motor.joint)
         joint = plan.robot.joints[i]
-        errors.append(_panel("Tracking error", joint.name, joint.unit, f"error{i}"))
-        panel = _panel("Motor torque", joint.name, "N·m", f"tau{i}", (PLANNED, SIMULATED))
+        errors.append(_single_channel_panel("Tracking error", joint.name, joint.unit, f"error{i}"))
+        panel = _single_channel_panel(
+            "Motor torque", joint.name, "N·m", f"tau{i}", (PLANNED, SIMULATED)
+        )
         limit = joint.find_limit(MotorTorque)
-        panel["limits"] = [] if limit is None else [limit_line(limit, i, f"tau{i}")]
+        panel["limits"] = [] if limit is None else [limit_entry(limit, i, f"tau{i}")]
         panel["missing"] = ["at rest, the controller’s integrator acts against static friction"]
         torques.append(panel)
     panels = [tip] + errors + torques
     return [losses] + panels if len(result.losses.time) > 1 else panels
 
 
-def _panel(
+def _single_channel_panel(
     section: str, title: str, unit: str, channel: str, sides: tuple[int, ...] = (SIMULATED,)
 ) -> Panel:
     """Build a panel with one channel.

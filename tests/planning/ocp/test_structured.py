@@ -27,7 +27,7 @@ from ssm_planner.problem.limits import TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Planner, Problem
 from ssm_planner.problem.value import unchecked
-from ssm_planner.reporting.text import verdicts
+from ssm_planner.reporting.text import solver_and_condition_lines
 from tests.support.random_problems import random_problem
 
 pytestmark = pytest.mark.skipif(
@@ -126,8 +126,12 @@ def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem)
     assert ours.certificate.passed
     assert ours.duration == pytest.approx(ipopts.duration, rel=SAME)
     assert [phase.solver for phase in ours.phases] == ["structured"] * len(ours.phases)
-    assert any(line.split() == ["solver", "structured"] for line in verdicts(ours))
-    assert not any(line.startswith(("solver", "confirmed")) for line in verdicts(ipopts))
+    assert any(
+        line.split() == ["solver", "structured"] for line in solver_and_condition_lines(ours)
+    )
+    assert not any(
+        line.startswith(("solver", "confirmed")) for line in solver_and_condition_lines(ipopts)
+    )
 
 
 def test_ipopt_solves_where_it_does_not_converge(
@@ -138,7 +142,7 @@ def test_ipopt_solves_where_it_does_not_converge(
     assert found.certificate is not None
     assert found.certificate.passed
     assert {phase.solver for phase in found.phases} == {"Ipopt"}
-    assert any(line.split() == ["solver", "Ipopt"] for line in verdicts(found))
+    assert any(line.split() == ["solver", "Ipopt"] for line in solver_and_condition_lines(found))
 
 
 def test_joints_that_turn_back_at_points_need_no_ipopt(
@@ -202,7 +206,7 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
         assert 0 <= phase.confirmation_residual <= SAME
         assert phase.iterations > phase.confirmation_iterations
     assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
-    said = [line for line in verdicts(found) if line.startswith("confirmed")]
+    said = [line for line in solver_and_condition_lines(found) if line.startswith("confirmed")]
     assert len(said) == 1
     assert "Ipopt confirms" in said[0]
     assert "agree within" in said[0]
@@ -313,7 +317,8 @@ def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.M
     assert {phase.solver for phase in found.phases} == {"structured"}
     assert found.duration == pytest.approx(sum(durations(problem, planner="fast")), rel=1e-12)
     assert any(
-        "differ by up to 1e-03: the shorter motion is used" in line for line in verdicts(found)
+        "differ by up to 1e-03: the shorter motion is used" in line
+        for line in solver_and_condition_lines(found)
     )
 
 

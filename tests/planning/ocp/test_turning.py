@@ -29,7 +29,7 @@ from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.value import unchecked
-from ssm_planner.reporting.text import verdicts
+from ssm_planner.reporting.text import solver_and_condition_lines
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
 from ssm_planner.verification.check import check
@@ -233,7 +233,9 @@ def test_the_command_begins_at_an_instant_of_a_plan(
     found = json.loads(capsys.readouterr().out)
     assert found["passed"]
     assert [phase["name"] for phase in found["phases"]] == ["stop", "tilt", "insert"]
-    assert "starts       at tilt" in "\n".join(verdicts(load_plan(tmp_path / "on")))
+    assert "starts       at tilt" in "\n".join(
+        solver_and_condition_lines(load_plan(tmp_path / "on"))
+    )
     assert main(words) == 2
 
 

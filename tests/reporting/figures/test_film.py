@@ -12,8 +12,8 @@ from PIL import Image, ImageSequence
 from ssm_planner import film, fk, load_plan
 from ssm_planner.cli import main
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.reporting.figures.film import VIEW, mechanism_lines
-from ssm_planner.reporting.figures.workspace import great_arc
+from ssm_planner.reporting.figures.film import PROJECTION, project_mechanism
+from ssm_planner.reporting.figures.workspace import great_circle_arc
 from tests.support.paths import ROOT
 
 PLAN = ROOT / "results/eye_approach"
@@ -37,16 +37,16 @@ def test_the_lines_are_where_the_kinematics_says() -> None:
     plan = load_plan(PLAN)
     mechanism = Mechanism.from_geometry(plan.robot.geometry)
     q = plan.motion.sample(np.linspace(0.0, plan.duration, 7)).q
-    first, second, tool = mechanism_lines(plan.robot, q)
-    np.testing.assert_allclose(tool[:, 0], fk(plan.robot, q).position @ VIEW.T, atol=1e-12)
+    first, second, tool = project_mechanism(plan.robot, q)
+    np.testing.assert_allclose(tool[:, 0], fk(plan.robot, q).position @ PROJECTION.T, atol=1e-12)
     np.testing.assert_allclose(first[:, -1], second[:, 0], atol=1e-12)
     assert np.ptp(first[:, 0], axis=0).max() < 1e-12, "joint 1 stands still"
     # The tool passes the port at the origin and the end of link 2, so both are parallel.
     for line in (second[:, -1], tool[:, 0]):
         across = np.cross(np.c_[tool[:, 1] - tool[:, 0], 0 * q[:, 0]], np.c_[line, 0 * q[:, 0]])
         assert np.abs(across).max() < 1e-12
-    assert np.linalg.norm(VIEW @ VIEW.T - np.eye(2)) < 1e-12
-    arc = great_arc(mechanism.omega1, mechanism.omega2)
+    assert np.linalg.norm(PROJECTION @ PROJECTION.T - np.eye(2)) < 1e-12
+    arc = great_circle_arc(mechanism.omega1, mechanism.omega2)
     length = np.linalg.norm(np.diff(arc, axis=0), axis=1).sum()
     assert length == pytest.approx(mechanism.alpha, rel=1e-3)
 

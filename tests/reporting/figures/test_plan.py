@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ssm_planner.plans import load_plan
-from ssm_planner.reporting.figures.plan import WIDTHS, motion_figure, motors_figure
-from ssm_planner.reporting.figures.style import fitting_name, new_panels, shade_phases
+from ssm_planner.reporting.figures.plan import NAMED_WIDTHS, motion_figure, motors_figure
+from ssm_planner.reporting.figures.style import fit_phase_name, new_panels, shade_phases
 from ssm_planner.sizing.requirements import motor_requirements
 from ssm_planner.trajectory import Span, Trajectory
 from tests.support.paths import RESULTS
@@ -42,7 +42,7 @@ def test_names_of_phases_never_collide(count: int) -> None:
 
 
 def test_the_longest_name_that_fits() -> None:
-    assert [fitting_name("ring, spot 12", letters) for letters in (13, 12, 7, 6, 2, 1)] == [
+    assert [fit_phase_name("ring, spot 12", letters) for letters in (13, 12, 7, 6, 2, 1)] == [
         "ring, spot 12",
         "spot 12",
         "spot 12",
@@ -50,7 +50,7 @@ def test_the_longest_name_that_fits() -> None:
         "12",
         "",
     ]
-    assert fitting_name("insert", 3) == ""
+    assert fit_phase_name("insert", 3) == ""
 
 
 def test_limits_stand_in_the_figure_of_the_motion() -> None:
@@ -66,16 +66,16 @@ def test_limits_stand_in_the_figure_of_the_motion() -> None:
     assert {bound, -bound} <= levels
 
 
-@pytest.mark.parametrize("name", list(WIDTHS))
+@pytest.mark.parametrize("name", list(NAMED_WIDTHS))
 def test_figures_of_a_width_are_that_wide_and_their_type_is_not_scaled(name: str) -> None:
     """Every text within the figure, and no label, title or legend over another."""
     plan = load_plan(PLAN)
     requirements = motor_requirements(plan.motion, plan.robot)
     for figure in (
-        motion_figure(plan.motion, plan.robot, WIDTHS[name]),
-        motors_figure(plan.motion, plan.robot, requirements, WIDTHS[name]),
+        motion_figure(plan.motion, plan.robot, NAMED_WIDTHS[name]),
+        motors_figure(plan.motion, plan.robot, requirements, NAMED_WIDTHS[name]),
     ):
-        assert figure.get_size_inches()[0] == WIDTHS[name]
+        assert figure.get_size_inches()[0] == NAMED_WIDTHS[name]
         figure.canvas.draw()
         texts = [
             text

@@ -83,11 +83,15 @@ def test_the_last_motion_counts(file: Plan) -> None:
 FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
     "no interpreter": lambda patch: patch.setattr(sys, "executable", ""),
     "no such interpreter": lambda patch: patch.setattr(sys, "executable", "/nowhere/python"),
-    "it fails": lambda patch: patch.setattr(figure_process, "_START", "raise SystemExit(3)"),
-    "it ends without an answer": lambda patch: patch.setattr(figure_process, "_START", "pass"),
+    "it fails": lambda patch: patch.setattr(
+        figure_process, "_CHILD_PROGRAM", "raise SystemExit(3)"
+    ),
+    "it ends without an answer": lambda patch: patch.setattr(
+        figure_process, "_CHILD_PROGRAM", "pass"
+    ),
     "it never answers": lambda patch: (
-        patch.setattr(figure_process, "_START", "import time; time.sleep(60)"),
-        patch.setattr(figure_process, "TIMEOUT", 0.2),
+        patch.setattr(figure_process, "_CHILD_PROGRAM", "import time; time.sleep(60)"),
+        patch.setattr(figure_process, "ANSWER_TIMEOUT", 0.2),
     ),
     "one processor": lambda patch: patch.setattr(os, "cpu_count", lambda: 1),
 }

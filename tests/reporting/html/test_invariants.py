@@ -18,7 +18,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Problem
-from ssm_planner.reporting.html.channels import channels_of, time_grid
+from ssm_planner.reporting.html.channels import sample_channels, time_grid
 from ssm_planner.reporting.html.compare import comparison_data
 from ssm_planner.reporting.html.report import report_data, write_no_plan
 from ssm_planner.typing import Array
@@ -72,7 +72,7 @@ def test_pages_of_random_results_keep_their_laws(
         data = report_data(result)
         grid = time_grid(result.motion.duration)
         check_panels(data["panels"], [result.motion.duration], 2 * grid[1])
-        check_channels(data["panels"], channels_of(result, grid))
+        check_channels(data["panels"], sample_channels(result, grid))
         if last is not None:
             both = comparison_data((last, result))
             step = 2 * both["duration"] / (len(grid) - 1)

@@ -21,9 +21,14 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.plans import load_plan
 from ssm_planner.problem import JOINTS
 from ssm_planner.problem.serialization import plain
-from ssm_planner.reporting.html.channels import FEWEST, channels_of, encode, time_grid
+from ssm_planner.reporting.html.channels import (
+    MIN_SAMPLES,
+    encode_channels,
+    sample_channels,
+    time_grid,
+)
 from ssm_planner.reporting.html.compare import comparison_data, write_comparison
-from ssm_planner.reporting.html.page import LIBRARIES, safe_json, templates
+from ssm_planner.reporting.html.page import EMBEDDED_LIBRARIES, safe_json, template_environment
 from ssm_planner.reporting.html.panels import active_intervals
 from ssm_planner.reporting.html.report import report_data, report_page, write_report
 from ssm_planner.reporting.html.simulation import simulation_data, write_simulation_page
@@ -111,9 +116,9 @@ def test_nothing_is_fetched_and_the_file_is_small(page: str) -> None:
 
 
 def test_licences_of_the_libraries_go_with_the_page(page: str) -> None:
-    for name, _ in LIBRARIES:
+    for name, _ in EMBEDDED_LIBRARIES:
         assert name in page
-    assert page.count("Permission is hereby granted, free of charge") >= len(LIBRARIES)
+    assert page.count("Permission is hereby granted, free of charge") >= len(EMBEDDED_LIBRARIES)
 
 
 def test_the_report_of_a_ten_second_plan_stays_small(tmp_path: Path) -> None:
@@ -242,7 +247,7 @@ def test_a_simulated_playback_stands_beside_its_plan(tmp_path: Path) -> None:
 
 @given(TEXT)
 def test_text_never_becomes_markup(text: str) -> None:
-    template = templates().from_string(
+    template = template_environment().from_string(
         '{% from "parts.html" import table, verdict %}{{ table(t) }}{{ verdict(marks) }}'
     )
     tables = [Table((cell,), [(cell,)], caption=cell) for cell in ("text", text)]
@@ -256,7 +261,7 @@ def test_text_never_becomes_markup(text: str) -> None:
 
 def test_a_name_that_a_template_misses_is_an_error() -> None:
     with pytest.raises(UndefinedError):
-        templates().get_template("report.html").render(data="{}")
+        template_environment().get_template("report.html").render(data="{}")
 
 
 @given(
@@ -272,7 +277,7 @@ def test_embedded_json_cannot_end_its_element(data: Any) -> None:
 def test_channels_are_exact(values: list[float]) -> None:
     array = np.array(values)
     assert np.array_equal(
-        np.frombuffer(base64.b64decode(encode({"x": array})["x"]), dtype="<f8"), array
+        np.frombuffer(base64.b64decode(encode_channels({"x": array})["x"]), dtype="<f8"), array
     )
 
 
@@ -317,7 +322,7 @@ def test_no_limit_is_active_after_the_end_of_its_plan(tmp_path: Path) -> None:
     other.write_text(json.dumps(stretched(1.5)), encoding="utf-8")
     for first, second in ((PLAN, other), (other, PLAN)):
         data = comparison_data((load_plan(first), load_plan(second)))
-        step = data["duration"] / (FEWEST - 1)
+        step = data["duration"] / (MIN_SAMPLES - 1)
         stretches = [stretch for panel in data["panels"] for stretch in panel["active"]]
         assert {stretch["joint"] for stretch in stretches} == {0, 1}
         for stretch in stretches:
@@ -429,7 +434,7 @@ def test_the_curves_of_a_page_are_those_of_all_instants() -> None:
     """A page interpolates at the instants beside its own; all instants give the same, to the bit."""
     plan = load_plan(PLAN)
     t = time_grid(plan.motion.duration)
-    channels = channels_of(plan, t)
+    channels = sample_channels(plan, t)
     for joint in plan.sizing.joints:
         i, load = JOINTS.index(joint.load.joint), joint.load
         for name, values in ((f"w{i}", load.speed()), (f"tau{i}", load.torque())):
