@@ -13,7 +13,6 @@ from playwright.sync_api import sync_playwright
 
 from ssm_planner import film, load_problem
 from ssm_planner.pipeline.run import plan_to_folder
-from ssm_planner.view.page import ViewedProblem
 from ssm_planner.view.server import ViewServer
 
 HERE = Path(__file__).parent
@@ -77,7 +76,7 @@ def main() -> None:
         file.write_text(re.sub(r"\[9.07 mm, 0 mm, -17.66 mm\]", TOO_CLOSE, text), encoding="utf-8")
         _, paths = plan_to_folder(load_problem(file), Path(folder) / "results")
         picture(paths["page"].as_uri(), HERE / "no_plan.png", "true", height=480)
-    with ViewServer(ViewedProblem(load_problem("eye_approach"))) as server:
+    with ViewServer(load_problem("eye_approach")) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         picture(server.url, HERE / "view.png", PLANNED)
         server.shutdown()

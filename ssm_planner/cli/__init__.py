@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments_given = sys.argv[1:] if arguments is None else arguments
     command_line = [_protect_negative_value(argument) for argument in arguments_given]
     as_json = "--json" in command_line
-    signals = _SignalHandling(for_good=arguments is None)
+    signals = _SignalHandling(ends_process=arguments is None)
     try:
         with signals:
             if arguments is None:
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options = _build_parser(command_line).parse_args(command_line)
             status = int(options.run(options))
             sys.stdout.flush()
-        return status if signals.arrived is None else _report_interruption(signals)
+        return status if signals.received is None else _report_interruption(signals)
     except SsmPlannerError as error:
         if isinstance(error, ProblemError):
             _name_error_by_option(error, command_line)
@@ -93,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _report_interruption(signals)
     except Exception as error:  # noqa: BLE001 the user gets one line and a separate status
-        if signals.arrived is not None:
+        if signals.received is not None:
             return _report_interruption(signals)
         return _report_fault(error)
 
@@ -161,17 +161,17 @@ def _discard_output() -> None:
 class _SignalHandling:
     """Context in which SIGTERM and SIGHUP interrupt the command like Ctrl-C.
 
-    `arrived` is the number of the signal, or None.
+    `received` is the number of the signal, or None.
     """
 
-    def __init__(self, for_good: bool) -> None:
+    def __init__(self, ends_process: bool) -> None:
         """Create the context.
 
-        If `for_good` is true, the program ends after the context, and ignores further signals.
+        If `ends_process` is true, the program ends after the context, and ignores further signals.
         """
-        self.arrived: int | None = None
-        self.for_good = for_good
-        self._before: dict[int, Any] = {}
+        self.received: int | None = None
+        self.ends_process = ends_process
+        self._previous_handlers: dict[int, Any] = {}
 
     def __enter__(self) -> None:
         if threading.current_thread() is threading.main_thread():
@@ -179,34 +179,34 @@ class _SignalHandling:
                 number = getattr(signal, name, None)
                 # A signal that is already ignored, for example by nohup, stays ignored.
                 if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-                    self._before[number] = signal.signal(number, self._arrive)
-        if self._before:
-            self._hook, sys.unraisablehook = sys.unraisablehook, self._ignored
+                    self._previous_handlers[number] = signal.signal(number, self._receive_signal)
+        if self._previous_handlers:
+            self._previous_hook, sys.unraisablehook = sys.unraisablehook, self._repeat_ignored
 
     def __exit__(self, *_: object) -> None:
-        if self._before:
-            sys.unraisablehook = self._hook
-        for number, handler in self._before.items():
-            signal.signal(number, signal.SIG_IGN if self.for_good else handler)
+        if self._previous_handlers:
+            sys.unraisablehook = self._previous_hook
+        for number, handler in self._previous_handlers.items():
+            signal.signal(number, signal.SIG_IGN if self.ends_process else handler)
 
-    def _arrive(self, number: int, _: FrameType | None) -> None:
-        self.arrived = number
+    def _receive_signal(self, number: int, _: FrameType | None) -> None:
+        self.received = number
         raise KeyboardInterrupt
 
-    def _ignored(self, unraisable: Any) -> None:
+    def _repeat_ignored(self, unraisable: Any) -> None:
         """Repeat an interruption that a finaliser or a weak reference's callback has swallowed.
 
         The interpreter passes exceptions that it ignores to this hook.
         """
         if not isinstance(unraisable.exc_value, KeyboardInterrupt):
-            self._hook(unraisable)
-        elif self.arrived is not None:
+            self._previous_hook(unraisable)
+        elif self.received is not None:
             # An exception would be lost in this hook too, so a thread sends the signal.
             threading.Timer(RETRY_DELAY, self._send_signal).start()
 
     def _send_signal(self) -> None:
-        if sys.unraisablehook == self._ignored:
-            signal.pthread_kill(threading.main_thread().ident or 0, self.arrived or signal.SIGINT)
+        if sys.unraisablehook == self._repeat_ignored:
+            signal.pthread_kill(threading.main_thread().ident or 0, self.received or signal.SIGINT)
 
 
 def _report_interruption(signals: _SignalHandling) -> int:
@@ -215,12 +215,12 @@ def _report_interruption(signals: _SignalHandling) -> int:
     exec("")
     atomic = sys.modules.get("ssm_planner.atomic")
     results = [str(path) for path in atomic.written_files] if atomic is not None else []
-    if atomic is not None and signals.for_good:
+    if atomic is not None and signals.ends_process:
         atomic.remove_temporaries()
     state = "earlier results are unchanged"
     if results:
         state = f"completed before that: {', '.join(results)}"
-    term = signals.arrived is not None and signals.arrived != signal.SIGINT
+    term = signals.received is not None and signals.received != signal.SIGINT
     print(f"\nssm-planner: {'terminated' if term else 'interrupted'}; {state}", file=sys.stderr)
     return TERMINATED if term else INTERRUPTED
 

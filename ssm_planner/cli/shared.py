@@ -84,10 +84,10 @@ def rate_argument(text: str) -> float:
 ARGUMENTS = Path(__file__).with_name("arguments.csv")
 """Table of the arguments of all commands.
 
-The column `kind` states the type of the value: a key of `VALUE_TYPES` or of units.KINDS, "flag", the
-allowed words with "|" between them, or the object that contains them as `module:name`. The column
-`number` contains the number of values in the form of argparse, "append" or "required". At most one
-argument of a group can be used.
+The column `kind` states the type of the value: a key of `VALUE_TYPES` or of units.KINDS, "flag",
+the allowed words with "|" between them, or the object that contains them as `module:name`. The
+column `number` contains the number of values in the form of argparse, "append" or "required". At
+most one argument of a group can be used.
 """
 VALUE_TYPES: dict[str, Callable[[str], Any]] = {
     "path": Path,

@@ -69,7 +69,7 @@ class Table:
         Headings of the columns. A text contains them with ", " in between.
     rows : sequence of sequences of str
         Rows with one cell for each column.
-    numbers : sequence of int
+    numeric_columns : sequence of int
         Indices of right-aligned columns.
     caption : str
         Title above the table. It may be empty.
@@ -77,7 +77,7 @@ class Table:
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
-    numbers: Sequence[int] = ()
+    numeric_columns: Sequence[int] = ()
     caption: str = ""
 
     def __post_init__(self) -> None:
@@ -106,7 +106,7 @@ class Table:
         # Two spaces separate the columns.
         ends = accumulate(widths, lambda end, width: end + 2 + width)
         fit = sum(end <= limit for end in ends)
-        label_count = min(self.numbers, default=1)
+        label_count = min(self.numeric_columns, default=1)
         if label_count < fit < len(widths):
             upper = self._select(indices[:fit])
             lower = self._select(indices[:label_count] + indices[fit:])
@@ -121,8 +121,8 @@ class Table:
     def _select(self, indices: Sequence[int]) -> "Table":
         """Return a table that contains only the columns with these indices."""
         rows = [[row[i] for i in indices] for row in self.rows]
-        numbers = [k for k, i in enumerate(indices) if i in self.numbers]
-        return Table([self.header[i] for i in indices], rows, numbers)
+        numeric_columns = [k for k, i in enumerate(indices) if i in self.numeric_columns]
+        return Table([self.header[i] for i in indices], rows, numeric_columns)
 
     def _widths(self, limit: int) -> list[int]:
         """Return the width of each column, so that a line has at most `limit` characters.
@@ -135,7 +135,9 @@ class Table:
         for i, heading in enumerate(self.header):
             cells = [row[i] for row in self.rows]
             unbroken = " ".join([heading] + cells).split()
-            if i in self.numbers:  # Numbers stay on one line, but their headings may be wrapped.
+            if (
+                i in self.numeric_columns
+            ):  # Numbers stay on one line, but their headings may be wrapped.
                 unbroken += cells
             widths.append(max(map(len, [heading] + cells)))
             smallest.append(max(map(len, unbroken), default=0))
@@ -143,14 +145,14 @@ class Table:
             shrinkable = [i for i, width in enumerate(widths) if width > smallest[i]]
             if not shrinkable:
                 break
-            selected = max(shrinkable, key=lambda i: (i in self.numbers, widths[i]))
+            selected = max(shrinkable, key=lambda i: (i in self.numeric_columns, widths[i]))
             widths[selected] -= 1
         return widths
 
     def _align(self, row: Sequence[str], widths: Sequence[int]) -> Iterator[str]:
         """Yield the cells of a row, padded to the widths of their columns."""
         for i, (cell, width) in enumerate(zip(row, widths, strict=True)):
-            yield cell.rjust(width) if i in self.numbers else cell.ljust(width)
+            yield cell.rjust(width) if i in self.numeric_columns else cell.ljust(width)
 
 
 def _wrap_row(row: Sequence[str], widths: Sequence[int]) -> Iterator[Sequence[str]]:

@@ -102,7 +102,7 @@ def audit_study(
     with open_existing_store(folder) as store:
         description = store.description()
         study = study_from_description(description, str(folder))
-        store.describe(description, context_hash(description))
+        store.set_description(description, context_hash(description))
         entries = {number: row for _, number, row in store.entries()}
     original = entries.pop(ORIGINAL_NUMBER, None)
     faults = dict(_row_faults(study, entries))
@@ -115,10 +115,10 @@ def audit_study(
     sample = list(front) + random.sample(remaining, math.ceil(0.05 * len(remaining)))
     with (
         TemporaryDirectory() as temporary,
-        open_runner(study, Path(temporary), workers, None, progress) as driver,
+        open_runner(study, Path(temporary), workers, None, progress) as runner,
     ):
-        driver.run([row.design for row in sample])
-        new_rows = driver.rows()
+        runner.run([row.design for row in sample])
+        new_rows = runner.rows()
         expected_table = Path(temporary, TABLE_FILE)
         write_table(rows, expected_table)
         table = folder / TABLE_FILE

@@ -263,7 +263,8 @@ def axis_title(name: str) -> str:
 
 def format_result(name: str, results: Fields) -> str:
     """Format a result with its name and unit, for example as "motor mass 0.239 kg"."""
-    return f"{plain_words(name)} {number(displayed_result(name, results), 4)} {result_unit(name)[0]}".strip()
+    value = number(displayed_result(name, results), 4)
+    return f"{plain_words(name)} {value} {result_unit(name)[0]}".strip()
 
 
 def displayed_result(name: str, results: Fields) -> float | None:

@@ -169,17 +169,17 @@ def study(
     """
     definition = of if isinstance(of, Study) else load_study(of)
     folder = Path(folder)
-    with open_runner(definition, folder, workers, executor, progress) as driver:
+    with open_runner(definition, folder, workers, executor, progress) as runner:
         finished = True
         try:
-            driver.run()
+            runner.run()
         except KeyboardInterrupt:
             finished = False
-        driver.flush()
-        all_rows = driver.rows()
+        runner.flush()
+        all_rows = runner.rows()
     original = all_rows[0]
     rows = tuple(all_rows[1:])
-    result = StudyResult(definition, rows, folder, finished, original, notes=tuple(driver.notes))
+    result = StudyResult(definition, rows, folder, finished, original, notes=tuple(runner.notes))
     write_table(rows, folder / TABLE_FILE)
     write_study_page(definition, all_rows, result.front, folder / PAGE_FILE, finished=True)
     write_study_figures(definition, original, rows, result.front, folder)
@@ -205,7 +205,7 @@ def open_runner(
     executor: Executor | None,
     progress: StudyProgress,
 ) -> Iterator[StudyRunner]:
-    """Yield the driver of a study, and end its workers at the end of the block.
+    """Yield the runner of a study, and end its workers at the end of the block.
 
     The arguments and errors are those of `study`.
     """
@@ -222,79 +222,84 @@ def open_runner(
         pool = executor or Workers(count)
         if executor is None:
             stack.callback(pool.shutdown, cancel_futures=True)
-        ahead = (
+        max_pending = (
             QUEUED_BATCHES_PER_WORKER * count if executor is None else QUEUED_BATCHES_FOR_EXECUTOR
         )
-        yield StudyRunner(definition, store, pool, ahead, progress)
+        yield StudyRunner(definition, store, pool, max_pending, progress)
 
 
 class StudyRunner:
-    """Driver of a study. It screens candidates, sends them to the workers and writes the store."""
+    """Runner of a study. It screens candidates, sends them to the workers and writes the store."""
 
     def __init__(
-        self, study: Study, store: Store, pool: Executor, ahead: int, progress: StudyProgress
+        self,
+        study: Study,
+        store: Store,
+        executor: Executor,
+        max_pending: int,
+        progress: StudyProgress,
     ) -> None:
         self._study = study
         self._store = store
-        self._pool = pool
-        self._ahead = ahead
+        self._executor = executor
+        self._max_pending = max_pending
         self._progress = progress
         description = describe_study(study)
         self._context = context_hash(description)
-        previous = store.describe(description, self._context)
+        previous = store.set_description(description, self._context)
         self.notes = study.notes
         if previous and context_hash(previous) != self._context:
             self.notes += [
                 "The folder contained results of another study or program: "
-                f"{', '.join(describe_differences(previous, description))}. Their rows remain in {STORE_FILE}, "
-                "but they are not used, and the candidates were evaluated again."
+                f"{', '.join(describe_differences(previous, description))}. Their rows remain in "
+                f"{STORE_FILE}, but they are not used, and the candidates were evaluated again."
             ]
         self._screens = Screens(study)
         self.keys: list[str] = []
-        self.own = candidate_key({}, self._context)
+        self.original_key = candidate_key({}, self._context)
         self._pending: dict[Future[Any], Sequence[CandidateTask]] = {}
         # Decaying sums over the latest batches.
         self._batch_seconds, self._batch_candidates = BATCH_DURATION, 1.0
-        self._finished: list[tuple[str, Candidate]] = []
+        self._unwritten_results: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()
         self._next_page = self._last_write + PAGE_INTERVAL
         self._states: Counter[str] = Counter()
-        self._earlier: dict[str, tuple[int | None, str]] = {}
+        self._stored_states: dict[str, tuple[int | None, str]] = {}
         # Executors treat the pickle as bytes, so the study is pickled only once.
-        self._evaluation = pickle.dumps(Evaluation(study))
+        self._pickled_evaluation = pickle.dumps(Evaluation(study))
 
     def run(self, sample: Sequence[Design] | None = None) -> None:
         """Evaluate all candidates, beginning with the study's own robot.
 
         With a `sample`, only these designs are evaluated.
         """
-        self._store.add([(ORIGINAL_NUMBER, self.own, {})])
-        self._earlier = self._store.states()
-        if self._earlier[self.own][1] == "waiting":
-            self._submit([(self.own, ORIGINAL_NUMBER, {})])
+        self._store.add_candidates([(ORIGINAL_NUMBER, self.original_key, {})])
+        self._stored_states = self._store.states()
+        if self._stored_states[self.original_key][1] == "waiting":
+            self._submit_batch([(self.original_key, ORIGINAL_NUMBER, {})])
         self._total = self._study.count if sample is None else len(sample)
         if self._study.search.adaptive and sample is None:
             from ssm_planner.studies.adaptive import candidate_batches
 
             for designs, tell in candidate_batches(self._study):
-                self._process(designs)
-                self._drain()
+                self._submit_passing(designs)
+                self._wait_for_pending()
                 tell(self.rows()[-len(designs) :])
             return
         remaining = self._study.designs() if sample is None else iter(sample)
         while block := list(islice(remaining, SCREENING_BLOCK_SIZE)):
-            self._process(block)
-        self._drain()
+            self._submit_passing(block)
+        self._wait_for_pending()
 
     def rows(self) -> list[Candidate]:
         """Return the stored results of the study's own robot and of the submitted candidates."""
-        return self._store.rows([self.own] + self.keys)
+        return self._store.rows([self.original_key] + self.keys)
 
     def flush(self) -> None:
         """Write finished candidates into the store. Also write the page if the last one is old."""
-        if self._finished:
-            self._store.put(self._finished)
-            self._finished = []
+        if self._unwritten_results:
+            self._store.write_results(self._unwritten_results)
+            self._unwritten_results = []
         self._last_write = time.monotonic()
         if self._last_write > self._next_page:
             self._write_page()
@@ -308,52 +313,52 @@ class StudyRunner:
         now = time.monotonic()
         self._next_page = now + max(PAGE_INTERVAL, 50 * (now - self._last_write))
 
-    def _process(self, designs: Sequence[Design]) -> None:
+    def _submit_passing(self, designs: Sequence[Design]) -> None:
         """Screen candidates, and send those that pass to the workers."""
         waiting: list[CandidateTask] = []
         new: list[tuple[int, str, Design]] = []
         for number, design in enumerate(designs, len(self.keys)):
             key = candidate_key(design, self._context)
             self.keys.append(key)
-            known_number, state = self._earlier.get(key, (None, "waiting"))
+            known_number, state = self._stored_states.get(key, (None, "waiting"))
             if known_number != number:
                 new.append((number, key, design))
             if state == "waiting":
                 waiting.append((key, number, design))
             else:
-                self._count(state)
-        self._store.add(new)
+                self._count_state(state)
+        self._store.add_candidates(new)
         batch: list[CandidateTask] = []
         rejections = self._screens.reject([design for _, _, design in waiting])
         for task, rejection in zip(waiting, rejections, strict=True):
             if rejection is not None:
                 key, number, design = task
                 stage, reason = rejection.stage, rejection.reason
-                self._record(key, Candidate(number, "infeasible", design, stage, reason))
+                self._record_result(key, Candidate(number, "infeasible", design, stage, reason))
                 continue
             batch.append(task)
             size = BATCH_DURATION * self._batch_candidates / self._batch_seconds
             if len(batch) >= min(size, MAX_BATCH_SIZE):
-                while len(self._pending) >= self._ahead:
-                    self._collect()
-                self._submit(batch)
+                while len(self._pending) >= self._max_pending:
+                    self._collect_results()
+                self._submit_batch(batch)
                 batch = []
         if batch:
-            self._submit(batch)
+            self._submit_batch(batch)
 
-    def _submit(self, batch: Sequence[CandidateTask]) -> None:
+    def _submit_batch(self, batch: Sequence[CandidateTask]) -> None:
         """Send a batch to the next free worker."""
         candidates = [(number, design) for _, number, design in batch]
-        future = self._pool.submit(evaluate_batch, self._evaluation, candidates)
+        future = self._executor.submit(evaluate_batch, self._pickled_evaluation, candidates)
         self._pending[future] = batch
 
-    def _drain(self) -> None:
+    def _wait_for_pending(self) -> None:
         """Wait for the results of all batches, and store them."""
         while self._pending:
-            self._collect()
+            self._collect_results()
         self.flush()
 
-    def _collect(self) -> None:
+    def _collect_results(self) -> None:
         """Wait for the result of at least one batch.
 
         The candidates of a batch that ended its worker are submitted again, one by one. Raises
@@ -374,15 +379,15 @@ class StudyRunner:
                     worker_error = error
                 elif len(batch) > 1:
                     for task in batch:
-                        self._submit([task])
+                        self._submit_batch([task])
                 else:
                     reason = "ended its worker process each time it was tried"
-                    self._record(batch[0][0], Candidate(-1, "quarantined", {}, None, reason))
+                    self._record_result(batch[0][0], Candidate(-1, "quarantined", {}, None, reason))
                 continue
             self._batch_seconds = 0.8 * self._batch_seconds + seconds
             self._batch_candidates = 0.8 * self._batch_candidates + len(batch)
             for (key, _, _), row in zip(batch, rows, strict=True):
-                self._record(key, row)
+                self._record_result(key, row)
         if worker_error is not None or time.monotonic() - self._last_write > WRITE_INTERVAL:
             self.flush()
         if worker_error is not None:
@@ -393,15 +398,15 @@ class StudyRunner:
                 f"{reason}; the other results are stored, and the same command continues the study"
             ) from worker_error
 
-    def _record(self, key: str, row: Candidate) -> None:
+    def _record_result(self, key: str, row: Candidate) -> None:
         """Add a result to those of the next write, and count its state."""
-        self._finished.append((key, row))
-        if key != self.own:
-            self._count(row.state)
-        if len(self._finished) >= SCREENING_BLOCK_SIZE:
+        self._unwritten_results.append((key, row))
+        if key != self.original_key:
+            self._count_state(row.state)
+        if len(self._unwritten_results) >= SCREENING_BLOCK_SIZE:
             self.flush()
 
-    def _count(self, state: str) -> None:
+    def _count_state(self, state: str) -> None:
         """Count the state of a candidate, and report the progress."""
         self._states[state] += 1
         self._progress(self._states.total(), self._total, self._states)

@@ -52,22 +52,22 @@ class Screens:
     def __init__(self, study: Study) -> None:
         self.study = study
         self._valid_design = study.design([0.0] * len(study.vary))
-        problems = list(self._problems())
+        problems = list(self._valid_problems())
         self.robot: Robot | None = problems[0].robot if problems else None
         self._tilts, self._moves = _required_tilts_and_moves(problems)
-        self._joints = self._alternatives()
+        self._joint_options = self._optional_joints()
 
     def reject(self, designs: Sequence[Design]) -> Rejections:
         """Apply all screens. Returns the rejection of each candidate, or None if it passes."""
         if not designs:
             return []
         rejections: Rejections = [None] * len(designs)
-        family = self._family(designs)
+        family = self._geometry_family(designs)
         if family is not None:
-            self._reach(family, rejections)
+            self._screen_reach(family, rejections)
         self._screen_parts(designs, rejections)
         if family is not None and self._moves and not self._bodies_vary:
-            self._start(designs, family, rejections)
+            self._screen_start(designs, family, rejections)
         return rejections
 
     @property
@@ -77,7 +77,7 @@ class Screens:
             return True
         return any("parts" in body for body in self.study.robot["bodies"])
 
-    def _problems(self) -> Iterator[Problem]:
+    def _valid_problems(self) -> Iterator[Problem]:
         """Yield the problem of each motion, with a candidate for which all problems are valid.
 
         The result is empty if none of three candidates is valid.
@@ -96,7 +96,7 @@ class Screens:
             yield from problems
             return
 
-    def _family(self, designs: Sequence[Design]) -> Family | None:
+    def _geometry_family(self, designs: Sequence[Design]) -> Family | None:
         """Return the geometries of all designs as arrays.
 
         None if other keys than `GEOMETRY_ANGLES` define the geometry.
@@ -115,15 +115,17 @@ class Screens:
         sign = -1 if geometry["insertion"] == "negative" else 1
         return Family(columns[0], columns[1], columns[2], sign)
 
-    def _reach(self, family: Family, rejections: Rejections) -> None:
+    def _screen_reach(self, family: Family, rejections: Rejections) -> None:
         """Reject candidates that do not reach the required tilts or the tilts of the motions."""
         require = self.study.require
-        demands: list[tuple[str, Array, float]] = []
+        tilt_requirements: list[tuple[str, Array, float]] = []
         if require.reach is not None:
-            demands.append(("the tilts required", np.array(require.reach), require.reach_margin))
+            tilt_requirements.append(
+                ("the tilts required", np.array(require.reach), require.reach_margin)
+            )
         if len(self._tilts):
-            demands.append(("the tilts of the motions", self._tilts, 0.0))
-        for subject, tilts, margin in demands:
+            tilt_requirements.append(("the tilts of the motions", self._tilts, 0.0))
+        for subject, tilts, margin in tilt_requirements:
             distance = family.boundary_distance(tilts)
             for i in np.flatnonzero(distance < margin):
                 if rejections[i] is None:
@@ -135,13 +137,13 @@ class Screens:
 
     def _screen_parts(self, designs: Sequence[Design], rejections: Rejections) -> None:
         """Reject candidates with an invalid drive or motor, or with a drive that does not lock."""
-        for path, options in self._joints.items():
-            faults = {label: self._fault(option) for label, option in options.items()}
+        for path, options in self._joint_options.items():
+            faults = {label: self._part_rejection(option) for label, option in options.items()}
             for i, design in enumerate(designs):
                 if rejections[i] is None:
                     rejections[i] = faults[design[path]]
 
-    def _fault(self, joint: Joint | ProblemError) -> Rejection | None:
+    def _part_rejection(self, joint: Joint | ProblemError) -> Rejection | None:
         """Return the rejection if a joint is invalid or its drive does not lock, otherwise None."""
         if isinstance(joint, ProblemError):
             return Rejection("parts", joint.reason)
@@ -154,7 +156,7 @@ class Screens:
             return Rejection("locking", f"joint {joint.name}: {error.reason}")
         return None
 
-    def _alternatives(self) -> dict[str, JointOptions]:
+    def _optional_joints(self) -> dict[str, JointOptions]:
         """Build one joint for each drive or motor that the study can choose.
 
         All other values are those of the first candidate. The result contains the joints by path of
@@ -177,7 +179,9 @@ class Screens:
             joints[variable.path] = options
         return joints
 
-    def _start(self, designs: Sequence[Design], family: Family, rejections: Rejections) -> None:
+    def _screen_start(
+        self, designs: Sequence[Design], family: Family, rejections: Rejections
+    ) -> None:
         """Reject designs whose motors cannot start a motion from rest on any branch.
 
         The reason is that of the first branch.
@@ -190,13 +194,15 @@ class Screens:
         indices = np.flatnonzero(passes).tolist()
         passing_designs = [designs[i] for i in indices]
         passing_family = family.subset(passes)
-        positive_branch = self._weak_motors(passing_family, 1, passing_designs)
-        negative_branch = self._weak_motors(passing_family, -1, passing_designs)
+        positive_branch = self._start_rejections(passing_family, 1, passing_designs)
+        negative_branch = self._start_rejections(passing_family, -1, passing_designs)
         for i, reason, other_reason in zip(indices, positive_branch, negative_branch, strict=True):
             if other_reason is not None:
                 rejections[i] = reason
 
-    def _weak_motors(self, family: Family, branch: int, designs: Sequence[Design]) -> Rejections:
+    def _start_rejections(
+        self, family: Family, branch: int, designs: Sequence[Design]
+    ) -> Rejections:
         """Return the rejection of each design whose motors are too weak on one branch, or None."""
         starts, ends = np.array(self._moves).swapaxes(0, 1)
         steps = starts + START_FRACTION * (ends - starts)
@@ -205,19 +211,19 @@ class Screens:
             step = family.joints(steps, branch) - q
             step[..., :3] = np.arctan2(np.sin(step[..., :3]), np.cos(step[..., :3]))
             direction = np.where(np.abs(step) > 1e-12, np.sign(step), 0.0)
-            load = self._loads(family, q)
+            load = self._weight_efforts(family, q)
         rejections: Rejections = [None] * len(designs)
         selected = {choice.path.split(".")[1] for choice in self.study.selected}
         for k, name in enumerate(JOINTS):
             if name in selected:
                 continue
-            for joint, members in self._groups(name, designs):
+            for joint, members in self._joint_variants(name, designs):
                 faults = _motor_rejections(joint, load[members, :, k], direction[members, :, k])
                 for i, rejection in faults.items():
                     rejections[members[i]] = rejections[members[i]] or rejection
         return rejections
 
-    def _loads(self, family: Family, q: Array) -> Array:
+    def _weight_efforts(self, family: Family, q: Array) -> Array:
         """Return the efforts of the weight on the joints at q (n, k, 4), (n, k, 4), N·m and N.
 
         The bodies keep their place relative to the axes of their joints.
@@ -226,9 +232,9 @@ class Screens:
         count = len(family.alpha)
         axes = np.stack([family.omega1, family.omega2, family.omega3], axis=1)
         masses = np.tile([body.mass for body in self.robot.bodies], (count, 1))
-        return static_loads(axes, masses, self._coms(family), self.robot.gravity, q)
+        return static_loads(axes, masses, self._centres_of_mass(family), self.robot.gravity, q)
 
-    def _coms(self, family: Family) -> Array:
+    def _centres_of_mass(self, family: Family) -> Array:
         """Return the centres of mass in the base frame at q = 0, (n, 4, 3), m.
 
         The z axis of a body's frame stays along the axis of its joint.
@@ -241,7 +247,9 @@ class Screens:
             [_rotate_with_axis(centre, old, new) for centre, old, new in bodies], axis=1
         )
 
-    def _groups(self, name: str, designs: Sequence[Design]) -> Iterator[tuple[Joint, Array]]:
+    def _joint_variants(
+        self, name: str, designs: Sequence[Design]
+    ) -> Iterator[tuple[Joint, Array]]:
         """Yield each variant of a joint, and the indices of the designs that contain it.
 
         Variants differ in their drive and motor. A variant whose drive and motor do not fit
@@ -249,14 +257,14 @@ class Screens:
         """
         assert self.robot is not None
         original = self.robot.joints[JOINTS.index(name)]
-        paths = [path for path in self._joints if path.split(".")[1] == name]
+        paths = [path for path in self._joint_options if path.split(".")[1] == name]
         groups: dict[tuple[str, ...], list[int]] = {}
         for i, design in enumerate(designs):
             groups.setdefault(tuple(design[path] for path in paths), []).append(i)
         for labels, members in groups.items():
             joint: Any = original
             for path, label in zip(paths, labels, strict=True):
-                option = self._joints[path][label]
+                option = self._joint_options[path][label]
                 assert isinstance(option, Joint)  # Candidates with an error are rejected already.
                 field = "motor" if path.endswith("motor") else "drive"
                 try:

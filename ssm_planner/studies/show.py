@@ -35,7 +35,7 @@ def load_candidates(study: Study, folder: Path) -> dict[int, Candidate]:
                 file=store.path,
                 allowed="the results of this study; `study FILE -o DIR` computes them",
             )
-        store.describe(current, context_hash(current))
+        store.set_description(current, context_hash(current))
         return {row.number: row for row in store.rows()}
 
 

@@ -148,14 +148,14 @@ class Store(AbstractContextManager["Store"]):
                     ) from error
                 time.sleep(0.02)
         try:
-            self._open()
+            self._open_database()
         except BaseException:
             self._lock.__exit__(None, None, None)
             raise
 
-    def _open(self) -> None:
+    def _open_database(self) -> None:
         """Open the database and create its tables. Raises ProblemError or ExportError."""
-        with self._faults():
+        with self._converting_errors():
             self._connection = sqlite3.connect(self.path, isolation_level=None)
             (version,) = self._connection.execute("PRAGMA user_version").fetchone()
             if version not in (0, STORE_VERSION):
@@ -172,7 +172,7 @@ class Store(AbstractContextManager["Store"]):
             self._connection.execute("PRAGMA synchronous = NORMAL")
             self._connection.executescript(_TABLES)
 
-    def describe(self, description: JsonObject, context: str) -> JsonObject:
+    def set_description(self, description: JsonObject, context: str) -> JsonObject:
         """Store the description of the current study, and return the previous one.
 
         If they differ, the rows of the previous study lose their numbers. `context` identifies the
@@ -182,9 +182,9 @@ class Store(AbstractContextManager["Store"]):
         self._context = context
         text = json.dumps(description)
         if json.dumps(previous) != text:
-            self._write("DELETE FROM numbers", [()])
+            self._execute_many("DELETE FROM numbers", [()])
             statement = "INSERT OR REPLACE INTO study VALUES (0, ?1, hash_contents(?1))"
-            self._write(statement, [(text,)])
+            self._execute_many(statement, [(text,)])
         return previous
 
     def description(self) -> JsonObject:
@@ -192,7 +192,7 @@ class Store(AbstractContextManager["Store"]):
 
         Raises ProblemError if it was changed.
         """
-        for text, sha256 in self._read("SELECT description, sha256 FROM study"):
+        for text, sha256 in self._query("SELECT description, sha256 FROM study"):
             with suppress(ValueError, RecursionError):
                 description = json.loads(text)
                 if sha256 == hash_contents(text) and isinstance(description, dict):
@@ -200,22 +200,24 @@ class Store(AbstractContextManager["Store"]):
             raise ProblemError("the description of the study was changed", file=self.path)
         return {}
 
-    def add(self, designs: Iterable[tuple[int, str, Fields]]) -> None:
+    def add_candidates(self, designs: Iterable[tuple[int, str, Fields]]) -> None:
         """Add candidates with the state "waiting". Existing candidates get the new number.
 
         `designs` contains the number, the key and the design of each candidate.
         """
         rows = [(number, key, _to_json(design)) for number, key, design in designs]
-        self._write(
+        self._execute_many(
             "INSERT OR IGNORE INTO candidates VALUES (?1, 'waiting', NULL, NULL, ?2, '{}', "
             "hash_contents(?1, 'waiting', NULL, NULL, ?2, '{}'))",
             [row[1:] for row in rows],
         )
-        self._write("INSERT OR REPLACE INTO numbers VALUES (?, ?)", [row[:2] for row in rows])
+        self._execute_many(
+            "INSERT OR REPLACE INTO numbers VALUES (?, ?)", [row[:2] for row in rows]
+        )
 
-    def put(self, rows: Iterable[tuple[str, Candidate]]) -> None:
+    def write_results(self, rows: Iterable[tuple[str, Candidate]]) -> None:
         """Write the results of candidates. `rows` contains the key and the result of each."""
-        self._write(
+        self._execute_many(
             "UPDATE candidates SET state = ?1, stage = ?2, reason = ?3, figures = ?4, "
             "sha256 = hash_contents(key, ?1, ?2, ?3, design, ?4) WHERE key = ?5",
             ((row.state, row.stage, row.reason, _to_json(row.figures), key) for key, row in rows),
@@ -226,7 +228,7 @@ class Store(AbstractContextManager["Store"]):
 
         Rows of earlier studies have the number None.
         """
-        rows = self._read(
+        rows = self._query(
             "SELECT key, number, CAST(state AS TEXT) FROM candidates LEFT JOIN numbers USING (key)"
         )
         return {key: (number, state) for key, number, state in rows}
@@ -256,7 +258,7 @@ class Store(AbstractContextManager["Store"]):
 
         The row is None if it was changed after the study had written it.
         """
-        for number, key, *contents, sha256 in self._read(
+        for number, key, *contents, sha256 in self._query(
             "SELECT number, key, CAST(state AS TEXT), CAST(stage AS TEXT), CAST(reason AS TEXT), "
             "CAST(design AS TEXT), CAST(figures AS TEXT), sha256 FROM numbers "
             "LEFT JOIN candidates USING (key) ORDER BY number"
@@ -266,14 +268,14 @@ class Store(AbstractContextManager["Store"]):
                 intact = intact and key == hash_contents(self._context, contents[3])[:32]
             yield key, number, _candidate_from_row(number, *contents) if intact else None
 
-    def _read(self, statement: str) -> list[tuple[Any, ...]]:
+    def _query(self, statement: str) -> list[tuple[Any, ...]]:
         """Return all rows of a query."""
-        with self._faults():
+        with self._converting_errors():
             return self._connection.execute(statement).fetchall()
 
-    def _write(self, statement: str, rows: Iterable[tuple[Any, ...]]) -> None:
+    def _execute_many(self, statement: str, rows: Iterable[tuple[Any, ...]]) -> None:
         """Execute a statement for all rows in one transaction."""
-        with self._faults():
+        with self._converting_errors():
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 self._connection.executemany(statement, rows)
@@ -284,7 +286,7 @@ class Store(AbstractContextManager["Store"]):
                 raise
 
     @contextmanager
-    def _faults(self) -> Iterator[None]:
+    def _converting_errors(self) -> Iterator[None]:
         """Convert errors of SQLite to ExportError (disk) or ProblemError (damaged file)."""
         try:
             yield

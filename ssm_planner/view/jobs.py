@@ -84,17 +84,17 @@ class PlanningJob:
 class PlanningJobs:
     """The planning runs of one server, and its studies by the path of their page."""
 
-    def __init__(self, study: ViewedProblem) -> None:
+    def __init__(self, page: ViewedProblem) -> None:
         """Create the study of the first page and a folder for progress."""
-        self.studies = {"/": study}
+        self.pages = {"/": page}
         self._jobs: dict[str, PlanningJob] = {}
         self._lock = threading.Lock()
-        self._workers: Workers | None = None
+        self._planner_process: Workers | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
-    def study(self, request: JsonObject) -> ViewedProblem:
+    def requested_page(self, request: JsonObject) -> ViewedProblem:
         """Return the study whose page made a request. Raises ProblemError if it is unknown."""
-        return _find_requested(self.studies, request, "of")
+        return _find_requested(self.pages, request, "of")
 
     def edit(self, request: JsonObject) -> JsonObject:
         """Answer {text} with {page}.
@@ -103,7 +103,7 @@ class PlanningJobs:
         Raises ProblemError if the text is invalid.
         """
         page = f"/{secrets.token_urlsafe(16)}"
-        self.studies[page] = self.study(request).edit(str(request.get("text")))
+        self.pages[page] = self.requested_page(request).edit(str(request.get("text")))
         return {"page": page}
 
     def start(self, request: JsonObject) -> JsonObject:
@@ -127,7 +127,7 @@ class PlanningJobs:
         requests = []
         for name, item in (("A", request.get("pinned")), ("B", request)):
             if isinstance(item, dict):
-                problem = self.study(item).requested_problem(item)
+                problem = self.requested_page(item).requested_problem(item)
                 requests.append((name, problem, item.get("relaxed")))
         with self._lock:
             for active_job in self._jobs.values():
@@ -137,7 +137,7 @@ class PlanningJobs:
             job.steps.touch()
             for old_identity in list(self._jobs)[:-MAX_KEPT_RUNS]:
                 del self._jobs[old_identity]
-            future = self._submit(run_plan, requests, job.steps)
+            future = self._run_in_planner(run_plan, requests, job.steps)
             future.add_done_callback(partial(self._finish, job))
         return {"job": identity}
 
@@ -162,9 +162,9 @@ class PlanningJobs:
         """Kill the planner's process if a run is in progress. The caller holds the lock."""
         if job.outcome is None:
             job.outcome = PlanningOutcome(message)
-            self._end()
+            self._kill_planner()
 
-    def text(self, text_type: str, identity: str) -> str | None:
+    def document(self, text_type: str, identity: str) -> str | None:
         """Return the "report" or the "plan" of a run, or None if it does not exist.
 
         The planner's process produces the text.
@@ -173,19 +173,19 @@ class PlanningJobs:
         if job is None or job.outcome is None or job.outcome.plan is None:
             return None
         with self._lock:
-            future = self._submit(plan_document, text_type, job.outcome.plan)
+            future = self._run_in_planner(plan_document, text_type, job.outcome.plan)
         return future.result()
 
-    def _submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
+    def _run_in_planner(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Run a function in the planner's process. The caller holds the lock."""
-        if self._workers is None:
-            self._workers = Workers(1, attempts=1)
-        return self._workers.submit(function, *arguments)
+        if self._planner_process is None:
+            self._planner_process = Workers(1, attempts=1)
+        return self._planner_process.submit(function, *arguments)
 
     def close(self) -> None:
         """Kill the planner's process and delete its files."""
         with self._lock:
-            self._end()
+            self._kill_planner()
         self._folder.cleanup()
 
     def _finish(self, job: PlanningJob, future: Future[PlanningOutcome]) -> None:
@@ -201,11 +201,11 @@ class PlanningJobs:
             else:
                 job.outcome = PlanningOutcome(f"stopped by a fault of the program: {error}")
 
-    def _end(self) -> None:
+    def _kill_planner(self) -> None:
         """Kill the planner's process."""
-        if self._workers is not None:
-            self._workers.shutdown(wait=False, cancel_futures=True)
-            self._workers = None
+        if self._planner_process is not None:
+            self._planner_process.shutdown(wait=False, cancel_futures=True)
+            self._planner_process = None
 
 
 def _find_requested(items: Mapping[str, T], request: JsonObject, key: str) -> T:

@@ -1,7 +1,7 @@
 """Render the local view's page, and answer its requests about a mechanism, in JSON types.
 
-A request is a JSON object that the script of the page sends. The methods of `ViewedProblem` state the keys
-of their requests and answers.
+A request is a JSON object that the script of the page sends. The methods of `ViewedProblem` state
+the keys of their requests and answers.
 """
 
 import math
@@ -315,7 +315,7 @@ class ViewedProblem:
     def workspace(self, request: JsonObject) -> JsonObject:
         """Answer {alpha, beta, tilt_range} with {tilt_range, reached, margin, own, scene}.
 
-        `requested_tilt_range` of the answer is the range that the mechanism reaches, rad. `margin` is the
+        `tilt_range` of the answer is the range that the mechanism reaches, rad. `margin` is the
         smaller distance of the requested range from its ends, rad. `own` is true if the angles are
         those of the robot. Raises ProblemError if a value is invalid.
         """

@@ -59,23 +59,22 @@ class ViewServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, study: ViewedProblem, port: int = 0) -> None:
+    def __init__(self, problem: Problem | None, port: int = 0) -> None:
         """Open the socket. The port 0 selects any free port."""
-        self.jobs = PlanningJobs(
-            study
-        )  # created first, so that server_close works if the socket fails
+        # The jobs are created first, so that server_close works if the socket fails.
+        self.jobs = PlanningJobs(ViewedProblem(problem))
         super().__init__((ADDRESS, port), RequestHandler)
         self.token = secrets.token_urlsafe(24)
         self.hosts = {f"{name}:{self.server_port}" for name in (ADDRESS, "localhost")}
         jobs = self.jobs
         self.answers: dict[str, AnswerFunction] = {
-            "/workspace": lambda request: jobs.study(request).workspace(request),
-            "/ik": lambda request: jobs.study(request).ik(request),
+            "/workspace": lambda request: jobs.requested_page(request).workspace(request),
+            "/ik": lambda request: jobs.requested_page(request).ik(request),
             "/plan": jobs.start,
             "/progress": jobs.progress,
             "/cancel": jobs.cancel,
-            "/suggest": lambda request: jobs.study(request).suggest(request),
-            "/yaml": lambda request: jobs.study(request).problem_file(request),
+            "/suggest": lambda request: jobs.requested_page(request).suggest(request),
+            "/yaml": lambda request: jobs.requested_page(request).problem_file(request),
             "/edit": jobs.edit,
         }
 
@@ -128,7 +127,7 @@ def serve_view(problem: Problem | str | Path | None = None, port: int = 0) -> Vi
     if isinstance(problem, (str, Path)):
         problem = load_problem(problem)
     try:
-        return ViewServer(ViewedProblem(problem), port)
+        return ViewServer(problem, port)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ProblemError(f"{ADDRESS} cannot be used: {reason}", key="port", value=port) from error
@@ -151,12 +150,14 @@ class RequestHandler(BaseHTTPRequestHandler):
         """Send the page, or the report or plan of a run."""
         if not self._known_host():
             return
-        study = self.server.jobs.studies.get(self.path)
-        if study is not None:
-            self._send(HTTPStatus.OK, view_page(study, self.server.token), "text/html")
+        page = self.server.jobs.pages.get(self.path)
+        if page is not None:
+            self._send(HTTPStatus.OK, view_page(page, self.server.token), "text/html")
             return
         text_type, _, identity = self.path.removeprefix("/").partition("/")
-        text = self.server.jobs.text(text_type, identity) if text_type in CONTENT_TYPES else None
+        text = (
+            self.server.jobs.document(text_type, identity) if text_type in CONTENT_TYPES else None
+        )
         if text is None:
             self._refuse(HTTPStatus.NOT_FOUND, "page not found")
         else:

@@ -62,11 +62,11 @@ def overhead(tasks: int = 60, seconds: float = 0.2) -> float:
         ):
             wait([workers.submit(abs, -1) for _ in range(4)])  # they have started
             begin = time.perf_counter()
-            store.add((i, str(i), {"x": str(i)}) for i in range(tasks))
+            store.add_candidates((i, str(i), {"x": str(i)}) for i in range(tasks))
             futures = [workers.submit(time.sleep, seconds) for _ in range(tasks)]
             for i, future in enumerate(futures):
                 future.result()
-                store.put([(str(i), Candidate(i, "done", {}, figures={"duration": 1.0}))])
+                store.write_results([(str(i), Candidate(i, "done", {}, figures={"duration": 1.0}))])
             return (time.perf_counter() - begin) / (tasks / 2 * seconds) - 1
 
     return median(run)
@@ -120,11 +120,13 @@ def resuming(folder: Path) -> tuple[float, float, float]:
         for i, (design, each) in enumerate(zip(study.designs(), figures, strict=True))
     ]
     with Store(folder / run.STORE_FILE) as store:
-        store.describe(description, context)
+        store.set_description(description, context)
         for chunk in ([Candidate(run.ORIGINAL_NUMBER, "done", {})], done):
             keys = [candidate_key(row.design, context) for row in chunk]
-            store.add((row.number, key, row.design) for key, row in zip(keys, chunk, strict=True))
-            store.put(zip(keys, chunk, strict=True))
+            store.add_candidates(
+                (row.number, key, row.design) for key, row in zip(keys, chunk, strict=True)
+            )
+            store.write_results(zip(keys, chunk, strict=True))
     begin = time.process_time()
     with Workers(1) as workers, Store(folder / run.STORE_FILE) as store:
         run.StudyRunner(study, store, workers, run.QUEUED_BATCHES_PER_WORKER, lambda *_: None).run()

@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 
 from ssm_planner.problem.problem import Problem
-from ssm_planner.view.page import ViewedProblem
 from ssm_planner.view.server import ViewServer
 from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
@@ -25,7 +24,7 @@ Open = Callable[..., Visit]
 
 @pytest.fixture(scope="module")
 def server(tilt_insert: Problem) -> Iterator[ViewServer]:
-    with ViewServer(ViewedProblem(tilt_insert)) as running:
+    with ViewServer(tilt_insert) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()

@@ -69,7 +69,7 @@ def without_planning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Evaluation, "__call__", closed_form())
     monkeypatch.setattr("ssm_planner.studies.run.Workers", Here)
     monkeypatch.setattr("ssm_planner.studies.run.write_study_figures", lambda *_: {})
-    monkeypatch.setattr("ssm_planner.studies.show.plans_of", lambda *_: {})
+    monkeypatch.setattr("ssm_planner.studies.show.plan_candidate", lambda *_: {})
 
 
 def execute(folder: Path, statement: str, *values: object) -> None:

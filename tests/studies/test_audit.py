@@ -195,9 +195,9 @@ def test_a_changed_table_is_found(folder: Path) -> None:
 def test_another_program_is_noted_and_its_figures_decide(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ssm_planner.studies.provenance.program", lambda: {"numpy": "0.0"})
-    monkeypatch.setattr("ssm_planner.studies.run.program", lambda: {"numpy": "0.0"})
-    monkeypatch.setattr("ssm_planner.studies.evaluation.program", lambda: {"numpy": "0.0"})
+    monkeypatch.setattr("ssm_planner.studies.provenance.describe_program", lambda: {"numpy": "0.0"})
+    monkeypatch.setattr("ssm_planner.studies.run.describe_program", lambda: {"numpy": "0.0"})
+    monkeypatch.setattr("ssm_planner.studies.evaluation.describe_program", lambda: {"numpy": "0.0"})
     result = audit_study(folder)
     assert result.passed
     assert any("instead of 0.0" in note for note in result.notes)

@@ -42,7 +42,7 @@ def set_program(monkeypatch: pytest.MonkeyPatch, **changes: str) -> dict[str, st
     """Let another program run the study and its workers."""
     program = {**PROGRAM, **changes}
     for module in (provenance, run, evaluation):
-        monkeypatch.setattr(module, "program", lambda: program)
+        monkeypatch.setattr(module, "describe_program", lambda: program)
     return program
 
 

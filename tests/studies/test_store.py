@@ -24,13 +24,15 @@ def _designs(count):
 def test_what_was_put_is_read_again(tmp_path):
     designs = _designs(5)
     with Store(tmp_path / "study.sqlite") as store:
-        store.add(designs)
-        store.put([(designs[2][1], Candidate(2, "done", {}, figures={"duration": 0.1 + 0.2}))])
-        store.put(
+        store.add_candidates(designs)
+        store.write_results(
+            [(designs[2][1], Candidate(2, "done", {}, figures={"duration": 0.1 + 0.2}))]
+        )
+        store.write_results(
             [(designs[3][1], Candidate(3, "infeasible", {}, stage="reach", reason="too short"))]
         )
     with Store(tmp_path / "study.sqlite") as store:
-        store.add(designs)
+        store.add_candidates(designs)
         states = {2: "done", 3: "infeasible"}
         assert store.states() == {key: (i, states.get(i, "waiting")) for i, key, _ in designs}
         rows = store.rows()
@@ -84,7 +86,8 @@ def test_a_killed_driver_leaves_whole_rows(tmp_path):
         "import sys; from pathlib import Path; from ssm_planner.studies.store import *\n"
         "store = Store(Path(sys.argv[1])); print('open', flush=True)\n"
         "for i in range(10**6):\n"
-        "    store.add([(i, str(i), {'x': i})]); store.put([(str(i), Candidate(i, 'done', {}, figures={'y': i}))])\n"
+        "    store.add_candidates([(i, str(i), {'x': i})])\n"
+        "    store.write_results([(str(i), Candidate(i, 'done', {}, figures={'y': i}))])\n"
     )
     path = tmp_path / "study.sqlite"
     process = subprocess.Popen([sys.executable, "-c", code, path], stdout=subprocess.PIPE)

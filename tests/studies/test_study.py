@@ -101,9 +101,9 @@ def test_the_weight_on_the_screen_is_that_of_the_robot_built():
     of = study()
     screens = Screens(of)
     designs = list(of.designs())
-    family = screens._family(designs)
+    family = screens._geometry_family(designs)
     q = family.joints(np.array([[0.0, -1.9, 0.0, 0.0], [0.1, -2.0, 0.2, 0.01]]), 1)
-    loads = screens._loads(family, q)
+    loads = screens._weight_efforts(family, q)
     for i, design in enumerate(designs):
         ((_, problem),) = candidate_problems(of, design)
         assert np.allclose(
@@ -148,9 +148,9 @@ def test_two_workers_give_the_same_table_as_one_and_as_a_killed_run(tmp_path, ta
         "from ssm_planner.studies import run\n"
         "class Store(run.Store):\n"
         "    stored = 0\n"
-        "    def put(self, rows):\n"
+        "    def write_results(self, rows):\n"
         "        for row in rows:\n"
-        "            super().put([row])\n"
+        "            super().write_results([row])\n"
         "            Store.stored += 1\n"
         "            if Store.stored == 3:\n"
         "                os.kill(os.getpid(), signal.SIGKILL)\n"
@@ -266,7 +266,7 @@ def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_ro
     """The file may grow by no page more: what SQLite says of a disk without room."""
     of = study(search={"points": 64, "seed": 3}, motions=["tilt_insert"])
     many = replace(of, vary=(*of.vary, Varied("pace", 1.0, 2.0, "x" * 4000)))  # rows of a page each
-    plain = Store._open
+    plain = Store._open_database
 
     def small(store):
         plain(store)
@@ -277,14 +277,14 @@ def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_ro
         "__call__",
         lambda self, number, design: Candidate(number, "done", design, figures={}),
     )
-    monkeypatch.setattr(Store, "_open", small)
+    monkeypatch.setattr(Store, "_open_database", small)
     with pytest.raises(
         ExportError, match=r"study\.sqlite: cannot be written: database or disk is full"
     ):
         run_study(many, tmp_path, executor=Here())
-    monkeypatch.setattr(Store, "_open", plain)
+    monkeypatch.setattr(Store, "_open_database", plain)
     with Store(tmp_path / "study.sqlite") as store:
-        assert store._read("PRAGMA integrity_check") == [("ok",)]
+        assert store._query("PRAGMA integrity_check") == [("ok",)]
     result = run_study(many, tmp_path, executor=Here())
     assert result.finished
     assert len(result.rows) == 64
@@ -317,7 +317,7 @@ def test_a_file_system_without_room_leaves_a_whole_store(small_disk, monkeypatch
     ):
         run_study(of, small_disk, executor=Here())
     with Store(small_disk / "study.sqlite") as store:
-        assert store._read("PRAGMA integrity_check") == [("ok",)]
+        assert store._query("PRAGMA integrity_check") == [("ok",)]
     subprocess.run(["mount", "-o", "remount,size=32m", small_disk], check=True)
     assert run_study(of, small_disk, executor=Here()).states == {"done": 4096}
 

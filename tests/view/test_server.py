@@ -44,7 +44,7 @@ RATIO = "joints.tilt.drive.geometry.ratio"
 
 @pytest.fixture(scope="module")
 def server(tilt_insert: Problem) -> Iterator[ViewServer]:
-    with ViewServer(ViewedProblem(tilt_insert)) as running:
+    with ViewServer(tilt_insert) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()
@@ -87,7 +87,7 @@ def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
 
 def own_motion(server: ViewServer, **more: Any) -> dict[str, Any]:
     """Request for the motion of the problem file."""
-    own = server.jobs.study({}).robot_mechanism
+    own = server.jobs.requested_page({}).robot_mechanism
     return {"alpha": own.alpha, "beta": own.beta, "own": True, **more}
 
 
@@ -200,7 +200,7 @@ def test_bad_values_are_named(
 
 
 def test_branches_reach_the_pose(server: ViewServer) -> None:
-    mechanism, _ = server.jobs.study({}).mechanism(ANGLES)
+    mechanism, _ = server.jobs.requested_page({}).mechanism(ANGLES)
     assert (mechanism.alpha, mechanism.beta) == pytest.approx(tuple(ANGLES.values()), abs=1e-12)
     found = ask(server, "/ik", {**ANGLES, "pose": POSE})
     rotation, position = pose_from_task(mechanism, [POSE])
@@ -346,7 +346,7 @@ def test_waypoints_and_dwells_are_planned_and_saved(
     }
     path = tmp_path / "saved.yaml"
     path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    saved, made = load_problem(path), server.jobs.study({}).requested_problem(request)
+    saved, made = load_problem(path), server.jobs.requested_page({}).requested_problem(request)
     assert saved.start == made.start
     assert [step.kind for step in saved.motion] == ["straight", "dwell", "straight"]
     ends = [
@@ -369,7 +369,7 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
         "motion": [{"pose": [0.0, math.radians(-100), 0.0, 0.004]}],
         "tilt_range": [math.radians(-130), math.radians(-81)],
     }
-    made = server.jobs.study({}).requested_problem(request)
+    made = server.jobs.requested_page({}).requested_problem(request)
     turned, original = made.robot, tilt_insert.robot
     mechanism = Mechanism.from_geometry(turned.geometry)
     assert (mechanism.alpha, mechanism.beta) == pytest.approx(
@@ -383,7 +383,9 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
     # the z axis of every body stays on its joint
     for body, axis in zip(turned.bodies, turned.geometry.axes, strict=True):
         assert body.frame[:, 2] == pytest.approx(axis, abs=1e-12)
-    drawn = server.jobs.study({}).ik({**request, "pose": request["motion"][0]["pose"]})["branches"]
+    drawn = server.jobs.requested_page({}).ik({**request, "pose": request["motion"][0]["pose"]})[
+        "branches"
+    ]
     answer = finished(server, ask(server, "/plan", request)["job"])
     assert "check passed" in answer["message"]
     planned = tmp_path / "plan.json"
@@ -403,7 +405,7 @@ def test_a_relaxation_can_be_planned(tmp_path: Path) -> None:
     text = (PROBLEMS / "tilt_insert.yaml").read_text(encoding="utf-8")
     text = text.replace("to: -135 deg", "to: -135 deg, duration: 0.5 s")
     file.write_text(text.replace("robots/vitreoretinal.yaml", "vitreoretinal"), encoding="utf-8")
-    with ViewServer(ViewedProblem(load_problem(file))) as running:
+    with ViewServer(load_problem(file)) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()
@@ -426,7 +428,7 @@ def test_a_larger_share_of_a_relaxation_moves_the_limit_farther(tmp_path: Path) 
         "robots/vitreoretinal.yaml", "vitreoretinal"
     )
     file.write_text(text, encoding="utf-8")
-    with ViewServer(ViewedProblem(load_problem(file))) as running:
+    with ViewServer(load_problem(file)) as running:
         threading.Thread(
             target=running.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True
         ).start()
@@ -478,11 +480,14 @@ def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) ->
         )
     )
     ((_, expected),) = candidate_problems(study, study.design([0.0] * 4))
-    made = server.jobs.study({}).requested_problem(own_motion(server, design=design))
+    made = server.jobs.requested_page({}).requested_problem(own_motion(server, design=design))
     assert without_files(made.robot) == without_files(expected.robot)
     assert (
         made.robot.joints[1].drive
-        != server.jobs.study({}).requested_problem(own_motion(server)).robot.joints[1].drive
+        != server.jobs.requested_page({})
+        .requested_problem(own_motion(server))
+        .robot.joints[1]
+        .drive
     )
 
 
@@ -491,7 +496,7 @@ def test_a_saved_design_plans_the_same_elsewhere(server: ViewServer, tmp_path: P
     answer = finished(server, ask(server, "/plan", request)["job"])
     saved = tmp_path / "elsewhere.yaml"
     saved.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    problem, made = load_problem(saved), server.jobs.study({}).requested_problem(request)
+    problem, made = load_problem(saved), server.jobs.requested_page({}).requested_problem(request)
     assert without_files(problem.robot) == without_files(made.robot)
     assert problem.robot.bodies[3].mass == pytest.approx(0.09964338 + 0.05, abs=1e-12)
     assert str(PROBLEMS) not in saved.read_text(encoding="utf-8")
@@ -521,7 +526,7 @@ def test_a_pinned_plan_is_compared_with_the_present_one(server: ViewServer) -> N
     alone = finished(server, ask(server, "/plan", pinned)["job"])["desk"]
     assert alone["names"] == ["B"]
     assert alone["ends"][0] == pytest.approx(desk["ends"][0])
-    motor = server.jobs.study({}).requested_problem(pinned).robot.joints[0].motor
+    motor = server.jobs.requested_page({}).requested_problem(pinned).robot.joints[0].motor
     assert motor is not None
     use = np.maximum(
         np.abs(channel(alone, 0, "tau0")) / motor.max_torque,
@@ -570,9 +575,9 @@ def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> Non
 
 
 def test_without_a_problem_there_is_a_mechanism_but_no_plan() -> None:
-    with ViewServer(ViewedProblem(None)) as alone:
-        assert alone.jobs.study({}).start()["can_plan"] is False
-        assert alone.jobs.study({}).ik({**ANGLES, "pose": POSE})["reachable"]
+    with ViewServer(None) as alone:
+        assert alone.jobs.requested_page({}).start()["can_plan"] is False
+        assert alone.jobs.requested_page({}).ik({**ANGLES, "pose": POSE})["reachable"]
         with pytest.raises(ProblemError, match="problem file"):
             alone.jobs.start({"own": True})
 
@@ -595,7 +600,7 @@ def test_a_text_replaces_the_problem_and_names_its_faults(server: ViewServer) ->
     status, html = send(server, "GET", page)
     assert status == 200
     assert f'"{RATIO}":90' in html.replace(".0", "")
-    edited, before = (server.jobs.study({"of": each}) for each in (page, "/"))
+    edited, before = (server.jobs.requested_page({"of": each}) for each in (page, "/"))
     assert edited.requested_problem(own_motion(server)).robot.joints[0].velocity == pytest.approx(
         math.radians(40.0)
     )
@@ -622,7 +627,7 @@ def test_a_text_replaces_the_problem_and_names_its_faults(server: ViewServer) ->
 
 
 def test_a_gear_of_a_catalogue_replaces_that_of_the_robot(server: ViewServer) -> None:
-    study = server.jobs.study({})
+    study = server.jobs.requested_page({})
     (path,) = (part.path for part in study.variables if part.path == "joints.roll.drive.worm")
     design = {path: "worm m0.3 1:80"}
     drive = study.requested_problem(own_motion(server, design=design)).robot.joints[0].drive

@@ -96,8 +96,8 @@ class FigureProcess:
         Parameters
         ----------
         name : str
-            Key of `PLAN_FIGURES`, or `JUDGEMENT_REQUEST`. A new request for the same figure replaces the
-            earlier one.
+            Key of `PLAN_FIGURES`, or `JUDGEMENT_REQUEST`. A new request for the same figure
+            replaces the earlier one.
         *arguments
             Arguments of the function that draws the figure.
         """

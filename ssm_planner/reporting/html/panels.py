@@ -83,7 +83,7 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
     ]
     tool = list(tool_panels(plan.limits))
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
-    for field, per, limited in (
+    for field, per, limit_type in (
         ("q", "", JointPosition),
         ("qd", "/s", JointVelocity),
         ("qdd", "/s²", JointAcceleration),
@@ -91,11 +91,11 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
     ):
         for unit, group in kinds:
             # Without a jerk limit the acceleration jumps, and its derivative would be solver noise.
-            has_limit = limited is not JointJerk or any(
+            has_limit = limit_type is not JointJerk or any(
                 joint.jerk is not None for _, joint in group
             )
             if group and has_limit:
-                panels.append(_joint_panel(group, field, unit + per, limited))
+                panels.append(_joint_panel(group, field, unit + per, limit_type))
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
     panels += torque_part_panels(channels)
@@ -157,8 +157,8 @@ def new_limit_entry(
     channel : str, optional
         Channel whose intervals at the limit are marked. None marks no intervals.
     size : float, optional
-        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the limit itself, or the half
-        width of a range.
+        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the limit itself, or
+        half the width of a range.
     """
     return {
         "name": name,
@@ -243,8 +243,8 @@ def active_intervals(
     low, high : float
         Bounds of the quantity. They may be infinite.
     size : float, optional
-        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the bound itself. If both bounds
-        are finite, the tolerance always refers to half of their distance.
+        Value to which the tolerance `ACTIVE_TOLERANCE` refers. The default is the bound itself. If
+        both bounds are finite, the tolerance always refers to half of their distance.
 
     Yields
     ------
@@ -361,7 +361,7 @@ def _joint_panel(
     joints: list[tuple[int, Joint]],
     field: str,
     unit: str,
-    limited: type[JointPosition | JointVelocity | JointAcceleration | JointJerk],
+    limit_type: type[JointPosition | JointVelocity | JointAcceleration | JointJerk],
 ) -> Panel:
     """Build the panel that plots one quantity of several joints, with its limits.
 
@@ -373,38 +373,38 @@ def _joint_panel(
         Beginning of the channel's name, such as "qd".
     unit : str
         SI unit of the quantity.
-    limited : type
+    limit_type : type
         Class of the limits on the quantity.
     """
-    title = f"{limited.name.capitalize()}: {', '.join(joint.name for _, joint in joints)}"
+    title = f"{limit_type.name.capitalize()}: {', '.join(joint.name for _, joint in joints)}"
     panel = new_panel(
         "Joints", title, unit, [(f"{field}{i}", joint.name, i) for i, joint in joints]
     )
     unlimited = []
     for i, joint in joints:
-        limit = joint.find_limit(limited)
+        limit = joint.find_limit(limit_type)
         if limit is None:
             unlimited.append(joint.name)
         else:
             panel["limits"].append(limit_entry(limit, i, f"{field}{i}"))
     if unlimited:
         owners = f": {', '.join(unlimited)}" if panel["limits"] else ""
-        panel["missing"].append(f"no {limited.name} limit{owners}")
+        panel["missing"].append(f"no {limit_type.name} limit{owners}")
     return panel
 
 
 def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel]:
     """Yield the panels of the speed and the torque of every motor."""
     driven = [i for i in range(4) if f"tau{i}" in channels]
-    for name, limited, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
+    for name, limit_type, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
         for i in driven:
             joint, motor = joints[i], joints[i].motor
-            title = f"{limited.name.capitalize()}: {joint.name}"
+            title = f"{limit_type.name.capitalize()}: {joint.name}"
             panel = new_panel("Motors", title, unit, [(f"{name}{i}", joint.name, i)])
             if motor is None:
                 panel["missing"].append("no motor given")
             else:
-                panel["limits"].append(limit_entry(joint.limit(limited), i, f"{name}{i}"))
+                panel["limits"].append(limit_entry(joint.limit(limit_type), i, f"{name}{i}"))
                 high = motor.nominal_torque
                 if name == "tau":
                     panel["limits"].append(

@@ -111,8 +111,8 @@ def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Array
     Returns
     -------
     dict of (n,) arrays
-        Values in SI units by name of the channel, with the names of `sample_channels`. An error is the
-        simulated minus the planned value.
+        Values in SI units by name of the channel, with the names of `sample_channels`. An error is
+        the simulated minus the planned value.
     """
 
     def resample(values: Array) -> Array:
