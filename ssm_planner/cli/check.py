@@ -50,7 +50,7 @@ def run_check(options: Namespace) -> int:
                 "reason": fault,
                 "limits": [],
             }
-            print_result(options.json, document, lambda: [f"check: FAILED: {fault}"])
+            print_result(options, document, [f"check: FAILED: {fault}"])
             return FAILED
     reading, robot, limits = read_with_robot(options.trajectory, options.robot, options.problem)
     problem = ssm.load_problem(options.problem) if options.problem else None
@@ -72,16 +72,14 @@ def run_check(options: Namespace) -> int:
     document |= certificate.to_dict()
     if not options.proof:
         progress(Step("done"))
-        print_result(
-            options.json, document, lambda: certificate_lines(certificate, reading.notes, robot)
-        )
+        print_result(options, document, certificate_lines(certificate, reading.notes, robot))
         return STATUS_OF_VERDICT[certificate.verdict]
     progress(Step("proving"))
     proofs = ssm.prove(options.trajectory, options.checker)
     progress(Step("done"))
     document["proof"] = [proof.to_dict() for proof in proofs]
     lines = certificate_lines(certificate, reading.notes, robot) + [""] + proof_lines(proofs)
-    print_result(options.json, document, lambda: lines)
+    print_result(options, document, lines)
     statuses = {STATUS_OF_VERDICT[certificate.verdict]}
     statuses |= {STATUS_OF_PROOF[proof.verdict] for proof in proofs}
     return next(status for status in (FAILED, UNJUDGED, OK) if status in statuses)
@@ -204,7 +202,7 @@ def _run_speed_check(
     remark = ", where a limit is nearest" if dots else ""
     lines.append(f"at {100 * speed:.4g} % of the speed{remark}:")
     lines += certificate_lines(certificate, reading.notes, robot)
-    print_result(options.json, document, lambda: lines)
+    print_result(options, document, lines)
     return STATUS_OF_VERDICT[certificate.verdict]
 
 

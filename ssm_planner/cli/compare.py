@@ -34,7 +34,7 @@ def run_compare(options: Namespace) -> int:
     )
     progress(Step("done"))
     document = {"plan": options.plan, **comparison.to_dict()}
-    print_result(options.json, document, lambda: compare_lines(comparison))
+    print_result(options, document, compare_lines(comparison))
     return STATUS_OF_VERDICT[comparison.verdict]
 
 

@@ -57,7 +57,7 @@ def run_export(options: Namespace) -> int:
     if not manifest["verified"]:
         lines.append("UNVERIFIED: the plan has no passed certificate; every file is marked so")
     lines += [f"file: {path}" for path in files.values()]
-    print_result(options.json, {**manifest, "files": files}, lambda: lines)
+    print_result(options, {**manifest, "files": files}, lines)
     return OK
 
 

@@ -72,7 +72,7 @@ def _run_design(options: Namespace) -> int:
         f"{options.count} recordings in {minutes:.1f} min of motion; the table shows what a "
         f"simulated session determines (law {session.law})",
     ]
-    print_result(options.json, result, lambda: lines)
+    print_result(options, result, lines)
     return OK
 
 

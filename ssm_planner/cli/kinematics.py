@@ -25,7 +25,7 @@ def run_ik(options: Namespace) -> int:
     robot = ssm.load_robot(options.robot)
     point = {name: getattr(options, name) for name in TASK}
     solutions = ssm.ik(robot, **point, within_limits=options.within_limits)
-    print_result(options.json, solutions.to_dict(), lambda: _solution_lines(solutions))
+    print_result(options, solutions.to_dict(), _solution_lines(solutions))
     return OK if solutions.reachable else FAILED
 
 

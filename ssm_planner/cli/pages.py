@@ -25,9 +25,7 @@ def run_report(options: Namespace) -> int:
         files |= write_figures_of_file(
             plan, options.figures, NAMED_WIDTHS.get(options.width, DEFAULT_WIDTH)
         )
-    print_result(
-        options.json, {"files": files}, lambda: [f"{name}: {path}" for name, path in files.items()]
-    )
+    print_result(options, {"files": files}, [f"{name}: {path}" for name, path in files.items()])
     return OK
 
 
@@ -39,7 +37,7 @@ def run_film(options: Namespace) -> int:
     lines = [f"{name}: {file}" for name, file in files.items()]
     if path.suffix != ".gif" and not any(name.endswith(".mp4") for name in files):
         lines.append("mp4: not written, because the program ffmpeg is not on the PATH")
-    print_result(options.json, {"files": files}, lambda: lines)
+    print_result(options, {"files": files}, lines)
     return OK
 
 
@@ -67,5 +65,5 @@ def run_reproduce(options: Namespace) -> int:
     left_out = outcome.left_out
     result = {"passed": outcome.passed, "left_out": left_out, "files": outcome.files}
     lines = [f"left out: {line}" for line in left_out] + [f"Results: {folder}"]
-    print_result(options.json, result, lambda: lines)
+    print_result(options, result, lines)
     return OK if outcome.passed else FAILED

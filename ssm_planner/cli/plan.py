@@ -44,5 +44,5 @@ def run_plan(options: Namespace) -> int:
         lines = shorten(lines)
     if options.explain:
         lines = explanation_lines(result) + lines
-    print_result(options.json, {**result.summary(), "files": files}, lambda: lines)
+    print_result(options, {**result.summary(), "files": files}, lines)
     return OK if result.passed else FAILED

@@ -50,5 +50,5 @@ def run_retime(options: Namespace) -> int:
     lines += summary_lines(result, folder if result.passed else None, verbose=True)
     if "page" in files:
         lines.append(f"file     {files['page']}")
-    print_result(options.json, document, lambda: lines)
+    print_result(options, document, lines)
     return OK if result.passed else FAILED

@@ -238,22 +238,22 @@ def fill_in_template(template: str, **values: Any) -> list[str]:
     return render_template(templates, template, **values).splitlines()
 
 
-def print_result(as_json: bool, document: Any, lines: Callable[[], Iterable[str]]) -> None:
-    """Print a result on stdout, as one JSON document or as lines of text.
+def print_result(options: Namespace, document: Any, lines: Iterable[str]) -> None:
+    """Print a result on stdout: as JSON with the option --json, otherwise as lines of text.
 
     Parameters
     ----------
-    as_json : bool
-        True for JSON.
+    options : Namespace
+        Options of the command, of which this function reads `json`.
     document : object
-        Result as JSON types and paths.
-    lines : callable
-        Function that returns the lines. It is called only if text is printed.
+        Result for --json. It consists of JSON types and paths.
+    lines : iterable of str
+        The same result as text for the terminal.
     """
-    if as_json:
+    if options.json:
         print(_to_json(document))
     else:
-        print_lines(lines())
+        print_lines(lines)
 
 
 def print_result_with_page(
@@ -290,7 +290,7 @@ def print_result_with_page(
         write_outcome(page, name, lines[-1], lines, figures=files)
         lines = list(lines)
         lines.insert(-1, f"file: {page}")
-    print_result(options.json, document, lambda: lines)
+    print_result(options, document, lines)
 
 
 def write_results(

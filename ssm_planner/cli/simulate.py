@@ -15,7 +15,7 @@ from ssm_planner.cli.shared import (
 )
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
-from ssm_planner.typing import Files, JsonObject, Keywords
+from ssm_planner.typing import Files, JsonObject
 
 
 def run_simulate(options: Namespace) -> int:
@@ -47,14 +47,15 @@ def run_simulate(options: Namespace) -> int:
 
     document["files"] = write_results(options.output, "simulation", document, write)
     progress(Step("done"))
-    values: Keywords = {
-        "result": result,
-        "tables": simulation_tables(result),
-        "draws": document["draws"],
-        "stops": document.get("controlled_stops"),
-        "files": document["files"],
-    }
-    print_result(options.json, document, lambda: fill_in_template("simulated.txt", **values))
+    lines = fill_in_template(
+        "simulated.txt",
+        result=result,
+        tables=simulation_tables(result),
+        draws=document["draws"],
+        stops=document.get("controlled_stops"),
+        files=document["files"],
+    )
+    print_result(options, document, lines)
     return OK if result.passed else FAILED
 
 

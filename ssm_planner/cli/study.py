@@ -34,10 +34,10 @@ def run_study(options: Namespace) -> int:
         paths: list[Path] = []
         for number in numbers:
             paths += write_candidate(study, folder, number)
-        print_result(options.json, {"files": paths}, lambda: [f"file: {path}" for path in paths])
+        print_result(options, {"files": paths}, [f"file: {path}" for path in paths])
         return OK
     document = compare_candidates(study, folder, *numbers)
-    print_result(options.json, document, lambda: _comparison_lines(document))
+    print_result(options, document, _comparison_lines(document))
     return OK
 
 
@@ -93,7 +93,7 @@ def _run_candidates(study: ssm.Study, folder: Path, options: Namespace) -> int:
         "finished": result.finished,
         "files": files,
     }
-    print_result(options.json, document, lambda: _study_lines(study, result, files))
+    print_result(options, document, _study_lines(study, result, files))
     if not result.finished:
         print("ssm-planner: interrupted; the same command continues", file=sys.stderr)
         return 130
@@ -111,7 +111,7 @@ def _run_audit(folder: Path, options: Namespace) -> int:
     )
     document = {**vars(audit), "passed": audit.passed}
     lines = list(audit.faults) + list(audit.notes) + [verdict]
-    print_result(options.json, document, lambda: lines)
+    print_result(options, document, lines)
     return OK if audit.passed else FAILED
 
 
