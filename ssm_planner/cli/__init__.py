@@ -298,7 +298,7 @@ def _build_parser(command_line: Sequence[str]) -> argparse.ArgumentParser:
 
             add_arguments(command, name)
             if name == "export":
-                implementation.format_arguments(command)
+                implementation.add_format_arguments(command)
             command.set_defaults(run=getattr(implementation, f"run_{name}"))
     if "_ARGCOMPLETE" in os.environ:  # A shell requests completions.
         import argcomplete

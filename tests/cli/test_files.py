@@ -14,7 +14,7 @@ import jsonschema
 import pytest
 import yaml
 
-from ssm_planner import template_environment
+from ssm_planner import templates
 from ssm_planner.cli import main
 from ssm_planner.loading import load
 from ssm_planner.studies.study_file import load_study
@@ -37,7 +37,7 @@ LOADERS: dict[str, Callable[[Path], Any]] = {
 
 @pytest.fixture(autouse=True)
 def _keys_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(template_environment, "file_keys", KEYS)
+    monkeypatch.setattr(templates, "file_keys", KEYS)
 
 
 @pytest.mark.parametrize("kind", LOADERS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssm_planner import CandidateTask, GeometryError, Robot, fk, ik, jacobian
+from ssm_planner import GeometryError, Robot, Task, fk, ik, jacobian
 from ssm_planner.typing import Array
 
 STEP = 1e-6
@@ -59,7 +59,7 @@ def test_a_batch_marks_solutions_beyond_the_ranges(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ({"roll": CandidateTask(tilt=-2.0)}, r"roll = Task\(.*array of numbers"),
+        ({"roll": Task(tilt=-2.0)}, r"roll = Task\(.*array of numbers"),
         ({"roll": [0.0, 1.0], "tilt": [0.0, 1.0, 2.0]}, "different lengths"),
         ({"tilt": "steep"}, "array of numbers"),
         ({"tilt": float("nan")}, "finite"),
