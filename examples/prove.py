@@ -6,6 +6,7 @@ for s in [−1, 1], the time in a box, which is a part of one piece. Every opera
 that it drops and its rounding errors to r. The terms of r are positive, so that the factor UP
 covers their own rounding. A bound of the model holds at every instant of the box.
 """
+import copy
 import json
 import math
 import sys
@@ -16,6 +17,7 @@ import numpy as np
 N, U, UP, TINY = 5, 2.0**-53, 1 + 1e-13, 1e-290  # degree; rounding error; see above; underflow
 TOLERANCE, JUMP, SHARE = 1e-6, 1e-6, 1e-3  # relative rounding; largest jump; share of jumps per s
 STILL, SLOW = 1e-9, 1e-6  # shares of the largest speed at which a joint rests, and may start
+ON, OFF, STEEP = 1e-6, 1e-7, 1e3  # m from the curves: kept, left; weight of conditions
 TURN, SPAN, SHORT = 0.06, 0.05, 1e-8  # largest box in rad and s; smallest one at a reversal in s
 FIELDS = ("name", "joint", "low", "high", "limit", "time", "excess", "verdict")
 Claim = namedtuple("Claim", FIELDS)
@@ -111,22 +113,29 @@ def halves(b):
         b = (b[:-1] + b[1:]) / 2
         left, right = [*left, b[0]], [b[-1], *right]
     return np.concatenate([np.stack(left), np.stack(right)], -1)
-def supremum(functions, sure, start, stop):
-    """Return low ≤ sup min_k f_k(t) ≤ high over all boxes, and the time of a large value.
+def supremum(choices, sure, start, stop, scale=None):
+    """Return low ≤ sup_t min_k max_j f_kj(t) ≤ high over all boxes, and the time of a large value.
 
-    sure: boxes in which the smallest function is a value of the motion. Only they are witnesses.
+    choices: tuples f_k of functions, or single functions. Only the first function of a tuple
+    counts for witnesses, in the boxes `sure`, in which it is a value of the motion. The others
+    are conditions of a choice. scale: of the functions; the result is closer than 2e-9 of it.
     """
-    b, e = (np.stack(x, -2) for x in zip(*map(bernstein, functions), strict=True))
+    choices = [x if isinstance(x, tuple) else (x,) for x in choices]
+    first = np.cumsum([0, *map(len, choices)])[:-1]
+    pairs = zip(*(bernstein(f) for choice in choices for f in choice), strict=True)
+    b, e = (np.stack(x, -2) for x in pairs)
     bad = ~(np.isfinite(b).all(0) & np.isfinite(e))  # nothing is known, and nothing stays NaN
     b, e, low, high, best = np.where(bad, 0, b), np.where(bad, np.inf, e), -np.inf, -np.inf, -np.inf
-    close, time = 2e-9 * np.abs(b).max(), start[b[0].min(0).argmax()]
+    close, time = 2e-9 * (scale or np.abs(b).max()), start[b[0, first].min(0).argmax()]
     for depth in range(60):
-        top, ends = (b.max(0) + e).min(0), (b[[0, -1]] - e).min(1)
-        best, values = max(best, ends.max()), np.where(sure, ends, -np.inf)
+        top, ends = np.maximum.reduceat(b.max(0) + e, first).min(0), b[[0, -1]] - e
+        best = max(best, np.maximum.reduceat(ends, first, axis=1).min(1).max())
+        values = np.where(sure, ends[:, first].min(1), -np.inf)
         if values.max() > low:
             low, time = values.max(), np.stack([start, stop]).ravel()[values.argmax()]
-        known = np.where(np.isinf(e), 0, e).max(0)
-        done = (top <= best + close) | (top - best < 2.2 * known) | np.isinf(top)
+        near = (b.min(0) - e <= best) & (best <= b.max(0) + e)
+        exact = (~near | (np.ptp(b, 0) <= e)).all(0)  # rounding is larger than what is left
+        done = (top <= best + close) | exact | np.isinf(top)
         done |= (depth == 59) | (len(top) > 1e5)
         high = max(high, top[done].max(initial=-np.inf))
         if done.all():
@@ -207,6 +216,24 @@ class Boxes:
         first = moments[0] + self.turned(1, second)
         loads = (first, second, total, force)
         return [dot(x, y) for x, y in zip([*self.axes, axis], loads, strict=True)]
+    def seen(self, u):
+        """Return |sin φ| cos ψ, |sin φ| sin ψ and cos φ of tools u."""
+        return dot(u, self.normal) * -self.side, dot(u, self.across) * self.side, \
+            dot(u, self.axes[0])
+    def pointing(self, roll, tilt):
+        """Return u = ω₁ cos φ + (t sin ψ − n cos ψ) sin φ."""
+        (s, c), (sine, cosine) = sin_cos(given(roll)), sin_cos(given(tilt))
+        return self.axes[0] * cosine + (self.across * s - self.normal * c) * sine
+    def coordinates(self, u, depth):
+        """Return roll, tilt and depth where boxes begin, with errors below 1e-15 rad and m."""
+        *sides, axial, depth = (bernstein(x)[0][0] for x in (*self.seen(u), depth))
+        tilt = self.side * np.arctan2(np.hypot(*sides), axial)
+        return {"roll": np.arctan2(*sides[::-1]), "tilt": tilt, "depth": depth}
+    def posed(self, joints):
+        """Return the tool (3, 1) of joint positions."""
+        pose = copy.copy(self)
+        pose.sine, pose.cosine = sin_cos(given(joints))
+        return pose.turned(0, pose.turned(1, self.axes[2]))
     def joint_rates(self, rates):
         """Return q̇ for rates of roll ψ, tilt φ, spin σ and depth, which are 0 if not given.
 
@@ -336,22 +363,28 @@ class Proof:
         excess = [(x - limit) / half for x in ends]
         part = excess, limit, half, more.get("time", 0.0), more.get("side", 1.0)
         self.parts.setdefault(key, []).append(part)
-    def largest(self, functions, mask=True, sure=True, value=float):
-        """Return bounds of the smallest function in some boxes, and a time. value: to the unit."""
+    def largest(self, functions, mask=True, sure=True, value=float, scale=None):
+        """Return bounds of the smallest function in some boxes, and a time. value: to the unit.
+
+        Every function has all boxes, or those of the mask. `supremum` explains the others.
+        """
         at = np.broadcast_to(mask, self.boxes.half.shape)
         sure, boxes = np.broadcast_to(sure, at.shape)[at], self.boxes
-        functions = [f[..., at] for f in functions]
-        *ends, time = supremum(functions, sure, boxes.start[at], boxes.stop[at])
+        *ends, time = supremum(functions, sure, boxes.start[at], boxes.stop[at], scale)
         ends = [value(x) if math.isfinite(x) else x for x in ends]
         error = 0.0 if value is float else 1e-15
         low, high = (error * (1 + min(abs(x), 1e9)) for x in ends)
         return (ends[0] - low, ends[1] + high), time
     def below(self, key, functions, limit, **how):
         """Bound side·value, an increasing function `value` of the smallest of the functions."""
+        at = np.broadcast_to(how.get("mask", True), self.boxes.half.shape)
+        if at.any():
+            self.bound(key, [f[..., at] for f in functions], limit, **how)
+    def bound(self, key, choices, limit, **how):
+        """Do the same in boxes `mask`, of which the functions consist."""
         more = {name: how.pop(name) for name in ("half", "side") if name in how}
-        if np.any(how.get("mask", True)):
-            ends, time = self.largest(functions, **how)
-            self.add(key, ends, limit, time=time, **more)
+        ends, time = self.largest(choices, **how)
+        self.add(key, ends, limit, time=time, **more)
     def between(self, key, ends, bands):
         """Bound a value from both sides. bands: see `both`."""
         half = (ends[1] - ends[0]) / 2 if 0 < ends[1] - ends[0] < math.inf else 1.0
@@ -431,8 +464,7 @@ class Proof:
         """
         boxes, geometry, (q, v, _, _) = self.boxes, self.robot["geometry"], self.boxes.motion
         (first, _, third), u, side = boxes.axes, boxes.tool, boxes.side
-        t, n, axial, rate = boxes.across, boxes.normal, dot(u, first), cross(boxes.omega, u)
-        c, s = dot(u, n) * -side, dot(u, t) * side
+        t, n, rate, (c, s, axial) = boxes.across, boxes.normal, cross(boxes.omega, u), boxes.seen(u)
         inverse = power(c * c + s * s, -0.5)  # 1/|sin φ|
         roll = (c * dot(rate, t) + s * dot(rate, n)) * inverse * inverse * side
         rates = {"roll": roll, "tilt": dot(rate, first) * inverse, "depth": v[3],
@@ -454,54 +486,78 @@ class Proof:
         for name, ends in self.problem["limits"].items():
             self.between((f"{name} range", None), ends, ranges[name](*ends))
         if self.problem["tip_speed"]:
-            tip = rate * q[3] + u * v[3]
-            self.below(("tip speed", None), [dot(tip, tip)], self.problem["tip_speed"], value=root)
+            speed = rate * q[3] + u * v[3]
+            self.below(("tip speed", None), [dot(speed, speed)], self.problem["tip_speed"],
+                       value=root)
         if self.problem["eye"]:
             self.eye(self.problem["eye"], u * q[3], q[3])
-        # where boxes begin
-        *first, third, depths = (bernstein(x)[0][0] for x in (s, c, axial, depth))
-        tilts = side * np.arccos(np.clip(third, -1, 1))
-        now = {"roll": np.arctan2(*first), "tilt": tilts, "depth": depths}
-        return ranges, now, {**rates, "depth": v[3] * float(geometry["insertion_sign"])}
-    def promises(self, task):
-        """Bound the distance of the tip from straight motions. Other prescribed paths stay open."""
-        motions, phases = self.problem["motion"], self.plan["trajectory"].get("phases", [])
-        plain = [m["name"] for m in motions] == [phase["name"] for phase in phases]
-        for k, motion in enumerate(motions):
-            if motion["kind"] == "straight" or motion.get("curve", "samples") != "samples":
-                most, name = math.inf, motion["name"]
-                spans = [phases[k]] if plain else [p for p in phases if p["name"] == name]
-                if motion["kind"] == "straight" and not motion.get("blend") and len(spans) == 1:
-                    most = self.straight(task, spans[0], motion["target"]["task"] or {})
-                self.add(("path departure", None), (0.0, most), 1e-6)
-    def straight(self, task, span, target):
-        """Bound the distance of the tip from the line to a target in roll ψ, tilt φ and depth.
+        rates["depth"] = v[3] * float(geometry["insertion_sign"])
+        return rates, rate * q[3] + u * v[3]
+    def promises(self, rates, velocity):
+        """Bound what motions promise of their paths: the departure, speed and height of the tip."""
+        for chain, first, last in phases(self.plan):
+            kinds = {motion.get("curve", motion["kind"]) for motion in chain}
+            if kinds & {"straight", "line", "arc", "retina"}:
+                at = (first <= self.boxes.piece) & (self.boxes.piece < last)
+                self.path(chain, at, rates, dot(velocity, velocity)[at])
+    def path(self, chain, at, rates, square):
+        """Bound the promises of motions without a stop in the boxes `at`, square: of the speed.
 
-        The coordinate m that changes most is between start and target. Every other coordinate i
-        departs from its line by at most ∫ |ẋ_i − (Δ_i/Δ_m) ẋ_m| dt. The tip is then at most
-        d (|Δψ| + |Δφ|) + |Δd| from the line.
+        Let the tip be on a curve if it is at most `near` away. It is on one of the curves or in the
+        ball about a corner (path departure, near = ON). If it is on no curve, it is in a ball
+        (corner rounding, near = OFF).
         """
-        (ranges, now, rates), boxes = task, self.boxes
-        middle = boxes.start + boxes.half
-        at = (span["start_s"] < middle) & (middle < span["end_s"])
-        if not at.any() or not target:
-            return math.inf
-        far = max(map(abs, self.largest([boxes.motion[0][3]], at)[0] +
-                      self.largest([-boxes.motion[0][3]], at)[0]))
-        weights = {"roll": far, "tilt": far, "depth": 1.0}
-        first = {name: x[at][boxes.start[at].argmin()] for name, x in now.items()}
-        change = {name: target.get(name, x) - x for name, x in first.items()}
-        main = max(change, key=lambda name: weights[name] * abs(change[name]))
-        ends = sorted((first[main], target.get(main, first[main])))
-        beyond = max(self.largest(f, at, True, value)[0][1] - limit
-                     for f, limit, _, value in ranges[main](*ends))
-        total = weights[main] * max(beyond, 0.0) + 1e-11
-        for name in set(change) - {main}:
-            slope = change[name] / change[main] if change[main] else 0.0
-            low, high = bounds(rates[name] - rates[main] * slope)
-            steps = np.maximum(high, -low) * (boxes.stop - boxes.start)
-            total += weights[name] * math.fsum(steps[at]) * UP if weights[name] else 0.0
-        return total
+        blends, path = [motion["blend"] for motion in chain[:-1]], None
+        height, speed = chain[0].get("distance"), chain[0].get("constant_speed")
+        promised = {"path departure": ON, "corner rounding": min(blends, default=None),
+                    "retina distance": height, "constant speed": speed}
+        if not at.any():  # no phase
+            for name, limit in promised.items():
+                if limit:
+                    self.add((name, None), (-math.inf, math.inf), limit)
+            return
+        path = Path(self, chain, at, rates)
+        how = {"mask": at, "sure": path.exact, "scale": 1.0}
+        away = [path.tip - corner for corner in path.ends]
+        balls = [(dot(x, x), radius) for x, radius in zip(away, blends, strict=False)]
+        choices = [ball(x, d + 1e-9, STEEP) for x, d in balls]
+        self.bound(("path departure", None), [*path.on(ON), *choices], ON,
+                   value=lambda x: ON * root(1 + 2 * x), **how)
+        b, e = bernstein(dot(away[-1], away[-1])[[self.boxes.stop[at].argmax()]])
+        self.add(("path departure", None), (root(b[-1, 0] - e[0]), root(b[-1, 0] + e[0])), ON,
+                 time=self.boxes.stop[at].max())
+        if blends:
+            near, choices = min(blends), [ball(x, d, 0.5) for x, d in balls]
+            choices += [tuple(x * STEEP for x in choice) for choice in path.on(OFF)]
+            self.bound(("corner rounding", None), choices, near,
+                       value=lambda x: near * root(1 + 2 * x), **how)
+        if height:
+            top = self.problem["eye"]["radius"]
+            far, r = path.tip - given(self.problem["eye"]["centre"]), top - height
+            f = (dot(far, far) - r * r) * (0.5 / r)
+            for side, value in ((1.0, lambda x: top - root(r * (r - 2 * x))),
+                                (-1.0, lambda x: root(r * (r + 2 * x)) - top)):
+                self.bound(("retina distance", None), [f * -side], side * height + ON, half=ON,
+                           side=side, value=value, mask=at)
+        if speed:
+            self.steady(square * (0.5 / speed**2) - 0.5, speed, at)
+    def steady(self, x, top, at):
+        """Bound the speed V √(1 + 2x) of a tip that keeps the speed V except for ramps.
+
+        It never exceeds V, and has the value V from the first to the last instant with this value.
+        """
+        share, (b, e), boxes = 1e-6, bernstein(x), self.boxes
+        start, stop = boxes.start[at], boxes.stop[at]
+        key, how = ("constant speed", None), {"half": share * top, "mask": at}
+        self.bound(key, [x], top * (1 + share), value=lambda x: top * root(1 + 2 * x), **how)
+        order = np.argsort(start)
+        first = arrival(b[:, order], e[order], start[order], stop[order], -share)
+        order = order[::-1]
+        last = -arrival(b[::-1, order], e[order], -stop[order], -start[order], -share)
+        if first < last:
+            time = Model(np.stack([(start + stop) / 2, (stop - start) / 2]), 8 * U * np.abs(stop))
+            self.bound(key, [-x, time - first, constant(last) - time], -top * (1 - share), side=-1.0,
+                       value=lambda x: -top * root(1 - 2 * x), **how)
     def eye(self, eye, tip, depth):
         """Bound the distance from the retina and the scale at which the lens touches the shaft.
 
@@ -559,6 +615,171 @@ class Proof:
                 span, top = (max(low, -high, 0.0), max(high, -low)), JUMP * joint["velocity"]
                 self.add((f"{kind} velocity", joint["name"]), span, top, time=boxes.start[k])
 
+def phases(plan):
+    """Yield motions that join without a stop, and their pieces [first, last), (0, 0) if unknown.
+
+    Phases must follow one another. A scan and a curve through samples have any number of them.
+    """
+    spans, breaks = plan["trajectory"].get("phases", []), plan["trajectory"]["breaks_s"]
+    starts, ends = ([span[key] for span in spans] for key in ("start_s", "end_s"))
+    follow = [*starts, breaks[-1]] == [breaks[0], *ends] and {*starts, *ends} <= {*breaks}
+    names, index, counted, chain = [span["name"] for span in spans], 0, True, []
+    for motion in plan["problem"]["motion"]:
+        chain.append(motion)
+        if motion.get("blend"):
+            continue
+        name = " + ".join(dict.fromkeys(part["name"] for part in chain))
+        if motion["kind"] == "scan" or motion.get("curve") == "samples":
+            counted = False
+        else:
+            if not counted and name in names[index:]:
+                index = names.index(name, index)
+            elif counted and names[index:index + 1] == [f"{name}, approach"]:
+                index += 1
+            known = follow and names[index:index + 1] == [name]
+            ends = [breaks.index(spans[index][key]) for key in ("start_s", "end_s")] if known else 0
+            yield chain, *(ends or (0, 0))
+            counted, index = True, index + 1
+        chain = []
+
+class Path:
+    """The curves of one phase, and the tip in its boxes. Rounding moves a curve by < 1e-14 m."""
+    def __init__(self, proof, chain, at, rates):
+        """Each curve starts where the one before it ends, the first one where the phase starts."""
+        self.boxes, self.sign = proof.boxes, float(proof.robot["geometry"]["insertion_sign"])
+        u, self.depth = self.boxes.tool[:, at], self.boxes.motion[0][3][at] * self.sign
+        tip, begin = u * self.depth * self.sign, self.boxes.start[at].argmin()
+        self.tip, self.curves = Model(tip.c, tip.r + 1e-14), []
+        (b, e), now = bernstein(tip[:, [begin]]), self.boxes.coordinates(u, self.depth)
+        order, turns = np.argsort(self.boxes.start[at]), 2 * math.pi
+        now["roll"][order] = np.unwrap(now["roll"][order])
+        rolls = [m["target"]["task"]["roll"] for m in chain
+                 if m["kind"] == "straight" and "roll" in m["target"]["task"]]
+        if rolls:
+            now["roll"] += turns * np.round((rolls[-1] - now["roll"][order[-1]]) / turns)
+        self.task = {name: integral(rates[name][at], now[name], self.boxes.half[at]) for name in now}
+        place, start, self.ends = {name: x[begin] for name, x in now.items()}, Model(b[:1], e), []
+        self.exact = all(motion["kind"] == "path" for motion in chain)
+        for motion in chain:
+            tips, before = [start], place
+            for point in (*motion["through"], motion["target"]):
+                place, end = self.place(point, place)
+                tips.append(end)
+            if motion["kind"] == "straight":
+                self.curves.append(self.straight(before, place))
+            elif motion["curve"] == "line":
+                self.curves.append(self.segment(*tips))
+            elif motion["curve"] == "arc":
+                self.curves += self.arc(*circle(*tips))
+            else:
+                eye, u = proof.problem["eye"], self.boxes.pointing(place["roll"], place["tilt"])
+                c, u = given(eye["centre"]), u * self.sign
+                along, r = dot(u, c), eye["radius"] - motion["distance"]
+                depth = along + power(along * along - dot(c, c) + r * r, 0.5)
+                place, tips[-1] = {**place, "depth": float(depth.c[0, 0])}, u * depth
+                start, end = start - c, tips[-1] - c
+                self.curves += self.arc(c, start, end, cross(start, end))
+            start = tips[-1]
+            self.ends.append(start)
+    def place(self, point, before):
+        """Return the task coordinates of a point of the problem, and its tip (3, 1)."""
+        if point["task"]:
+            place = {name: point["task"].get(name, x) for name, x in before.items()}
+            u = self.boxes.pointing(place["roll"], place["tilt"])
+            return place, u * (place["depth"] * self.sign)
+        if point["joints"]:
+            depth, u = point["joints"][3] * self.sign, self.boxes.posed(point["joints"])
+            tip = u * point["joints"][3]
+        else:
+            tip, depth = given(point["tip"]), math.hypot(*point["tip"])
+            u = unit(tip) * self.sign
+        place = self.boxes.coordinates(u, constant(np.array([depth])))
+        place = {name: float(x[0]) for name, x in place.items()}
+        turns = round((before["roll"] - place["roll"]) / (2 * math.pi))
+        return {**place, "roll": place["roll"] + turns * 2 * math.pi}, tip
+    def on(self, near):
+        """Return choices: the tip is at most `near` from a curve, if it is on its extension.
+
+        D is the distance from the extension, and a tip e beyond an end is at most D + 2e from the
+        curve. D/near witnesses; D ≤ 0.99 near and e ≤ 0.005 near suffice.
+        """
+        return [(ball(square, near, 0.5), ball(square, 0.99 * near, 0.5),
+                 *((x * (200 / near) - 1.0) * STEEP for x in beyond))
+                for square, *beyond in self.curves]
+    def straight(self, start, end):
+        """Return (d − δd/2)² (δψ² + δφ²) + δd² ≥ D² for a straight line in roll, tilt and depth.
+
+        δ is what a coordinate differs from its line, at the same value of the coordinate that
+        changes most. A change e of the latter moves the tip by at most 3e times its weight. For
+        p = d u and c = d′ u′, |p − c|² = (d − d′)² + d d′ |u − u′|², d d′ ≤ (d + d′)²/4, and
+        |u − u′|² ≤ δψ² + δφ².
+        """
+        low, high = bounds(self.depth)
+        far = max(high.max(), -low.min())
+        weights = {"roll": far, "tilt": far, "depth": 1.0}
+        change = {name: end[name] - x for name, x in start.items()}
+        main = max(change, key=lambda name: weights[name] * abs(change[name]))
+        moved = {name: x - start[name] for name, x in self.task.items()}
+        slope = {name: x / change[main] if change[main] else 0.0 for name, x in change.items()}
+        off = {name: x - moved[main] * slope[name] if name != main else x * 0.0
+               for name, x in moved.items()}
+        angles = off["roll"] * off["roll"] + off["tilt"] * off["tilt"]
+        middle = self.depth - off["depth"] * 0.5
+        square = middle * middle * angles + off["depth"] * off["depth"]
+        scale = math.copysign(1.5 * weights[main], change[main])
+        return square, moved[main] * -scale, (moved[main] - change[main]) * scale
+    def segment(self, start, end):
+        """Return D² and how far the tip is beyond both ends of a segment."""
+        x, along = self.tip - start, unit(end - start)
+        position = dot(x, along)
+        off = x - along * position
+        return dot(off, off), -position, position - dot(end - start, along)
+    def arc(self, centre, start, end, normal):
+        """Return D² = z² + (ρ − R)² and ρ sin θ beyond the ends θ = 0 and A of an arc.
+
+        start, end: relative to the centre. Of an arc above 180°, either end suffices.
+        """
+        x, normal = self.tip - centre, unit(normal)
+        z, inverse = dot(normal, x), power(dot(start, start), -0.5)
+        first, second = start * inverse, cross(normal, start) * inverse
+        gap = power(dot(x, x) - z * z, 0.5) - dot(first, start)
+        square, c, s = z * z + gap * gap, dot(first, x), dot(second, x)
+        angle = math.atan2(*(dot(y, end).c[0, 0] for y in (second, first))) % (2 * math.pi)
+        if angle < 1e-3:
+            square = square * math.inf
+        sine, cosine = sin_cos(given(angle))
+        ends = -s, s * cosine - c * sine
+        return [(square, *ends)] if angle < math.pi else [(square, x) for x in ends]
+def circle(a, b, c):
+    """Return the centre of the circle through three points, a and c relative to it, its normal."""
+    u, v = b - a, c - a
+    n = cross(u, v)
+    radius = (cross(n, u) * dot(v, v) + cross(v, n) * dot(u, u)) * power(dot(n, n) * 2.0, -1)
+    centre = a + radius
+    return centre, -radius, c - centre, n
+def ball(square, radius, weight):
+    """Return weight (x²/r² − 1) for the square x² of a distance."""
+    return (square * (1 / radius**2) - 1.0) * weight
+def integral(rate, start, half):
+    """Return the integral of a rate with the value `start` ± 1e-14 at s = −1."""
+    powers = np.arange(1.0, len(rate.c) + 1).reshape(-1, *[1] * rate.r.ndim)
+    c = rate.c / powers
+    first = (c * (-1.0) ** (powers + 1)).sum(0)
+    start = Model(start[None], 0 * start + 1e-14)
+    return Model(np.concatenate([first[None], c]), rate.r * 2) * half + start
+def arrival(b, e, start, stop, least):
+    """Return the time when a function first reaches `least`, or at most SHORT later. inf: never."""
+    while (b.max(0) + e >= least).any():
+        k = (b.max(0) + e >= least).argmax()
+        if b[:, k].min() - e[k] >= least or stop[k] - start[k] <= SHORT:
+            return start[k] if b[0, k] - e[k] >= least else stop[k]
+        b = np.concatenate([halves(b[:, [k]]), b[:, k + 1:]], 1)
+        middle = (start[k] + stop[k]) / 2
+        start, stop = (np.append(x, y[k + 1:]) for x, y in (
+            ([start[k], middle], start), ([middle, stop[k]], stop)))
+        e = np.append([e[k] + (N + 1) * U * np.abs(b[:, :2]).max()] * 2, e[k + 1:])
+    return math.inf
+
 def both(x, low, high):
     """Return (functions, limit, side, value) for −x ≤ −low and x ≤ high: side·value ≤ limit."""
     return ([x], high, 1.0, float), ([-x], -low, -1.0, float)
@@ -592,7 +813,7 @@ def prove(plan: dict) -> list:
         proof = Proof(plan)
         for j, joint in enumerate(proof.robot["joints"]):
             proof.joint(j, joint)
-        proof.promises(proof.task())
+        proof.promises(*proof.task())
         proof.breaks()
     unknown = [(line["name"], line["joint"]) for line in plan["certificate"]["limits"]]
     ranges = ("friction", "payload", "stop_travel")
