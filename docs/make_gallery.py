@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ssm_planner import load_problem, plan
-from ssm_planner.loading.files import shipped_names
+from ssm_planner.loading.files import shipped_files
 
 HERE = Path(__file__).parent
 PICTURES = HERE / "_build" / "gallery"
@@ -14,7 +14,7 @@ PICTURES = HERE / "_build" / "gallery"
 def main() -> None:
     """Plan every shipped problem; a section for each, with its first comment, its figures and its file."""
     parts = ["# Gallery\n\nThe shipped problems, planned when this page was made.\n"]
-    for name, file in shipped_names("problems").items():
+    for name, file in shipped_files("problems").items():
         result = plan(load_problem(file))
         result.save(PICTURES / name)
         text = file.read_text(encoding="utf-8")

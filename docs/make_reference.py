@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from ssm_planner.loading.load import file_keys
-from ssm_planner.loading.schema import Key, keys
+from ssm_planner.loading.schema import Key, describe_keys
 from ssm_planner.studies.study_file import StudyModel
 from ssm_planner.templates import FILE_KINDS
 
@@ -49,7 +49,7 @@ def page() -> str:
 def grouped(kind: str) -> dict[str, list[Key]]:
     """Keys by path, those of the joints and of the kinds of drive together."""
     found: dict[str, list[Key]] = {}
-    for key in keys(StudyModel) if kind == "study" else file_keys(kind):
+    for key in describe_keys(StudyModel) if kind == "study" else file_keys(kind):
         place = (
             re.sub(JOINTS, "JOINT.", key.path)
             if key.path.startswith(("joints", "compliance", "back"))

@@ -75,7 +75,7 @@ def check(
         if path.suffix.lower() != ".json" and not (path / FILE).is_file():
             robot = _require_robot(robot, path)
             reading = read_trajectory(path, robot)
-            limits = reading.ends_on(limits or TaskLimits(robot.limits))
+            limits = reading.add_declared_rates(limits or TaskLimits(robot.limits))
             return reading.check(robot, limits)
     return checking.check(*_smooth(motion, robot, limits), seal=True)
 

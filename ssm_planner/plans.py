@@ -32,11 +32,11 @@ from ssm_planner.problem import (
     Robot,
     TaskLimits,
     TaskRange,
-    attributes,
-    converted,
-    in_words,
-    plain,
+    convert_value,
+    format_quantity,
+    get_attributes,
     problem_from_plain,
+    to_plain,
 )
 from ssm_planner.publishing import check_generation, file_name
 from ssm_planner.representation import html_table
@@ -179,7 +179,7 @@ class PhaseSummary:
 
     def to_dict(self) -> JsonObject:
         """Convert the summary to JSON types. Fields that do not apply to this phase are omitted."""
-        data = plain(asdict(self))
+        data = to_plain(asdict(self))
         return {
             name: value for name, value in data.items() if value is not None or name not in OF_SOME
         }
@@ -391,7 +391,7 @@ class Plan:
     def _repr_html_(self) -> str:
         """Return the summary and the limits as HTML tables for notebooks."""
         limits = self.certificate._repr_html_() if self.certificate else ""
-        return html_table([attributes(self, SUMMARY)]) + limits
+        return html_table([get_attributes(self, SUMMARY)]) + limits
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw the joint positions over time with matplotlib, in deg and mm, and return the axes.
@@ -656,9 +656,9 @@ class Plan:
     def summary(self) -> JsonObject:
         """Return the content of the output of `plan --json`, in SI units and radians."""
         summary = {
-            **attributes(self, SUMMARY),
+            **get_attributes(self, SUMMARY),
             "cross_check": self.cross_check,
-            "sensitivities": plain(self.sensitivities),
+            "sensitivities": to_plain(self.sensitivities),
             "motors": [requirement.to_dict() for requirement in self.requirements],
             "sizing": None if self.sizing is None else self.sizing.to_dict(),
             "limits": self.certificate.to_dict()["limits"] if self.certificate else [],
@@ -670,7 +670,7 @@ class Plan:
         if self.stopped:
             summary["stopped"] = True
         if self.candidates:
-            summary["candidates"] = plain(self.candidates)
+            summary["candidates"] = to_plain(self.candidates)
         if self.proof:
             summary["proof"] = [proof.to_dict() for proof in self.proof]
         return summary
@@ -694,7 +694,7 @@ class Plan:
             "software": dict(self.software),
             **summary,
             "solve_time": None,
-            "problem": plain(self.problem),
+            "problem": to_plain(self.problem),
             "phases": phases,
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "stops": None if self.stops is None else self.stops.to_dict(),
@@ -757,16 +757,18 @@ class Plan:
             )
         try:
             trajectory = Trajectory.from_dict(_mapping(document, "trajectory", file))
-            phases = converted(
+            phases = convert_value(
                 tuple[PhaseSummary, ...], document.get("phases") or [], "phases", build=True
             )
             certificate = None
             if document.get("certificate") is not None:
                 certificate = Certificate.from_dict(document["certificate"])
-            nominal_duration = converted(
+            nominal_duration = convert_value(
                 float | None, document.get("nominal_duration"), "nominal_duration"
             )
-            proof = converted(tuple[Proof, ...], document.get("proof") or [], "proof", build=True)
+            proof = convert_value(
+                tuple[Proof, ...], document.get("proof") or [], "proof", build=True
+            )
             plan = cls(
                 problem=problem,
                 status=str(document.get("status")),
@@ -898,7 +900,7 @@ def _range_notes(problem: Problem) -> list[str]:
 
     def text(name: str, ends: tuple[float, float]) -> str:
         unit = TaskRange(name, *ends).unit
-        return " to ".join(in_words(end, unit) for end in ends)
+        return " to ".join(format_quantity(end, unit) for end in ends)
 
     return [
         f"range of {name} of {text(name, requested)} asked for: the robot allows "

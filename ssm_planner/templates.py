@@ -82,12 +82,12 @@ def file_keys(kind: str) -> tuple[Key, ...]:
 
     The kind "drive" means the drive file of a worm gear, and "screw" means that of a lead screw.
     """
-    from ssm_planner.loading import drive_model, file_keys, keys
+    from ssm_planner.loading import describe_keys, drive_model, file_keys
     from ssm_planner.studies.study_file import StudyModel
 
     models = {"drive": drive_model("worm"), "screw": drive_model("lead_screw"), "study": StudyModel}
     if kind in models:
-        return tuple(keys(models[kind]))
+        return tuple(describe_keys(models[kind]))
     return file_keys(kind)  # type: ignore[arg-type]
 
 
@@ -115,11 +115,11 @@ def template(kind: str, name: str) -> str:
     name: mine
     """
     _require(kind, tuple(EXAMPLES))
-    from ssm_planner.loading import read, shipped_folder
+    from ssm_planner.loading import read_section, shipped_folder
 
     keys = {key.path: key for key in file_keys(kind)}
     example = EXAMPLES[kind]
-    data = read(shipped_folder() / f"{example}.yaml").value
+    data = read_section(shipped_folder() / f"{example}.yaml").value
     kind = "drive" if kind == "screw" else kind
     lines = [
         f"# A {kind} file with the figures of the shipped {example}. Replace them with yours.",

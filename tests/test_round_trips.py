@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 
 import ssm_planner
 from ssm_planner import Certificate, LimitCheck, Plan, Problem, Trajectory, load_plan, plan
-from ssm_planner.loading.files import of_text, read, shipped_names
+from ssm_planner.loading.files import read_section, section_from_text, shipped_files
 from ssm_planner.loading.robots import robot_from
-from ssm_planner.problem.serialization import plain, problem_from_plain
+from ssm_planner.problem.serialization import problem_from_plain, to_plain
 from ssm_planner.studies.study_file import resolved_robot_content
 from ssm_planner.view.page import ViewedProblem
 from tests.problem.test_serialization import same
@@ -141,7 +141,7 @@ def valid_problem(base: Problem, seed: int) -> Problem:
 @given(st.integers(0, 2**32 - 1))
 def test_a_random_problem_returns_from_its_file(tilt_insert: Problem, seed: int) -> None:
     problem = valid_problem(tilt_insert, seed)
-    text = json.dumps(plain(problem), allow_nan=False)
+    text = json.dumps(to_plain(problem), allow_nan=False)
     same(problem, problem_from_plain(json.loads(text)))
 
 
@@ -195,11 +195,11 @@ def test_random_motions_and_certificates_return_from_their_file(
     assert Certificate.from_dict(data) == certificate
 
 
-@pytest.mark.parametrize("name", shipped_names("robots"))
+@pytest.mark.parametrize("name", shipped_files("robots"))
 def test_a_robot_returns_from_the_content_of_its_file(name: str) -> None:
     robot = ssm_planner.load_robot(name)
-    content = resolved_robot_content(read(shipped_names("robots")[name]))
-    assert robot_from(of_text(yaml.safe_dump(content))) == robot
+    content = resolved_robot_content(read_section(shipped_files("robots")[name]))
+    assert robot_from(section_from_text(yaml.safe_dump(content))) == robot
 
 
 @pytest.mark.parametrize("name", SHIPPED)

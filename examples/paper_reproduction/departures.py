@@ -22,10 +22,10 @@ from ssm_planner.problem import (
     FrictionLawName,
     Motorisation,
     Robot,
-    possible,
+    is_possible_inertia,
     principal_moments,
     read_only_array,
-    unchecked,
+    unchecked_copy,
 )
 from ssm_planner.reporting import COLOURS, draw_legend, finish_axes, new_figure
 from ssm_planner.sizing import DutyCycle, JointLoad, joint_loads
@@ -183,7 +183,7 @@ class BodyMoments:
     @property
     def possible(self) -> tuple[bool, bool]:
         """True for each of `as_tensor` and `as_cad` if a rigid body can have these moments."""
-        return possible(self.as_tensor), possible(self.as_cad)
+        return is_possible_inertia(self.as_tensor), is_possible_inertia(self.as_cad)
 
 
 def flipped(robot: Robot) -> Robot:
@@ -239,7 +239,7 @@ def _largest_magnitudes(values: Iterable[tuple[str, Array]]) -> dict[str, float]
 def _flipped(body: Body) -> Body:
     """Return a body whose products of inertia are negated."""
     diagonal = np.diag(np.diag(body.inertia))
-    return unchecked(body, inertia=read_only_array(2 * diagonal - body.inertia, (3, 3)))
+    return unchecked_copy(body, inertia=read_only_array(2 * diagonal - body.inertia, (3, 3)))
 
 
 STRIBECK_SPEEDS = (0.25, 0.5, 1.0, 2.0)

@@ -26,7 +26,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
     JOINTS,
-    TASK,
+    TASK_COORDINATES,
     Free,
     Motorisation,
     Problem,
@@ -84,7 +84,7 @@ class SpeedRun:
             return math.nan
         samples = self.plan.trajectory.uniform(1000.0)
         rates = task_rates(Mechanism.from_robot(robot), samples.q, samples.qd)
-        return float(np.abs(rates[:, TASK.index("tilt")]).max())
+        return float(np.abs(rates[:, TASK_COORDINATES.index("tilt")]).max())
 
     def reaches(self) -> bool:
         """Return True if a rotary joint and joint 4 both reach the speeds of the row."""

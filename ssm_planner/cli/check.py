@@ -56,7 +56,7 @@ def run_check(options: Namespace) -> int:
     problem = ssm.load_problem(options.problem) if options.problem else None
     if options.tip_speed:
         limits = ssm.TipSpeed(options.tip_speed).on(limits)
-    limits = reading.ends_on(_with_declared_rates(options, limits))
+    limits = reading.add_declared_rates(_with_declared_rates(options, limits))
     progress(Step("checking"))
     document = {
         "trajectory": options.trajectory,
@@ -117,10 +117,10 @@ def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
 
 def _signature_fault(folder: Path, key: Path) -> str | None:
     """Return the reason why a folder is not an export that was signed with a key, or None."""
-    from ssm_planner.formats import read_manifest, signature_fault
+    from ssm_planner.formats import read_manifest, signature_error
 
     try:
-        return signature_fault(folder, read_manifest(folder), key)
+        return signature_error(folder, read_manifest(folder), key)
     except ssm.TrajectoryError as error:
         return str(error)
 
@@ -332,7 +332,7 @@ def _parse_rates(option: str, text: str) -> dict[str, float] | None:
     ProblemError
         If the text is invalid.
     """
-    from ssm_planner.problem import TASK
+    from ssm_planner.problem import TASK_COORDINATES
 
     if text.strip() == "any":
         return None
@@ -340,8 +340,8 @@ def _parse_rates(option: str, text: str) -> dict[str, float] | None:
     for entry in map(str.strip, text.split(",")):
         name, _, value = entry.partition("=")
         name = name.strip()
-        if name not in TASK:
-            allowed = f"any, or {', '.join(TASK)}"
+        if name not in TASK_COORDINATES:
+            allowed = f"any, or {', '.join(TASK_COORDINATES)}"
             raise ProblemError("unknown task coordinate", key=option, value=entry, allowed=allowed)
         quantity_kind = "velocity" if name == "depth" else "angular_velocity"
         rates[name] = parse_quantity(option, value.strip(), quantity_kind, entry)

@@ -20,10 +20,10 @@ from ssm_planner.typing import JsonObject
 
 def run_ik(options: Namespace) -> int:
     """Print the joint solutions of a tool pose, and return the exit status."""
-    from ssm_planner.problem import TASK
+    from ssm_planner.problem import TASK_COORDINATES
 
     robot = ssm.load_robot(options.robot)
-    point = {name: getattr(options, name) for name in TASK}
+    point = {name: getattr(options, name) for name in TASK_COORDINATES}
     solutions = ssm.ik(robot, **point, within_limits=options.within_limits)
     print_result(options, solutions.to_dict(), _solution_lines(solutions))
     return OK if solutions.reachable else FAILED

@@ -69,7 +69,7 @@ def scenario_from_options(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
     ProblemError
         If an option is invalid. The error names the option, its value and the allowed values.
     """
-    from ssm_planner.problem import attributes
+    from ssm_planner.problem import get_attributes
     from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR
 
     payload = 0.0
@@ -109,7 +109,7 @@ def scenario_from_options(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
         "travel",
     )
     return ssm.Scenario(
-        **attributes(options, names),
+        **get_attributes(options, names),
         payload=payload,
         payload_time=payload_time,
         power_loss=power_loss,

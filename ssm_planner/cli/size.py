@@ -74,7 +74,7 @@ MAX_PAIRS = 10
 
 def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Conditions") -> int:
     """Check every motor of a catalogue with every gear, and return the exit status."""
-    from ssm_planner.loading import Part, gearheads_of, gears_of, motors_of
+    from ssm_planner.loading import CatalogueEntry, drives_with_gears, read_gearheads, read_motors
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select
 
@@ -90,15 +90,15 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
             key="--motor" if options.motor else "--what-if",
             allowed="--catalogue, with --gears, --rank and conditions",
         )
-    motors = motors_of(options.catalogue)
-    gears: dict[str, list[Part[ssm.Drive]]] = {}
+    motors = read_motors(options.catalogue)
+    gears: dict[str, list[CatalogueEntry[ssm.Drive]]] = {}
     for joint in duty.robot.joints:
         if joint.drive is not None:
             stroke = joint.position[1] - joint.position[0]
             gears[joint.name] = []
             for path in options.gears:
-                gears[joint.name] += gears_of(path, joint.drive, stroke)
-    gearheads = [part for path in options.gearheads for part in gearheads_of(path)]
+                gears[joint.name] += drives_with_gears(path, joint.drive, stroke)
+    gearheads = [part for path in options.gearheads for part in read_gearheads(path)]
     progress_reporter(f"judging {len(motors)} motors")
     joints = select(duty, motors, gears, conditions, options.payload, gearheads=gearheads)
     # Verdict on the best pair of each joint: 1 is adequate, 0 is not known, −1 is not adequate.

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen import namespace_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import LAWS, Drive, Friction
+from ssm_planner.problem import FRICTION_LAWS, Drive, Friction
 from ssm_planner.typing import Array, Expression
 
 STANDSTILL = 0.005
@@ -35,13 +35,16 @@ def stribeck_shape(law: str | Array, x: Expression) -> Expression:
     Parameters
     ----------
     law : str or array of int
-        Name of the law. An array of indices in `LAWS` evaluates many laws at once. It broadcasts
+        Name of the law. An array of indices in `FRICTION_LAWS` evaluates many laws at once. It
+        broadcasts
         against x.
     x : array or CasADi expression
         Values ≥ 0.
     """
     if isinstance(law, np.ndarray):
-        return sum(np.where(law == k, stribeck_shape(name, x), 0.0) for k, name in enumerate(LAWS))
+        return sum(
+            np.where(law == k, stribeck_shape(name, x), 0.0) for k, name in enumerate(FRICTION_LAWS)
+        )
     if law == "stribeck_exponential":
         return math.e ** (-2.0 * x)
     if law == "stribeck_gaussian":

@@ -14,7 +14,15 @@ import numpy as np
 
 from ssm_planner.dynamics.friction import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import FRICTION_NAMES, LAW, LAWS, LOAD_OFFSET, Drive, Posterior, unchecked
+from ssm_planner.problem import (
+    FRICTION_LAWS,
+    LAW_COLUMN,
+    LOAD_OFFSET,
+    UNCERTAIN_PARAMETERS,
+    Drive,
+    Posterior,
+    unchecked_copy,
+)
 from ssm_planner.typing import Array, Arrays, Range, record
 
 LINEAR_DRAWS = 20_000
@@ -176,10 +184,10 @@ def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array
     Raises ProblemError for an unknown parameter, a missing entry or an invalid matrix.
     """
     names = tuple(table)
-    unknown = [name for name in names if name not in FRICTION_NAMES]
+    unknown = [name for name in names if name not in UNCERTAIN_PARAMETERS]
     if unknown:
         raise _covariance_error(
-            drive, f"{unknown[0]} is not a parameter", allowed=", ".join(FRICTION_NAMES)
+            drive, f"{unknown[0]} is not a parameter", allowed=", ".join(UNCERTAIN_PARAMETERS)
         )
     try:
         rows = [[table[a][b] for b in names] for a in names]
@@ -199,16 +207,16 @@ def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:
     drive_values = {name: values[name] for name in ("preload", "input_inertia") if name in values}
     friction = {name: value for name, value in values.items() if name not in drive_values}
     nominal = friction_of(drive)
-    if LAW in friction and not np.ndim(friction[LAW]):
-        friction[LAW] = LAWS[int(friction[LAW])]
-        if friction[LAW] == "coulomb":
+    if LAW_COLUMN in friction and not np.ndim(friction[LAW_COLUMN]):
+        friction[LAW_COLUMN] = FRICTION_LAWS[int(friction[LAW_COLUMN])]
+        if friction[LAW_COLUMN] == "coulomb":
             friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}
     nominal_mu = nominal.mu + nominal.mu_stribeck
     has_new_mu = "mu" in friction or "mu_stribeck" in friction
     if "mu_static" not in friction and nominal_mu > 0 and has_new_mu:
         mu = friction.get("mu", nominal.mu) + friction.get("mu_stribeck", nominal.mu_stribeck)
         friction["mu_static"] = nominal.mu_static / nominal_mu * mu
-    return unchecked(drive, friction=unchecked(nominal, **friction), **drive_values)
+    return unchecked_copy(drive, friction=unchecked_copy(nominal, **friction), **drive_values)
 
 
 def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
@@ -217,8 +225,8 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
     For a parameter that its law does not use, the result is the median of the posterior.
     """
     friction = friction_of(drive)
-    if name == LAW:
-        return float(LAWS.index(friction.law))
+    if name == LAW_COLUMN:
+        return float(FRICTION_LAWS.index(friction.law))
     is_unused = name == "stribeck_speed" and friction.stribeck_speed is None
     return float(np.median(posterior.column(name))) if is_unused else _value(drive, name)
 

@@ -38,7 +38,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.interior.problem import ElementGroup
 from ssm_planner.kinematics import JACOBIANS, Mechanism, lens_limit
 from ssm_planner.native.library import load
-from ssm_planner.problem import LAWS, Drive, Eye, MotorTorque, TipSpeed
+from ssm_planner.problem import FRICTION_LAWS, Drive, Eye, MotorTorque, TipSpeed
 from ssm_planner.typing import Array, Arrays, record
 
 MECHANISM_LAYOUT = Layout(
@@ -359,7 +359,7 @@ def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array,
     drives = np.array([_drive_values(drive, breakaway=breakaway) for *_, drive, _ in by_load])
     actuation = actuation.reshape(-1, 3)
     if breakaway:
-        actuation[:, 2] -= actuation[:, 2] % len(LAWS)
+        actuation[:, 2] -= actuation[:, 2] % len(FRICTION_LAWS)
     return actuation, drives.reshape(-1, DRIVE_LAYOUT.size)
 
 
@@ -602,7 +602,7 @@ def _law_index(drive: Drive) -> int:
     """Return the index of the C function for the torque law and the friction law of a drive."""
     friction = friction_of(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
-    return len(LAWS) * drive.two_nuts + LAWS.index(law)
+    return len(FRICTION_LAWS) * drive.two_nuts + FRICTION_LAWS.index(law)
 
 
 def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:

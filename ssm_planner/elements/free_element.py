@@ -33,7 +33,14 @@ from ssm_planner.kinematics import (
     task_rates_symbolic,
     tip_position_symbolic,
 )
-from ssm_planner.problem import TASK, Eye, LensClearance, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.problem import (
+    TASK_COORDINATES,
+    Eye,
+    LensClearance,
+    RetinaClearance,
+    TaskRange,
+    TaskRate,
+)
 from ssm_planner.typing import keyword_record
 
 RANGE_LIMITED_COORDINATES = ("roll", "spin")
@@ -214,7 +221,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
     rows = []
     task = task_from_joints_symbolic(mechanism, q)
     for k, coordinate in enumerate(RANGE_LIMITED_COORDINATES):
-        distance = task[TASK.index(coordinate)] - parameters.range_centre[k]
+        distance = task[TASK_COORDINATES.index(coordinate)] - parameters.range_centre[k]
         value = distance / parameters.range_half_width[k]
         name = TaskRange.name_of(coordinate)
         rows += [PathConstraint(name, None, value), PathConstraint(name, None, -value)]
@@ -243,7 +250,7 @@ def rate_rows(
     rows = []
     rates = task_rates_symbolic(mechanism, q, qd)
     for k, coordinate in enumerate(RATE_LIMITED_COORDINATES):
-        value = rates[TASK.index(coordinate)] / parameters.rate[k]
+        value = rates[TASK_COORDINATES.index(coordinate)] / parameters.rate[k]
         name = TaskRate.name_of(coordinate)
         rows += [PathConstraint(name, None, value), PathConstraint(name, None, -value)]
     return rows

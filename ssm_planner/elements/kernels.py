@@ -39,7 +39,7 @@ from ssm_planner.elements.straight_element import (
     fit_layout,
 )
 from ssm_planner.kinematics import JACOBIANS, lens_row, tip_position_symbolic
-from ssm_planner.problem import LAWS
+from ssm_planner.problem import FRICTION_LAWS
 from ssm_planner.trajectory import Cubic
 
 KERNELS_HEADER = Path(__file__).parents[1] / "native" / "kernels.h"
@@ -279,7 +279,7 @@ def _write_drive_torques(writer: _KernelWriter) -> None:
     sigma = _symbols("sigma", 1)
     v = _symbols("v", 3)
     inputs = {"drive": drive_symbols, "sigma": sigma}
-    for (two_nuts, mesh), law in product(enumerate(TORQUE_LAWS), LAWS):
+    for (two_nuts, mesh), law in product(enumerate(TORQUE_LAWS), FRICTION_LAWS):
         drive: Any = DRIVE_LAYOUT.unpack(drive_symbols)
         drive.two_nuts = two_nuts
         drive.stages = {}  # the values of the thread contain them

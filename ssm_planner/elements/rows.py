@@ -36,7 +36,7 @@ from ssm_planner.problem import (
     StopTravel,
     TipSpeed,
     ToolLimit,
-    unchecked,
+    unchecked_copy,
 )
 from ssm_planner.typing import Array, Arrays, frozen
 
@@ -142,7 +142,7 @@ def with_margin(robot: Robot, share: float) -> Robot:
         """Return a joint with smaller limits."""
         motor = joint.motor
         if motor is not None:
-            motor = unchecked(motor, max_torque=motor.max_torque * factor)
+            motor = unchecked_copy(motor, max_torque=motor.max_torque * factor)
         return replace(
             joint,
             velocity=joint.velocity * factor,

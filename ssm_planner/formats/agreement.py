@@ -19,28 +19,28 @@ from ssm_planner.problem import Robot, robot_hash
 from ssm_planner.publishing import MANIFEST
 from ssm_planner.typing import JsonObject, record
 
-UNVERIFIED = "_unverified"
+UNVERIFIED_SUFFIX = "_unverified"
 """Suffix of the file names of an unverified plan."""
-NOT_COMPARED = frozenset(
+EXPLANATORY_KEYS = frozenset(
     ("note", "notes", "known", "reason", "encoder", "convention", "form", "not_verified")
     + ("certificate", "deviation", "spline")
 )
 """Keys and columns that only explain the export to a reader. Controllers ignore them."""
-RELATIVE = 1e-10
-ABSOLUTE = 1e-11
+RELATIVE_TOLERANCE = 1e-10
+ABSOLUTE_TOLERANCE = 1e-11
 """Differences up to which two numbers count as equal, because machines round differently."""
-DECIMAL = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
+DECIMAL_NUMBER = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
 """Numbers with a decimal point in a text. All other text must be the same."""
 DURATION_TOLERANCE = 1e-8
 """Rounding error of a duration, s."""
 
 
 @record
-class Content:
+class ExportContent:
     """The part of an export folder that follows from its motion.
 
     An export writes it. A reader derives it again from the motion that it has read, and compares it
-    with the folder (`require_agreement`).
+    with the folder (`check_export_content`).
     """
 
     entries: JsonObject
@@ -48,7 +48,7 @@ class Content:
     files: Mapping[str, Iterable[str] | None]
     """Text of each file by name, possibly in parts, which are used once.
 
-    None if `require_agreement` does not compare the file.
+    None if `check_export_content` does not compare the file.
     """
 
     def write(self, folder: Path) -> JsonObject:
@@ -60,12 +60,12 @@ class Content:
         return self.entries
 
 
-def suffix_of(manifest: JsonObject) -> str:
+def file_name_suffix(manifest: JsonObject) -> str:
     """Return the suffix that the names of all files in an export have."""
-    return "" if manifest.get("verified") is True else UNVERIFIED
+    return "" if manifest.get("verified") is True else UNVERIFIED_SUFFIX
 
 
-def stated_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
+def read_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
     """Return the rate that a manifest states, Hz.
 
     Raises TrajectoryError if the entry is not a number above 0 and up to `maximum`.
@@ -76,16 +76,16 @@ def stated_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
     raise TrajectoryError(f"{folder / MANIFEST}: rate_hz is not a rate: {str(rate)[:40]}")
 
 
-def require_robot(folder: Path, manifest: JsonObject, robot: Robot) -> None:
+def require_same_robot(folder: Path, manifest: JsonObject, robot: Robot) -> None:
     """Raise TrajectoryError if a folder was exported for another robot."""
     expected = {"name": robot.name, "sha256": robot_hash(robot)}
-    fault = difference(manifest.get("robot"), expected, "robot")
+    fault = first_difference(manifest.get("robot"), expected, "robot")
     if fault:
         raise TrajectoryError(f"{folder / MANIFEST}: it was exported for another robot: {fault}")
 
 
-def require_agreement(
-    folder: Path, manifest: JsonObject, content: Content, duration: float
+def check_export_content(
+    folder: Path, manifest: JsonObject, content: ExportContent, duration: float
 ) -> None:
     """Raise TrajectoryError if files or entries do not follow from the motion.
 
@@ -102,7 +102,7 @@ def require_agreement(
         one period.
     """
     entries = {key: manifest.get(key) for key in content.entries}
-    fault = difference(entries, content.entries, MANIFEST)
+    fault = first_difference(entries, content.entries, MANIFEST)
     period = content.entries.get("interpolation_period_ms", 0) / 1000
     try:
         plan_time = manifest["plan"]["duration_s"] * manifest.get("stretch", 1.0)
@@ -110,7 +110,7 @@ def require_agreement(
             fault = fault or f"plan.duration_s and stretch give {plan_time} s, not {duration} s"
     except (KeyError, TypeError):
         fault = fault or "plan.duration_s or stretch is not a number"
-    fault = fault or difference(
+    fault = fault or first_difference(
         sorted(manifest["files"]), sorted(content.files), f"{MANIFEST}.files"
     )
     for name, lines in content.files.items():
@@ -119,16 +119,17 @@ def require_agreement(
             text = (folder / name).read_bytes().decode("utf-8", "replace")
             if text != derived:
                 rows = _without_explanations(text)
-                fault = difference(rows, _without_explanations(derived), name)
+                fault = first_difference(rows, _without_explanations(derived), name)
     if fault:
         raise TrajectoryError(f"{folder}: changed after the export: {fault}")
 
 
-def difference(actual: Any, derived: Any, location: str) -> str | None:
+def first_difference(actual: Any, derived: Any, location: str) -> str | None:
     """Describe the first difference between a document and the derived document.
 
-    Documents consist of the types of JSON. The keys in `NOT_COMPARED` are ignored. A missing key
-    equals null. Numbers are equal within `RELATIVE` and `ABSOLUTE`.
+    Documents consist of the types of JSON. The keys in `EXPLANATORY_KEYS` are ignored. A missing
+    key
+    equals null. Numbers are equal within `RELATIVE_TOLERANCE` and `ABSOLUTE_TOLERANCE`.
 
     Parameters
     ----------
@@ -143,27 +144,27 @@ def difference(actual: Any, derived: Any, location: str) -> str | None:
         The description, or None if the documents are equal.
     """
     if isinstance(actual, dict) and isinstance(derived, dict):
-        keys = sorted((actual.keys() | derived.keys()) - NOT_COMPARED)
+        keys = sorted((actual.keys() | derived.keys()) - EXPLANATORY_KEYS)
         pairs = [(actual.get(key), derived.get(key), f"{location}.{key}") for key in keys]
     elif isinstance(actual, list) and isinstance(derived, list) and len(actual) == len(derived):
         pairs = [(value, derived[k], f"{location}[{k}]") for k, value in enumerate(actual)]
-    elif _equal(actual, derived):
+    elif _nearly_equal(actual, derived):
         return None
     else:
         return f"{location} is {actual!r:.80}, but the motion gives {derived!r:.80}"
-    return next(filter(None, starmap(difference, pairs)), None)
+    return next(filter(None, starmap(first_difference, pairs)), None)
 
 
-def _equal(actual: Any, derived: Any) -> bool:
+def _nearly_equal(actual: Any, derived: Any) -> bool:
     """Return True if two values are equal, with tolerances for numbers and numbers in texts."""
     if isinstance(actual, str) and isinstance(derived, str):
-        if DECIMAL.sub("", actual) != DECIMAL.sub("", derived):
+        if DECIMAL_NUMBER.sub("", actual) != DECIMAL_NUMBER.sub("", derived):
             return False
-        numbers = list(map(float, DECIMAL.findall(actual)))
-        derived_numbers = list(map(float, DECIMAL.findall(derived)))
-        return difference(numbers, derived_numbers, "") is None
+        numbers = list(map(float, DECIMAL_NUMBER.findall(actual)))
+        derived_numbers = list(map(float, DECIMAL_NUMBER.findall(derived)))
+        return first_difference(numbers, derived_numbers, "") is None
     if type(actual) in (int, float) and type(derived) in (int, float):
-        return math.isclose(actual, derived, rel_tol=RELATIVE, abs_tol=ABSOLUTE)
+        return math.isclose(actual, derived, rel_tol=RELATIVE_TOLERANCE, abs_tol=ABSOLUTE_TOLERANCE)
     return type(actual) is type(derived) and bool(actual == derived)
 
 
@@ -171,7 +172,7 @@ def _without_explanations(text: str) -> list[Any]:
     """Return the lines of a file, or the rows of a table, without comments and explanations."""
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     columns = next(csv.reader(lines), [])
-    explaining = [k for k, column in enumerate(columns) if column in NOT_COMPARED]
+    explaining = [k for k, column in enumerate(columns) if column in EXPLANATORY_KEYS]
     if not explaining:
         return lines
     rows = list(csv.reader(lines))

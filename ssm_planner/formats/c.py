@@ -22,7 +22,7 @@ from ssm_planner.codegen import (
 )
 from ssm_planner.display import environment, render_template
 from ssm_planner.dynamics import RigidBody, directions_law, motor_law
-from ssm_planner.formats.spline_points import REST
+from ssm_planner.formats.spline_points import REST_SPEED
 from ssm_planner.kinematics import Mechanism, forward_symbolic, joints_from_task_symbolic
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
@@ -41,14 +41,14 @@ from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification import Certificate, end_velocities
 
-PACKAGE = "ssm_planner.formats"
+TEMPLATE_PACKAGE = "ssm_planner.formats"
 """Package that contains the templates."""
-ROBOT = "ssm_robot"
-TRAJECTORY = "ssm_trajectory"
+ROBOT_FILE = "ssm_robot"
+TRAJECTORY_FILE = "ssm_trajectory"
 """Names of the files without suffix."""
 UNITS = f"rad, m, N*m, N, s; joints in the order {', '.join(JOINTS)}"
 """Units of all quantities in the code."""
-LIMITS: dict[str, type[Limit]] = {
+LIMIT_TYPES: dict[str, type[Limit]] = {
     "velocity": JointVelocity,
     "acceleration": JointAcceleration,
     "jerk": JointJerk,
@@ -93,12 +93,12 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
     suffix : str
         Text that marks unverified files, before the extension.
     """
-    remarks = [f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}."]
+    remarks = [f"Exported with {comment_safe_text(plan.path.name)}, SHA-256 {plan.sha256}."]
     if suffix:
         remarks.append("UNVERIFIED: the plan has no passed certificate.")
     texts = {
-        ROBOT: c_code(plan.robot, remarks, suffix),
-        TRAJECTORY: c_trajectory(plan, remarks, suffix),
+        ROBOT_FILE: robot_code(plan.robot, remarks, suffix),
+        TRAJECTORY_FILE: trajectory_code(plan, remarks, suffix),
     }
     for name, (header, source) in texts.items():
         (folder / f"{name}{suffix}.h").write_text(header, encoding="utf-8")
@@ -111,7 +111,7 @@ def export_c(plan: Plan, certificate: Certificate, folder: Path, suffix: str) ->
     return {"units": {"all": UNITS}, "rate_hz": None, "notes": notes}
 
 
-def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
+def robot_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
     """Return the header and the source file of a robot as C99 code.
 
     Parameters
@@ -137,8 +137,8 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
     bodies = "\n".join(definitions)
     comments = [function.comment for function in functions]
     values = {
-        "comment": _comment(robot, remarks),
-        "header": f"{ROBOT}{suffix}.h",
+        "comment": _file_comment(robot, remarks),
+        "header": f"{ROBOT_FILE}{suffix}.h",
         "real": REAL_DEFINITIONS,
         "names": list(limits) + [function.name for function in functions],
         "limits": [(name, list(map(c_literal, bounds))) for name, bounds in limits.items()],
@@ -146,10 +146,10 @@ def c_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> tuple
         "sign": SIGN_FUNCTION if "sign_of(" in bodies else "",
         "bodies": bodies,
     }
-    return _render("robot", values)
+    return _render_files("robot", values)
 
 
-def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
+def trajectory_code(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
     """Return the header and the source file of a plan's motion as C99 code.
 
     The code contains the polynomials as constant tables, and a function that samples them.
@@ -168,19 +168,19 @@ def c_trajectory(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> t
     header, source : str
     """
     motion = plan.motion
-    moves = np.abs(end_velocities(motion)) > REST
+    moves = np.abs(end_velocities(motion)) > REST_SPEED
     values = {
-        "comment": _comment(plan.robot, remarks),
-        "robot": f"{ROBOT}{suffix}.h",
-        "header": f"{TRAJECTORY}{suffix}.h",
-        "breaks": _literals(motion.breaks - motion.breaks[0]),
-        "pieces": _literals(motion.coefficients),
+        "comment": _file_comment(plan.robot, remarks),
+        "robot": f"{ROBOT_FILE}{suffix}.h",
+        "header": f"{TRAJECTORY_FILE}{suffix}.h",
+        "breaks": _c_literals(motion.breaks - motion.breaks[0]),
+        "pieces": _c_literals(motion.coefficients),
         "moves": moves.astype(int).tolist(),
     }
-    return _render("trajectory", values)
+    return _render_files("trajectory", values)
 
 
-def _literals(values: Array) -> Any:
+def _c_literals(values: Array) -> Any:
     """Return the numbers of an array of any shape as C literals, in lists of the same shape."""
     return np.vectorize(c_literal, otypes=[object])(values).tolist()
 
@@ -200,23 +200,23 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
         "ssm_position_min": [joint.position[0] for joint in robot.joints],
         "ssm_position_max": [joint.position[1] for joint in robot.joints],
     }
-    for name, limit_type in LIMITS.items():
+    for name, limit_type in LIMIT_TYPES.items():
         limits[f"ssm_{name}_max"] = [limit(joint, limit_type) for joint in robot.joints]
     return limits
 
 
-def _render(template: str, values: dict[str, Any]) -> tuple[str, str]:
+def _render_files(template: str, values: dict[str, Any]) -> tuple[str, str]:
     """Return the header and the source file of a template."""
-    templates = environment(PACKAGE, escape=False)
+    templates = environment(TEMPLATE_PACKAGE, escape=False)
     header = render_template(templates, f"{template}.h", **values)
     source = render_template(templates, f"{template}.c", **values)
     return header, source
 
 
-def _comment(robot: Robot, remarks: Sequence[str]) -> str:
+def _file_comment(robot: Robot, remarks: Sequence[str]) -> str:
     """Return the comment at the beginning of a file: robot, remarks and units."""
     sentences = [
-        f"Robot {c_text(robot.name)} (SHA-256 of its values {robot_hash(robot)}).",
+        f"Robot {comment_safe_text(robot.name)} (SHA-256 of its values {robot_hash(robot)}).",
         *remarks,
         f"SI units: {UNITS}.",
         "The code allocates no memory, keeps no state and only uses the C mathematics library "
@@ -225,7 +225,7 @@ def _comment(robot: Robot, remarks: Sequence[str]) -> str:
     return "/*\n" + "\n".join(f" * {line}" for line in sentences) + "\n */"
 
 
-def c_text(name: str) -> str:
+def comment_safe_text(name: str) -> str:
     """Return a name without the characters that could end a C comment or its line."""
     return one_line(name, without="*/\\?")
 

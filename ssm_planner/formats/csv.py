@@ -20,18 +20,18 @@ import numpy as np
 from ssm_planner.atomic import replacing
 from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.agreement import Content, stated_rate, suffix_of
+from ssm_planner.formats.agreement import ExportContent, file_name_suffix, read_rate
 from ssm_planner.formats.epos4_setup import (
-    INT32,
+    INT32_MAX,
     Axis,
     CountsPerTurn,
-    axes_of,
+    check_integer_range,
+    drive_axes,
     encoder_notes,
-    require_range,
 )
-from ssm_planner.formats.points import Points, Reading, join_points, large_array
-from ssm_planner.formats.spline_points import ROUNDED, spline_points
-from ssm_planner.formats.trajectory_csv import Heading, headings
+from ssm_planner.formats.points import Points, Reading, interpolate_points, large_array
+from ssm_planner.formats.spline_points import TIME_ROUNDING, spline_points
+from ssm_planner.formats.trajectory_csv import TableColumn, identify_columns
 from ssm_planner.kinematics import Mechanism, task_from_joints, tip_position
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, Robot
@@ -39,32 +39,32 @@ from ssm_planner.trajectory import BLOCK, Samples, Trajectory, blocks
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.verification import Certificate
 
-RATE = 1000.0
+DEFAULT_RATE = 1000.0
 """Default rate, Hz."""
-ROWS = 100_000
+DEFAULT_RATE_ROWS = 100_000
 """Number of rows above which the default rate is divided by 10, 100 and so on."""
 LARGEST_RATE = 100_000.0
 """Largest rate of an export, Hz."""
-STATES = {"q": "", "qd": "_per_s", "qdd": "_per_s2", "qddd": "_per_s3"}
+STATE_UNIT_SUFFIXES = {"q": "", "qd": "_per_s", "qdd": "_per_s2", "qddd": "_per_s3"}
 """Suffix of the unit in the column name, by derivative."""
-MOTORS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
+MOTOR_UNITS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
 """Unit in the column name, by motor quantity."""
-COLUMNS = (*STATES, *MOTORS, "task")
+COLUMN_GROUPS = (*STATE_UNIT_SUFFIXES, *MOTOR_UNITS, "task")
 """Groups of columns that an export can select."""
-COUNTS = "counts"
+COUNTS_GROUP = "counts"
 """Name of the group of columns with positions in encoder increments."""
-TURNS = "increments_per_motor_turn"
+COUNTS_PER_TURN_KEY = "increments_per_motor_turn"
 """Key of the encoder resolution in a manifest."""
-UNITS = {"time": "s", "position": "increments", "joints": "in the names of the columns"}
+MANIFEST_UNITS = {"time": "s", "position": "increments", "joints": "in the names of the columns"}
 """Units in a manifest."""
-SAME = 1e-9
+COLUMN_TOLERANCE = 1e-9
 """Largest relative difference of equal values in a column, related to its largest value."""
-DEFAULT = ("q", "qd", "qdd", "angle", "speed", "torque")
+DEFAULT_GROUPS = ("q", "qd", "qdd", "angle", "speed", "torque")
 """Groups of columns in a table at a fixed rate."""
 
 
-def table(
-    samples: Samples, robot: Robot, columns: Sequence[str] = DEFAULT
+def motion_table(
+    samples: Samples, robot: Robot, columns: Sequence[str] = DEFAULT_GROUPS
 ) -> tuple[list[str], Array]:
     """Return a table of a motion with its header.
 
@@ -78,7 +78,7 @@ def table(
     robot : Robot
         Robot that performs the motion.
     columns : sequence of str
-        Groups of `COLUMNS`: joint derivatives, motor quantities, task coordinates.
+        Groups of `COLUMN_GROUPS`: joint derivatives, motor quantities, task coordinates.
 
     Returns
     -------
@@ -90,11 +90,11 @@ def table(
     header = ["time_s"]
     values = [samples.t]
     names = [f"{i + 1}_{joint.unit}" for i, joint in enumerate(robot.joints)]
-    for symbol, per in STATES.items():
+    for symbol, per in STATE_UNIT_SUFFIXES.items():
         if symbol in columns:
             header += [f"{symbol}{name}{per}" for name in names]
             values += list(getattr(samples, symbol).T)
-    if any(group in columns for group in MOTORS):
+    if any(group in columns for group in MOTOR_UNITS):
         direction_after, breakaway = directions(robot, samples, 1)
         direction_before, _ = directions(robot, samples, -1)
         is_end = (samples.t == samples.t[-1])[:, None]
@@ -103,7 +103,7 @@ def table(
         body = RigidBody.from_robot(robot)
         motor = motor_motion(robot, body, samples, direction, breaks_away)
         driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
-        for group, unit in MOTORS.items():
+        for group, unit in MOTOR_UNITS.items():
             if group in columns:
                 header += [f"motor{i + 1}_{group}_{unit}" for i in driven]
                 values += [getattr(motor, group)[:, i] for i in driven]
@@ -128,14 +128,16 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
     robot : Robot
         Robot that performs the motion.
     rate : float, optional
-        Rows per second, Hz. The default is `RATE`, divided by 10 until the file has at most `ROWS`
-        rows.
+        Rows per second, Hz. The default is `DEFAULT_RATE`. It is divided by 10 until the file has
+        at most `DEFAULT_RATE_ROWS` rows.
     """
     if rate is None:
-        rate = RATE / 10.0 ** max(math.ceil(math.log10(trajectory.duration * RATE / ROWS)), 0)
-    header, rows = table(trajectory.uniform(rate), robot)
+        rate = DEFAULT_RATE / 10.0 ** max(
+            math.ceil(math.log10(trajectory.duration * DEFAULT_RATE / DEFAULT_RATE_ROWS)), 0
+        )
+    header, rows = motion_table(trajectory.uniform(rate), robot)
     with replacing(path) as temporary:
-        _write(temporary, header, rows, form="%.12g")
+        _write_table(temporary, header, rows, form="%.12g")
     return path
 
 
@@ -164,10 +166,10 @@ def export_csv(
         Rows per second, Hz. By default, the rows are the points between which cubics (or quintics)
         keep the limits.
     columns : Sequence[str], optional
-        Groups of `COLUMNS`. With `COUNTS`, every driven joint also gets a `time,position` file in
-        encoder increments, at the given rate or `RATE`.
+        Groups of `COLUMN_GROUPS`. With `COUNTS_GROUP`, every driven joint also gets a file with the
+        columns `time,position` in encoder increments, at the given rate or `DEFAULT_RATE`.
     counts_per_turn : int or mapping from joint to int, optional
-        Increments per motor turn, see `axes_of`.
+        Increments per motor turn, see `drive_axes`.
 
     Raises
     ------
@@ -175,11 +177,12 @@ def export_csv(
         If a group is unknown, the rate is out of range, or an encoder resolution is missing.
     """
     columns = columns or ()
-    groups = [group for group in columns if group != COUNTS]
-    unknown = [group for group in groups if group not in COLUMNS]
+    groups = [group for group in columns if group != COUNTS_GROUP]
+    unknown = [group for group in groups if group not in COLUMN_GROUPS]
     if unknown:
         raise ExportError(
-            f"unknown columns {', '.join(unknown)} (allowed: {', '.join((*COLUMNS, COUNTS))})"
+            f"unknown columns {', '.join(unknown)} (allowed: "
+            f"{', '.join((*COLUMN_GROUPS, COUNTS_GROUP))})"
         )
     if rate is not None and not 0 < rate <= LARGEST_RATE:
         raise ExportError(
@@ -187,21 +190,21 @@ def export_csv(
         )
     path = folder / f"trajectory{suffix}.csv"
     motion = plan.motion
-    count_rate = rate or RATE
-    entries: JsonObject = {"rate_hz": count_rate, "units": UNITS}
+    count_rate = rate or DEFAULT_RATE
+    entries: JsonObject = {"rate_hz": count_rate, "units": MANIFEST_UNITS}
     notes = []
-    if groups or COUNTS not in columns:
-        header, rows, note, stretch = _rows(plan, certificate, rate, groups)
-        _write(path, header, rows)
+    if groups or COUNTS_GROUP not in columns:
+        header, rows, note, stretch = _export_rows(plan, certificate, rate, groups)
+        _write_table(path, header, rows)
         entries |= {"trajectory": path.name, "rate_hz": rate, "stretch": stretch}
         notes.append(note)
         if "q1_rad" in header:
             reading = read_csv(path, plan.robot)
             motion = reading.trajectory if reading.resolution is None else motion
-            notes += _as_read(reading, plan)
-    if COUNTS in columns:
-        axes = axes_of(plan.robot, counts_per_turn)
-        count_files = _counts(motion, axes, count_rate, suffix)
+            notes += _interpolation_notes(reading, plan)
+    if COUNTS_GROUP in columns:
+        axes = drive_axes(plan.robot, counts_per_turn)
+        count_files = _count_files(motion, axes, count_rate, suffix)
         entries |= count_files.write(folder)
         count = int(np.ceil(motion.duration * count_rate - 1e-9)) + 1
         notes.append(
@@ -232,7 +235,7 @@ def read_csv_export(
     TrajectoryError
         If the table of positions is missing, or if a file is damaged.
     """
-    suffix = suffix_of(manifest)
+    suffix = file_name_suffix(manifest)
     name = f"trajectory{suffix}.csv"
     if name not in names:
         raise TrajectoryError(
@@ -241,27 +244,27 @@ def read_csv_export(
         )
     reading = read_csv(folder / name, robot)
     motion = reading.trajectory
-    rate = RATE
+    rate = DEFAULT_RATE
     if manifest.get("rate_hz") is not None:
-        rate = stated_rate(folder, manifest, LARGEST_RATE)
+        rate = read_rate(folder, manifest, LARGEST_RATE)
         t = motion.uniform(rate).t
-        if len(t) != len(motion.breaks) or np.abs(t - motion.breaks).max() > ROUNDED:
+        if len(t) != len(motion.breaks) or np.abs(t - motion.breaks).max() > TIME_ROUNDING:
             raise TrajectoryError(f"{folder}: the rows of {name} do not have the rate {rate:g} Hz")
-    _check_columns(folder / name, robot, motion)
-    content = Content({"trajectory": name, "units": UNITS}, {name: None})
+    _check_derived_columns(folder / name, robot, motion)
+    content = ExportContent({"trajectory": name, "units": MANIFEST_UNITS}, {name: None})
     if "axes" in manifest:
-        axes = stated_axes(folder, manifest, robot)
-        count_files = _counts(motion, axes, rate, suffix)
+        axes = read_axes(folder, manifest, robot)
+        count_files = _count_files(motion, axes, rate, suffix)
         skipped = reading.resolution is not None
         texts = dict.fromkeys(count_files.files) if skipped else count_files.files
-        content = Content(content.entries | count_files.entries, {**content.files, **texts})
+        content = ExportContent(content.entries | count_files.entries, {**content.files, **texts})
         if skipped:
             note = "increments not compared: the table has positions alone"
             reading = replace(reading, notes=(*reading.notes, note))
     return replace(reading, content=content)
 
 
-def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axis]:
+def read_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axis]:
     """Return the axes of all driven joints with the encoders that a manifest states.
 
     Parameters
@@ -287,34 +290,34 @@ def stated_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, A
     turns = {}
     for joint in robot.joints:
         entry = axes.get(joint.name) if isinstance(axes, dict) else None
-        turn = entry.get(TURNS) if isinstance(entry, dict) else None
-        if joint.drive is not None and (type(turn) is not int or not 0 < turn <= INT32):
+        turn = entry.get(COUNTS_PER_TURN_KEY) if isinstance(entry, dict) else None
+        if joint.drive is not None and (type(turn) is not int or not 0 < turn <= INT32_MAX):
             raise TrajectoryError(
                 f"{folder}: the manifest does not give the increments of joint {joint.name}"
             )
         turns[joint.name] = turn or 0  # 0 for a joint without a drive
-    return axes_of(robot, turns)
+    return drive_axes(robot, turns)
 
 
-def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
+def _check_derived_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
     """Raise TrajectoryError if columns of motors and tasks do not follow from the joints.
 
     Some values do not follow from the joints of the table, so they are not compared: the torque of
     a joint at rest, all torques without accelerations, and all motor speeds without velocities.
     """
-    names = layout_of(path).names
+    names = read_layout(path).names
     values = read_columns(path, names)
     # A name such as motor2_torque_Nm or q1_rad contains its group, here torque or q.
-    pattern = re.compile(rf"(?:motor\d_)?({'|'.join(COLUMNS)})\d?_")
+    pattern = re.compile(rf"(?:motor\d_)?({'|'.join(COLUMN_GROUPS)})\d?_")
     present = {match.group(1) for match in map(pattern.match, names) if match}
-    groups = [group for group in COLUMNS if group in present]
-    states = [symbol for symbol in STATES if symbol in groups]
+    groups = [group for group in COLUMN_GROUPS if group in present]
+    states = [symbol for symbol in STATE_UNIT_SUFFIXES if symbol in groups]
     blocks = np.split(values[:, 1:], np.arange(4, 4 * len(states) + 1, 4), axis=1)
     samples = replace(motion.sample(values[:, 0]), **dict(zip(states, blocks, strict=False)))
-    header, expected = table(samples, robot, groups)
+    header, expected = motion_table(samples, robot, groups)
     if header != names:
         raise TrajectoryError(f"{path}: the columns are {names}, but an export has {header}")
-    wrong = np.abs(values - expected) > SAME * np.abs(expected).max(axis=0) + 1e-12
+    wrong = np.abs(values - expected) > COLUMN_TOLERANCE * np.abs(expected).max(axis=0) + 1e-12
     for i, joint in enumerate(robot.joints):
         torque = f"motor{i + 1}_torque_Nm"
         speed = f"motor{i + 1}_speed_rad_per_s"
@@ -330,7 +333,7 @@ def _check_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
         )
 
 
-def _rows(
+def _export_rows(
     plan: Plan, certificate: Certificate, rate: float | None, columns: Sequence[str]
 ) -> tuple[list[str], Array, str, float]:
     """Return the table of an export.
@@ -344,7 +347,7 @@ def _rows(
     rate : float or None
         Rows per second, Hz. None selects the points between which a spline keeps the limits.
     columns : sequence of str
-        Groups of `COLUMNS`. If it is empty, default groups are used.
+        Groups of `COLUMN_GROUPS`. If it is empty, default groups are used.
 
     Returns
     -------
@@ -358,14 +361,16 @@ def _rows(
     if rate is None:
         points = spline_points(plan, certificate, tick=None)
         default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
-        header, rows = table(points.samples, plan.robot, columns or default)
+        header, rows = motion_table(points.samples, plan.robot, columns or default)
         return header, rows, points.note, points.stretch
-    header, rows = table(plan.motion.uniform(rate), plan.robot, columns or DEFAULT)
+    header, rows = motion_table(plan.motion.uniform(rate), plan.robot, columns or DEFAULT_GROUPS)
     note = f"{len(rows)} rows at {rate:g} Hz; the last row is the end of the motion"
     return header, rows, note, 1.0
 
 
-def _counts(motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: str) -> Content:
+def _count_files(
+    motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: str
+) -> ExportContent:
     """Return the files with the positions of every driven joint in increments.
 
     The last row contains the target.
@@ -375,11 +380,11 @@ def _counts(motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: s
     files = {}
     for name, axis in axes.items():
         counts = axis.increments(q[:, JOINTS.index(name)])
-        counts = require_range(counts, INT32, name, "target position", "increments")
+        counts = check_integer_range(counts, INT32_MAX, name, "target position", "increments")
         columns = {"time": t, "position": counts}
         files[f"{name}_time_position{suffix}.csv"] = table_text(columns, ("%.9g", "%d"))
-    entries = {name: {TURNS: axis.counts_per_turn} for name, axis in axes.items()}
-    return Content({"axes": entries}, files)
+    entries = {name: {COUNTS_PER_TURN_KEY: axis.counts_per_turn} for name, axis in axes.items()}
+    return ExportContent({"axes": entries}, files)
 
 
 def table_text(
@@ -399,7 +404,7 @@ def table_text(
         yield row_format * len(rows) % tuple(rows.ravel().tolist())
 
 
-def _as_read(reading: Reading, plan: Plan) -> list[str]:
+def _interpolation_notes(reading: Reading, plan: Plan) -> list[str]:
     """Check the rows as a controller interpolates them, and return a note with the result."""
     certificate = reading.check(plan.robot, plan.limits)
     if not certificate.violations:
@@ -415,7 +420,7 @@ def _as_read(reading: Reading, plan: Plan) -> list[str]:
     ]
 
 
-def _write(path: Path, header: Sequence[str], rows: Array, form: str = "%.17g") -> None:
+def _write_table(path: Path, header: Sequence[str], rows: Array, form: str = "%.17g") -> None:
     """Write a table of rows (n, columns) with a printf format of all numbers."""
     with path.open("w", encoding="utf-8", newline="") as file:
         file.writelines(table_text(dict(zip(header, rows.T, strict=True)), (form, form)))
@@ -423,15 +428,15 @@ def _write(path: Path, header: Sequence[str], rows: Array, form: str = "%.17g") 
 
 SEPARATORS = (",", ";", "\t")
 """Characters that may separate columns."""
-LOOK = 1000
+ROUNDING_SAMPLE_ROWS = 1000
 """Number of rows whose digits determine the rounding of the positions."""
-FINEST_DIGIT = 400
+LARGEST_EXPONENT = 400
 """Largest magnitude of a decimal exponent. A float cannot have a finer digit."""
 
 
 @frozen
-class Layout:
-    """The layout of a table, which `layout_of` determines from its first lines."""
+class TableLayout:
+    """The layout of a table, which `read_layout` determines from its first lines."""
 
     header: int
     """Index of the line with the header."""
@@ -442,7 +447,9 @@ class Layout:
 
 
 def read_csv(path: Path, robot: Robot) -> Reading:
-    """Read a trajectory from a CSV file whose header names joints and units, see `headings`.
+    """Read a trajectory from a CSV file whose header names joints and units.
+
+    The function `identify_columns` describes the header.
 
     Parameters
     ----------
@@ -463,11 +470,11 @@ def read_csv(path: Path, robot: Robot) -> Reading:
         If the file is not a trajectory of this robot. The message states the file, the line and the
         reason.
     """
-    layout = layout_of(path)
-    columns, ignored = headings(layout.names, robot, f"{path}:{layout.header + 1}")
+    layout = read_layout(path)
+    columns, ignored = identify_columns(layout.names, robot, f"{path}:{layout.header + 1}")
     # The sorted keys begin with the time. Positions, velocities and accelerations follow.
     selected = [columns[key] for key in sorted(columns)]
-    rows = data_rows(path, layout, selected)
+    rows = read_rows(path, layout, selected)
     has_velocities = (1, 0) in columns
     has_accelerations = (2, 0) in columns
     points = Points(
@@ -475,14 +482,14 @@ def read_csv(path: Path, robot: Robot) -> Reading:
         rows[:, 1:5],
         rows[:, 5:9] if has_velocities else None,
         rows[:, 9:13] if has_accelerations else None,
-        resolution=None if has_velocities else _resolution(path, layout, selected[1:]),
-        place=lambda k: f"{path}:{_line_of(path, layout, k)}",
+        resolution=None if has_velocities else _rounding_errors(path, layout, selected[1:]),
+        place=lambda k: f"{path}:{_line_number(path, layout, k)}",
     )
     notes = (f"columns not used: {', '.join(ignored)}",) if ignored else ()
-    return join_points(points, robot, notes)
+    return interpolate_points(points, robot, notes)
 
 
-def layout_of(path: Path) -> Layout:
+def read_layout(path: Path) -> TableLayout:
     """Determine the layout of a table.
 
     The header is the first line that is not empty and not a comment. Comments begin with "#".
@@ -499,16 +506,16 @@ def layout_of(path: Path) -> Layout:
             raise TrajectoryError(
                 f"{path}:{k + 1}: no columns found (allowed separators: comma, semicolon, tab)"
             )
-        if all(_number(name) for name in names):
+        if all(_is_number(name) for name in names):
             raise TrajectoryError(
                 f"{path}:{k + 1}: no header: the first row must name each column with its unit, "
                 "such as time_s,q1_rad,q2_rad,q3_rad,q4_m"
             )
-        return Layout(k, separator, names)
+        return TableLayout(k, separator, names)
     raise TrajectoryError(f"{path}: the file is empty")
 
 
-def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
+def read_rows(path: Path, layout: TableLayout, selected: Sequence[TableColumn]) -> Array:
     """Read selected columns of all rows.
 
     Parameters
@@ -536,7 +543,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
     table = large_array((count, len(columns)))
     start = 0
     try:
-        with _opened(path) as file, warnings.catch_warnings():
+        with _open_text(path) as file, warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # numpy warns about empty lines.
             for _ in range(layout.header + 1):
                 file.readline()
@@ -551,7 +558,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
                 )
                 table[start : start + BLOCK] = block * factors
     except ValueError as error:
-        raise TrajectoryError(_fault(path, layout, str(error), start)) from error
+        raise TrajectoryError(_row_error(path, layout, str(error), start)) from error
     except OverflowError as error:
         raise TrajectoryError(f"{path}: a number is too large for a float") from error
     if last_width < len(layout.names):
@@ -562,7 +569,7 @@ def data_rows(path: Path, layout: Layout, selected: Sequence[Heading]) -> Array:
     return table
 
 
-def _row_count(path: Path, layout: Layout) -> tuple[int, int]:
+def _row_count(path: Path, layout: TableLayout) -> tuple[int, int]:
     """Return the number of rows, and the number of columns of the last row.
 
     Raises TrajectoryError if the file does not contain rows, or if a row has surplus columns.
@@ -573,7 +580,7 @@ def _row_count(path: Path, layout: Layout) -> tuple[int, int]:
         rows += 1
         count = len(line.rstrip(layout.separator).split(layout.separator))
         if count > width:
-            raise TrajectoryError(_column_fault(path, k, count, width))
+            raise TrajectoryError(_column_count_error(path, k, count, width))
     if not rows:
         raise TrajectoryError(f"{path}: no row follows the header")
     return rows, len(line.split(layout.separator))
@@ -584,17 +591,17 @@ def read_columns(path: Path, names: Sequence[str]) -> Array:
 
     Raises TrajectoryError if a column is missing.
     """
-    layout = layout_of(path)
+    layout = read_layout(path)
     for name in names:
         if name not in layout.names:
             raise TrajectoryError(
                 f"{path}: no column {name} (streams of the modes csv and cst hold no positions)"
             )
-    selected = [Heading(layout.names.index(name), name, 1.0) for name in names]
-    return data_rows(path, layout, selected)
+    selected = [TableColumn(layout.names.index(name), name, 1.0) for name in names]
+    return read_rows(path, layout, selected)
 
 
-def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
+def _row_error(path: Path, layout: TableLayout, message: str, start: int) -> str:
     """Return the message for the first invalid row.
 
     Parameters
@@ -612,33 +619,33 @@ def _fault(path: Path, layout: Layout, message: str, start: int) -> str:
     for k, line in islice(_data_lines(path, layout), start, None):
         fields = [field.strip() for field in line.split(layout.separator)]
         if len(fields) != width:
-            return _column_fault(path, k, len(fields), width)
+            return _column_count_error(path, k, len(fields), width)
         for name, field in zip(layout.names, fields, strict=True):
-            if not _number(field):
+            if not _is_number(field):
                 return f"{path}:{k + 1}: {name}: {field[:40]!r} is not a number"
     return f"{path}: {message}"
 
 
-def _column_fault(path: Path, k: int, count: int, width: int) -> str:
+def _column_count_error(path: Path, k: int, count: int, width: int) -> str:
     """Return the message for line k (from 0) with `count` instead of `width` columns."""
     return f"{path}:{k + 1}: the row has {count} columns, but the header has {width}"
 
 
-def _resolution(path: Path, layout: Layout, positions: list[Heading]) -> Array:
+def _rounding_errors(path: Path, layout: TableLayout, positions: list[TableColumn]) -> Array:
     """Return the largest rounding error of each position (4,), rad or m.
 
-    It is half a unit of the last digit. Only the first `LOOK` rows are evaluated.
+    It is half a unit of the last digit. Only the first `ROUNDING_SAMPLE_ROWS` rows are evaluated.
     """
     exponents = np.full(4, 99)
-    for _, line in islice(_data_lines(path, layout), LOOK):
+    for _, line in islice(_data_lines(path, layout), ROUNDING_SAMPLE_ROWS):
         fields = line.split(layout.separator)
         for i, heading in enumerate(positions):
-            exponents[i] = min(exponents[i], _last_digit(fields[heading.column].strip()))
+            exponents[i] = min(exponents[i], _last_digit_exponent(fields[heading.column].strip()))
     factors = np.array([heading.factor for heading in positions])
     return np.where(exponents < 99, 0.5 * 10.0**exponents, 0.0) * factors
 
 
-def _last_digit(text: str) -> int:
+def _last_digit_exponent(text: str) -> int:
     """Return the power of ten of the last digit of a number, or 99 for a zero.
 
     For example, "1.25" gives −2. A zero does not show how numbers are rounded.
@@ -647,15 +654,15 @@ def _last_digit(text: str) -> int:
     if not mantissa.strip("+-0."):
         return 99
     power = int(exponent[:12] or 0) if exponent[1:12].isdecimal() or exponent.isdecimal() else 0
-    return min(max(power, -FINEST_DIGIT), FINEST_DIGIT) - len(mantissa.partition(".")[2])
+    return min(max(power, -LARGEST_EXPONENT), LARGEST_EXPONENT) - len(mantissa.partition(".")[2])
 
 
-def _line_of(path: Path, layout: Layout, row: int) -> int:
+def _line_number(path: Path, layout: TableLayout, row: int) -> int:
     """Return the line number, from 1, of the row with the index `row`."""
     return next(islice(_data_lines(path, layout), row, None))[0] + 1
 
 
-def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
+def _data_lines(path: Path, layout: TableLayout) -> Iterator[tuple[int, str]]:
     """Yield the index and the text of each line that contains a row."""
     for k, line in _lines(path):
         if k > layout.header and line.strip():
@@ -664,12 +671,12 @@ def _data_lines(path: Path, layout: Layout) -> Iterator[tuple[int, str]]:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the index and the text of each line."""
-    with _opened(path) as file:
+    with _open_text(path) as file:
         yield from enumerate(file)
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[TextIO]:
+def _open_text(path: Path) -> Iterator[TextIO]:
     """Open a file for reading. Raises TrajectoryError if it cannot be read or contains no text."""
     try:
         with path.open(encoding="utf-8-sig") as file:
@@ -680,7 +687,7 @@ def _opened(path: Path) -> Iterator[TextIO]:
         raise TrajectoryError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def _number(text: str) -> bool:
+def _is_number(text: str) -> bool:
     """Return True if a text is a decimal number, NaN or infinity."""
     pattern = r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)"
     return re.fullmatch(pattern, text.strip(), re.I | re.A) is not None

@@ -13,37 +13,37 @@ import numpy as np
 from ssm_planner.display import number
 from ssm_planner.dynamics import RigidBody, directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.agreement import Content, suffix_of
-from ssm_planner.formats.csv import read_columns, stated_axes, table_text
-from ssm_planner.formats.epos4_offsets import Offsets, offset_checks, velocities
+from ssm_planner.formats.agreement import ExportContent, file_name_suffix
+from ssm_planner.formats.csv import read_axes, read_columns, table_text
+from ssm_planner.formats.epos4_offsets import Offsets, offset_checks, stream_velocities
 from ssm_planner.formats.epos4_setup import (
-    INT16,
-    INT32,
-    MODES,
-    NOT_VERIFIED,
+    INT16_MAX,
+    INT32_MAX,
+    OPERATION_MODES,
+    UNTESTED_ASSUMPTIONS,
     Axis,
     CountsPerTurn,
-    axes_of,
+    check_integer_range,
+    drive_axes,
     encoder_notes,
-    homing,
-    objects_text,
+    homing_objects,
     pdo_mapping,
-    require_range,
     rounding_bounds,
     setup_objects,
+    setup_objects_csv,
     sync_setup,
 )
-from ssm_planner.formats.points import Points, Reading, join_points
-from ssm_planner.formats.spline_points import REST, at_times
+from ssm_planner.formats.points import Points, Reading, interpolate_points
+from ssm_planner.formats.spline_points import REST_SPEED, sample_slowed_plan
 from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.plans import Plan
-from ssm_planner.problem import JOINTS, TASK, Joint, Robot, TaskLimits
+from ssm_planner.problem import JOINTS, TASK_COORDINATES, Joint, Robot, TaskLimits
 from ssm_planner.trajectory import BLOCK, blocks
 from ssm_planner.typing import Array, Arrays, JsonObject, record
 from ssm_planner.units import display_unit, rpm
 from ssm_planner.verification import Certificate, end_velocities
 
-LARGEST_PERIOD = 100
+LARGEST_PERIOD_MS = 100
 """Largest interpolation period, ms (object 0x60C2)."""
 
 Stream = Arrays
@@ -78,7 +78,7 @@ def export_epos4(
     mode : str
         csp (position), csv (velocity) or cst (torque).
     counts_per_turn : int or mapping from joint to int, optional
-        Increments per motor turn, see `axes_of`.
+        Increments per motor turn, see `drive_axes`.
 
     Raises
     ------
@@ -86,30 +86,30 @@ def export_epos4(
         If the mode or the rate is not allowed, an encoder resolution is missing, or a number does
         not fit its object.
     """
-    if mode not in MODES:
-        raise ExportError(f"unknown mode {mode!r} (allowed: {', '.join(MODES)})")
+    if mode not in OPERATION_MODES:
+        raise ExportError(f"unknown mode {mode!r} (allowed: {', '.join(OPERATION_MODES)})")
     period = period_ms(rate)
-    axes = axes_of(plan.robot, counts_per_turn)
+    axes = drive_axes(plan.robot, counts_per_turn)
     t, stretch = setpoint_times(plan, period)
-    motion = _motion(plan, t, stretch)
+    motion = _sample_motors(plan, t, stretch)
     points = Setpoints(
         robot=plan.robot,
         axes=axes,
         mode=mode,
         period=period,
         q=motion["q"],
-        streams=_streams(axes, motion, mode),
+        streams=_integer_streams(axes, motion, mode),
         limits=plan.limits.slower(stretch),
     )
     del motion  # The check of a long motion needs this memory.
     if mode == "csp" and certificate.passed:
-        _require_accepted(plan, points)
+        _check_acceptance(plan, points)
     entries = points.content(suffix).write(folder)
     return {
         **entries,
         "stretch": stretch,
-        "not_verified": list(NOT_VERIFIED),
-        "notes": [*_notes(plan, axes, t, entries["axes"]), *_moving_notes(plan)],
+        "not_verified": list(UNTESTED_ASSUMPTIONS),
+        "notes": [*_setpoint_notes(plan, axes, t, entries["axes"]), *_end_velocity_notes(plan)],
     }
 
 
@@ -133,7 +133,7 @@ class Setpoints:
         """Instants (n,), s."""
         return np.arange(float(len(self.q))) * (self.period / 1000)
 
-    def content(self, suffix: str) -> Content:
+    def content(self, suffix: str) -> ExportContent:
         """Return the files and the entries of the manifest. File names end with `suffix`.
 
         Raises ExportError if a number does not fit its object.
@@ -147,14 +147,14 @@ class Setpoints:
             entries[joint.name] = {"file": name}
             axis = self.axes.get(joint.name)
             if axis is None:
-                columns = {TIME: t, f"position_{joint.unit}": q}
+                columns = {TIME_COLUMN: t, f"position_{joint.unit}": q}
                 files[name] = table_text(columns, ("%.3f", "%.17g"))
                 entries[joint.name]["note"] = (
                     "no drive: the file shows the joint's motion for reference and is not a stream"
                 )
                 continue
             counts = axis.increments(q)
-            files[name] = table_text({TIME: t, **self.streams[joint.name]})
+            files[name] = table_text({TIME_COLUMN: t, **self.streams[joint.name]})
             if self.mode == "csp":
                 columns = {"time": t, "position": counts}
                 files[f"{joint.name}_time_position{suffix}.csv"] = table_text(columns)
@@ -162,14 +162,14 @@ class Setpoints:
             entries[joint.name] |= {
                 **axis.to_dict(),
                 "rounding": rounding_bounds(axis, self.period),
-                "homing": homing(axis, counts[0]),
+                "homing": homing_objects(axis, counts[0]),
             }
-        files[f"objects{suffix}.csv"] = objects_text(rows)
+        files[f"objects{suffix}.csv"] = setup_objects_csv(rows)
         limits = self.limits
         if self.mode == "csp":
-            q, _, offsets = self.joint_side()
-            limits = rates_of_rows(limits, self.robot, q, velocities(t, q, offsets))
-        return Content(
+            q, _, offsets = self.rounded_joint_values()
+            limits = replace_end_rates(limits, self.robot, q, stream_velocities(t, q, offsets))
+        return ExportContent(
             {
                 **limits.declared_rates,
                 "mode": self.mode,
@@ -193,13 +193,13 @@ class Setpoints:
         The velocity and torque offsets are compared with the positions. `place` names a setpoint in
         messages.
         """
-        q, resolution, offsets = self.joint_side()
+        q, resolution, offsets = self.rounded_joint_values()
         points = Points(self.t, q, resolution=resolution, place=place.format)
-        reading = join_points(points, self.robot)
+        reading = interpolate_points(points, self.robot)
         checks = offset_checks(self.robot, self.t, q, resolution, offsets)
         return replace(reading, checks=tuple(checks))
 
-    def joint_side(self) -> tuple[Array, Array, dict[int, Offsets]]:
+    def rounded_joint_values(self) -> tuple[Array, Array, dict[int, Offsets]]:
         """Return the rounded positions (n, 4), their resolution (4,) and the offsets by joint."""
         q = self.q.copy()
         resolution = np.zeros(4)
@@ -209,7 +209,7 @@ class Setpoints:
             counts, speed, torque = self.streams[name].values()
             q[:, i] = counts / axis.increments_per_unit
             resolution[i] = 0.5 / abs(axis.increments_per_unit)
-            offsets[i] = _offsets(self.robot.joints[i], speed, torque)
+            offsets[i] = _joint_offsets(self.robot.joints[i], speed, torque)
         return q, resolution, offsets
 
 
@@ -236,12 +236,12 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
     count = int(np.ceil(plan.motion.duration * 1000 / period - 1e-9)) + 1
     t = np.arange(count, dtype=float) * (period / 1000)
     _, end_velocity = end_velocities(plan.motion)
-    if np.abs(end_velocity).max() <= REST:
+    if np.abs(end_velocity).max() <= REST_SPEED:
         return t, 1.0
     return t, float(t[-1]) / plan.motion.duration
 
 
-def _require_accepted(plan: Plan, points: Setpoints) -> None:
+def _check_acceptance(plan: Plan, points: Setpoints) -> None:
     """Raise ExportError if the check would not accept setpoints."""
     certificate = points.reading("setpoint {}").check(plan.robot, points.limits)
     if certificate.violations:
@@ -252,40 +252,41 @@ def _require_accepted(plan: Plan, points: Setpoints) -> None:
         )
 
 
-def setpoints(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
+def csp_streams(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
     """Return the streams that an export in the mode csp contains, by joint.
 
     `axes` contains the axes of the driven joints, and `period` is the interval between setpoints
     in ms.
     """
     t, stretch = setpoint_times(plan, period)
-    return _streams(axes, _motion(plan, t, stretch), "csp")
+    return _integer_streams(axes, _sample_motors(plan, t, stretch), "csp")
 
 
 def period_ms(rate: float) -> int:
     """Return the interpolation period for a rate in Hz, in whole ms.
 
-    Raises ExportError if the period is not an integer from 1 to `LARGEST_PERIOD`.
+    Raises ExportError if the period is not an integer from 1 to `LARGEST_PERIOD_MS`.
     """
     period = 1000 / rate if rate > 0 else 0.0
     is_integer = np.isfinite(period) and abs(period - np.rint(period)) < 1e-9
-    if not is_integer or not 1 <= np.rint(period) <= LARGEST_PERIOD:
+    if not is_integer or not 1 <= np.rint(period) <= LARGEST_PERIOD_MS:
         raise ExportError(
             f"the rate {rate:g} Hz has a period of {period:.6g} ms, but object 0x60C2 needs whole "
-            f"ms from 1 to {LARGEST_PERIOD} (allowed: 1000, 500, 250, 200, 125, 100 Hz and so on)"
+            f"ms from 1 to {LARGEST_PERIOD_MS} (allowed: 1000, 500, 250, 200, 125, 100 Hz and so "
+            "on)"
         )
     return round(period)
 
 
-def _moving_notes(plan: Plan) -> list[str]:
+def _end_velocity_notes(plan: Plan) -> list[str]:
     """Return a note for the user if the plan does not end at rest, or an empty list."""
     velocities = end_velocities(plan.motion)[1]
-    if np.abs(velocities).max() <= REST:
+    if np.abs(velocities).max() <= REST_SPEED:
         return []
     speeds = [
         f"{joint.name} at {velocity:.4g} {joint.unit}/s"
         for joint, velocity in zip(plan.robot.joints, velocities.tolist(), strict=True)
-        if abs(velocity) > REST
+        if abs(velocity) > REST_SPEED
     ]
     return [
         f"the motion ends moving ({', '.join(speeds)}): the controller must continue the motion "
@@ -293,16 +294,16 @@ def _moving_notes(plan: Plan) -> list[str]:
     ]
 
 
-def _motion(plan: Plan, t: Array, stretch: float) -> Arrays:
+def _sample_motors(plan: Plan, t: Array, stretch: float) -> Arrays:
     """Return q and the speeds and torques of the motors (n, 4) at instants t (n,) since the start.
 
     `stretch` is the factor on the duration. Joints that end at rest hold their last position.
     """
-    moving = np.abs(end_velocities(plan.motion)[1]) > REST
+    moving = np.abs(end_velocities(plan.motion)[1]) > REST_SPEED
     body = RigidBody.from_robot(plan.robot)
     motion = {name: np.empty((len(t), 4)) for name in ("q", "speed", "torque")}
     for block in blocks(len(t), BLOCK):
-        samples = at_times(plan, plan.motion.breaks[0] + t[block], stretch)
+        samples = sample_slowed_plan(plan, plan.motion.breaks[0] + t[block], stretch)
         is_at_end = t[block] >= plan.motion.duration * stretch * (1 - 1e-12)
         ended = is_at_end[:, None] & ~moving
         samples.qd[ended] = 0.0
@@ -317,7 +318,7 @@ def _motion(plan: Plan, t: Array, stretch: float) -> Arrays:
     return motion
 
 
-def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, Stream]:
+def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, Stream]:
     """Convert a motion to the integers of the streams, by joint.
 
     Parameters
@@ -325,9 +326,9 @@ def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, S
     axes : mapping of str to Axis
         Axes of the driven joints.
     motion : dict of (n, 4) arrays
-        Result of `_motion`.
+        Result of `_sample_motors`.
     mode : str
-        Key of `MODES`, which determines the columns.
+        Key of `OPERATION_MODES`, which determines the columns.
 
     Raises
     ------
@@ -341,17 +342,21 @@ def _streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, S
         speed = np.round(axis.direction * motion["speed"][:, i] / rpm * 1000)
         torque = np.round(axis.direction * motion["torque"][:, i] / axis.rated_torque * 1000)
         values = [
-            require_range(position, INT32, name, "target position", "increments"),
-            require_range(speed, INT32, name, "velocity", "mrpm"),
-            require_range(torque, INT16, name, "torque", "per mille of rated torque (INT16)"),
+            check_integer_range(position, INT32_MAX, name, "target position", "increments"),
+            check_integer_range(speed, INT32_MAX, name, "velocity", "mrpm"),
+            check_integer_range(
+                torque, INT16_MAX, name, "torque", "per mille of rated torque (INT16)"
+            ),
         ]
         # csv needs the last two of these columns, and cst only the last one.
-        names = COLUMNS[mode]
+        names = STREAM_COLUMNS[mode]
         streams[name] = dict(zip(names, values[-len(names) :], strict=True))
     return streams
 
 
-def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> Iterator[str]:
+def _setpoint_notes(
+    plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject
+) -> Iterator[str]:
     """Yield the notes of the manifest on the setpoints at times t (n,) s and on each joint.
 
     `entries` contains the entries of the manifest by joint, with the effects of rounding.
@@ -384,13 +389,13 @@ def _notes(plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject) -> 
     yield from encoder_notes(axes)
 
 
-TIME = "time_s"
-POSITION = "target_position_inc"
-VELOCITY = "velocity_offset_mrpm"
-TORQUE = "torque_offset_permille"
-COLUMNS = {
-    "csp": (POSITION, VELOCITY, TORQUE),
-    "csv": ("target_velocity_mrpm", TORQUE),
+TIME_COLUMN = "time_s"
+POSITION_COLUMN = "target_position_inc"
+VELOCITY_COLUMN = "velocity_offset_mrpm"
+TORQUE_COLUMN = "torque_offset_permille"
+STREAM_COLUMNS = {
+    "csp": (POSITION_COLUMN, VELOCITY_COLUMN, TORQUE_COLUMN),
+    "csv": ("target_velocity_mrpm", TORQUE_COLUMN),
     "cst": ("target_torque_permille",),
 }
 """Columns of a stream, by mode."""
@@ -418,49 +423,54 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
     TrajectoryError
         If a stream is missing or damaged, or the robot has other drives than the manifest states.
     """
-    axes, t, tables = read_tables(folder, manifest, robot, TIME, _columns)
+    axes, t, tables = read_joint_tables(folder, manifest, robot, TIME_COLUMN, _column_names)
     period = round(1000 * float(t[1] - t[0]))
-    if not 1 <= period <= LARGEST_PERIOD:
+    if not 1 <= period <= LARGEST_PERIOD_MS:
         raise TrajectoryError(
-            f"{folder}: a period of {period} ms is out of range (allowed: 1 to {LARGEST_PERIOD})"
+            f"{folder}: a period of {period} ms is out of range (allowed: 1 to {LARGEST_PERIOD_MS})"
         )
     points = Setpoints(
         robot=robot,
         axes=axes,
         mode="csp",
         period=period,
-        q=np.stack([columns[0] / scale(axes, name) for name, columns in tables.items()], axis=1),
-        streams={name: dict(zip(COLUMNS["csp"], tables[name], strict=True)) for name in axes},
+        q=np.stack(
+            [columns[0] / increments_per_unit(axes, name) for name, columns in tables.items()],
+            axis=1,
+        ),
+        streams={
+            name: dict(zip(STREAM_COLUMNS["csp"], tables[name], strict=True)) for name in axes
+        },
         limits=TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate")),
     )
     reading = points.reading(f"{folder}: setpoint {{}}")
-    return replace(reading, content=points.content(suffix_of(manifest)))
+    return replace(reading, content=points.content(file_name_suffix(manifest)))
 
 
-def rates_of_rows(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
+def replace_end_rates(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
     """Replace the start and end rates in limits by those of the rounded rows q, qd (n, 4).
 
     An end without a declared rate remains unchanged.
     """
     rates = task_rates(Mechanism.from_robot(robot), q[[0, -1]], qd[[0, -1]]).tolist()
     if limits.start_rate:
-        limits = replace(limits, start_rate=dict(zip(TASK, rates[0], strict=True)))
+        limits = replace(limits, start_rate=dict(zip(TASK_COORDINATES, rates[0], strict=True)))
     if limits.end_rate:
-        limits = replace(limits, end_rate=dict(zip(TASK, rates[1], strict=True)))
+        limits = replace(limits, end_rate=dict(zip(TASK_COORDINATES, rates[1], strict=True)))
     return limits
 
 
-def scale(axes: Mapping[str, Axis], name: str) -> float:
+def increments_per_unit(axes: Mapping[str, Axis], name: str) -> float:
     """Return the increments per rad or m of a joint, or 1 for a joint without a drive."""
     return axes[name].increments_per_unit if name in axes else 1.0
 
 
-def _columns(joint: Joint, driven: bool) -> tuple[str, ...]:
+def _column_names(joint: Joint, driven: bool) -> tuple[str, ...]:
     """Return the columns of a joint's file besides the time: its stream, or its position."""
-    return COLUMNS["csp"] if driven else (f"position_{joint.unit}",)
+    return STREAM_COLUMNS["csp"] if driven else (f"position_{joint.unit}",)
 
 
-def read_tables(
+def read_joint_tables(
     folder: Path,
     manifest: JsonObject,
     robot: Robot,
@@ -492,11 +502,11 @@ def read_tables(
     TrajectoryError
         If the manifest does not state the encoder of a joint, or if a table is damaged.
     """
-    axes = stated_axes(folder, manifest, robot)
+    axes = read_axes(folder, manifest, robot)
     times = []
     tables = {}
     for joint in robot.joints:
-        path = folder / f"{joint.name}{suffix_of(manifest)}.csv"
+        path = folder / f"{joint.name}{file_name_suffix(manifest)}.csv"
         names = [time] + list(columns(joint, joint.name in axes))
         rows = read_columns(path, names)
         if len(rows) < 2 or not np.isfinite(rows).all():
@@ -510,7 +520,7 @@ def read_tables(
     return axes, times[0], tables
 
 
-def _offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
+def _joint_offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
     """Convert offsets (n,) in mrpm and per mille to the joint's side."""
     assert joint.drive is not None
     assert joint.motor is not None

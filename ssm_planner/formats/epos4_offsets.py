@@ -12,11 +12,11 @@ from ssm_planner.trajectory import BLOCK, blocks
 from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification import LimitCheck
 
-NEAR = 2
+NEIGHBOUR_INTERVALS = 2
 """Number of intervals on each side of a setpoint whose accelerations the setpoint may have."""
-AT_REST = ((1.0, True), (-1.0, False), (-1.0, True), (0.0, False))
+REST_FRICTION_STATES = ((1.0, True), (-1.0, False), (-1.0, True), (0.0, False))
 """Direction and breakaway flag of a joint at rest, in addition to continued motion."""
-FULL = 0.004
+FULL_ACCELERATION_PERIOD = 0.004
 """Period (s) from which an acceleration may begin and end between two setpoints of any motion.
 
 Near rest, it may do so at any period, because the motion itself may be that short.
@@ -59,12 +59,12 @@ def offset_checks(
         Offsets by joint index.
     """
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
-    qd = velocities(t, q, offsets)
+    qd = stream_velocities(t, q, offsets)
     for i, offset in offsets.items():
         joint = robot.joints[i]
         rounding = float(resolution[i])
         yield _velocity_check(joint, t, slopes[:, i], offset, rounding)
-    low, high = _torque_range(robot, t, q, qd, offsets)
+    low, high = _motor_torque_range(robot, t, q, qd, offsets)
     for i, offset in offsets.items():
         joint = robot.joints[i]
         beyond = np.maximum(offset.torque - high[:, i], low[:, i] - offset.torque)
@@ -78,7 +78,7 @@ def offset_checks(
         yield LimitCheck.from_extreme(torque_limit, float(torque[k]), float(t[k]))
 
 
-def velocities(t: Array, q: Array, offsets: dict[int, Offsets]) -> Array:
+def stream_velocities(t: Array, q: Array, offsets: dict[int, Offsets]) -> Array:
     """Return the joint velocities (n, 4) of a stream, rad/s and m/s.
 
     Parameters
@@ -128,7 +128,7 @@ def _velocity_check(
     return LimitCheck.from_extreme(limit, float(errors[k]), float(t[k]))
 
 
-def _torque_range(
+def _motor_torque_range(
     robot: Robot, t: Array, q: Array, qd: Array, offsets: dict[int, Offsets]
 ) -> tuple[Array, Array]:
     """Return the lowest and the highest motor torque (n, 4) near each setpoint.
@@ -137,7 +137,7 @@ def _torque_range(
     """
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
     standing = np.abs(qd) <= 1e-6 * robot.velocities + rounding
-    lowest, highest = _accelerations(robot, t, qd, rounding, standing=standing)
+    lowest, highest = _acceleration_bounds(robot, t, qd, rounding, standing=standing)
     body = RigidBody.from_robot(robot)
     # The values of each joint are adjacent in memory, because the law is evaluated joint by joint.
     low = np.full((4, len(t)), np.inf)
@@ -153,7 +153,7 @@ def _torque_range(
         )
         resting = np.flatnonzero(at_rest.any(axis=0))
         cases: list[tuple[Any, float, bool]] = [(slice(None), 1.0, False)]
-        cases += [(resting, sign, breaking) for sign, breaking in AT_REST]
+        cases += [(resting, sign, breaking) for sign, breaking in REST_FRICTION_STATES]
         # The motor torque is monotonic in each acceleration, except where its effort changes sign.
         corners = list(product((0.0, 1.0), repeat=4))
         for share in corners + [(0.5, 0.5, 0.5, 0.5)]:
@@ -180,7 +180,7 @@ def _torque_range(
     return low.T, high.T
 
 
-def _accelerations(
+def _acceleration_bounds(
     robot: Robot, t: Array, qd: Array, rounding: Array, *, standing: Mask
 ) -> tuple[Array, Array]:
     """Bound the accelerations near each setpoint, within the limits of the robot.
@@ -209,13 +209,13 @@ def _accelerations(
     low = np.full((n, 4), np.inf)
     high = np.full((n, 4), -np.inf)
     near_rest = standing.copy()
-    for shift in range(-NEAR, NEAR):
+    for shift in range(-NEIGHBOUR_INTERVALS, NEIGHBOUR_INTERVALS):
         interval = np.clip(np.arange(n) + shift, 0, n - 2)
         near_rest |= standing[interval] | standing[interval + 1]
         low = np.minimum(low, mean[interval])
         high = np.maximum(high, mean[interval])
     limit = robot.accelerations
-    share = np.where(near_rest, 1.0, min(1.0, float(h.max()) / FULL))
+    share = np.where(near_rest, 1.0, min(1.0, float(h.max()) / FULL_ACCELERATION_PERIOD))
     pad = limit * share + 2 * rounding / h.min()
     # A drive that holds its position needs no acceleration, so the range always includes 0.
     lowest = np.clip(low - pad, -limit, 0.0)

@@ -17,9 +17,9 @@ from ssm_planner.problem import JOINTS, Joint, Robot, check_mapping
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.units import rpm
 
-INT16 = 2**15 - 1
-INT32 = 2**31 - 1
-PLACEHOLDER = "PLACEHOLDER: "
+INT16_MAX = 2**15 - 1
+INT32_MAX = 2**31 - 1
+PLACEHOLDER_PREFIX = "PLACEHOLDER: "
 
 
 @frozen
@@ -29,8 +29,8 @@ class Axis:
     Examples
     --------
     >>> import ssm_planner as ssm
-    >>> from ssm_planner.formats.epos4_setup import axes_of
-    >>> axes_of(ssm.load_robot("vitreoretinal"), 4096)["roll"].counts_per_turn
+    >>> from ssm_planner.formats.epos4_setup import drive_axes
+    >>> drive_axes(ssm.load_robot("vitreoretinal"), 4096)["roll"].counts_per_turn
     4096
     """
 
@@ -65,7 +65,7 @@ CountsPerTurn = int | Mapping[str, int] | None
 """Increments per motor turn, for all joints or by joint. None means those of the motor files."""
 
 
-def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
+def drive_axes(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
     """Return the axes of all joints with a drive, by name of the joint.
 
     Parameters
@@ -94,15 +94,15 @@ def axes_of(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
                 f"{robot.file}: joints.{joint.name}.motor is missing: setpoints depend on the "
                 "motor's encoder and rated torque"
             )
-        counts, encoder = _counts(joint, counts_per_turn)
+        counts, encoder = _encoder_counts(joint, counts_per_turn)
         per_unit = joint.motor_direction * drive.ratio * counts / (2 * np.pi)
         axes[joint.name] = Axis(
             joint.name,
             joint,
             direction=joint.motor_direction,
             counts_per_turn=counts,
-            increments_per_unit=float(per_unit),
-            rated_torque=float(motor.nominal_torque),
+            increments_per_unit=per_unit,
+            rated_torque=motor.nominal_torque,
             encoder=encoder,
         )
     if not axes:
@@ -118,11 +118,13 @@ def encoder_notes(axes: Mapping[str, Axis]) -> list[str]:
     return [
         f"joint {name}: its increments use a placeholder value of the encoder resolution"
         for name, axis in axes.items()
-        if axis.encoder.startswith(PLACEHOLDER)
+        if axis.encoder.startswith(PLACEHOLDER_PREFIX)
     ]
 
 
-def require_range(values: Array, bound: int, joint: str, quantity_name: str, unit: str) -> Array:
+def check_integer_range(
+    values: Array, bound: int, joint: str, quantity_name: str, unit: str
+) -> Array:
     """Check that an object of the drive can represent integers, and return them.
 
     Parameters
@@ -151,13 +153,14 @@ def require_range(values: Array, bound: int, joint: str, quantity_name: str, uni
 def following_error_window(axis: Axis, period: int) -> int:
     """Return the following error that trips the drive (object 0x6065), increments.
 
-    It is the travel of the joint in `LAG_PERIODS` periods at its largest speed. `period` is in ms.
+    It is the travel of the joint in `FOLLOWING_ERROR_PERIODS` periods at its largest speed.
+    `period` is in ms.
     """
-    travel = axis.joint.velocity * LAG_PERIODS * period / 1000
+    travel = axis.joint.velocity * FOLLOWING_ERROR_PERIODS * period / 1000
     return max(math.ceil(travel * abs(axis.increments_per_unit)), 2)
 
 
-def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
+def _encoder_counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
     """Return the increments per motor turn of a joint, and the source of this number.
 
     Raises ExportError if neither the caller nor the motor file gives it.
@@ -167,7 +170,7 @@ def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
     counts = counts_per_turn
     motor = joint.motor
     if counts is None and motor is not None and motor.increments is not None:
-        mark = PLACEHOLDER if "encoder_counts" in motor.placeholders else ""
+        mark = PLACEHOLDER_PREFIX if "encoder_counts" in motor.placeholders else ""
         return motor.increments, mark + motor.sources.get("encoder_counts", "the motor's file")
     if counts is None:
         file = "the motor's file" if motor is None else motor.file
@@ -181,42 +184,42 @@ def _counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
     return int(counts), "given with the export"
 
 
-MODES = {"csp": 8, "csv": 9, "cst": 10}
+OPERATION_MODES = {"csp": 8, "csv": 9, "cst": 10}
 """Mode of operation (object 0x6060)."""
-VELOCITY_UNIT = 0xFDB44700
+VELOCITY_UNIT_MRPM = 0xFDB44700
 """Value of object 0x60A9 for velocities in 1e-3 rpm."""
-LAG_PERIODS = 10
+FOLLOWING_ERROR_PERIODS = 10
 """Number of periods of travel that determine the window of the following error."""
-SYNC = 0x80
+SYNC_COB_ID = 0x80
 """COB-ID of the SYNC message."""
-CURRENT_POSITION = 37
+HOMING_AT_CURRENT_POSITION = 37
 """Homing method (object 0x6098) that defines the present position as the home position."""
-BITS = {
+OBJECT_BITS = {
     **dict.fromkeys(("0x6060:00", "0x6061:00"), 8),
     **dict.fromkeys(("0x607A:00", "0x60FF:00", "0x60B1:00"), 32),
 }
-BITS |= dict.fromkeys(("0x6064:00", "0x606C:00"), 32)
+OBJECT_BITS |= dict.fromkeys(("0x6064:00", "0x606C:00"), 32)
 """Number of bits of each mapped object. Other objects have 16 bits."""
-COMMANDS = ("0x6040:00", "0x6060:00")
-STREAMED = {
+COMMAND_OBJECTS = ("0x6040:00", "0x6060:00")
+STREAM_OBJECTS = {
     "csp": (("0x607A:00", "0x60B1:00"), ("0x60B2:00",)),
     "csv": (("0x60FF:00", "0x60B2:00"),),
     "cst": (("0x6071:00",),),
 }
 """Objects of the stream, by mode and PDO. A PDO has at most 64 bits."""
-RETURNED = (("0x6041:00", "0x6061:00"), ("0x6064:00", "0x606C:00"), ("0x6077:00",))
-AT_ONCE = 255
+FEEDBACK_OBJECTS = (("0x6041:00", "0x6061:00"), ("0x6064:00", "0x606C:00"), ("0x6077:00",))
+TRANSMIT_ON_CHANGE = 255
 """Transmission type of commands and status: on every change."""
-AT_SYNC = 1
+TRANSMIT_AT_SYNC = 1
 """Transmission type of all other objects: at each SYNC."""
-QUOTED = "quoted"
-UNVERIFIED = "not verified"
-DOUBTFUL = {"0x60B1:00", "0x6080:00"}
+STATUS_QUOTED = "quoted"
+STATUS_NOT_VERIFIED = "not verified"
+UNCONFIRMED_OBJECTS = {"0x60B1:00", "0x6080:00"}
 """Objects whose meaning is known only from CiA 402.
 
 Public code of other authors states number, meaning and unit of all other objects.
 """
-NOT_VERIFIED = (
+UNTESTED_ASSUMPTIONS = (
     "the export was not tested on a drive, and the firmware specification was not available: "
     "objects, units and meanings come from public code of other authors; compare them with the "
     "specification of the drive",
@@ -238,11 +241,11 @@ def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
     """
     receive = [
         _pdo(0x1600 + k, 0x1400 + k, 0x200 + 0x100 * k, objects)
-        for k, objects in enumerate((COMMANDS,) + STREAMED[mode])
+        for k, objects in enumerate((COMMAND_OBJECTS,) + STREAM_OBJECTS[mode])
     ]
     transmit = [
         _pdo(0x1A00 + k, 0x1800 + k, 0x180 + 0x100 * k, objects)
-        for k, objects in enumerate(RETURNED)
+        for k, objects in enumerate(FEEDBACK_OBJECTS)
     ]
     return {"receive": receive, "transmit": transmit}
 
@@ -261,20 +264,22 @@ def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -
     """
     objects = []
     for key in keys:
-        bits = BITS.get(key, 16)
+        bits = OBJECT_BITS.get(key, 16)
         objects.append(
             {
                 "object": key,
                 "bits": bits,
                 "value": f"0x{key[2:6]}{key[7:]}{bits:02X}",
-                "known": UNVERIFIED if key in DOUBTFUL else QUOTED,
+                "known": STATUS_NOT_VERIFIED if key in UNCONFIRMED_OBJECTS else STATUS_QUOTED,
             }
         )
     return {
         "mapping": f"0x{mapping:04X}",
         "communication": f"0x{communication:04X}",
         "cob_id": f"0x{cob_id:03X} + node ID",
-        "transmission_type": AT_ONCE if keys in (COMMANDS, RETURNED[0]) else AT_SYNC,
+        "transmission_type": TRANSMIT_ON_CHANGE
+        if keys in (COMMAND_OBJECTS, FEEDBACK_OBJECTS[0])
+        else TRANSMIT_AT_SYNC,
         "objects": objects,
     }
 
@@ -282,14 +287,14 @@ def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -
 def sync_setup(period: int) -> JsonObject:
     """Describe the SYNC message that the controller sends once per interpolation period (ms)."""
     return {
-        "cob_id": SYNC,
+        "cob_id": SYNC_COB_ID,
         "period_ms": period,
         "note": "send one setpoint before each SYNC; the SYNC period must equal 0x60C2:01; with "
         "transmission type 1 the drive applies it at the SYNC",
     }
 
 
-def homing(axis: Axis, start: float) -> JsonObject:
+def homing_objects(axis: Axis, start: float) -> JsonObject:
     """Return the objects with which position 0 of the drive corresponds to position 0 of the joint.
 
     `start` is the first setpoint, in increments.
@@ -300,17 +305,21 @@ def homing(axis: Axis, start: float) -> JsonObject:
             "object": "0x30B0:00",
             "value": int(start),
             "unit": "inc",
-            "known": QUOTED,
+            "known": STATUS_QUOTED,
         },
-        "home_offset": {"object": "0x30B1:00", "value": 0, "unit": "inc", "known": QUOTED},
-        "method": {"object": "0x6098:00", "value": CURRENT_POSITION, "known": QUOTED},
+        "home_offset": {"object": "0x30B1:00", "value": 0, "unit": "inc", "known": STATUS_QUOTED},
+        "method": {
+            "object": "0x6098:00",
+            "value": HOMING_AT_CURRENT_POSITION,
+            "known": STATUS_QUOTED,
+        },
         "note": f"home joint {axis.name} at the start of the plan: its present position becomes "
         "the home position; the offset is 0, so homing does not move the joint",
     }
 
 
 with Path(__file__).with_name("epos4_objects.csv").open(encoding="utf-8") as _table:
-    OBJECTS = tuple(csv.reader(_table))[1:]
+    SETUP_OBJECTS = tuple(csv.reader(_table))[1:]
 """Object, name, unit, largest value and reason of each setup object."""
 
 
@@ -364,10 +373,10 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     max_speed = joint.velocity + rounding_bounds(axis, period)["speed"]
     low, high = sorted(axis.increments_per_unit * position for position in joint.position)
     values = {
-        "0x6060:00": MODES[mode],
+        "0x6060:00": OPERATION_MODES[mode],
         "0x60C2:01": period,
         "0x60C2:02": -3,
-        "0x60A9:00": VELOCITY_UNIT,
+        "0x60A9:00": VELOCITY_UNIT_MRPM,
         "0x6076:00": round(axis.rated_torque * 1e6),
         "0x607D:01": math.floor(low + 1e-6),
         "0x607D:02": math.ceil(high - 1e-6),
@@ -379,7 +388,7 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     if motor.torque_constant is not None:
         values["0x3001:02"] = math.floor(motor.max_torque / motor.torque_constant * 1000)
     rows = []
-    for key, name, unit, maximum, reason in OBJECTS:
+    for key, name, unit, maximum, reason in SETUP_OBJECTS:
         value = values.get(key)
         if value is None:
             continue
@@ -397,13 +406,13 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
                 "value": text,
                 "unit": unit,
                 "reason": reason,
-                "known": UNVERIFIED if key in DOUBTFUL else QUOTED,
+                "known": STATUS_NOT_VERIFIED if key in UNCONFIRMED_OBJECTS else STATUS_QUOTED,
             }
         )
     return rows
 
 
-def objects_text(rows: list[dict[str, str]]) -> str:
+def setup_objects_csv(rows: list[dict[str, str]]) -> str:
     """Return the rows of `setup_objects` as the text of a CSV file."""
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=rows[0], lineterminator="\n")

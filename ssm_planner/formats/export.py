@@ -13,10 +13,10 @@ from typing import Any
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.agreement import UNVERIFIED
-from ssm_planner.formats.csv import layout_of, read_csv
+from ssm_planner.formats.agreement import UNVERIFIED_SUFFIX
+from ssm_planner.formats.csv import read_csv, read_layout
 from ssm_planner.formats.format import FORMATS
-from ssm_planner.formats.signature import SIGNATURE, signature_of
+from ssm_planner.formats.signature import SIGNATURE, sign_manifest
 from ssm_planner.formats.stop_table import stop_table
 from ssm_planner.plans import Plan, as_plan, software
 from ssm_planner.problem import Robot, robot_hash
@@ -27,7 +27,7 @@ from ssm_planner.typing import JsonObject, Keywords
 from ssm_planner.verification import Certificate, check_slower, sealed
 from ssm_planner.verification.check import check
 
-WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
+UNVERIFIED_WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
 """Entry of the manifest of an unverified export."""
 
 
@@ -109,11 +109,11 @@ def export(
                 f"{', '.join(form.options) or 'no options'})"
             )
     source = as_plan(plan, robot)
-    certificate, is_verified = verified(source, force)
+    certificate, is_verified = recheck_plan(source, force)
     if speed != 1.0:
-        source = slower(source, speed, is_verified)
-        certificate, is_verified = verified(source, force)
-    suffix = "" if is_verified else UNVERIFIED
+        source = slowed_plan(source, speed, is_verified)
+        certificate, is_verified = recheck_plan(source, force)
+    suffix = "" if is_verified else UNVERIFIED_SUFFIX
     write = pkgutil.resolve_name(form.writer)
     folder = Path(path) if path is not None else source.path.parent / to
     with publishing(folder) as temporary:
@@ -121,7 +121,7 @@ def export(
         if speed != 1.0:
             details["speed"] = speed
         if stops is not None:
-            details |= _stops(source, temporary, f"stops{suffix}.csv", stops, details)
+            details |= _write_stops(source, temporary, f"stops{suffix}.csv", stops, details)
         manifest = write_manifest(
             temporary,
             to,
@@ -135,7 +135,7 @@ def export(
     return {**files, "manifest": folder / MANIFEST}, manifest
 
 
-def slower(plan: Plan, speed: float, is_verified: bool) -> Plan:
+def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
     """Return the plan played at a fraction of its speed.
 
     Parameters
@@ -167,7 +167,9 @@ def slower(plan: Plan, speed: float, is_verified: bool) -> Plan:
     return slowed
 
 
-def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject) -> JsonObject:
+def _write_stops(
+    plan: Plan, folder: Path, name: str, count: int, details: JsonObject
+) -> JsonObject:
     """Write controlled stops from instants of the exported motion.
 
     Parameters
@@ -198,7 +200,7 @@ def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject)
     motion = plan.motion.slower(1 / stretch)
     limits = plan.limits.slower(stretch)
     table = folder / details.get("trajectory", "")
-    if table.is_file() and "q1_rad" in layout_of(table).names:
+    if table.is_file() and "q1_rad" in read_layout(table).names:
         reading = read_csv(table, plan.robot)
         if reading.resolution is None and not reading.check(plan.robot, limits).violations:
             motion = reading.trajectory
@@ -212,7 +214,7 @@ def _stops(plan: Plan, folder: Path, name: str, count: int, details: JsonObject)
     return stop_table(stops, plan.robot, details.get("axes", {}), name).write(folder)
 
 
-def verified(plan: Plan, force: bool) -> tuple[Certificate, bool]:
+def recheck_plan(plan: Plan, force: bool) -> tuple[Certificate, bool]:
     """Check a plan again before its export.
 
     Parameters
@@ -290,7 +292,7 @@ def write_manifest(
         "version": VERSION,
         "kind": format_name,
         "verified": verified,
-        **({} if verified else {"warning": WARNING}),
+        **({} if verified else {"warning": UNVERIFIED_WARNING}),
         "plan": {"file": plan.path.name, "sha256": plan.sha256, "duration_s": plan.motion.duration},
         "robot": {"name": plan.robot.name, "sha256": robot_hash(plan.robot)},
         "software": software(),
@@ -301,7 +303,7 @@ def write_manifest(
         "files": hashes(folder),
     }
     if sign is not None:
-        manifest[SIGNATURE] = signature_of(manifest, sign)
+        manifest[SIGNATURE] = sign_manifest(manifest, sign)
     (folder / MANIFEST).write_text(
         json.dumps(manifest, indent=1, allow_nan=False) + "\n", encoding="utf-8"
     )

@@ -9,8 +9,8 @@ from dataclasses import field
 from ssm_planner.registry import Registry
 from ssm_planner.typing import record
 
-_STOPS = "add controlled stops from N instants"
-_COUNTS = "increments per motor turn (4 × encoder counts) if the motor file has no encoder"
+_STOPS_OPTION = "add controlled stops from N instants"
+_COUNTS_OPTION = "increments per motor turn (4 × encoder counts) if the motor file has no encoder"
 
 
 @record
@@ -62,8 +62,8 @@ FORMATS = Registry(
             {
                 "rate": "equidistant rows (default: as the limits require)",
                 "columns": "groups of columns such as q,qd,torque, or counts",
-                "counts_per_turn": _COUNTS,
-                "stops": _STOPS,
+                "counts_per_turn": _COUNTS_OPTION,
+                "stops": _STOPS_OPTION,
             },
             reader="ssm_planner.formats.csv:read_csv_export",
         ),
@@ -74,8 +74,8 @@ FORMATS = Registry(
             {
                 "rate": "setpoints per second (default 1000)",
                 "mode": "cyclic mode (default csp)",
-                "counts_per_turn": _COUNTS,
-                "stops": _STOPS,
+                "counts_per_turn": _COUNTS_OPTION,
+                "stops": _STOPS_OPTION,
             },
             reader="ssm_planner.formats.epos4:read_epos4",
         ),
@@ -83,7 +83,7 @@ FORMATS = Registry(
             "pvt",
             "ssm_planner.formats.pvt:export_pvt",
             "tables of time, position and velocity",
-            {"counts_per_turn": _COUNTS},
+            {"counts_per_turn": _COUNTS_OPTION},
             reader="ssm_planner.formats.pvt:read_pvt",
         ),
         Format(

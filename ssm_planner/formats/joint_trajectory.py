@@ -14,31 +14,31 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.errors import ProblemError, TrajectoryError
-from ssm_planner.formats.csv import table
-from ssm_planner.formats.points import Points, Reading, join_points
+from ssm_planner.formats.csv import motion_table
+from ssm_planner.formats.points import Points, Reading, interpolate_points
 from ssm_planner.formats.spline_points import SplinePoints
 from ssm_planner.loading.json_files import read_bytes
-from ssm_planner.loading.yaml_nodes import parse
+from ssm_planner.loading.yaml_nodes import parse_yaml
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, JsonObject, record
 
-TICKS = 10**9
+NANOSECONDS_PER_SECOND = 10**9
 """Nanoseconds per second."""
 LARGEST_FILE = 100_000_000
 """Largest size of a YAML file, bytes."""
 LARGEST_TREE = 7_000_000
 """Largest number of values in a YAML file."""
-LONGEST = 10**9
+LARGEST_SECONDS = 10**9
 """Largest absolute number of seconds that is accepted."""
-REST = 1.2e-7
+CONTROLLER_REST_SPEED = 1.2e-7
 """Largest final velocity that joint_trajectory_controller accepts by default, rad/s or m/s."""
-FIELDS = ("positions", "velocities", "accelerations", "effort")
+POINT_FIELDS = ("positions", "velocities", "accelerations", "effort")
 """Names of the lists in a trajectory point."""
 
 
 @record
-class Message:
+class TrajectoryMessage:
     """A JointTrajectory with n points.
 
     Attributes
@@ -61,7 +61,7 @@ class Message:
 
 def trajectory_message(
     plan: Plan, points: SplinePoints, effort: bool, rigid: bool = False
-) -> Message:
+) -> TrajectoryMessage:
     """Build the JointTrajectory of spline points.
 
     If `effort` is true, the message contains the motor torques times the ratios of the drives, N·m
@@ -75,14 +75,14 @@ def trajectory_message(
         body = RigidBody.from_robot(plan.robot)
         values = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
         if not rigid:
-            _, torques = table(samples, plan.robot, ("torque",))
+            _, torques = motion_table(samples, plan.robot, ("torque",))
             column = 1  # after the time, the table has one column for each drive
             for i, joint in enumerate(plan.robot.joints):
                 if joint.drive is not None:
                     values[:, i] = torques[:, column] * joint.drive.ratio
                     column += 1
         efforts = values.tolist()
-    return Message(
+    return TrajectoryMessage(
         tuple(joint.name for joint in plan.robot.joints),
         samples.t,
         positions=samples.q.tolist(),
@@ -94,11 +94,11 @@ def trajectory_message(
 
 def split_time(t: float) -> tuple[int, int]:
     """Split a time in s into whole seconds and nanoseconds."""
-    ticks = round(t * TICKS)
-    return ticks // TICKS, ticks % TICKS
+    ticks = round(t * NANOSECONDS_PER_SECOND)
+    return ticks // NANOSECONDS_PER_SECOND, ticks % NANOSECONDS_PER_SECOND
 
 
-def yaml_text(message: Message, comments: Sequence[str], under: str) -> str:
+def yaml_text(message: TrajectoryMessage, comments: Sequence[str], under: str) -> str:
     """Return a message as YAML text.
 
     Parameters
@@ -117,17 +117,19 @@ def yaml_text(message: Message, comments: Sequence[str], under: str) -> str:
     lines += [f"{indent}joint_names: {json.dumps(list(message.names))}", f"{indent}points:"]
     for k, t in enumerate(message.time):
         sec, nanosec = split_time(float(t))
-        values = ", ".join(f"{field}: {_list(getattr(message, field)[k])}" for field in FIELDS)
+        values = ", ".join(
+            f"{field}: {_yaml_list(getattr(message, field)[k])}" for field in POINT_FIELDS
+        )
         lines.append(f"{indent}- {{{values}, time_from_start: {{sec: {sec}, nanosec: {nanosec}}}}}")
     return "\n".join(lines) + "\n"
 
 
-def _list(values: Sequence[float] | Array) -> str:
+def _yaml_list(values: Sequence[float] | Array) -> str:
     """Format numbers as a YAML list. YAML 1.1 would read 1e-05 as text, so it becomes 1.0e-05."""
-    return "[" + ", ".join(_yaml(float(value) + 0.0) for value in np.asarray(values)) + "]"
+    return "[" + ", ".join(_yaml_number(float(value) + 0.0) for value in np.asarray(values)) + "]"
 
 
-def _yaml(value: float) -> str:
+def _yaml_number(value: float) -> str:
     """Format a number so that its mantissa contains a decimal point."""
     text = repr(value)
     mantissa, e, exponent = text.partition("e")
@@ -154,23 +156,23 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
     TrajectoryError
         If the file does not contain such a message, or if a controller would reject it.
     """
-    return read_message(yaml_message(path), robot, str(path))
+    return interpolate_message(read_yaml_message(path), robot, str(path))
 
 
-def yaml_message(path: Path) -> Message:
+def read_yaml_message(path: Path) -> TrajectoryMessage:
     """Return the message in a YAML file.
 
     The message may be at the top level, or under the keys `goal` and `trajectory`. Raises
     TrajectoryError if the file does not contain a message.
     """
-    content = yaml_content(path)
+    content = read_yaml_content(path)
     for key in ("goal", "trajectory"):
         if isinstance(content, dict) and isinstance(content.get(key), dict):
             content = content[key]
-    return message_from(content, str(path))
+    return parse_message(content, str(path))
 
 
-def yaml_content(path: Path) -> Any:
+def read_yaml_content(path: Path) -> Any:
     """Return the content of a YAML file as dictionaries and lists.
 
     Raises TrajectoryError if the file cannot be read, or if it is too large.
@@ -178,14 +180,14 @@ def yaml_content(path: Path) -> Any:
     data = read_bytes(path, LARGEST_FILE)
     try:
         text = data.decode("utf-8-sig")
-        return parse(path, text, LARGEST_TREE, trailing=True, tree=False).value
+        return parse_yaml(path, text, LARGEST_TREE, trailing=True, tree=False).value
     except UnicodeDecodeError as error:
         raise TrajectoryError(f"{path}: not a text file") from error
     except ProblemError as error:
         raise TrajectoryError(str(error)) from error
 
 
-def message_from(data: Any, location: str) -> Message:
+def parse_message(data: Any, location: str) -> TrajectoryMessage:
     """Build a message from dictionaries and lists.
 
     Parameters
@@ -208,15 +210,16 @@ def message_from(data: Any, location: str) -> Message:
     names = data["joint_names"]
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise TrajectoryError(f"{location}: joint_names is not a list of names")
-    time = np.array([_time(point, k, location) for k, point in enumerate(points)])
+    time = np.array([_parse_time(point, k, location) for k, point in enumerate(points)])
     fields = [
-        [_numbers(point, key, k, location) for k, point in enumerate(points)] for key in FIELDS
+        [_parse_numbers(point, key, k, location) for k, point in enumerate(points)]
+        for key in POINT_FIELDS
     ]
-    return Message(tuple(names), time, *fields)
+    return TrajectoryMessage(tuple(names), time, *fields)
 
 
-def read_message(
-    message: Message, robot: Robot, location: str, notes: tuple[str, ...] = ()
+def interpolate_message(
+    message: TrajectoryMessage, robot: Robot, location: str, notes: tuple[str, ...] = ()
 ) -> Reading:
     """Return the trajectory that a controller executes for a message.
 
@@ -240,14 +243,14 @@ def read_message(
     TrajectoryError
         If joint_trajectory_controller would reject the message.
     """
-    faults, remarks = controller_faults(message, [joint.name for joint in robot.joints])
+    faults, remarks = controller_rejections(message, [joint.name for joint in robot.joints])
     if faults:
         others = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
         raise TrajectoryError(f"{location}: {faults[0]}{others}")
     order = [message.names.index(joint.name) for joint in robot.joints]
-    q, _ = _table(message.positions, order)
-    qd, has_qd = _table(message.velocities, order)
-    qdd, has_qdd = _table(message.accelerations, order)
+    q, _ = _reorder_rows(message.positions, order)
+    qd, has_qd = _reorder_rows(message.velocities, order)
+    qdd, has_qdd = _reorder_rows(message.accelerations, order)
     points = Points(
         message.time,
         q,
@@ -257,10 +260,12 @@ def read_message(
         has_qdd=None if has_qdd.all() else has_qdd,
         place=lambda k: f"{location}: point {k}",
     )
-    return join_points(points, robot, notes + tuple(remarks))
+    return interpolate_points(points, robot, notes + tuple(remarks))
 
 
-def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str], list[str]]:
+def controller_rejections(
+    message: TrajectoryMessage, joints: Sequence[str]
+) -> tuple[list[str], list[str]]:
     """Find faults of a message, and remarks on it.
 
     Parameters
@@ -293,7 +298,7 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
             f"point {k + 1}: time_from_start does not increase ({time[k + 1]:.12g} s after "
             f"{time[k]:.12g} s)"
         )
-    for field in FIELDS:
+    for field in POINT_FIELDS:
         may_be_empty = field != "positions"
         for k, values in enumerate(getattr(message, field)):
             if len(values) != len(names) and not (may_be_empty and not len(values)):
@@ -301,7 +306,7 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
                 break
     remarks = []
     final_speed = max((abs(float(velocity)) for velocity in message.velocities[-1]), default=0.0)
-    if final_speed > REST:
+    if final_speed > CONTROLLER_REST_SPEED:
         remarks.append(
             f"the last velocity is {final_speed:.3g}, not zero: the controller rejects this "
             "unless allow_nonzero_velocity_at_trajectory_end is set"
@@ -318,7 +323,7 @@ def controller_faults(message: Message, joints: Sequence[str]) -> tuple[list[str
     return faults, remarks
 
 
-def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
+def _reorder_rows(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
     """Return a table of values in the order of the robot's joints.
 
     Parameters
@@ -341,7 +346,7 @@ def _table(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
     return values[:, order], has_values
 
 
-def _time(point: Any, k: int, location: str) -> float:
+def _parse_time(point: Any, k: int, location: str) -> float:
     """Return the time of a point since the start, s.
 
     Parameters
@@ -363,15 +368,15 @@ def _time(point: Any, k: int, location: str) -> float:
         sec = stamp.get("sec", 0)
         nanosec = stamp.get("nanosec", 0)
         is_integer = type(sec) is int and type(nanosec) is int
-        if is_integer and abs(sec) <= LONGEST and 0 <= nanosec < TICKS:
-            return float((sec * TICKS + nanosec) / TICKS)
+        if is_integer and abs(sec) <= LARGEST_SECONDS and 0 <= nanosec < NANOSECONDS_PER_SECOND:
+            return float((sec * NANOSECONDS_PER_SECOND + nanosec) / NANOSECONDS_PER_SECOND)
     raise TrajectoryError(
         f"{location}: point {k}: time_from_start is {str(stamp)[:80]}, but it must have whole "
-        f"numbers sec and nanosec, with nanosec from 0 to {TICKS - 1}"
+        f"numbers sec and nanosec, with nanosec from 0 to {NANOSECONDS_PER_SECOND - 1}"
     )
 
 
-def _numbers(point: JsonObject, key: str, k: int, location: str) -> Sequence[float]:
+def _parse_numbers(point: JsonObject, key: str, k: int, location: str) -> Sequence[float]:
     """Return the list of numbers under a key of a point.
 
     Parameters

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.agreement import Content
+from ssm_planner.formats.agreement import ExportContent
 from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, blocks, cubics, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
-LONG = 1_000_000
+IN_MEMORY_ROWS = 1_000_000
 """Number of points above which points and pieces are kept in temporary files."""
 
 
@@ -74,7 +74,7 @@ class Reading:
     """
     end_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates that the file declares at the end, rad/s or m/s."""
-    content: Content | None = None
+    content: ExportContent | None = None
     """Content that an export folder with this motion must have. None for a single file."""
     stops: tuple["Reading", ...] = ()
     """Controlled stops through the points of a table."""
@@ -115,7 +115,7 @@ class Reading:
             checks += (replace(tightest, name="controlled stop", case=tightest.name),)
         return certificate.with_more(checks)
 
-    def ends_on(self, limits: TaskLimits) -> TaskLimits:
+    def add_declared_rates(self, limits: TaskLimits) -> TaskLimits:
         """Return limits with the rates that the file declares at the start and the end.
 
         Rates that the limits already contain take precedence.
@@ -125,7 +125,7 @@ class Reading:
         return replace(limits, start_rate=start, end_rate=end)
 
 
-def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Reading:
+def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Reading:
     """Build the trajectory through points.
 
     Parameters
@@ -155,28 +155,29 @@ def join_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Re
         acceleration = np.full(n, points.qdd is not None)
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
-    pieces: Any = _Pieces(points, cubic, quintic)
+    pieces: Any = _LazyCoefficients(points, cubic, quintic)
     trajectory = Trajectory(points.t, pieces if n > BLOCK else pieces[:], ())
     straight = not cubic.all()
     resolution = None
     if straight:
         resolution = np.zeros(4) if points.resolution is None else points.resolution
-    return Reading(trajectory, describe(cubic, quintic), resolution, notes)
+    return Reading(trajectory, describe_interpolation(cubic, quintic), resolution, notes)
 
 
 def large_array(shape: tuple[int, ...]) -> Array:
     """Return an uninitialised array of a given shape (n, …).
 
-    An array with more than `LONG` rows is in a temporary file. The operating system reads and
+    An array with more than `IN_MEMORY_ROWS` rows is in a temporary file. The operating system
+    reads and
     writes its parts on demand.
     """
-    if shape[0] <= LONG:
+    if shape[0] <= IN_MEMORY_ROWS:
         return np.empty(shape)
     with TemporaryFile() as file:
         return np.asarray(np.memmap(file, float, "w+", shape=shape))
 
 
-def describe(cubic: Mask, quintic: Mask) -> str:
+def describe_interpolation(cubic: Mask, quintic: Mask) -> str:
     """Describe the interpolation between points in words.
 
     Parameters
@@ -239,7 +240,7 @@ def check_points(points: Points, robot: Robot) -> None:
 
 
 @record
-class _Pieces:
+class _LazyCoefficients:
     """Coefficients (n − 1, 6, 4) of the pieces between n points, computed when they are used.
 
     The array of a long table would be larger than the points.
@@ -281,15 +282,15 @@ LARGEST_ANGLE = 8 * math.pi
 """Largest plausible joint angle, rad. Larger values are probably degrees."""
 LARGEST_STROKE = 1.0
 """Largest plausible stroke, m. Larger values are probably millimetres."""
-FEW = 20
+SHORT_TABLE_INTERVALS = 20
 """Number of intervals up to which slopes are not compared, because joints may rest in between."""
-ENOUGH = 20_000
+LARGEST_COMPARED_INTERVALS = 20_000
 """Largest number of intervals that are compared."""
-ALIKE = 0.05
+AGREEMENT_TOLERANCE = 0.05
 """Largest relative residual, and deviation of the factor from 1, of columns that agree."""
-UNLIKE = 2.0
+UNIT_ERROR_FACTOR = 2.0
 """Factor beyond which velocities proportional to the slopes have a different unit."""
-FACTORS = (
+UNIT_CONFUSIONS = (
     (180 / math.pi, "degrees where radians are meant"),
     (1000.0, "millimetres where metres are meant"),
 )
@@ -340,31 +341,32 @@ def check_derivatives(
     names : (str, str)
         Names of the values and of the derivatives for messages.
     """
-    if len(t) <= FEW:
+    if len(t) <= SHORT_TABLE_INTERVALS:
         return
-    intervals = np.unique(np.linspace(0, len(t) - 2, ENOUGH).astype(int))
+    intervals = np.unique(np.linspace(0, len(t) - 2, LARGEST_COMPARED_INTERVALS).astype(int))
     slopes = (value[intervals + 1] - value[intervals]) / (t[intervals + 1] - t[intervals])[:, None]
     means = (derivative[intervals + 1] + derivative[intervals]) / 2
     for i, joint in enumerate(robot.joints):
         if not slopes[:, i].any():
             continue
-        factor, residual = _compare(slopes[:, i], means[:, i])
+        factor, residual = _fit_factor(slopes[:, i], means[:, i])
         # Between sparse points on a curve the mean of two velocities differs from the slope.
-        if _same(factor, residual) or (residual < ALIKE and 1 / UNLIKE < factor < UNLIKE):
+        has_unit = 1 / UNIT_ERROR_FACTOR < factor < UNIT_ERROR_FACTOR
+        if residual < AGREEMENT_TOLERANCE and has_unit:
             continue
         for k, neighbour in enumerate(robot.joints):
-            swapped_factor, swapped_residual = _compare(slopes[:, i], means[:, k])
-            if _same(swapped_factor, swapped_residual):
+            swapped_factor, swapped_residual = _fit_factor(slopes[:, i], means[:, k])
+            if _columns_agree(swapped_factor, swapped_residual):
                 raise TrajectoryError(
                     f"the {names[1]} given for joint {neighbour.name} are those of joint "
                     f"{joint.name}: swapped columns?"
                 )
-        if residual < ALIKE:
+        if residual < AGREEMENT_TOLERANCE:
             hint = ""
-            for scale, text in FACTORS:
-                if 1 / UNLIKE < factor / scale < UNLIKE:
+            for scale, text in UNIT_CONFUSIONS:
+                if 1 / UNIT_ERROR_FACTOR < factor / scale < UNIT_ERROR_FACTOR:
                     hint = f": {text}?"
-                elif 1 / UNLIKE < 1 / factor / scale < UNLIKE:
+                elif 1 / UNIT_ERROR_FACTOR < 1 / factor / scale < UNIT_ERROR_FACTOR:
                     hint = f": {text} in the {names[0]}?"
             raise TrajectoryError(
                 f"the {names[1]} of joint {joint.name} are {factor:.4g} times the slope of its "
@@ -372,12 +374,12 @@ def check_derivatives(
             )
 
 
-def _same(factor: float, residual: float) -> bool:
+def _columns_agree(factor: float, residual: float) -> bool:
     """Return True if a factor and a residual show that two columns agree."""
-    return residual < ALIKE and abs(factor - 1) < ALIKE
+    return residual < AGREEMENT_TOLERANCE and abs(factor - 1) < AGREEMENT_TOLERANCE
 
 
-def _compare(slope: Array, mean: Array) -> tuple[float, float]:
+def _fit_factor(slope: Array, mean: Array) -> tuple[float, float]:
     """Fit mean = factor · slope by least squares.
 
     Parameters

@@ -18,48 +18,48 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.agreement import Content, suffix_of
+from ssm_planner.formats.agreement import ExportContent, file_name_suffix
 from ssm_planner.formats.csv import table_text
-from ssm_planner.formats.epos4 import rates_of_rows, read_tables, scale
+from ssm_planner.formats.epos4 import increments_per_unit, read_joint_tables, replace_end_rates
 from ssm_planner.formats.epos4_setup import (
-    INT32,
+    INT32_MAX,
     Axis,
     CountsPerTurn,
-    axes_of,
+    check_integer_range,
+    drive_axes,
     encoder_notes,
-    require_range,
 )
-from ssm_planner.formats.points import Points, Reading, join_points
-from ssm_planner.formats.spline_points import at_times
+from ssm_planner.formats.points import Points, Reading, interpolate_points
+from ssm_planner.formats.spline_points import sample_slowed_plan
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Joint, Robot, TaskLimits
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.verification import Certificate
 
-INT24 = 2**23 - 1
+INT24_MAX = 2**23 - 1
 """Largest velocity in increments/s that the drives accept (24 bits with sign)."""
-LARGEST_TIME = 255
+LARGEST_ROW_MS = 255
 """Largest duration of one row, ms (8 bits)."""
-INTERVALS = (40, 60, 25, 100)
+ROW_INTERVALS_MS = (40, 60, 25, 100)
 """Times between rows (ms) in the order of trial.
 
 Short intervals suffer from the rounding to increments. Long intervals deviate from the plan.
 """
-STRETCHES = (0.002, 0.005, 0.01, 0.02, 0.05)
+SLOWDOWNS = (0.002, 0.005, 0.01, 0.02, 0.05)
 """Relative increases of the duration in the order of trial."""
-SLACK = 0.01
+ACCELERATION_TOLERANCE = 0.01
 """Tolerance beyond the plan's nearby accelerations, relative to the acceleration limit."""
-FINE = 40
+PLAN_SAMPLES_PER_ROW = 40
 """Number of instants of the plan between two rows."""
-FREE = 1e5
+UNDRIVEN_UNITS = 1e5
 """Units per rad or m of a joint without a drive, whose rows are not rounded."""
-EXCESS = 1e6
+EXCESS_COST = 1e6
 """Cost, in increments, of exceeding an acceleration bound by the whole limit."""
-TIME = "time_ms"
-POSITION = "position"
-VELOCITY = "velocity"
+TIME_COLUMN = "time_ms"
+POSITION_COLUMN = "position"
+VELOCITY_COLUMN = "velocity"
 """Names of the columns. The unit follows the name."""
-FORM = {
+COLUMN_EXPLANATIONS = {
     "time_ms": "time since the previous row, 1 to 255; 0 in the first row, whose time is not used",
     "position_inc": "absolute, INT32",
     "velocity_inc_per_s": "velocity at the row, 24 bits with sign; for a drive with the unit 1e-3 "
@@ -69,7 +69,7 @@ FORM = {
     "end": "last row: the target; the command that ends a table depends on the drive",
 }
 """Explanation of the columns in the manifest."""
-NOT_VERIFIED = (
+UNTESTED_ASSUMPTIONS = (
     "the export was not tested on a drive: format and interpolation follow Elmo's SimplIQ manual "
     "(P 32, V 24, T 8 bits; ms, counts/s) and maxon's IPM application note for the EPOS2 (0x20C1); "
     "the EPOS4 does not have this mode",
@@ -81,7 +81,7 @@ NOT_VERIFIED = (
 
 
 @record
-class Table:
+class PvtTable:
     """Rows of all joints at n times, and the certificate of the cubics between them."""
 
     t: Array
@@ -118,16 +118,16 @@ def export_pvt(
     suffix : str
         Text that marks unverified files, before the extension.
     counts_per_turn : int or mapping from joint to int, optional
-        Increments per motor turn, see `axes_of`.
+        Increments per motor turn, see `drive_axes`.
 
     Raises
     ------
     ExportError
         If no table keeps the limits, an encoder resolution is missing, or a number does not fit.
     """
-    axes = axes_of(plan.robot, counts_per_turn)
-    table = _table(plan, certificate, axes)
-    files = content(plan.robot, axes, table.t, table.rows, limits=table.limits, suffix=suffix)
+    axes = drive_axes(plan.robot, counts_per_turn)
+    table = _feasible_table(plan, certificate, axes)
+    files = pvt_content(plan.robot, axes, table.t, table.rows, limits=table.limits, suffix=suffix)
     entries = files.write(folder)
     notes = [
         f"{len(table.t)} rows, {100 * (table.stretch - 1):.2g} % slower than the plan; "
@@ -135,8 +135,8 @@ def export_pvt(
     ]
     for i, joint in enumerate(plan.robot.joints):
         if joint.name in axes:
-            plan_positions, _ = _samples(plan, table.t, table.stretch, i)
-            position = table.rows[joint.name][0] / scale(axes, joint.name)
+            plan_positions, _ = _plan_samples(plan, table.t, table.stretch, i)
+            position = table.rows[joint.name][0] / increments_per_unit(axes, joint.name)
             deviation = float(np.abs(position - plan_positions).max())
             entries["axes"][joint.name]["deviation"] = deviation
             notes.append(
@@ -148,14 +148,14 @@ def export_pvt(
             "interpolation": table.certificate.interpolation,
             "certificate": table.certificate.to_dict(),
         },
-        "form": FORM,
+        "form": COLUMN_EXPLANATIONS,
         "stretch": table.stretch,
-        "not_verified": list(NOT_VERIFIED),
+        "not_verified": list(UNTESTED_ASSUMPTIONS),
         "notes": notes + encoder_notes(axes),
     }
 
 
-def content(
+def pvt_content(
     robot: Robot,
     axes: Mapping[str, Axis],
     t: Array,
@@ -163,7 +163,7 @@ def content(
     *,
     limits: TaskLimits,
     suffix: str,
-) -> Content:
+) -> ExportContent:
     """Return the files and the entries of the manifest for a table.
 
     Parameters
@@ -175,7 +175,7 @@ def content(
     t : (n,) array
         Times of the rows, s.
     rows : mapping of str to two (n,) arrays
-        Positions and velocities by joint, see `Table`.
+        Positions and velocities by joint, see `PvtTable`.
     limits : TaskLimits
         Limits with the rates at both ends.
     suffix : str
@@ -194,7 +194,9 @@ def content(
         axis = axes.get(joint.name)
         position, velocity = rows[joint.name]
         form = "%.17g" if axis is None else "%d"
-        columns = dict(zip(_columns(joint, axis is not None), (position, velocity), strict=True))
+        columns = dict(
+            zip(_column_names(joint, axis is not None), (position, velocity), strict=True)
+        )
         entries[joint.name] = {
             "file": name,
             "start": float(position[0]),
@@ -206,12 +208,12 @@ def content(
             note = "no drive: the file shows the joint's motion for reference"
             entries[joint.name]["note"] = note
         else:
-            require_range(position, INT32, joint.name, "position", "increments")
-            require_range(velocity, INT24, joint.name, "velocity", "increments/s")
+            check_integer_range(position, INT32_MAX, joint.name, "position", "increments")
+            check_integer_range(velocity, INT24_MAX, joint.name, "velocity", "increments/s")
             mrpm = {"mrpm_per_inc_per_s": 60_000 / axis.counts_per_turn}
             entries[joint.name] |= {**axis.to_dict(), **mrpm}
-        files[name] = table_text({TIME: times, **columns}, ("%d", form))
-    return Content(
+        files[name] = table_text({TIME_COLUMN: times, **columns}, ("%d", form))
+    return ExportContent(
         {
             "rate_hz": None,
             "units": {
@@ -250,25 +252,25 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
     TrajectoryError
         If a table is damaged, or if it does not belong to the robot.
     """
-    axes, steps, tables = read_tables(folder, manifest, robot, TIME, _columns)
-    if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_TIME)):
+    axes, steps, tables = read_joint_tables(folder, manifest, robot, TIME_COLUMN, _column_names)
+    if steps[0] != 0 or np.any(steps[1:] != np.clip(np.round(steps[1:]), 1, LARGEST_ROW_MS)):
         raise TrajectoryError(
-            f"{folder}: {TIME} must be 0 in the first row and an integer from 1 to "
-            f"{LARGEST_TIME} in all others"
+            f"{folder}: {TIME_COLUMN} must be 0 in the first row and an integer from 1 to "
+            f"{LARGEST_ROW_MS} in all others"
         )
     t = np.cumsum(steps) / 1000
-    scales = [scale(axes, name) for name in tables]
+    scales = [increments_per_unit(axes, name) for name in tables]
     q, qd = np.stack(list(tables.values()), axis=2) / scales
-    reading = join_points(Points(t, q, qd, place=f"{folder}: row {{}}".format), robot)
+    reading = interpolate_points(Points(t, q, qd, place=f"{folder}: row {{}}".format), robot)
     declared = TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate"))
     rows = {name: (table[0], table[1]) for name, table in tables.items()}
-    limits = rates_of_rows(declared, robot, q, qd)
-    suffix = suffix_of(manifest)
-    derived = content(robot, axes, t, rows, limits=limits, suffix=suffix)
+    limits = replace_end_rates(declared, robot, q, qd)
+    suffix = file_name_suffix(manifest)
+    derived = pvt_content(robot, axes, t, rows, limits=limits, suffix=suffix)
     return replace(reading, content=derived)
 
 
-def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
+def _column_names(joint: Joint, driven: bool) -> tuple[str, str]:
     """Return the names of the columns of positions and velocities of a joint.
 
     Parameters
@@ -279,10 +281,10 @@ def _columns(joint: Joint, driven: bool) -> tuple[str, str]:
         True if the joint has a drive, so that its unit is an increment.
     """
     unit = "inc" if driven else joint.unit
-    return f"{POSITION}_{unit}", f"{VELOCITY}_{unit}_per_s"
+    return f"{POSITION_COLUMN}_{unit}", f"{VELOCITY_COLUMN}_{unit}_per_s"
 
 
-def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table:
+def _feasible_table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> PvtTable:
     """Return the first table whose cubics keep every limit.
 
     Parameters
@@ -300,7 +302,7 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
         If every table exceeds a limit.
     """
     certificates = []
-    for table in _trials(plan, axes, STRETCHES if certificate.passed else (0.0,)):
+    for table in _candidate_tables(plan, axes, SLOWDOWNS if certificate.passed else (0.0,)):
         if table.certificate.passed or not certificate.passed:
             return table
         certificates.append(table.certificate)
@@ -314,14 +316,17 @@ def _table(plan: Plan, certificate: Certificate, axes: dict[str, Axis]) -> Table
     )
 
 
-def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> Iterator[Table]:
+def _candidate_tables(
+    plan: Plan, axes: dict[str, Axis], stretches: Collection[float]
+) -> Iterator[PvtTable]:
     """Yield tables with different durations and times between rows.
 
-    The order is that of `stretches` (relative increases of the duration) and `INTERVALS`. Raises
+    The order is that of `stretches` (relative increases of the duration) and `ROW_INTERVALS_MS`.
+    Raises
     ExportError if the motion is too short for a table.
     """
     for slowdown in stretches:
-        for interval in INTERVALS:
+        for interval in ROW_INTERVALS_MS:
             total = int(np.ceil(plan.motion.duration * (1 + slowdown) * 1000 - 1e-6))
             intervals = max(int(np.ceil(total / interval)), 2)
             if total < intervals:
@@ -333,24 +338,24 @@ def _trials(plan: Plan, axes: dict[str, Axis], stretches: Collection[float]) -> 
             qd = np.empty((len(t), 4))
             for i, joint in enumerate(plan.robot.joints):
                 axis = axes.get(joint.name)
-                unit = FREE if axis is None else axis.increments_per_unit
-                fit = _Fit(plan, i, t, stretch, unit)
+                unit = UNDRIVEN_UNITS if axis is None else axis.increments_per_unit
+                fit = _RowFit(plan, i, t, stretch, unit)
                 position, velocity = fit.rows(round_to_units=axis is not None)
                 q[:, i] = position / unit
                 qd[:, i] = velocity / unit
                 rows[joint.name] = (q[:, i], qd[:, i]) if axis is None else (position, velocity)
-            reading = join_points(Points(t, q, qd), plan.robot)
-            limits = rates_of_rows(plan.limits.slower(stretch), plan.robot, q, qd)
-            yield Table(t, rows, stretch, limits, reading.check(plan.robot, limits))
+            reading = interpolate_points(Points(t, q, qd), plan.robot)
+            limits = replace_end_rates(plan.limits.slower(stretch), plan.robot, q, qd)
+            yield PvtTable(t, rows, stretch, limits, reading.check(plan.robot, limits))
 
 
-def _samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
+def _plan_samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
     """Return positions and velocities (n,) of joint i at times t (n,) of the slower plan."""
-    s = at_times(plan, plan.motion.breaks[0] + t, stretch)
+    s = sample_slowed_plan(plan, plan.motion.breaks[0] + t, stretch)
     return s.q[:, i], s.qd[:, i]
 
 
-class _Fit:
+class _RowFit:
     """Linear program for the rows of one joint.
 
     Positions are in increments. Velocities are in increments per τ, the mean time between rows. The
@@ -385,32 +390,37 @@ class _Fit:
         motion = plan.motion
         n = len(t)
         tau = float(t[-1]) / (n - 1)
-        q, qd = _samples(plan, t, stretch, i)
+        q, qd = _plan_samples(plan, t, stretch, i)
         self.rate = 1 / tau
         self.positions = q * unit
         self.velocities = qd * unit * tau
         low, high = sorted(bound * unit for bound in joint.position)
         self.range = np.ceil(low - 1e-6), np.floor(high + 1e-6)
         breaks = (motion.breaks - motion.breaks[0]) * stretch
-        self._dense = np.unique(np.concatenate([t, breaks, np.linspace(0, t[-1], FINE * n)]))
-        self._where = np.searchsorted(self._dense, t[:-1])
-        instants = motion.breaks[0] + self._dense / stretch
+        self._sample_times = np.unique(
+            np.concatenate([t, breaks, np.linspace(0, t[-1], PLAN_SAMPLES_PER_ROW * n)])
+        )
+        self._interval_starts = np.searchsorted(self._sample_times, t[:-1])
+        instants = motion.breaks[0] + self._sample_times / stretch
         sides = [motion.sample(instants, "left"), motion.sample(instants, "right")]
         planned_accelerations = np.array([samples.qdd[:, i] for samples in sides]) * unit * tau**2
         # The bounds include the accelerations of the plan and those of the slower plan.
         accelerations = np.concatenate([planned_accelerations, planned_accelerations / stretch**2])
-        a = self._nearby(accelerations)
-        v = self._nearby(np.array([samples.qd[:, i] for samples in sides]) * unit * tau)
-        p = self._nearby(np.array([samples.q[:, i] for samples in sides]) * unit)
+        a = self._neighbourhood_extremes(accelerations)
+        v = self._neighbourhood_extremes(
+            np.array([samples.qd[:, i] for samples in sides]) * unit * tau
+        )
+        p = self._neighbourhood_extremes(np.array([samples.q[:, i] for samples in sides]) * unit)
         limit = abs(joint.acceleration * unit * tau**2)
         h = np.diff(t) / tau
         # Rounding both positions by half an increment changes an acceleration by at most
         # 6 / h², and seldom by more than 3 / h².
         maximum = max(limit, float(np.abs(accelerations).max())) - 3 / h**2
-        a = np.maximum(a[0] - SLACK * limit, -maximum), np.minimum(a[1] + SLACK * limit, maximum)
+        slack = ACCELERATION_TOLERANCE * limit
+        a = np.maximum(a[0] - slack, -maximum), np.minimum(a[1] + slack, maximum)
         zeros = np.zeros(n - 1)
         ones = np.ones(n - 1)
-        self.rows_of = (
+        self.constraints = (
             ((-6 / h**2, 6 / h**2, -4 / h, -2 / h), a, limit),
             ((6 / h**2, -6 / h**2, 2 / h, 4 / h), a, limit),
             ((-3 / h, 3 / h, -ones, -ones), v, 0.0),
@@ -419,7 +429,7 @@ class _Fit:
         )
         """Factors of positions and velocities, bounds of their sum, and tolerance for ε = 1."""
 
-    def _nearby(self, values: Array) -> tuple[Array, Array]:
+    def _neighbourhood_extremes(self, values: Array) -> tuple[Array, Array]:
         """Return the extremes of a quantity on each interval and its two neighbours.
 
         Parameters
@@ -431,8 +441,10 @@ class _Fit:
         -------
         lowest, highest : (n − 1,) arrays
         """
-        low = np.pad(np.minimum.reduceat(values.min(axis=0), self._where), 1, mode="edge")
-        high = np.pad(np.maximum.reduceat(values.max(axis=0), self._where), 1, mode="edge")
+        low = np.pad(np.minimum.reduceat(values.min(axis=0), self._interval_starts), 1, mode="edge")
+        high = np.pad(
+            np.maximum.reduceat(values.max(axis=0), self._interval_starts), 1, mode="edge"
+        )
         lowest = np.min([low[:-2], low[1:-1], low[2:]], axis=0)
         highest = np.max([high[:-2], high[1:-1], high[2:]], axis=0)
         return lowest, highest
@@ -487,7 +499,7 @@ class _Fit:
         fixed_positions = np.where(is_fixed, d, 0.0) + self.positions
         blocks: list[list[Any]] = []
         upper: list[Array] = []
-        for (p0, p1, v0, v1), (low, high), tolerance in self.rows_of:
+        for (p0, p1, v0, v1), (low, high), tolerance in self.constraints:
             positions: Any = sparse.diags(p0) @ lower + sparse.diags(p1) @ next_node
             velocities: Any = sparse.diags(v0) @ lower + sparse.diags(v1) @ next_node
             base = positions @ self.positions + velocities @ self.velocities
@@ -507,7 +519,7 @@ class _Fit:
         low = np.where(is_fixed, d, -np.inf)
         high = np.where(is_fixed, d, np.inf)
         # The unknowns are d, w and e with n entries each, and then ε.
-        costs = np.r_[np.zeros(2 * n), np.ones(n), EXCESS]
+        costs = np.r_[np.zeros(2 * n), np.ones(n), EXCESS_COST]
         matrix = sparse.bmat(blocks, format="csr")
         lowest = np.r_[low, -velocity_range, np.zeros(n + 1)]
         highest = np.r_[high, velocity_range, np.full(n + 1, np.inf)]

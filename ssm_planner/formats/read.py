@@ -8,25 +8,25 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.agreement import require_agreement, require_robot
+from ssm_planner.formats.agreement import check_export_content, require_same_robot
 from ssm_planner.formats.csv import read_csv
 from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.joint_trajectory import read_yaml
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.ros2 import read_rosbag
-from ssm_planner.formats.stop_table import with_stops
+from ssm_planner.formats.stop_table import add_stops
 from ssm_planner.loading.json_files import read_json
-from ssm_planner.problem import TASK, Robot
+from ssm_planner.problem import TASK_COORDINATES, Robot
 from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, VERSION, is_inside, sha256
 from ssm_planner.typing import JsonObject
 
-ACCEPTED = (
+ACCEPTED_FILES = (
     "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or an export folder"
 )
 """Supported files, for error messages."""
 LARGEST_MANIFEST = 20_000_000
 """Largest size of a manifest, bytes."""
-LARGEST_RATE = 1e3
+LARGEST_TASK_RATE = 1e3
 """Largest rate of a task coordinate that a manifest may declare, rad/s or m/s."""
 
 
@@ -75,7 +75,7 @@ def _read_file(path: Path, robot: Robot) -> Reading:
         return read_yaml(path, robot)
     if suffix in (".mcap", ".db3"):
         return read_rosbag(path, robot)
-    raise TrajectoryError(f"{path}: unknown file type (allowed: {ACCEPTED})")
+    raise TrajectoryError(f"{path}: unknown file type (allowed: {ACCEPTED_FILES})")
 
 
 def _read_folder(folder: Path, robot: Robot) -> Reading:
@@ -89,9 +89,9 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
         return read_rosbag(folder, robot)
     manifest = read_manifest(folder)
     intact = _check_hashes(folder, manifest)
-    require_robot(folder, manifest, robot)
-    start = _declared(folder, manifest, "start_rate")
-    end = _declared(folder, manifest, "end_rate")
+    require_same_robot(folder, manifest, robot)
+    start = _declared_rates(folder, manifest, "start_rate")
+    end = _declared_rates(folder, manifest, "end_rate")
     format_name = str(manifest.get("kind"))
     form = FORMATS.get(format_name)
     if form is None:
@@ -109,9 +109,9 @@ def _read_folder(folder: Path, robot: Robot) -> Reading:
                 f"{folder / MANIFEST}: the trajectory {name[:80]!r} is not in the list of files"
             )
         reading = _read_file(folder / name, robot)
-    reading = with_stops(folder, manifest, reading, robot)
+    reading = add_stops(folder, manifest, reading, robot)
     if reading.content is not None:
-        require_agreement(folder, manifest, reading.content, reading.trajectory.duration)
+        check_export_content(folder, manifest, reading.content, reading.trajectory.duration)
     return replace(reading, start_rate=start, end_rate=end)
 
 
@@ -123,7 +123,8 @@ def read_manifest(folder: Path) -> JsonObject:
     path = folder / MANIFEST
     if not path.exists():
         raise TrajectoryError(
-            f"{folder}: not a rosbag2 and not an export (without {MANIFEST}; allowed: {ACCEPTED})"
+            f"{folder}: not a rosbag2 and not an export (without {MANIFEST}; allowed: "
+            f"{ACCEPTED_FILES})"
         )
     manifest = read_json(path, LARGEST_MANIFEST)
     expected = EXPORT, VERSION
@@ -187,20 +188,20 @@ def _check_hashes(
     return frozenset(files)
 
 
-def _declared(folder: Path, manifest: JsonObject, key: str) -> dict[str, float]:
+def _declared_rates(folder: Path, manifest: JsonObject, key: str) -> dict[str, float]:
     """Return the rates of task coordinates that a manifest declares under a key.
 
     The rates are in rad/s and m/s. Raises TrajectoryError if the entry is not a mapping from task
     coordinates to numbers.
     """
     rates = manifest.get(key, {})
-    if not isinstance(rates, dict) or not set(rates) <= set(TASK):
+    if not isinstance(rates, dict) or not set(rates) <= set(TASK_COORDINATES):
         raise TrajectoryError(
             f"{folder / MANIFEST}: {key} is not a mapping of rates (allowed keys: "
-            f"{', '.join(TASK)})"
+            f"{', '.join(TASK_COORDINATES)})"
         )
     for name, rate in rates.items():
-        if type(rate) not in (int, float) or not abs(rate) < LARGEST_RATE:
+        if type(rate) not in (int, float) or not abs(rate) < LARGEST_TASK_RATE:
             raise TrajectoryError(
                 f"{folder / MANIFEST}: {key}.{name} is not a rate: {str(rate)[:40]}"
             )

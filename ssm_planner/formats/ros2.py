@@ -16,38 +16,45 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.agreement import Content, difference, stated_rate, suffix_of
+from ssm_planner.formats.agreement import (
+    ExportContent,
+    file_name_suffix,
+    first_difference,
+    read_rate,
+)
 from ssm_planner.formats.joint_trajectory import (
-    FIELDS,
-    TICKS,
-    Message,
-    controller_faults,
-    read_message,
+    NANOSECONDS_PER_SECOND,
+    POINT_FIELDS,
+    TrajectoryMessage,
+    controller_rejections,
+    interpolate_message,
+    read_yaml_content,
+    read_yaml_message,
     split_time,
     trajectory_message,
-    yaml_content,
-    yaml_message,
     yaml_text,
 )
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.spline_points import spline_points
-from ssm_planner.formats.urdf import LINKS, TOOL, urdf
+from ssm_planner.formats.urdf import LINK_NAMES, TOOL_FRAME, robot_urdf
 from ssm_planner.kinematics import rotation as rotation_matrix
 from ssm_planner.loading.json_files import read_bytes
 from ssm_planner.plans import Plan
-from ssm_planner.problem import Robot, plain
+from ssm_planner.problem import Robot, to_plain
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification import Certificate
 
-LARGEST_RATE = 1000.0
+LARGEST_STATE_RATE = 1000.0
 """Largest rate of joint states, Hz."""
 LARGEST_METADATA = 10_000_000
 """Largest size of metadata.yaml, bytes."""
-INSTALL = "reading and writing rosbags needs the package rosbags: pip install 'ssm-planner[ros2]'"
-TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-STATE = "sensor_msgs/msg/JointState"
-PUBLISH = (
+INSTALL_HINT = (
+    "reading and writing rosbags needs the package rosbags: pip install 'ssm-planner[ros2]'"
+)
+TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
+STATE_TYPE = "sensor_msgs/msg/JointState"
+PUBLISH_COMMENT = (
     "Publish this file with ros2 topic pub --once /joint_trajectory_controller/joint_trajectory",
     "trajectory_msgs/msg/JointTrajectory and --yaml-file, if this option exists. The message is "
     "too",
@@ -55,7 +62,7 @@ PUBLISH = (
     "ros2 bag play bag --topics /joint_trajectory --remap \\",
     "  /joint_trajectory:=/joint_trajectory_controller/joint_trajectory",
 )
-GOAL = "Goal of control_msgs/action/FollowJointTrajectory."
+GOAL_COMMENT = "Goal of control_msgs/action/FollowJointTrajectory."
 
 
 def export_ros2(
@@ -96,19 +103,20 @@ def export_ros2(
         If the rate is out of range, no spline keeps the limits, or rosbags is missing for
         `bag=True`.
     """
-    if not 0 < rate <= LARGEST_RATE:
+    if not 0 < rate <= LARGEST_STATE_RATE:
         raise ExportError(
-            f"the rate {rate:g} Hz is out of range (allowed: above 0, up to {LARGEST_RATE:g} Hz)"
+            f"the rate {rate:g} Hz is out of range (allowed: above 0, up to "
+            f"{LARGEST_STATE_RATE:g} Hz)"
         )
     points = spline_points(plan, certificate)
     message = trajectory_message(plan, points, effort, rigid_effort)
-    faults, remarks = controller_faults(message, [joint.name for joint in plan.robot.joints])
+    faults, remarks = controller_rejections(message, [joint.name for joint in plan.robot.joints])
     if faults:
         raise ExportError(
             f"{plan.path}: joint_trajectory_controller would reject the trajectory: {faults[0]}"
         )
     if bag is None and find_spec("rosbags") is None:
-        remarks.append(f"no rosbag2 was written: {INSTALL}")
+        remarks.append(f"no rosbag2 was written: {INSTALL_HINT}")
     elif bag is not False:
         write_bag(folder / f"bag{suffix}", plan.robot, message, rate)
     marks = []
@@ -117,7 +125,7 @@ def export_ros2(
     marks.append(f"Plan {one_line(plan.path.name)}, SHA-256 {plan.sha256}; rad, m, N*m, N.")
     marks.append(f"{points.note}.")
     return {
-        **_content(message, rate, suffix, tuple(marks)).write(folder),
+        **_yaml_export(message, rate, suffix, tuple(marks)).write(folder),
         "stretch": points.stretch,
         "spline": {
             "interpolation": points.certificate.interpolation,
@@ -127,7 +135,9 @@ def export_ros2(
     }
 
 
-def _content(message: Message, rate: float, suffix: str, marks: tuple[str, ...] = ()) -> Content:
+def _yaml_export(
+    message: TrajectoryMessage, rate: float, suffix: str, marks: tuple[str, ...] = ()
+) -> ExportContent:
     """Return the YAML files and the entries of the manifest.
 
     Parameters
@@ -142,15 +152,15 @@ def _content(message: Message, rate: float, suffix: str, marks: tuple[str, ...] 
         Comments at the beginning of each file.
     """
     name = f"joint_trajectory{suffix}.yaml"
-    return Content(
+    return ExportContent(
         {
             "trajectory": name,
             "rate_hz": rate,
             "units": {"revolute": "rad", "prismatic": "m", "effort": "N*m, N", "time": "s and ns"},
         },
         {
-            name: yaml_text(message, marks + PUBLISH, ""),
-            f"goal{suffix}.yaml": yaml_text(message, marks + (GOAL,), "trajectory"),
+            name: yaml_text(message, marks + PUBLISH_COMMENT, ""),
+            f"goal{suffix}.yaml": yaml_text(message, marks + (GOAL_COMMENT,), "trajectory"),
         },
     )
 
@@ -174,14 +184,14 @@ def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot:
     TrajectoryError
         If a file is damaged, the bag differs, or it cannot be read without the package rosbags.
     """
-    suffix = suffix_of(manifest)
+    suffix = file_name_suffix(manifest)
     path = folder / f"joint_trajectory{suffix}.yaml"
     if path.name not in names:
         raise TrajectoryError(f"{folder}: the manifest does not list {path.name}")
-    message = yaml_message(path)
-    reading = read_message(message, robot, str(path))
-    rate = stated_rate(folder, manifest, LARGEST_RATE)
-    content = _content(message, rate, suffix)
+    message = read_yaml_message(path)
+    reading = interpolate_message(message, robot, str(path))
+    rate = read_rate(folder, manifest, LARGEST_STATE_RATE)
+    content = _yaml_export(message, rate, suffix)
     bag = f"bag{suffix}"
     in_bag = {name for name in names if name.startswith(f"{bag}/")}
     if in_bag:
@@ -189,12 +199,12 @@ def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot:
             expected = Path(temporary) / bag
             bag_content = _bag_content(folder / bag)
             write_bag(expected, robot, message, rate)
-            fault = difference(bag_content, _bag_content(expected), bag)
+            fault = first_difference(bag_content, _bag_content(expected), bag)
             if fault:
                 raise TrajectoryError(f"{folder}: changed after the export: {fault}")
             in_bag = {f"{bag}/{file.name}" for file in expected.iterdir()}
     files = {**content.files, **dict.fromkeys(in_bag)}
-    return replace(reading, content=Content(content.entries, files))
+    return replace(reading, content=ExportContent(content.entries, files))
 
 
 def _bag_content(folder: Path) -> JsonObject:
@@ -204,13 +214,13 @@ def _bag_content(folder: Path) -> JsonObject:
     """
     with _bag_reader(folder) as reader:
         messages = [
-            [connection.topic, time, plain(reader.deserialize(raw, connection.msgtype))]
+            [connection.topic, time, to_plain(reader.deserialize(raw, connection.msgtype))]
             for connection, time, raw in reader.messages()
         ]
-    return {"metadata": yaml_content(folder / "metadata.yaml"), "messages": messages}
+    return {"metadata": read_yaml_content(folder / "metadata.yaml"), "messages": messages}
 
 
-def write_bag(folder: Path, robot: Robot, message: Message, rate: float) -> None:
+def write_bag(folder: Path, robot: Robot, message: TrajectoryMessage, rate: float) -> None:
     """Write a rosbag2 folder whose times begin at 0.
 
     The states and transforms are those of a controller that executes the message. `rate` is their
@@ -221,17 +231,17 @@ def write_bag(folder: Path, robot: Robot, message: Message, rate: float) -> None
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise ExportError(
-            f"a rosbag cannot be written: {INSTALL} (or export without it: --no-bag)"
+            f"a rosbag cannot be written: {INSTALL_HINT} (or export without it: --no-bag)"
         ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
-    motion = read_message(message, robot, str(folder)).trajectory
+    motion = interpolate_message(message, robot, str(folder)).trajectory
     times = state_times(motion.duration, rate)
     s = motion.sample(motion.breaks[0] + times, clamp=True)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
 
         def topic(name: str, message_type: str, latched: bool = False) -> Any:
             """Add a topic to the bag, and return its connection."""
-            profiles = [_latched()] if latched else []
+            profiles = [_latched_qos()] if latched else []
             return writer.add_connection(
                 name, message_type, typestore=store, offered_qos_profiles=profiles
             )
@@ -240,33 +250,33 @@ def write_bag(folder: Path, robot: Robot, message: Message, rate: float) -> None
             """Write a message at time t, s."""
             sec, nanosec = split_time(t)
             data = store.serialize_cdr(content, connection.msgtype)
-            writer.write(connection, sec * TICKS + nanosec, data)
+            writer.write(connection, sec * NANOSECONDS_PER_SECOND + nanosec, data)
 
         description = topic("/robot_description", "std_msgs/msg/String", latched=True)
-        put(description, 0.0, SimpleNamespace(data=urdf(robot)))
-        put(topic("/joint_trajectory", TRAJECTORY), 0.0, _trajectory(message))
-        states = topic("/joint_states", STATE)
+        put(description, 0.0, SimpleNamespace(data=robot_urdf(robot)))
+        put(topic("/joint_trajectory", TRAJECTORY_TYPE), 0.0, _ros_trajectory(message))
+        states = topic("/joint_states", STATE_TYPE)
         transforms = topic("/tf", "tf2_msgs/msg/TFMessage")
         for t, q, qd in zip(times, s.q, s.qd, strict=True):
-            put(states, t, _state(t, message.names, q, qd))
-            put(transforms, t, _transforms(t, link_poses(robot, q)))
+            put(states, t, _ros_joint_state(t, message.names, q, qd))
+            put(transforms, t, _ros_transforms(t, link_poses(robot, q)))
 
 
-def _trajectory(message: Message) -> Any:
+def _ros_trajectory(message: TrajectoryMessage) -> Any:
     """Convert a message to the fields of a JointTrajectory in ROS 2."""
     points = []
     for k, t in enumerate(message.time):
-        fields = {name: np.array(getattr(message, name)[k], dtype=float) for name in FIELDS}
-        points.append(SimpleNamespace(time_from_start=_stamp(float(t)), **fields))
+        fields = {name: np.array(getattr(message, name)[k], dtype=float) for name in POINT_FIELDS}
+        points.append(SimpleNamespace(time_from_start=_ros_time(float(t)), **fields))
     return SimpleNamespace(
-        header=_header(0.0, "base"), joint_names=list(message.names), points=points
+        header=_ros_header(0.0, "base"), joint_names=list(message.names), points=points
     )
 
 
-def _state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any:
+def _ros_joint_state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any:
     """Build the JointState at time t (s) with positions q and velocities qd, (4,) each."""
     return SimpleNamespace(
-        header=_header(t, "base"),
+        header=_ros_header(t, "base"),
         name=list(names),
         position=np.array(q),
         velocity=np.array(qd),
@@ -274,18 +284,18 @@ def _state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any:
     )
 
 
-def _stamp(t: float) -> Any:
+def _ros_time(t: float) -> Any:
     """Convert a time in s to the fields of a Time or Duration in ROS 2."""
     sec, nanosec = split_time(t)
     return SimpleNamespace(sec=sec, nanosec=nanosec)
 
 
-def _header(t: float, frame: str) -> Any:
+def _ros_header(t: float, frame: str) -> Any:
     """Build the header of a message at time t (s) in a coordinate frame."""
-    return SimpleNamespace(stamp=_stamp(t), frame_id=frame)
+    return SimpleNamespace(stamp=_ros_time(t), frame_id=frame)
 
 
-def _transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) -> Any:
+def _ros_transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) -> Any:
     """Build the TFMessage at time t (s) with the poses that `link_poses` yields."""
     transforms = []
     for parent, child, turn, shift in poses:
@@ -293,7 +303,7 @@ def _transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) -> Any
         rotation = SimpleNamespace(**dict(zip("xyzw", quaternion(turn), strict=True)))
         transforms.append(
             SimpleNamespace(
-                header=_header(t, parent),
+                header=_ros_header(t, parent),
                 child_frame_id=child,
                 transform=SimpleNamespace(translation=translation, rotation=rotation),
             )
@@ -316,14 +326,14 @@ def link_poses(robot: Robot, q: Array) -> Iterator[tuple[str, str, Array, Array]
     geometry = robot.geometry
     parent = "base"
     frame = np.eye(3)
-    for i, (link, body) in enumerate(zip(LINKS, robot.bodies, strict=True)):
+    for i, (link, body) in enumerate(zip(LINK_NAMES, robot.bodies, strict=True)):
         # parent ← child = (parent frame)ᵀ e^{ξ̂ q} (child frame), both frames as placed at q = 0
         turn = rotation_matrix(geometry.axes[i], q[i]) if i < 3 else np.eye(3)
         shift = np.zeros(3) if i < 3 else frame.T @ (geometry.axes[i] * q[i])
         yield parent, link, frame.T @ turn @ body.frame, shift
         parent = link
         frame = body.frame
-    yield parent, TOOL, frame.T @ geometry.tool_home, np.zeros(3)
+    yield parent, TOOL_FRAME, frame.T @ geometry.tool_home, np.zeros(3)
 
 
 def quaternion(orientation: Array) -> Array:
@@ -333,7 +343,7 @@ def quaternion(orientation: Array) -> Array:
     return Rotation.from_matrix(orientation).as_quat()
 
 
-def _latched() -> Any:
+def _latched_qos() -> Any:
     """Return the quality of service that delivers the robot description to late subscribers."""
     from rosbags.interfaces import (
         Qos,
@@ -366,27 +376,29 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
     """
     with _bag_reader(path) as reader:
         message_types = [connection.msgtype for connection in reader.connections]
-        selected_type = TRAJECTORY if TRAJECTORY in message_types else STATE
+        selected_type = TRAJECTORY_TYPE if TRAJECTORY_TYPE in message_types else STATE_TYPE
         selected = [c for c in reader.connections if c.msgtype == selected_type]
         # Without a list of connections, the reader would return all messages.
         raws = reader.messages(selected) if selected else ()
         messages = [reader.deserialize(raw, selected_type) for _, _, raw in raws]
         if not messages:
             raise TrajectoryError("the bag contains no JointTrajectory and no JointState")
-        if selected_type == STATE:
-            converted = [_from_states(messages)]
+        if selected_type == STATE_TYPE:
+            converted = [_message_from_states(messages)]
             notes = ["the JointStates of the bag are its points"]
         else:
-            converted = [_from_trajectory(message) for message in messages]
+            converted = [_message_from_ros(message) for message in messages]
             notes = []
-    if any(difference(plain(later), plain(converted[0]), "") for later in converted[1:]):
+    if any(
+        first_difference(to_plain(later), to_plain(converted[0]), "") for later in converted[1:]
+    ):
         raise TrajectoryError(
             f"{path}: the bag contains {len(converted)} different JointTrajectory messages: only "
             "one motion can be checked"
         )
     if len(converted) > 1:
         notes.append(f"{len(converted)} JointTrajectory messages, all the same")
-    return read_message(converted[0], robot, str(path), tuple(notes))
+    return interpolate_message(converted[0], robot, str(path), tuple(notes))
 
 
 @contextmanager
@@ -399,7 +411,7 @@ def _bag_reader(path: Path) -> Iterator[Any]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise TrajectoryError(f"{path}: {INSTALL}") from error
+        raise TrajectoryError(f"{path}: {INSTALL_HINT}") from error
     folder = path if path.is_dir() else path.parent
     if not (folder / "metadata.yaml").is_file():
         raise TrajectoryError(
@@ -416,22 +428,29 @@ def _bag_reader(path: Path) -> Iterator[Any]:
         raise TrajectoryError(f"{path}: not a rosbag2 that can be read: {reason}") from error
 
 
-def _from_trajectory(trajectory: Any) -> Message:
+def _message_from_ros(trajectory: Any) -> TrajectoryMessage:
     """Convert a JointTrajectory of ROS 2, which the bag contains, to a message."""
     points = trajectory.points
     stamps = [point.time_from_start for point in points]
-    time = np.array([(stamp.sec * TICKS + stamp.nanosec) / TICKS for stamp in stamps])
-    fields = {name: [getattr(point, name) for point in points] for name in FIELDS}
-    return Message(tuple(trajectory.joint_names), time, **fields)
+    time = np.array(
+        [
+            (stamp.sec * NANOSECONDS_PER_SECOND + stamp.nanosec) / NANOSECONDS_PER_SECOND
+            for stamp in stamps
+        ]
+    )
+    fields = {name: [getattr(point, name) for point in points] for name in POINT_FIELDS}
+    return TrajectoryMessage(tuple(trajectory.joint_names), time, **fields)
 
 
-def _from_states(messages: list[Any]) -> Message:
+def _message_from_states(messages: list[Any]) -> TrajectoryMessage:
     """Build a message whose points are joint states. Each state may list the joints in any order.
 
     Raises TrajectoryError if their joints or the lengths of their lists differ.
     """
     names = tuple(messages[0].name)
-    stamps = [m.header.stamp.sec * TICKS + m.header.stamp.nanosec for m in messages]
+    stamps = [
+        m.header.stamp.sec * NANOSECONDS_PER_SECOND + m.header.stamp.nanosec for m in messages
+    ]
     empty: list[Sequence[float]] = [[] for _ in messages]
     fields: dict[str, list[Sequence[float]]] = {"position": [], "velocity": []}
     for k, message in enumerate(messages):
@@ -449,9 +468,9 @@ def _from_states(messages: list[Any]) -> Message:
                     f"JointState {k}: {len(entries)} values of {key} for {len(joints)} joints"
                 )
             values.append([] if is_missing else np.asarray(entries)[order].tolist())
-    return Message(
+    return TrajectoryMessage(
         names,
-        np.array([(stamp - stamps[0]) / TICKS for stamp in stamps]),
+        np.array([(stamp - stamps[0]) / NANOSECONDS_PER_SECOND for stamp in stamps]),
         positions=fields["position"],
         velocities=fields["velocity"],
         accelerations=empty,

@@ -16,7 +16,7 @@ SIGNATURE = "signature"
 """Key of the signature in the manifest."""
 
 
-def signature_of(manifest: JsonObject, key: Path) -> str:
+def sign_manifest(manifest: JsonObject, key: Path) -> str:
     """Return the signature of a manifest in hexadecimal.
 
     Parameters
@@ -34,7 +34,7 @@ def signature_of(manifest: JsonObject, key: Path) -> str:
     return str(_read_key(key, "private").sign(_signed_bytes(manifest)).hex())
 
 
-def signature_fault(folder: Path, manifest: JsonObject, key: Path) -> str | None:
+def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None:
     """Verify the signature of an export folder.
 
     Parameters

@@ -11,24 +11,24 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.points import Points, join_points
+from ssm_planner.formats.points import Points, interpolate_points
 from ssm_planner.plans import Plan
-from ssm_planner.problem import ContinuousTorque, Symmetric
+from ssm_planner.problem import ContinuousTorque, SymmetricLimit
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, record
 from ssm_planner.verification import Certificate, LimitCheck
 
-PARTS = (1, 2, 4, 8)
+DIVISIONS = (1, 2, 4, 8)
 """Numbers of parts into which each piece is divided, in the order of trial."""
-SMOOTH = 1e-6
+SMOOTH_ACCELERATION_JUMP = 1e-6
 """Largest acceleration jump at a break, relative to the limit, for quintics through the breaks."""
-LARGEST_STRETCH = 1e-3
+LARGEST_SLOWDOWN = 1e-3
 """Largest relative increase of the duration."""
-TRIALS = 4
+MAX_SLOWDOWN_TRIALS = 4
 """Largest number of slower splines that are tried."""
-REST = 1e-7
+REST_SPEED = 1e-7
 """Largest speed at rest, rad/s or m/s."""
-ROUNDED = 1e-9
+TIME_ROUNDING = 1e-9
 """Coarsest resolution to which times are rounded, s."""
 
 
@@ -79,31 +79,31 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     ExportError
         If every spline exceeds a limit.
     """
-    smooth = _acceleration_jump(plan) <= SMOOTH
-    trials = [_trial(plan, 1, True, 1.0, tick)] if smooth else []
-    for divisions in PARTS:
+    smooth = _acceleration_jump(plan) <= SMOOTH_ACCELERATION_JUMP
+    trials = [_try_points(plan, 1, True, 1.0, tick)] if smooth else []
+    for divisions in DIVISIONS:
         if trials and (trials[-1].certificate.passed or not certificate.passed):
             return trials[-1]
-        trials.append(_trial(plan, divisions, False, 1.0, tick))
+        trials.append(_try_points(plan, divisions, False, 1.0, tick))
     candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
     # The trials are the quintics through the breaks, if these are smooth, and then one for each
     # entry of PARTS.
-    divisions = 1 if candidate.with_acceleration else PARTS[trials.index(candidate) - smooth]
-    for _ in range(TRIALS):
+    divisions = 1 if candidate.with_acceleration else DIVISIONS[trials.index(candidate) - smooth]
+    for _ in range(MAX_SLOWDOWN_TRIALS):
         if candidate.certificate.passed:
             return candidate
-        factors = [_slower(plan, limit) for limit in candidate.certificate.violations]
+        factors = [_stretch_factor(plan, limit) for limit in candidate.certificate.violations]
         stretch = candidate.stretch * max(factors)
-        if stretch > 1 + LARGEST_STRETCH:
+        if stretch > 1 + LARGEST_SLOWDOWN:
             break
-        candidate = _trial(plan, divisions, candidate.with_acceleration, stretch, tick)
+        candidate = _try_points(plan, divisions, candidate.with_acceleration, stretch, tick)
     raise ExportError(
         f"{plan.path}: the spline through {len(candidate.samples.t)} points exceeds "
         f"{candidate.certificate.worst.excess}: no points that keep it were found"
     )
 
 
-def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
+def sample_slowed_plan(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     """Sample a plan that is slowed down.
 
     Parameters
@@ -111,7 +111,8 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     plan : Plan
         Plan that is exported.
     t : (n,) array
-        Instants of the slower motion, s. An instant that exceeds the end by less than `ROUNDED`
+        Instants of the slower motion, s. An instant that exceeds the end by less than
+        `TIME_ROUNDING`
         counts as the end.
     stretch : float
         Factor on the duration.
@@ -124,7 +125,7 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     start = plan.motion.breaks[0]
     end = plan.motion.breaks[-1]
     s = plan.motion.sample(np.minimum(start + (t - start) / stretch, end))
-    is_before_end = (s.t < end) | (t <= start + plan.motion.duration * stretch + ROUNDED)
+    is_before_end = (s.t < end) | (t <= start + plan.motion.duration * stretch + TIME_ROUNDING)
     moving = is_before_end[:, None]
     qd = s.qd * moving / stretch
     qdd = s.qdd * moving / stretch**2
@@ -132,7 +133,7 @@ def at_times(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
     return Samples(t, s.q, qd, qdd, qddd)
 
 
-def _trial(
+def _try_points(
     plan: Plan, divisions: int, with_acceleration: bool, stretch: float, tick: float | None
 ) -> SplinePoints:
     """Return points of a plan, with the certificate of the spline through them.
@@ -156,11 +157,13 @@ def _trial(
     t = (t - breaks[0]) * stretch
     if tick is not None:
         t = np.round(t / tick) * tick
-    s = replace(at_times(plan, breaks[0] + t, stretch), t=t)
+    s = replace(sample_slowed_plan(plan, breaks[0] + t, stretch), t=t)
     # Remove rounding errors at the end, because controllers refuse a nonzero last velocity.
     if np.all(np.abs(s.qd[-1]) < 1e-6):
         s.qd[-1] = 0.0
-    reading = join_points(Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot)
+    reading = interpolate_points(
+        Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot
+    )
     certificate = reading.check(plan.robot, plan.limits.slower(stretch))
     return SplinePoints(s, with_acceleration, stretch, certificate)
 
@@ -172,7 +175,7 @@ def _acceleration_jump(plan: Plan) -> float:
     return float(np.max(np.abs(jump) / plan.robot.accelerations, initial=0.0))
 
 
-def _slower(plan: Plan, violation: LimitCheck) -> float:
+def _stretch_factor(plan: Plan, violation: LimitCheck) -> float:
     """Return the factor on the duration with which the motion keeps a violated limit.
 
     If a motion is slowed down a little, a quantity that depends on the n-th derivative decreases at
@@ -180,6 +183,6 @@ def _slower(plan: Plan, violation: LimitCheck) -> float:
     infinite if a slower motion does not help.
     """
     limit = plan.problem.limit(violation.name, violation.joint)
-    if isinstance(limit, Symmetric) and not isinstance(limit, ContinuousTorque):
+    if isinstance(limit, SymmetricLimit) and not isinstance(limit, ContinuousTorque):
         return float((1 - 1.2 * violation.margin + 1e-7) ** (1 / limit.order))
     return np.inf

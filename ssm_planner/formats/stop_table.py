@@ -15,26 +15,26 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.agreement import Content, suffix_of
+from ssm_planner.formats.agreement import ExportContent, file_name_suffix
 from ssm_planner.formats.csv import read_columns
-from ssm_planner.formats.points import Points, Reading, join_points
+from ssm_planner.formats.points import Points, Reading, interpolate_points
 from ssm_planner.problem import Robot
 from ssm_planner.stopping import Stops
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification import StopMotions, quickest_stops
 from ssm_planner.verification.stops import NEAR
 
-PERIOD = 1e-3
+ROW_PERIOD = 1e-3
 """Time between two rows of a stop, s."""
-DIGIT = 1e-6
+TIME_DIGIT = 1e-6
 """Last digit of a time, s."""
-MOST = 100_000
+LARGEST_STOP_COUNT = 100_000
 """Largest number of instants with a stop."""
 
 
 def stop_table(
     stops: Stops | StopMotions, robot: Robot, axes: Mapping[str, Any], name: str
-) -> Content:
+) -> ExportContent:
     """Return the file with all stops and its entry in the manifest.
 
     Parameters
@@ -52,11 +52,11 @@ def stop_table(
     -------
     Content
     """
-    header, scales = _columns(robot, axes)
+    header, scales = _column_names(robot, axes)
     rows = [np.empty((0, len(header)))]
     for start, stop in zip(stops.time, stops.motions, strict=True):
         if stop is not None:
-            t = np.append(np.arange(0.0, stop.duration, PERIOD), stop.duration)
+            t = np.append(np.arange(0.0, stop.duration, ROW_PERIOD), stop.duration)
             q = stop.sample(t).q * scales
             q = np.where(scales == 1, q, np.round(q) + 0.0)
             rows.append(np.column_stack([np.full(len(t), start), t, q]))
@@ -69,10 +69,10 @@ def stop_table(
         "longest_s": float(stops.duration.max()),
         "farthest_m": float(stops.travel.max()),
     }
-    return Content({"stops": entry}, {name: text.getvalue()})
+    return ExportContent({"stops": entry}, {name: text.getvalue()})
 
 
-def _columns(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
+def _column_names(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
     """Return the names of the columns, and the factors (4,) from rad or m to their units."""
     names = ["from_s", "time_s"]
     scales = []
@@ -83,7 +83,7 @@ def _columns(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
     return names, np.array(scales)
 
 
-def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot) -> Reading:
+def add_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robot) -> Reading:
     """Return the motion of a folder together with its stops.
 
     Parameters
@@ -111,26 +111,30 @@ def with_stops(folder: Path, manifest: JsonObject, reading: Reading, robot: Robo
     content = reading.content
     if "stops" not in manifest or content is None:
         return reading
-    name = f"stops{suffix_of(manifest)}.csv"
+    name = f"stops{file_name_suffix(manifest)}.csv"
     entry = manifest["stops"]
     count = entry.get("instants") if isinstance(entry, dict) else None
-    if type(count) is not int or not 0 < count <= MOST or name not in manifest["files"]:
+    if (
+        type(count) is not int
+        or not 0 < count <= LARGEST_STOP_COUNT
+        or name not in manifest["files"]
+    ):
         raise TrajectoryError(f"{folder}: the manifest does not give the number of stops")
     if reading.resolution is None and not robot.jerk_limited:
         table = stop_table(quickest_stops(reading.trajectory, robot, count), robot, {}, name)
     else:
-        header, scales = _columns(robot, content.entries.get("axes", {}))
+        header, scales = _column_names(robot, content.entries.get("axes", {}))
         has_rows = (folder / name).read_bytes().strip().count(b"\n")
         rows = read_columns(folder / name, header) if has_rows else np.empty((0, len(header)))
         rows[:, 2:] /= scales
-        stops = _played(rows, count, reading, robot, path=folder / name)
+        stops = _recorded_stops(rows, count, reading, robot, path=folder / name)
         reading = replace(reading, stops=tuple(stops))
-        table = Content({"stops": {**entry, "file": name}}, {name: None})
-    content = Content(content.entries | table.entries, {**content.files, **table.files})
+        table = ExportContent({"stops": {**entry, "file": name}}, {name: None})
+    content = ExportContent(content.entries | table.entries, {**content.files, **table.files})
     return replace(reading, content=content)
 
 
-def _played(
+def _recorded_stops(
     rows: Array, count: int, reading: Reading, robot: Robot, *, path: Path
 ) -> Iterator[Reading]:
     """Yield the motions of the stops in the rows of a table.
@@ -161,7 +165,7 @@ def _played(
     resolution = np.zeros(4) if reading.resolution is None else reading.resolution
     interval = float(np.diff(motion.breaks).max())
     change = robot.accelerations * interval**2 / 2
-    slack = change / 4 + 2 * resolution + robot.velocities * DIGIT
+    slack = change / 4 + 2 * resolution + robot.velocities * TIME_DIGIT
 
     def positions(times: Array) -> Array:
         """Return the positions of the motion (n, 4) at times (n,) from its start, s."""
@@ -177,13 +181,13 @@ def _played(
     for stop in np.split(rows, np.flatnonzero(rows[1:, 1] == 0) + 1):
         t = stop[:, 1]
         q = stop[:, 2:]
-        regular = np.arange(len(t)) * PERIOD
+        regular = np.arange(len(t)) * ROW_PERIOD
         path_positions = positions(stop[0, 0] + regular)
         tolerance = slack + np.abs(np.diff(path_positions, axis=0)).max(axis=0)
         distances = np.abs(q[:, None] - path_positions) / tolerance
         has_one_start = np.ptp(stop[:, 0]) <= 0
-        is_regular = np.abs(t - regular)[:-1].max(initial=0.0) <= DIGIT
-        ends_in_time = t[-1] - regular[-1] <= DIGIT
+        is_regular = np.abs(t - regular)[:-1].max(initial=0.0) <= TIME_DIGIT
+        ends_in_time = t[-1] - regular[-1] <= TIME_DIGIT
         starts_on_path = np.all(np.abs(q[0] - path_positions[0]) <= slack)
         stays_on_path = robot.jerk_limited or distances.max(axis=2).min(axis=1).max() <= 1
         if not (has_one_start and is_regular and ends_in_time and starts_on_path and stays_on_path):
@@ -191,5 +195,5 @@ def _played(
                 f"{path}: the stop from {stop[0, 0]} s does not follow the motion"
             )
         # A short last interval is left out, because the digits do not determine its length.
-        used_rows = np.append(t[:-1] < t[-1] - PERIOD / 2, True)
-        yield join_points(Points(t[used_rows], q[used_rows]), robot)
+        used_rows = np.append(t[:-1] < t[-1] - ROW_PERIOD / 2, True)
+        yield interpolate_points(Points(t[used_rows], q[used_rows]), robot)

@@ -16,14 +16,14 @@ ORDER_WORDS = (
     "qdd|ddq|acc|accel|acceleration",
 )
 """Patterns of the words that denote the position, the velocity and the acceleration."""
-NEUTRAL_WORDS = "joint|j|axis|[1-4]|actual|target|command|desired|value"
+OTHER_WORDS = "joint|j|axis|[1-4]|actual|target|command|desired|value"
 """Pattern of further words that may be part of a column name."""
 ORDER_NAMES = ("position", "velocity", "acceleration")
-_JOINT = re.compile(r"^(joint|j|axis|q|qd|qdd|dq|ddq|theta)_?([1-4])$")
+_JOINT_PATTERN = re.compile(r"^(joint|j|axis|q|qd|qdd|dq|ddq|theta)_?([1-4])$")
 
 
 @frozen
-class Heading:
+class TableColumn:
     """A column of a table.
 
     Attributes
@@ -41,9 +41,9 @@ class Heading:
     factor: float
 
 
-def headings(
+def identify_columns(
     names: list[str], robot: Robot, location: str
-) -> tuple[dict[tuple[int, int], Heading], list[str]]:
+) -> tuple[dict[tuple[int, int], TableColumn], list[str]]:
     """Identify the columns of a table.
 
     Parameters
@@ -69,11 +69,11 @@ def headings(
         If a unit is missing, unknown or wrong for the joint or the derivative. Also if a column is
         missing or occurs twice.
     """
-    columns: dict[tuple[int, int], Heading] = {}
+    columns: dict[tuple[int, int], TableColumn] = {}
     ignored = []
     for column, name in enumerate(names):
         try:
-            meaning = _meaning(name, robot)
+            meaning = _parse_heading(name, robot)
         except ValueError as error:
             raise TrajectoryError(f"{location}: column {name!r}: {error}") from error
         if meaning is None:
@@ -84,13 +84,13 @@ def headings(
             raise TrajectoryError(
                 f"{location}: columns {columns[key].name!r} and {name!r} are the same quantity"
             )
-        columns[key] = Heading(column, name, factor)
-    _complete(columns, names, robot, location)
+        columns[key] = TableColumn(column, name, factor)
+    _check_complete(columns, names, robot, location)
     return columns, ignored
 
 
-def _complete(
-    columns: dict[tuple[int, int], Heading], names: list[str], robot: Robot, location: str
+def _check_complete(
+    columns: dict[tuple[int, int], TableColumn], names: list[str], robot: Robot, location: str
 ) -> None:
     """Raise TrajectoryError if columns are missing.
 
@@ -117,7 +117,7 @@ def _complete(
         raise TrajectoryError(f"{location}: accelerations need velocities")
 
 
-def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
+def _parse_heading(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     """Determine the quantity and the unit of a column from its name.
 
     Returns
@@ -138,18 +138,18 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     tokens = [token for token in re.split(r"[^a-z0-9]+|_", label.lower()) if token]
     if tokens and tokens[0] in ("t", "time", "timestamp"):
         if unit not in TIMES:
-            raise ValueError(_unit_fault(unit, ", ".join(TIMES)))
+            raise ValueError(_unit_error(unit, ", ".join(TIMES)))
         return (-1, 0), TIMES[unit]
-    joint, order = _joint(tokens, robot)
+    joint, order = _parse_words(tokens, robot)
     if joint is None:
         return None
-    base, per = _base(unit)
+    base, per = _split_unit(unit)
     robot_joint = robot.joints[joint]
     units = LENGTHS if robot_joint.slides else ANGLES
     if base not in units:
         motion_text = f"; joint {robot_joint.name} {'slides' if robot_joint.slides else 'turns'}"
         raise ValueError(
-            _unit_fault(unit, f"{', '.join(units)}; derivatives add /s or /s^2") + motion_text
+            _unit_error(unit, f"{', '.join(units)}; derivatives add /s or /s^2") + motion_text
         )
     if order is not None and order != per:
         raise ValueError(
@@ -158,7 +158,7 @@ def _meaning(name: str, robot: Robot) -> tuple[tuple[int, int], float] | None:
     return (per, joint), units[base]
 
 
-def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
+def _parse_words(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
     """Return the joint and the derivative that the words of a column name denote.
 
     Parameters
@@ -179,7 +179,7 @@ def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
     names = [joint.name for joint in robot.joints]
     unknown = []
     for k, token in enumerate(tokens):
-        match = _JOINT.match(token)
+        match = _JOINT_PATTERN.match(token)
         if match:
             joint = int(match.group(2)) - 1
             unknown.append(match.group(1))
@@ -190,7 +190,7 @@ def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
         else:
             unknown.append(token)
     for token in unknown:
-        if not re.fullmatch("|".join((NEUTRAL_WORDS, *ORDER_WORDS)), token):
+        if not re.fullmatch("|".join((OTHER_WORDS, *ORDER_WORDS)), token):
             return None, None
         order = next(
             (k for k, pattern in enumerate(ORDER_WORDS) if re.fullmatch(pattern, token)), order
@@ -198,7 +198,7 @@ def _joint(tokens: list[str], robot: Robot) -> tuple[int | None, int | None]:
     return joint, order
 
 
-def _base(unit: str) -> tuple[str, int]:
+def _split_unit(unit: str) -> tuple[str, int]:
     """Split a unit into its base and its order of differentiation.
 
     For example, both deg/s and deg_per_s give ("deg", 1).
@@ -210,7 +210,7 @@ def _base(unit: str) -> tuple[str, int]:
     return unit[: len(unit) - len(per)], 2 if per.endswith(("2", "²")) else 1
 
 
-def _unit_fault(unit: str, allowed: str) -> str:
+def _unit_error(unit: str, allowed: str) -> str:
     """Return the message for a unit that is missing or not allowed."""
     if unit:
         return f"unit {unit!r} is not allowed (allowed: {allowed})"

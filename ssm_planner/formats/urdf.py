@@ -23,9 +23,9 @@ from ssm_planner.verification import Certificate
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-LINKS = ("link1", "link2", "link3", "stage")
+LINK_NAMES = ("link1", "link2", "link3", "stage")
 """Names of the moving links."""
-TOOL = "tool"
+TOOL_FRAME = "tool"
 """Name of the frame at the tool tip."""
 SMALLEST_MASS = 1e-12
 SMALLEST_INERTIA = 1e-14
@@ -33,19 +33,19 @@ SMALLEST_INERTIA = 1e-14
 
 Some readers refuse a moving link without inertia. Others assume 1 kg.
 """
-NO_MASS = (
+MASSLESS_NOTE = (
     f"has no mass: {SMALLEST_MASS:g} kg and {SMALLEST_INERTIA:g} kg*m^2 are used instead, because "
     "some readers refuse a massless link"
 )
 """Note about a massless body."""
-PLUGIN = "mock_components/GenericSystem"
+HARDWARE_PLUGIN = "mock_components/GenericSystem"
 """Placeholder for the hardware in ros2_control."""
-SIZES = ((0.08, 0.003), (0.12, 0.001))
+LINK_CYLINDERS = ((0.08, 0.003), (0.12, 0.001))
 """Length and radius (m) of the cylinder that shows a turning and a sliding link."""
-NO_EFFORT = 1e3
+UNLIMITED_EFFORT = 1e3
 """Effort limit (N·m or N) of a joint without a motor. URDF requires a number."""
 
-ABSENT = (
+OMITTED_PROPERTIES = (
     "friction: URDF cannot express the law of worms and screws (friction that grows with the load, "
     "self-locking, static friction), and its constant friction and damping would be wrong; motor "
     "torques are not joint efforts",
@@ -72,17 +72,17 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
     """
     path = folder / f"robot{suffix}.urdf"
     mark = "" if not suffix else "UNVERIFIED: the exported plan has no passed certificate."
-    path.write_text(urdf(plan.robot, mark), encoding="utf-8")
+    path.write_text(robot_urdf(plan.robot, mark), encoding="utf-8")
     controllers = render_template(
         _templates(escape=False), "controllers.yaml", joints=plan.robot.joints, mark=mark
     )
     (folder / f"controllers{suffix}.yaml").write_text(controllers, encoding="utf-8")
-    notes = [f"not included: {text}" for text in ABSENT]
+    notes = [f"not included: {text}" for text in OMITTED_PROPERTIES]
     massless = [body for body in plan.robot.bodies if body.mass == 0]
-    notes += [f"body {one_line(body.name)} {NO_MASS}" for body in massless]
+    notes += [f"body {one_line(body.name)} {MASSLESS_NOTE}" for body in massless]
     notes += [
         "the collision shapes are the thin cylinders of the visuals; the hardware of "
-        f"ros2_control is a placeholder, {PLUGIN}"
+        f"ros2_control is a placeholder, {HARDWARE_PLUGIN}"
     ]
     return {
         "units": {"angle": "rad", "length": "m", "mass": "kg"},
@@ -91,7 +91,7 @@ def export_urdf(plan: Plan, certificate: Certificate, folder: Path, suffix: str)
     }
 
 
-def urdf(robot: Robot, mark: str = "") -> str:
+def robot_urdf(robot: Robot, mark: str = "") -> str:
     """Return the robot as URDF text with a base, four links and the frame of the tool tip.
 
     Parameters
@@ -106,23 +106,23 @@ def urdf(robot: Robot, mark: str = "") -> str:
         "robot.urdf",
         name=robot.name,
         mark=mark,
-        absent=ABSENT,
+        absent=OMITTED_PROPERTIES,
         gravity=robot.gravity,
-        links=list(_links(robot)),
-        massless=NO_MASS,
+        links=list(_link_values(robot)),
+        massless=MASSLESS_NOTE,
         stand_in=(SMALLEST_MASS, np.zeros(3), SMALLEST_INERTIA * np.eye(3)),
-        tool=TOOL,
-        tool_rpy=rpy(robot.bodies[-1].frame.T @ robot.geometry.tool_home),
-        plugin=PLUGIN,
+        tool=TOOL_FRAME,
+        tool_rpy=rpy_angles(robot.bodies[-1].frame.T @ robot.geometry.tool_home),
+        plugin=HARDWARE_PLUGIN,
     )
 
 
-def _links(robot: Robot) -> Iterator[dict[str, Any]]:
+def _link_values(robot: Robot) -> Iterator[dict[str, Any]]:
     """Yield the values of the template for every link and its joint."""
     parent = "base"
     frame = np.eye(3)
     geometry = robot.geometry
-    links = zip(LINKS, robot.bodies, robot.joints, geometry.axes, strict=True)
+    links = zip(LINK_NAMES, robot.bodies, robot.joints, geometry.axes, strict=True)
     for name, body, joint, axis in links:
         yield {
             "name": name,
@@ -130,8 +130,8 @@ def _links(robot: Robot) -> Iterator[dict[str, Any]]:
             "body": body,
             "joint": joint,
             "inertia": inertia_about_com(body) if body.mass > 0 else None,
-            "size": SIZES[joint.slides],
-            "rpy": rpy(frame.T @ body.frame),
+            "size": LINK_CYLINDERS[joint.slides],
+            "rpy": rpy_angles(frame.T @ body.frame),
             "axis": body.frame.T @ axis,
             "effort": effort_limit(joint),
         }
@@ -139,7 +139,7 @@ def _links(robot: Robot) -> Iterator[dict[str, Any]]:
         frame = body.frame
 
 
-def rpy(rotation: Array) -> Array:
+def rpy_angles(rotation: Array) -> Array:
     """Return the roll, pitch and yaw angles of a rotation matrix.
 
     The rotation is R = Rz(yaw) Ry(pitch) Rx(roll), as URDF defines it. The angles are also accurate
@@ -172,12 +172,12 @@ def effort_limit(joint: Joint) -> float:
 
     The motor lifts the load at its largest torque τ_max. The torque without load is τ_0, and k is
     the slope of the torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where b_oc is
-    the friction at the output. A joint without a motor has `NO_EFFORT`.
+    the friction at the output. A joint without a motor has `UNLIMITED_EFFORT`.
     """
     drive = joint.drive
     motor = joint.motor
     if drive is None or motor is None:
-        return NO_EFFORT
+        return UNLIMITED_EFFORT
     rows = motor_torque_rows(drive, 1)
     slope = max(float(rows.slope[0]), float(rows.slope[1]))
     return max((motor.max_torque - float(rows.coulomb)) / slope - friction_of(drive).b_oc, 0.0)
@@ -191,18 +191,18 @@ def _templates(escape: bool) -> "Environment":
     return environment(
         "ssm_planner.formats",
         escape,
-        exact=_exact,
-        triple=_triple,
+        exact=_format_exact,
+        triple=_format_triple,
         identifier=lambda text: re.sub("[^0-9A-Za-z]", "_", text) or "robot",
         comment=lambda text: Markup(one_line(text, without="-<>")),
     )
 
 
-def _triple(values: Array) -> str:
+def _format_triple(values: Array) -> str:
     """Format three numbers for an attribute. Rounding errors become 0."""
-    return " ".join(_exact(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
+    return " ".join(_format_exact(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
 
 
-def _exact(value: float) -> str:
+def _format_exact(value: float) -> str:
     """Format a number with all digits and without a negative zero."""
     return repr(float(value) + 0.0)

@@ -7,14 +7,14 @@ from typing import Any
 from ssm_planner.atomic import write_text
 from ssm_planner.dynamics import friction_of
 from ssm_planner.identification.fit import Estimate, MapFit
-from ssm_planner.loading.drives import PART_TYPES
+from ssm_planner.loading.drives import POSTERIOR_PART_TYPES
 from ssm_planner.problem import (
     LOAD_OFFSET,
     Drive,
     Friction,
     Posterior,
     Rig,
-    quantities,
+    field_quantities,
     unit_kind,
 )
 from ssm_planner.publishing import one_line
@@ -129,7 +129,7 @@ def _posterior(posterior: Posterior) -> JsonObject:
             "speeds": _numbers(posterior.speeds),
             "departures": _numbers(posterior.departures),
         }
-    for name in PART_TYPES:
+    for name in POSTERIOR_PART_TYPES:
         if (part := getattr(posterior, name)) is not None:
             table[name] = {
                 key: value if isinstance(value, bool) else _numbers(value)
@@ -164,7 +164,11 @@ def _origin(name: str, estimate: Estimate | None) -> str:
 
 def unit_of(drive: Drive, name: str) -> str | None:
     """Return the SI unit of a parameter as text, or None for a dimensionless parameter."""
-    of_field = {**quantities(Rig), **quantities(Drive), **quantities(Friction)}.get(name)
+    of_field = {
+        **field_quantities(Rig),
+        **field_quantities(Drive),
+        **field_quantities(Friction),
+    }.get(name)
     kind = of_field and KINDS.get(unit_kind(of_field, drive.slides))
     return kind.unit if kind else None
 

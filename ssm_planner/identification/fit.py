@@ -37,7 +37,7 @@ from ssm_planner.identification.recordings import largest, rms
 from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
 from ssm_planner.identification.session import share_of_session
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
-from ssm_planner.problem import CONFIDENCE, LAW, LAWS, LOAD_OFFSET, Drive, Posterior
+from ssm_planner.problem import CONFIDENCE, FRICTION_LAWS, LAW_COLUMN, LOAD_OFFSET, Drive, Posterior
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.typing import Array, Arrays, Numbers, frozen, record
 
@@ -105,7 +105,7 @@ class MapFit:
     """
 
     law: str
-    """Name of the friction law with the smallest error, one of `LAWS`."""
+    """Name of the friction law with the smallest error, one of `FRICTION_LAWS`."""
     drive: Drive
     """Drive with the identified friction, its posterior, and the load offset of its rig."""
     load: float
@@ -166,7 +166,7 @@ def fit_map(
         payload drives forwards. A constant offset is fitted in addition if this reduces the error
         on recordings that the fit has not used.
     law : str
-        One of `LAWS`, or `auto` for the simplest law whose error on recordings that the fit has not
+        One of `FRICTION_LAWS`, or `auto` for the simplest law whose error on recordings that the fit has not
         used is close to the smallest.
     fixed : Mapping, optional
         Parameters that are not fitted, with their values by name.
@@ -235,7 +235,7 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     Parameters
     ----------
     prototype : MapModel
-        Model with the data of the map. Its law is one of `LAWS`, or `auto` for all laws.
+        Model with the data of the map. Its law is one of `FRICTION_LAWS`, or `auto` for all laws.
     free : sequence of str
         Parameters that are fitted in addition to those of the law.
 
@@ -252,7 +252,7 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     if np.isfinite(prototype.elapsed).any():
         additions += [(*names, *CHANGES) for names in additions]
     models = []
-    for law in LAWS if prototype.law == "auto" else (prototype.law,):
+    for law in FRICTION_LAWS if prototype.law == "auto" else (prototype.law,):
         names = tuple(name for name in (*names_of(law), *free) if name not in fixed)
         stribeck = _STRIBECK if law == "coulomb" else ()
         model = replace(
@@ -407,7 +407,7 @@ def _pooled(possible: PossibleLaws, slow: Array) -> Arrays:
         if len(possible) > 1:
             constants = {"mu_stribeck": 0.0} if model.law == "coulomb" else model.fixed
             numbers = {name: constants[name] for name in _STRIBECK if name in constants}
-            numbers[LAW] = LAWS.index(model.law)
+            numbers[LAW_COLUMN] = FRICTION_LAWS.index(model.law)
             columns |= {name: np.full(len(z), float(number)) for name, number in numbers.items()}
         columns |= dict(zip(_DIRECTIONS, model.torque(z, slow).T, strict=True))
         laws.append({**columns, WEIGHT: share * weight})
@@ -429,7 +429,7 @@ def _draw_sets(pooled: Arrays) -> Arrays:
     cumulative = np.cumsum(pooled[WEIGHT])
     indices = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
     indices = np.random.default_rng(SEED).permutation(indices)
-    ending = (LOAD_OFFSET, LAW)
+    ending = (LOAD_OFFSET, LAW_COLUMN)
     names = [name for name in pooled if name not in (*ending, *_DIRECTIONS, *CHANGES, WEIGHT)]
     columns = {name: pooled[name][indices] for name in (*names, *ending) if name in pooled}
     for column in columns.values():

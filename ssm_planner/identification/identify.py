@@ -24,7 +24,7 @@ from ssm_planner.identification.torque_map import (
     read_figures,
     torque_map,
 )
-from ssm_planner.loading import find, load_drive
+from ssm_planner.loading import find_file, load_drive
 from ssm_planner.problem import Drive, Harmonics, Reaction
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.typing import JsonObject, Keywords, record
@@ -217,7 +217,7 @@ def identify(
         harmonics={name: series for name, series in harmonics.items() if series is not None},
         load=fit.load,
         evidence=evidence,
-        file=find(drive, "drives"),
+        file=find_file(drive, "drives"),
     )
 
 
@@ -361,7 +361,7 @@ def map_of(
         data = torque_map(steady)
         span = f"{data.names[0]} … {data.names[-1]}"
         return data, f"{len(data.w)} steady-state recordings ({span}){also}"
-    file = find(drive_path, "drives")
+    file = find_file(drive_path, "drives")
     table = file.parent / TABLE
     if not table.is_file():
         raise RecordingError(

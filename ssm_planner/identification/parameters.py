@@ -6,7 +6,14 @@ from typing import cast
 from ssm_planner.dynamics import friction_coefficient, friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
-from ssm_planner.problem import LAW_NAMES, LAWS, Drive, Friction, FrictionLawName, unchecked
+from ssm_planner.problem import (
+    FRICTION_LAWS,
+    LAW_PARAMETERS,
+    Drive,
+    Friction,
+    FrictionLawName,
+    unchecked_copy,
+)
 from ssm_planner.typing import Array, Keywords
 
 TYPICAL_MU = 0.15
@@ -31,8 +38,8 @@ def names_of(law: str) -> tuple[str, ...]:
 
     Raises RecordingError for an unknown law.
     """
-    if law not in LAWS:
-        raise RecordingError(f"unknown friction law {law!r}; known: {', '.join(LAWS)}")
+    if law not in FRICTION_LAWS:
+        raise RecordingError(f"unknown friction law {law!r}; known: {', '.join(FRICTION_LAWS)}")
     base = ("b_c", "b_v", "mu", "b_oc")
     return base if law == "coulomb" else (*base, "mu_stribeck", "stribeck_speed")
 
@@ -45,17 +52,17 @@ def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Driv
     drive : Drive
         Drive whose other data are copied.
     law : str
-        One of `LAWS`.
+        One of `FRICTION_LAWS`.
     values : Mapping
         Parameters by name, in SI units. Arrays represent many parameter sets at once.
     """
-    friction: Keywords = {name: values[name] for name in LAW_NAMES if name in values}
+    friction: Keywords = {name: values[name] for name in LAW_PARAMETERS if name in values}
     base = drive.friction or Friction(mu=TYPICAL_MU, mu_static=TYPICAL_MU, b_c=0.0, b_v=0.0)
     if law == "coulomb":
         friction |= {"mu_stribeck": 0.0, "stribeck_speed": None}
-    return unchecked(
+    return unchecked_copy(
         drive,
-        friction=unchecked(base, law=cast(FrictionLawName, law), **friction),
+        friction=unchecked_copy(base, law=cast(FrictionLawName, law), **friction),
         preload=values.get("preload", drive.preload),
     )
 

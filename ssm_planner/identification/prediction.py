@@ -31,7 +31,14 @@ from ssm_planner.identification.posterior import (
 from ssm_planner.identification.reaction import deviation_of, shifted
 from ssm_planner.identification.recordings import Recording, largest, rms, runs
 from ssm_planner.identification.torque_map import kind_of, rest_mask
-from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Friction, Posterior, interval_of
+from ssm_planner.problem import (
+    CONFIDENCE,
+    LOAD_OFFSET,
+    Drive,
+    Friction,
+    Posterior,
+    central_interval,
+)
 from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record
 
 ONSET = 0.1
@@ -409,7 +416,7 @@ def band_of(
     scatter = posterior.scatter * expected_departure(posterior, w)[1]
     spread += scatter * rng.standard_t(SCATTER_DEGREES, (count, 1)) - np.median(spread, axis=0)
     spread[:, direction == 0] = 0.0
-    low, high = interval_of(
+    low, high = central_interval(
         tau.mean() + spread @ (np.bincount(index, minlength=len(w)) / len(index))
     )
     wave = np.broadcast_to(position_ripple, len(tau))

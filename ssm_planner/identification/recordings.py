@@ -21,7 +21,7 @@ from ssm_planner.identification.recorder_csv import (
     find_columns,
     parse_table,
 )
-from ssm_planner.loading.files import bytes_of
+from ssm_planner.loading.files import read_file_bytes
 from ssm_planner.typing import Array, Indices, Mask, record
 
 MAX_BYTES = 32_000_000
@@ -316,7 +316,7 @@ def find_spikes(values: Array) -> Indices:
 def read_text(path: Path) -> str:
     """Return the text of a recording. Raises RecordingError for large, empty and binary files."""
     try:
-        raw = bytes_of(path, MAX_BYTES)
+        raw = read_file_bytes(path, MAX_BYTES)
     except ProblemError as error:
         raise RecordingError(str(error)) from None
     if not raw.strip():

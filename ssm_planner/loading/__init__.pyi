@@ -1,21 +1,21 @@
 """Names of `loading` that other packages use, and the modules that define them."""
 
 from .catalogues import (
-    Part as Part,
-    entries as entries,
-    gearheads_of as gearheads_of,
-    gears_of as gears_of,
-    motors_of as motors_of,
+    CatalogueEntry as CatalogueEntry,
+    read_catalogue as read_catalogue,
+    read_gearheads as read_gearheads,
+    drives_with_gears as drives_with_gears,
+    read_motors as read_motors,
     number_or_text as number_or_text,
-    stated_beside as stated_beside,
+    catalogue_sizes as catalogue_sizes,
 )
 from .drives import drive_from as drive_from, drive_model as drive_model
 from .files import (
-    find as find,
-    follow as follow,
-    of_data as of_data,
-    of_text as of_text,
-    read as read,
+    find_file as find_file,
+    follow_reference as follow_reference,
+    section_from_data as section_from_data,
+    section_from_text as section_from_text,
+    read_section as read_section,
     shipped_folder as shipped_folder,
 )
 from .json_files import parse_json as parse_json, read_json_in_parts as read_json_in_parts
@@ -33,14 +33,14 @@ from .motors import motor_from as motor_from
 from .problems import problem_from as problem_from
 from .robots import robot_from as robot_from
 from .schema import (
-    Field as Field,
+    Reader as Reader,
     Key as Key,
     Model as Model,
     Reference as Reference,
     Text as Text,
-    keys as keys,
-    located as located,
-    validated as validated,
+    describe_keys as describe_keys,
+    locate_errors as locate_errors,
+    validate_section as validate_section,
 )
 from .tables import table_rows as table_rows
-from .yaml_nodes import Section as Section, plain_node as plain_node
+from .yaml_nodes import Section as Section, node_from_data as node_from_data

@@ -9,11 +9,11 @@ from typing import Generic, TypeVar
 from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from, gearhead_from
-from ssm_planner.loading.files import read, shipped_folder
+from ssm_planner.loading.files import read_section, shipped_folder
 from ssm_planner.loading.motors import MotorModel, motor_from
-from ssm_planner.loading.schema import POSITIVE, located, quantity
-from ssm_planner.loading.tables import table_rows, with_points
-from ssm_planner.loading.yaml_nodes import Section, plain_node
+from ssm_planner.loading.schema import POSITIVE, locate_errors, quantity_reader
+from ssm_planner.loading.tables import replace_decimal_commas, table_rows
+from ssm_planner.loading.yaml_nodes import Section, node_from_data
 from ssm_planner.problem import (
     TRANSMISSIONS,
     Drive,
@@ -21,7 +21,7 @@ from ssm_planner.problem import (
     Gearhead,
     Motor,
     Transmission,
-    hints,
+    field_hints,
 )
 from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.units import BadQuantity, of_heading
@@ -44,7 +44,7 @@ ROBOT_RATINGS = ("free_length", "ends")
 
 
 @frozen
-class Row:
+class CatalogueRow:
     """Row of a table: its file, its label, the text of each cell by column, and its line."""
 
     file: Path
@@ -59,7 +59,7 @@ class Row:
 
 
 @frozen
-class Part(Generic[T]):
+class CatalogueEntry(Generic[T]):
     """A motor or drive of a catalogue, with its mass (kg) and length (m).
 
     Mass and length are None if the catalogue does not state them.
@@ -71,42 +71,48 @@ class Part(Generic[T]):
     length: float | None = None
 
 
-def entries(path: Path, gear: bool = False) -> JsonObject:
+def read_catalogue(path: Path, gear: bool = False) -> JsonObject:
     """Read a catalogue, and return the content of each entry by its name.
 
     The contents have the keys of drive files if `gear` is true, and the keys of motor files
     otherwise. Raises ProblemError if the catalogue is missing or invalid.
     """
-    sections = _sections(path, _gear if gear else _motor)
+    sections = _sections(path, _gear_content if gear else _motor_content)
     return {label: section.value for label, section in sections.items()}
 
 
-def stated_beside(path: Path) -> dict[str, dict[str, float]]:
+def catalogue_sizes(path: Path) -> dict[str, dict[str, float]]:
     """Return the masses (kg) and lengths (m) in a CSV catalogue, by the name of the entry.
 
     The result is empty for a folder of YAML files. Raises ProblemError if the catalogue is invalid.
     """
-    file = catalogue_file(path)
+    file = find_catalogue(path)
     return {
-        row.label: {name: value for name in SIZE_COLUMNS if (value := _size(row, name)) is not None}
-        for row in (() if file.is_dir() else rows_of(file))
+        row.label: {
+            name: value
+            for name in SIZE_COLUMNS
+            if (value := _mass_or_length(row, name)) is not None
+        }
+        for row in (() if file.is_dir() else read_rows(file))
     }
 
 
-def motors_of(path: Path) -> list[Part[Motor]]:
+def read_motors(path: Path) -> list[CatalogueEntry[Motor]]:
     """Read the motors of a catalogue. Raises ProblemError if it is missing or invalid."""
-    file = catalogue_file(path)
+    file = find_catalogue(path)
     if file.is_dir():
-        motors = {label: motor_from(section) for label, section in _sections(file, _motor).items()}
-        return [Part(label, motor, motor.mass) for label, motor in motors.items()]
+        motors = {
+            label: motor_from(section) for label, section in _sections(file, _motor_content).items()
+        }
+        return [CatalogueEntry(label, motor, motor.mass) for label, motor in motors.items()]
     entries = []
-    for row in rows_of(file):
-        motor = motor_from(_section(row, _motor(row)))
-        entries.append(Part(row.label, motor, motor.mass, _size(row, "length")))
+    for row in read_rows(file):
+        motor = motor_from(_section(row, _motor_content(row)))
+        entries.append(CatalogueEntry(row.label, motor, motor.mass, _mass_or_length(row, "length")))
     return entries
 
 
-def gears_of(path: Path, drive: Drive, travel: float = 0.0) -> list[Part[Drive]]:
+def drives_with_gears(path: Path, drive: Drive, travel: float = 0.0) -> list[CatalogueEntry[Drive]]:
     """Read the gears of a catalogue, and return a drive with each of them.
 
     A row of a CSV table replaces the gear of the joint's present `drive`. Friction and inertias
@@ -115,36 +121,37 @@ def gears_of(path: Path, drive: Drive, travel: float = 0.0) -> list[Part[Drive]]
     decides whether the joint must be self-locking. Raises ProblemError if the catalogue is missing
     or invalid, or if a screw is shorter than the `travel` (m) of the joint.
     """
-    file = catalogue_file(path)
+    file = find_catalogue(path)
     if file.is_dir():
         return [
-            Part(label, _for_joint(section, drive, travel))
-            for label, section in _sections(file, _gear).items()
+            CatalogueEntry(label, _drive_for_joint(section, drive, travel))
+            for label, section in _sections(file, _gear_content).items()
             if section.value.get("kind") == drive.kind
         ]
-    rows = rows_of(file)
+    rows = read_rows(file)
     for row in rows:
-        with located(_section(row, row.cells)):
+        with locate_errors(_section(row, row.cells)):
             TRANSMISSIONS.find(row.cells.get("kind", drive.kind), "Drive.kind")
     if not drive.threaded:
         return []
     return [
-        Part(
+        CatalogueEntry(
             row.label,
-            _with_gear(row, drive, travel),
-            *(_size(row, name) for name in SIZE_COLUMNS),
+            _replace_gear(row, drive, travel),
+            *(_mass_or_length(row, name) for name in SIZE_COLUMNS),
         )
         for row in rows
-        if row.cells.get("kind", drive.kind) == drive.kind and _describes(row, drive.transmission)
+        if row.cells.get("kind", drive.kind) == drive.kind
+        and _has_dimensions_of(row, drive.transmission)
     ]
 
 
-def gearheads_of(path: Path) -> list[Part[Gearhead]]:
+def read_gearheads(path: Path) -> list[CatalogueEntry[Gearhead]]:
     """Read the gearheads of a catalogue, which must state the inertia of each.
 
     Raises ProblemError if the catalogue is missing or invalid.
     """
-    sections = _sections(path, _gearhead)
+    sections = _sections(path, _gearhead_content)
     gearheads = {label: gearhead_from(section) for label, section in sections.items()}
     for label, gearhead in gearheads.items():
         if gearhead.inertia is None:
@@ -152,12 +159,12 @@ def gearheads_of(path: Path) -> list[Part[Gearhead]]:
                 "missing", "inertia", allowed="the inertia at the input", show=False
             )
     return [
-        Part(label, gearhead, gearhead.mass, gearhead.length)
+        CatalogueEntry(label, gearhead, gearhead.mass, gearhead.length)
         for label, gearhead in gearheads.items()
     ]
 
 
-def _nest(cells: JsonObject, values: JsonObject) -> JsonObject:
+def _nest_keys(cells: JsonObject, values: JsonObject) -> JsonObject:
     """Add cells to values. A cell `part.name` becomes the key `name` of the mapping `part`."""
     for key, cell in cells.items():
         prefix, _, name = key.rpartition(".")
@@ -165,7 +172,7 @@ def _nest(cells: JsonObject, values: JsonObject) -> JsonObject:
     return values
 
 
-def _describes(row: Row, kind: type[Transmission]) -> bool:
+def _has_dimensions_of(row: CatalogueRow, kind: type[Transmission]) -> bool:
     """Return whether the columns of a row are dimensions of this kind of drive."""
     columns = {name.removeprefix("geometry.") for name in row.cells if "geometry." in name}
     if kind.distinctive:
@@ -173,7 +180,7 @@ def _describes(row: Row, kind: type[Transmission]) -> bool:
     return not any(other.distinctive & columns for other in TRANSMISSIONS.values())
 
 
-def catalogue_file(path: Path) -> Path:
+def find_catalogue(path: Path) -> Path:
     """Find a catalogue by its path or by its shipped name. Raises ProblemError if it is missing."""
     shipped = shipped_folder() / "catalogues" / path.name
     with suppress(OSError, ValueError):  # a name can be too long for a file
@@ -187,7 +194,7 @@ def catalogue_file(path: Path) -> Path:
     )
 
 
-def rows_of(file: Path) -> list[Row]:
+def read_rows(file: Path) -> list[CatalogueRow]:
     """Read the rows of a CSV catalogue. Each row must have a unique name or order number.
 
     Numbers of tables with semicolons or tabs may have decimal commas. Raises ProblemError if the
@@ -196,7 +203,7 @@ def rows_of(file: Path) -> list[Row]:
     table = list(table_rows(file, decimal_commas=True))
     if not table:
         raise ProblemError("no headings", file=file, line=1)
-    with_points(table, {*TEXT_COLUMNS, "source"}, file)
+    replace_decimal_commas(table, {*TEXT_COLUMNS, "source"}, file)
     line, cells = table[0]
     headings = list(map(of_heading, cells))
     names = [name for name, _ in headings]
@@ -204,7 +211,7 @@ def rows_of(file: Path) -> list[Row]:
         raise ProblemError("no column name or order_number", file=file, line=line)
     if len(set(names)) < len(names):
         raise ProblemError("two columns have the same name", file=file, line=line)
-    rows: dict[str, Row] = {}
+    rows: dict[str, CatalogueRow] = {}
     for line, cells in table[1:]:
         row: JsonObject = {
             name: cell if name in TEXT_COLUMNS else number_or_text(f"{cell} {unit}".rstrip())
@@ -217,22 +224,22 @@ def rows_of(file: Path) -> list[Row]:
                 f"{label!r} occurs twice" if label in rows else f"{label!r} is not a printable name"
             )
             raise ProblemError(reason, file=file, line=line)
-        rows[label] = Row(file, label, row, line)
+        rows[label] = CatalogueRow(file, label, row, line)
     return list(_check_count(file, rows).values())
 
 
-def _sections(path: Path, content: Callable[[Row], JsonObject]) -> dict[str, Section]:
+def _sections(path: Path, content: Callable[[CatalogueRow], JsonObject]) -> dict[str, Section]:
     """Read a catalogue, and return the section of each entry by its name.
 
     `content` converts a row to the content of a file. The name of a YAML file is the stem of its
     file name. Raises ProblemError if the catalogue is missing or invalid.
     """
-    file = catalogue_file(path)
+    file = find_catalogue(path)
     if file.is_dir():
         return _check_count(
-            file, {entry.stem: read(entry) for entry in sorted(file.glob("*.yaml"))}
+            file, {entry.stem: read_section(entry) for entry in sorted(file.glob("*.yaml"))}
         )
-    return {row.label: _section(row, content(row)) for row in rows_of(file)}
+    return {row.label: _section(row, content(row)) for row in read_rows(file)}
 
 
 C = TypeVar("C")
@@ -255,7 +262,7 @@ def number_or_text(text: str) -> str | float:
         return text
 
 
-def _motor(row: Row) -> JsonObject:
+def _motor_content(row: CatalogueRow) -> JsonObject:
     """Convert a row to the content of a motor file. Other columns of the table are ignored.
 
     Raises ProblemError if two columns state the same figure.
@@ -278,22 +285,22 @@ def _motor(row: Row) -> JsonObject:
     return entry
 
 
-def _gear(row: Row) -> JsonObject:
+def _gear_content(row: CatalogueRow) -> JsonObject:
     """Return the columns of a row that are keys of a drive file."""
     return {key: cell for key, cell in row.cells.items() if key not in SIZE_COLUMNS}
 
 
-def _gearhead(row: Row) -> JsonObject:
+def _gearhead_content(row: CatalogueRow) -> JsonObject:
     """Convert a row to the content of a gear stage in a drive file."""
-    return _nest(row.cells, {"name": row.label, "source": row.default_source})
+    return _nest_keys(row.cells, {"name": row.label, "source": row.default_source})
 
 
-def _section(row: Row, values: JsonObject) -> Section:
+def _section(row: CatalogueRow, values: JsonObject) -> Section:
     """Return the values of a row as a section, so that messages refer to the line of the row."""
-    return Section(row.file, plain_node(values, line=row.line))
+    return Section(row.file, node_from_data(values, line=row.line))
 
 
-def _size(row: Row, name: str) -> float | None:
+def _mass_or_length(row: CatalogueRow, name: str) -> float | None:
     """Return the mass (kg) or length (m) in a row, or None if the row does not state it.
 
     Raises ProblemError if the unit is wrong or the value is not positive.
@@ -301,25 +308,25 @@ def _size(row: Row, name: str) -> float | None:
     if name not in row.cells:
         return None
     try:
-        return quantity(SIZE_COLUMNS[name], POSITIVE).read(row.cells[name])
+        return quantity_reader(SIZE_COLUMNS[name], POSITIVE).read(row.cells[name])
     except BadQuantity as error:
         raise ProblemError(
             str(error), file=row.file, line=row.line, key=name, value=row.cells[name]
         ) from None
 
 
-def _for_joint(section: Section, drive: Drive, travel: float) -> Drive:
+def _drive_for_joint(section: Section, drive: Drive, travel: float) -> Drive:
     """Return the drive of a section for the joint whose present drive is `drive`.
 
     Raises ProblemError if the joint's `travel` (m) exceeds the length of a screw.
     """
     result = drive_from(section)
-    with located(section):
+    with locate_errors(section):
         result.check_travel(travel)
     return replace(result, self_locking=drive.self_locking)
 
 
-def _with_gear(row: Row, drive: Drive, travel: float) -> Drive:
+def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
     """Return a drive with the gear of a row and the friction of the given drive."""
     friction = friction_of(drive)
     inertia = "kg" if drive.slides else "kg*m^2"
@@ -343,13 +350,13 @@ def _with_gear(row: Row, drive: Drive, travel: float) -> Drive:
             "preload": f"{drive.preload!r} N",
             "second_nut_mass": f"{drive.second_nut_mass!r} kg",
         }
-    cells = _gear(row)
+    cells = _gear_content(row)
     stated = {key.rpartition(".")[2] for key in cells}
-    of_friction = [name for name in hints(Friction) if f"friction.{name}" in cells]
-    section = _section(row, _nest(cells, values))
-    result = _for_joint(section, drive, travel)
+    of_friction = [name for name in field_hints(Friction) if f"friction.{name}" in cells]
+    section = _section(row, _nest_keys(cells, values))
+    result = _drive_for_joint(section, drive, travel)
     ratings = result.ratings
-    with located(section):
+    with locate_errors(section):
         if drive.ratings is not None and ratings is not None:
             ratings = replace(
                 ratings,

@@ -16,35 +16,35 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.motors import check_rule
 from ssm_planner.loading.schema import (
     POSITIVE,
-    SOURCE,
-    Field,
+    SOURCE_KEY,
     Figure,
     Model,
+    Reader,
     Text,
-    interval,
-    located,
-    model_from,
-    model_of,
-    nested,
-    optional,
-    positive,
-    quantity,
-    reading,
-    required,
-    sourced_field,
-    validated,
-    vector,
-    wrong,
+    build_class_model,
+    build_keys_model,
+    field_type,
+    interval_reader,
+    invalid_value,
+    locate_errors,
+    nested_type,
+    optional_key,
+    positive_type,
+    quantity_reader,
+    required_key,
+    sourced_reader,
+    validate_section,
+    vector_reader,
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.package_table import package_table
 from ssm_planner.problem import (
-    PARAMETERS,
-    RANGED,
+    EFFICIENCY_LEAD_ANGLE,
+    FRICTION_PARAMETERS,
+    RANGE_PARAMETERS,
     TRANSMISSIONS,
-    WEDGE,
-    BadGeometry,
     Bound,
+    DimensionError,
     Drive,
     Friction,
     Gearhead,
@@ -55,34 +55,36 @@ from ssm_planner.problem import (
     Rig,
     Ripple,
     Transmission,
-    hints,
-    quantities,
+    field_hints,
+    field_quantities,
     unit_kind,
 )
 from ssm_planner.typing import JsonObject, Keywords, Numbers
 
 TO_IDENTIFY = "to_identify"
-LARGEST_MU = 1.5
+LARGEST_FRICTION_COEFFICIENT = 1.5
 ZERO_PRESSURE_ANGLE = 1e-9
 """Pressure angle in rad that represents a drive with efficiencies. Its cosine is 1."""
 
 
-def _numbers(value: Any) -> tuple[float, ...]:
+def _parse_numbers(value: Any) -> tuple[float, ...]:
     """Read a text of finite numbers in SI units that are separated by spaces."""
     try:
         numbers = tuple(float(text) for text in value.split())
     except (AttributeError, ValueError):
         numbers = ()
     if not numbers or not all(map(math.isfinite, numbers)):
-        raise wrong("expected a row of numbers", "finite numbers in SI, separated by spaces")
+        raise invalid_value(
+            "expected a row of numbers", "finite numbers in SI, separated by spaces"
+        )
     return numbers
 
 
-_Numbers = Annotated[
-    tuple[float, ...], Field(_numbers, {"type": "string"}, allowed="a row of numbers, SI")
+_NumberRow = Annotated[
+    tuple[float, ...], Reader(_parse_numbers, {"type": "string"}, allowed="a row of numbers, SI")
 ]
 
-PART_TYPES = {
+POSTERIOR_PART_TYPES = {
     "forwards": Ripple,
     "backwards": Ripple,
     "harmonics_forwards": Harmonics,
@@ -90,24 +92,30 @@ PART_TYPES = {
     "reaction": Reaction,
 }
 """Parts of a posterior, which may be None."""
-_PART_MODELS: dict[type, Any] = {
-    part: nested(
-        model_from(
-            {name: (bool if hint is bool else _Numbers, ...) for name, hint in hints(part).items()},
+_POSTERIOR_PART_MODELS: dict[type, Any] = {
+    part: nested_type(
+        build_keys_model(
+            {
+                name: (bool if hint is bool else _NumberRow, ...)
+                for name, hint in field_hints(part).items()
+            },
             value_types=(part,),
         )
     )
     for part in (Ripple, Harmonics, Reaction)
 }
-PosteriorModel = model_of(
+PosteriorModel = build_class_model(
     Posterior,
     {
-        "scatter": (Annotated[float, quantity("torque", Bound(at_least=0.0))], ...),
+        "scatter": (Annotated[float, quantity_reader("torque", Bound(at_least=0.0))], ...),
         "common": (float, 0.0),
-        **dict.fromkeys(("speeds", "departures"), (_Numbers, ())),
-        **{name: optional(_PART_MODELS[part_of]) for name, part_of in PART_TYPES.items()},
+        **dict.fromkeys(("speeds", "departures"), (_NumberRow, ())),
+        **{
+            name: optional_key(_POSTERIOR_PART_MODELS[part_of])
+            for name, part_of in POSTERIOR_PART_TYPES.items()
+        },
         "draws": (
-            dict[str, _Numbers],
+            dict[str, _NumberRow],
             PydanticField(min_length=1, description="Equally likely values of each parameter."),
         ),
     },
@@ -123,23 +131,27 @@ class _ThreadModel(Model):
         """Convert the text "to_identify" to None, and reject any other text."""
         if isinstance(value, str):
             if value != TO_IDENTIFY:
-                raise wrong("invalid friction", f"{TO_IDENTIFY}, or a mapping with mu, b_c, b_v …")
+                raise invalid_value(
+                    "invalid friction", f"{TO_IDENTIFY}, or a mapping with mu, b_c, b_v …"
+                )
             return None
         return value
 
 
-def _range(name: str, slides: bool) -> Any:
+def _friction_range_type(name: str, slides: bool) -> Any:
     """Return the type and default of the range of a friction parameter.
 
     The range covers lubrication, temperature and wear. It is in the units of a prismatic joint if
     `slides` is true.
     """
-    quantity_kind = unit_kind(quantities(Friction)[name], slides)
+    quantity_kind = unit_kind(field_quantities(Friction)[name], slides)
     # the bounds of a dimensionless number may be equal
-    return optional(
+    return optional_key(
         Annotated[
             Any,
-            vector("number", "number") if quantity_kind == "number" else interval(quantity_kind),
+            vector_reader("number", "number")
+            if quantity_kind == "number"
+            else interval_reader(quantity_kind),
         ]
     )
 
@@ -164,7 +176,9 @@ MESH_PARAMETERS = (
     "posterior",
 )
 """Fields of Friction that only a drive with a thread has."""
-_SHARE = Annotated[Figure, sourced_field(quantity("number", Bound(above=0.0, at_most=1.0)))]
+_EFFICIENCY = Annotated[
+    Figure, sourced_reader(quantity_reader("number", Bound(above=0.0, at_most=1.0)))
+]
 
 
 @cache
@@ -177,50 +191,54 @@ def drive_model(drive_kind: str) -> Any:
     slides = kind.slides
     keys = {
         "kind": (Literal[drive_kind], ...),
-        "source": SOURCE,
-        "ratings": optional(nested(_ratings_model(slides))),
-        "gearhead": optional(nested(gearhead_model())),
-        "belt": optional(nested(gearhead_model())),
+        "source": SOURCE_KEY,
+        "ratings": optional_key(nested_type(_ratings_model(slides))),
+        "gearhead": optional_key(nested_type(gearhead_model())),
+        "belt": optional_key(nested_type(gearhead_model())),
     }
-    if hints(kind):
-        geometry = model_of(kind, sourced=True)
+    if field_hints(kind):
+        geometry = build_class_model(kind, sourced=True)
         geometry.__doc__ = kind.__doc__
-        keys["geometry"] = required(nested(geometry), "Dimensions of the transmission.")
+        keys["geometry"] = required_key(nested_type(geometry), "Dimensions of the transmission.")
     keys |= _thread_keys(slides) if kind.threaded else _efficiency_keys(kind)
     without: tuple[str, ...] = () if kind.threaded else THREAD_FIELDS
     if kind.two_nuts:
-        keys["preload"] = Annotated[Figure, sourced_field(quantity("force", POSITIVE))], ...
-        keys["second_nut_mass"] = reading(Drive, "second_nut_mass", slides, sourced=True), ...
+        keys["preload"] = Annotated[Figure, sourced_reader(quantity_reader("force", POSITIVE))], ...
+        keys["second_nut_mass"] = field_type(Drive, "second_nut_mass", slides, sourced=True), ...
     else:
         without += ANTIBACKLASH_FIELDS
     base = _ThreadModel if kind.threaded else Model
-    return model_of(Drive, keys, slides=slides, sourced=True, without=without, base=base)
+    return build_class_model(Drive, keys, slides=slides, sourced=True, without=without, base=base)
 
 
 def _ratings_model(slides: bool) -> Any:
     """Return the model of the ratings of a drive with a rotary or a linear output (`slides`)."""
     without = () if slides else SCREW_RATINGS
-    return model_of(Ratings, {"source": SOURCE}, slides=slides, sourced=True, without=without)
+    return build_class_model(
+        Ratings, {"source": SOURCE_KEY}, slides=slides, sourced=True, without=without
+    )
 
 
 @cache
 def gearhead_model() -> Any:
     """Return the model of a gear stage between motor and drive."""
-    return model_of(Gearhead, {"ratings": optional(nested(_ratings_model(slides=False)))})
+    return build_class_model(
+        Gearhead, {"ratings": optional_key(nested_type(_ratings_model(slides=False)))}
+    )
 
 
 def gearhead_from(section: Section, model: Any = None) -> Gearhead:
     """Build the gear stage that a section describes. Raises ProblemError if a value is invalid."""
-    fields = dict(model or validated(section, gearhead_model()))
+    fields = dict(model or validate_section(section, gearhead_model()))
     figures = {name: math.nan if fields[name] is None else fields[name] for name in fields}
-    with located(section.sub("ratings")):
+    with locate_errors(section.sub("ratings")):
         if fields["ratings"] is not None:
-            ratings = _values(fields["ratings"])
+            ratings = _si_values(fields["ratings"])
             fields["ratings"] = Ratings(**ratings)
             figures |= {f"ratings.{name}": value for name, value in ratings.items()}
     for rule in GEARHEAD_RULES:
         check_rule(section, defaultdict(lambda: math.nan, figures), rule)
-    with located(section):
+    with locate_errors(section):
         return Gearhead(**fields)
 
 
@@ -231,33 +249,43 @@ def _thread_keys(slides: bool) -> Keywords:
     true.
     """
     friction = {
-        "mu_static": optional(reading(Friction, "mu_static", sourced=True)),
-        "covariance": optional(dict[str, dict[str, FiniteFloat]]),
-        "posterior": optional(nested(PosteriorModel)),
+        "mu_static": optional_key(field_type(Friction, "mu_static", sourced=True)),
+        "covariance": optional_key(dict[str, dict[str, FiniteFloat]]),
+        "posterior": optional_key(nested_type(PosteriorModel)),
     }
-    ranges = {"source": (Text, ...), **{name: _range(name, slides) for name in RANGED}}
+    ranges = {
+        "source": (Text, ...),
+        **{name: _friction_range_type(name, slides) for name in RANGE_PARAMETERS},
+    }
     published = {
-        name: optional(reading(Friction, name, slides, sourced=True)) for name in PARAMETERS
+        name: optional_key(field_type(Friction, name, slides, sourced=True))
+        for name in FRICTION_PARAMETERS
     }
-    published["preload"] = optional(reading(Drive, "preload", sourced=True))
+    published["preload"] = optional_key(field_type(Drive, "preload", sourced=True))
     rig = {
         "payload_direction": (Literal["positive", "negative"], "positive"),
-        "published": optional(
-            nested(model_from({**published, "source": SOURCE}, value_types=(Drive, Friction)))
+        "published": optional_key(
+            nested_type(
+                build_keys_model({**published, "source": SOURCE_KEY}, value_types=(Drive, Friction))
+            )
         ),
-        "source": SOURCE,
+        "source": SOURCE_KEY,
     }
     if not slides:
-        rig["payload_arm"] = positive("length"), ...
-    friction_model = model_of(Friction, friction, slides=slides, sourced=True)
+        rig["payload_arm"] = positive_type("length"), ...
+    friction_model = build_class_model(Friction, friction, slides=slides, sourced=True)
     return {
         "self_locking": (Literal["required", "not required"], "required"),
         "friction": (
-            nested(friction_model) | None,
+            nested_type(friction_model) | None,
             PydanticField(None, description=_FRICTION_TEXT, json_schema_extra=_add_to_identify),
         ),
-        "friction_ranges": optional(nested(model_from(ranges, value_types=(Friction,)))),
-        "rig": optional(nested(model_of(Rig, rig, slides=slides, without=("payload_arm",)))),
+        "friction_ranges": optional_key(
+            nested_type(build_keys_model(ranges, value_types=(Friction,)))
+        ),
+        "rig": optional_key(
+            nested_type(build_class_model(Rig, rig, slides=slides, without=("payload_arm",)))
+        ),
     }
 
 
@@ -269,16 +297,21 @@ def _efficiency_keys(kind: Any) -> Keywords:
 
     Each key has a pair of type and default.
     """
-    friction = {name: optional(reading(Friction, name, sourced=True)) for name in ("b_c", "b_v")}
-    if hints(kind):
-        friction["efficiency"] = optional(
-            _SHARE, "Ratio of output to input power while the motor drives. The default is 1."
+    friction = {
+        name: optional_key(field_type(Friction, name, sourced=True)) for name in ("b_c", "b_v")
+    }
+    if field_hints(kind):
+        friction["efficiency"] = optional_key(
+            _EFFICIENCY, "Ratio of output to input power while the motor drives. The default is 1."
         )
-        friction["backward_efficiency"] = optional(
-            _SHARE, "Ratio of output to input power while the load drives. The default is forwards."
+        friction["backward_efficiency"] = optional_key(
+            _EFFICIENCY,
+            "Ratio of output to input power while the load drives. The default is forwards.",
         )
-    model = model_of(Friction, friction, slides=kind.slides, sourced=True, without=MESH_PARAMETERS)
-    return {"friction": optional(nested(model), "Friction, none by default.")}
+    model = build_class_model(
+        Friction, friction, slides=kind.slides, sourced=True, without=MESH_PARAMETERS
+    )
+    return {"friction": optional_key(nested_type(model), "Friction, none by default.")}
 
 
 def _add_to_identify(schema: JsonObject) -> None:
@@ -288,22 +321,22 @@ def _add_to_identify(schema: JsonObject) -> None:
 
 def drive_from(section: Section) -> Drive:
     """Build the drive that a section describes. Raises ProblemError if a value is invalid."""
-    with located(section):
+    with locate_errors(section):
         kind = TRANSMISSIONS.find(section.value.get("kind"), "Drive.kind")
-    model: Any = validated(section, drive_model(kind.name))
-    dimensions = _dimensions(section, model, kind)
+    model: Any = validate_section(section, drive_model(kind.name))
+    dimensions = _complete_dimensions(section, model, kind)
     fields = (_thread_fields if kind.threaded else _efficiency_fields)(
         section, model, kind, dimensions
     )
-    sources, placeholders = _origins(model)
+    sources, placeholders = _figure_sources(model)
     for name in ("gearhead", "belt"):
         if getattr(model, name) is not None:
             fields[name] = stage = gearhead_from(section.sub(name), getattr(model, name))
             fields["ratio"] *= stage.ratio
             placeholders += (name,) * stage.placeholder
-    with located(section.sub("ratings")):
-        ratings = None if model.ratings is None else Ratings(**_values(model.ratings))
-    with located(section):
+    with locate_errors(section.sub("ratings")):
+        ratings = None if model.ratings is None else Ratings(**_si_values(model.ratings))
+    with locate_errors(section):
         drive = Drive(
             model.name,
             model.kind,
@@ -319,14 +352,14 @@ def drive_from(section: Section) -> Drive:
     return drive
 
 
-def _dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
+def _complete_dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
     """Return all dimensions of a drive in SI units, by key.
 
     Raises ProblemError if the stated dimensions contradict each other or do not suffice.
     """
     try:
-        return kind.complete(model.geometry.numbers() if hints(kind) else {})
-    except BadGeometry as error:
+        return kind.complete(model.geometry.numbers() if field_hints(kind) else {})
+    except DimensionError as error:
         show = error.key is not None
         path = ("geometry", error.key) if error.key else ("geometry",)
         raise section.error(str(error), *path, allowed=error.allowed, show=show) from None
@@ -342,8 +375,8 @@ def _thread_fields(
     lead_angle = dimensions["lead_angle"]
     friction = None
     if model.friction is not None:
-        friction = _friction(section.sub("friction"), model.friction)
-    ranges = {} if model.friction_ranges is None else _values(model.friction_ranges)
+        friction = _friction_from(section.sub("friction"), model.friction)
+    ranges = {} if model.friction_ranges is None else _si_values(model.friction_ranges)
     ranges.pop("source", None)
     return {
         "ratio": kind.motor_ratio(dimensions),
@@ -355,7 +388,7 @@ def _thread_fields(
         "friction": friction,
         "self_locking": model.self_locking == "required",
         "dimensions": dimensions,
-        "rig": None if model.rig is None else _rig(model.rig),
+        "rig": None if model.rig is None else _rig_from(model.rig),
         "friction_ranges": ranges,
     }
 
@@ -374,12 +407,12 @@ def _efficiency_fields(
     forwards = bearings.pop("efficiency", 1.0)
     backwards = bearings.pop("backward_efficiency", forwards)
     gamma, mu = of_efficiencies(ratio, forwards, backwards)
-    with located(section):
+    with locate_errors(section):
         friction = Friction(**{"b_c": 0.0, "b_v": 0.0, **bearings, "mu": mu, "mu_static": mu})
     return {
         "ratio": ratio,
         "gamma": gamma,
-        "lead_angle": WEDGE,
+        "lead_angle": EFFICIENCY_LEAD_ANGLE,
         "pressure_angle": ZERO_PRESSURE_ANGLE,
         "friction": friction,
         "self_locking": False,
@@ -387,37 +420,39 @@ def _efficiency_fields(
     }
 
 
-def _values(model: Model) -> Keywords:
+def _si_values(model: Model) -> Keywords:
     """Return the figures of a model in SI units, by the fields of the value that it describes."""
     numbers = {
         name: field_value.value if isinstance(field_value, Figure) else field_value
         for name, field_value in model
         if field_value is not None
     }
-    return {name: value for name, value in numbers.items() if name in hints(model.of[-1])}
+    return {name: value for name, value in numbers.items() if name in field_hints(model.of[-1])}
 
 
-def _friction(section: Section, model: Any) -> Friction:
+def _friction_from(section: Section, model: Any) -> Friction:
     """Build the friction that a section describes. A missing `mu_static` is set to `mu`.
 
     Raises ProblemError if a coefficient is implausible or if a parameter of the law is missing.
     """
-    values = _values(model)
+    values = _si_values(model)
     values.setdefault("mu_static", values["mu"])
     for name in ("mu", "mu_static"):
-        if values[name] > LARGEST_MU:
+        if values[name] > LARGEST_FRICTION_COEFFICIENT:
             raise section.error(
-                "implausible for a coefficient of friction", name, allowed=f"0 to {LARGEST_MU}"
+                "implausible for a coefficient of friction",
+                name,
+                allowed=f"0 to {LARGEST_FRICTION_COEFFICIENT}",
             )
     if model.law != "coulomb" and not {"mu_stribeck", "stribeck_speed"} <= values.keys():
         raise section.error(f"the law {model.law} needs mu_stribeck and stribeck_speed", "law")
-    with located(section):
+    with locate_errors(section):
         if model.posterior is not None:
-            values["posterior"] = _posterior(model.posterior)
+            values["posterior"] = _posterior_from(model.posterior)
         return Friction(**values)
 
 
-def _posterior(model: Any) -> Posterior:
+def _posterior_from(model: Any) -> Posterior:
     """Build the posterior. Raises ProblemError if its columns have different lengths."""
     if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(
@@ -426,21 +461,21 @@ def _posterior(model: Any) -> Posterior:
             allowed="as many sets of each parameter",
         )
     fields = dict(model)
-    for name, part_of in PART_TYPES.items():
+    for name, part_of in POSTERIOR_PART_TYPES.items():
         if fields[name] is not None:
             fields[name] = part_of(**dict(fields[name]))
     fields["draws"] = np.column_stack(list(model.draws.values()))
     return Posterior(names=tuple(model.draws), **fields)
 
 
-def _rig(model: Any) -> Rig:
+def _rig_from(model: Any) -> Rig:
     """Build the test rig that a drive file describes."""
     published = {} if model.published is None else model.published.numbers()
     direction = 1 if model.payload_direction == "positive" else -1
-    return Rig(**{**_values(model), "payload_direction": direction, "published": published})
+    return Rig(**{**_si_values(model), "payload_direction": direction, "published": published})
 
 
-def _origins(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
+def _figure_sources(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
     """Return the source of each figure by key, and the names of the placeholders."""
     sourced: dict[str, Figure] = {}
     sources: dict[str, str] = {}

@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ssm_planner.errors import ProblemError, suggestion
-from ssm_planner.loading.yaml_nodes import Node, Section, parse, plain_node
+from ssm_planner.loading.yaml_nodes import Node, Section, node_from_data, parse_yaml
 
-Folder = Literal["problems", "robots", "drives", "motors", "motorisation", "controllers", "studies"]
+ShippedFolder = Literal[
+    "problems", "robots", "drives", "motors", "motorisation", "controllers", "studies"
+]
 _PACKAGE = Path(__file__).parents[1]
 LARGEST_FILE = 10_000_000
 """Largest size of a file in bytes. Files written by hand are much smaller."""
@@ -20,19 +22,19 @@ def shipped_folder() -> Path:
     return within if within.is_dir() else _PACKAGE.parent / "problems"
 
 
-def shipped_names(folder: Folder) -> dict[str, Path]:
+def shipped_files(folder: ShippedFolder) -> dict[str, Path]:
     """Return the paths of the shipped files in a folder, by name (such as "tilt_insert")."""
     directory = shipped_folder() if folder == "problems" else shipped_folder() / folder
     return {file.stem: file for file in sorted(directory.glob("*.yaml"))}
 
 
-def find(name: str | Path, folder: Folder) -> Path:
+def find_file(name: str | Path, folder: ShippedFolder) -> Path:
     """Find a file by its path or, if no such file exists, by its shipped name.
 
     `folder` is the folder of the shipped files. Raises ProblemError if neither exists.
     """
     path = Path(name)
-    names = shipped_names(folder)
+    names = shipped_files(folder)
     try:
         if path.is_file() or (path.exists() and str(name) not in names):
             return path
@@ -49,29 +51,29 @@ def find(name: str | Path, folder: Folder) -> Path:
     )
 
 
-def read(path: str | Path) -> Section:
+def read_section(path: str | Path) -> Section:
     """Read a YAML file that contains a mapping. Raises ProblemError for other files."""
     file = Path(path)
-    return _section(file, parse(file, text_of(file)))
+    return _whole_file(file, parse_yaml(file, read_text(file)))
 
 
-def of_text(text: str) -> Section:
+def section_from_text(text: str) -> Section:
     """Parse a YAML text. File names in it are relative to the working directory.
 
     Raises ProblemError if its content is not a mapping.
     """
-    return _section(None, parse(None, text))
+    return _whole_file(None, parse_yaml(None, text))
 
 
-def of_data(data: Mapping[str, Any]) -> Section:
+def section_from_data(data: Mapping[str, Any]) -> Section:
     """Convert a mapping from Python to a section without file and line numbers.
 
     Raises ProblemError if the data are nested too deeply.
     """
-    return _section(None, plain_node(data))
+    return _whole_file(None, node_from_data(data))
 
 
-def _section(file: Path | None, root: Node) -> Section:
+def _whole_file(file: Path | None, root: Node) -> Section:
     """Return the section of a whole file. Raises ProblemError unless its root is a mapping."""
     if isinstance(root.value, dict):
         return Section(file, root)
@@ -83,7 +85,7 @@ def _section(file: Path | None, root: Node) -> Section:
     raise ProblemError(reason, file=file, line=root.line, allowed="a mapping of key: value lines")
 
 
-def follow(section: Section, *path: str | int, file_kind: str | None = None) -> Section:
+def follow_reference(section: Section, *path: str | int, file_kind: str | None = None) -> Section:
     """Return the mapping under a key, or the mapping in the file that the key names.
 
     A file name is relative to the file that contains it, or it is a shipped name.
@@ -111,10 +113,10 @@ def follow(section: Section, *path: str | int, file_kind: str | None = None) -> 
         )
     )
     try:
-        names = shipped_names(f"{file_kind or path[-1]}s")  # type: ignore[arg-type]
+        names = shipped_files(f"{file_kind or path[-1]}s")  # type: ignore[arg-type]
         shipped = names.get(reference.value)
         if shipped is not None and not target.exists():
-            return read(shipped)
+            return read_section(shipped)
         problem = (
             "" if target.is_file() else "is not a file" if target.exists() else "does not exist"
         )
@@ -123,10 +125,10 @@ def follow(section: Section, *path: str | int, file_kind: str | None = None) -> 
     if problem:
         allowed = "a file, named relative to this one, or a shipped name"
         raise reference.error(f"the file {target} {problem}", allowed=allowed)
-    return read(target)
+    return read_section(target)
 
 
-def bytes_of(file: Path, largest: int = LARGEST_FILE) -> bytes:
+def read_file_bytes(file: Path, largest: int = LARGEST_FILE) -> bytes:
     """Read a regular file of at most `largest` bytes.
 
     Raises ProblemError if the file is missing, too large or unreadable.
@@ -145,7 +147,7 @@ def bytes_of(file: Path, largest: int = LARGEST_FILE) -> bytes:
         raise ProblemError(f"cannot be read: {reason}", file=file) from None
 
 
-def decoded(file: Path, data: bytes) -> str:
+def decode_text(file: Path, data: bytes) -> str:
     """Return the content of a file as text. Raises ProblemError if it is not UTF-8."""
     try:
         return data.decode("utf-8-sig")
@@ -154,9 +156,9 @@ def decoded(file: Path, data: bytes) -> str:
         raise ProblemError("not a text file in UTF-8", file=file, line=line) from None
 
 
-def text_of(file: Path) -> str:
+def read_text(file: Path) -> str:
     """Read a text file in UTF-8. Raises ProblemError if the file is empty or cannot be read."""
-    text = decoded(file, bytes_of(file))
+    text = decode_text(file, read_file_bytes(file))
     if not text.strip():
         raise ProblemError("the file is empty", file=file, line=1)
     return text

@@ -17,24 +17,24 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ssm_planner.errors import ProblemError, TrajectoryError
-from ssm_planner.loading.files import bytes_of, decoded
+from ssm_planner.loading.files import decode_text, read_file_bytes
 from ssm_planner.typing import Array
 
-IN_PARTS = 20 * 2**20
+PARTIAL_READ_BYTES = 20 * 2**20
 """File size in bytes above which the longest list is read in parts."""
-BATCH = 4096
+BATCH_ENTRIES = 4096
 """Number of entries of the longest list that are converted together."""
-LARGEST_WHOLE = 2**28
+LARGEST_WHOLE_BYTES = 2**28
 """Largest size in bytes of a file without a longest list that can be read in parts."""
-_ENTRY = re.compile(rb"\]\s*\]\s*,")
+_ENTRY_END = re.compile(rb"\]\s*\]\s*,")
 """End of an entry of the longest list. An entry is a list of lists."""
-_END = re.compile(rb"\]\s*\]\s*\]")
+_LIST_END = re.compile(rb"\]\s*\]\s*\]")
 """End of the longest list."""
-_NUMBERS = re.compile(r"[][\s0-9eE+.,-]*")
+_NUMBER_LISTS = re.compile(r"[][\s0-9eE+.,-]*")
 """Text of lists that contain only numbers."""
-DEEPEST = 30
+LARGEST_DEPTH = 30
 """Largest number of nested levels."""
-LONGEST_INTEGER = 18
+LARGEST_INTEGER_DIGITS = 18
 """Largest number of digits of an integer."""
 
 
@@ -76,7 +76,7 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
     TrajectoryError
         If the file is invalid. The message names the file and the fault.
     """
-    if not path.is_file() or not IN_PARTS < path.stat().st_size <= max_size:
+    if not path.is_file() or not PARTIAL_READ_BYTES < path.stat().st_size <= max_size:
         data = read_bytes(path, max_size)
         return parse_json(path, data), hashlib.sha256(data).hexdigest()
     try:
@@ -95,12 +95,12 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
     """
     *outer_keys, key = long_key
     start = re.search(rb'"%b"\s*:\s*(?=\[)' % key.encode(), data)
-    end = _END.search(data, start.end()) if start else None
+    end = _LIST_END.search(data, start.end()) if start else None
     if not start or not end:
         return _parse_whole(path, data)
     mark = token_hex(16)
     try:
-        array = _array(path, data, start.end() + 1, end.end() - 1)
+        array = _read_array(path, data, start.end() + 1, end.end() - 1)
         shortened = b'%b"%b"%b' % (data[: start.end()], mark.encode(), data[end.end() :])
         mapping = document = parse_json(path, shortened)
         for outer_key in outer_keys:
@@ -116,26 +116,30 @@ def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
 def _parse_whole(path: Path, data: mmap) -> Any:
     """Parse a file at once.
 
-    Raises TrajectoryError if the file is invalid or larger than `LARGEST_WHOLE`.
+    Raises TrajectoryError if the file is invalid or larger than `LARGEST_WHOLE_BYTES`.
     """
-    if len(data) > LARGEST_WHOLE:
+    if len(data) > LARGEST_WHOLE_BYTES:
         raise TrajectoryError(f"{path}: invalid JSON, or not in the form that this program writes")
     return parse_json(path, data[:])
 
 
-def _array(path: Path, data: mmap, start: int, end: int) -> Array:
+def _read_array(path: Path, data: mmap, start: int, end: int) -> Array:
     """Convert the part of a file between two positions to an array (n, …), batch by batch.
 
     Raises ValueError, TypeError, OverflowError, RecursionError or TrajectoryError if the entries
     are not lists of finite numbers with equal shapes.
     """
-    decoder = _decoder(path)
-    entries = _ENTRY.finditer(data, start, end)
-    borders = [start, *(entry.end() for entry in islice(entries, BATCH - 1, None, BATCH)), end]
+    decoder = _strict_decoder(path)
+    entries = _ENTRY_END.finditer(data, start, end)
+    borders = [
+        start,
+        *(entry.end() for entry in islice(entries, BATCH_ENTRIES - 1, None, BATCH_ENTRIES)),
+        end,
+    ]
     batches = []
     for begin, stop in pairwise(borders):
         text = data[begin:stop].decode().rstrip().removesuffix(",")
-        if _NUMBERS.fullmatch(text) is None:
+        if _NUMBER_LISTS.fullmatch(text) is None:
             raise ValueError("not numbers")
         batch = np.array(decoder.decode(f"[{text}]"), dtype=float)
         if not np.isfinite(batch).all():
@@ -150,7 +154,7 @@ def read_bytes(path: Path, max_size: int) -> bytes:
     Raises TrajectoryError if the file is missing, too large or unreadable.
     """
     try:
-        return bytes_of(path, max_size)
+        return read_file_bytes(path, max_size)
     except ProblemError as error:
         raise TrajectoryError(str(error)) from error
 
@@ -161,9 +165,9 @@ def parse_json(path: Path, data: bytes) -> Any:
     Raises TrajectoryError, which names the file `path`, if the content is invalid.
     """
 
-    decoder = _decoder(path)
+    decoder = _strict_decoder(path)
     try:
-        text = decoded(path, data)
+        text = decode_text(path, data)
         content = decoder.decode(text)
     except ProblemError as error:
         raise TrajectoryError(str(error)) from error
@@ -172,26 +176,28 @@ def parse_json(path: Path, data: bytes) -> Any:
         fault = "the file ends early: truncated" if is_truncated and text.strip() else "not JSON"
         raise TrajectoryError(f"{path}:{error.lineno}: {fault} ({error.msg})") from error
     except RecursionError as error:
-        raise TrajectoryError(f"{path}: nested too deeply (allowed: {DEEPEST} levels)") from error
-    _check(path, content, 0)
+        raise TrajectoryError(
+            f"{path}: nested too deeply (allowed: {LARGEST_DEPTH} levels)"
+        ) from error
+    _check_json_value(path, content, 0)
     return content
 
 
-def _decoder(path: Path) -> json.JSONDecoder:
+def _strict_decoder(path: Path) -> json.JSONDecoder:
     """Return a JSON decoder that accepts finite numbers only. Its errors name the file `path`."""
 
     def refuse(constant: str) -> NoReturn:
         raise TrajectoryError(f"{path}: contains {constant[:40]}; only finite numbers are allowed")
 
     def parse_integer(digits: str) -> int:
-        if len(digits) <= LONGEST_INTEGER + 1:
+        if len(digits) <= LARGEST_INTEGER_DIGITS + 1:
             return int(digits)
         return refuse(f"{digits[:12]}… ({len(digits)} digits)")
 
     return json.JSONDecoder(parse_constant=refuse, parse_int=parse_integer)
 
 
-def _check(path: Path, value: Any, depth: int) -> None:
+def _check_json_value(path: Path, value: Any, depth: int) -> None:
     """Raise TrajectoryError if a value is nested too deeply, not finite, or contains invalid text.
 
     A number such as 1e999 is read as infinity. `depth` is the number of levels above the value.
@@ -202,20 +208,20 @@ def _check(path: Path, value: Any, depth: int) -> None:
                 f"{path}: contains a number beyond 1e308; only finite numbers are allowed"
             )
         return
-    if depth > DEEPEST:
-        raise TrajectoryError(f"{path}: nested too deeply (allowed: {DEEPEST} levels)")
+    if depth > LARGEST_DEPTH:
+        raise TrajectoryError(f"{path}: nested too deeply (allowed: {LARGEST_DEPTH} levels)")
     if isinstance(value, str):
-        check_text(path, value)
+        check_characters(path, value)
     elif isinstance(value, dict):
         for key, item in value.items():
-            check_text(path, key)
-            _check(path, item, depth + 1)
+            check_characters(path, key)
+            _check_json_value(path, item, depth + 1)
     elif isinstance(value, list):
         for item in value:
-            _check(path, item, depth + 1)
+            _check_json_value(path, item, depth + 1)
 
 
-def check_text(path: Path, text: str) -> None:
+def check_characters(path: Path, text: str) -> None:
     """Raise TrajectoryError if a text contains a NUL or an unpaired surrogate.
 
     Neither files nor file names can contain these characters. The error names the file `path`.

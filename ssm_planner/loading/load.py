@@ -10,25 +10,31 @@ from pydantic import Field, TypeAdapter
 
 from ssm_planner.arguments import checked
 from ssm_planner.loading.drives import drive_from, drive_model
-from ssm_planner.loading.files import find, follow, of_data, of_text, read
+from ssm_planner.loading.files import (
+    find_file,
+    follow_reference,
+    read_section,
+    section_from_data,
+    section_from_text,
+)
 from ssm_planner.loading.motions import MOTIONS, JointValues
 from ssm_planner.loading.motors import MotorModel, motor_from
 from ssm_planner.loading.problems import problem_from, problem_model
 from ssm_planner.loading.robots import RobotModel, robot_from
 from ssm_planner.loading.schema import (
-    SOURCE,
+    SOURCE_KEY,
     Key,
     Model,
-    Part,
+    Nested,
     Reference,
     Text,
-    by_joint,
-    keys,
-    located,
-    model_of,
-    nested,
-    reading,
-    validated,
+    build_class_model,
+    describe_keys,
+    field_type,
+    joint_mapping_model,
+    locate_errors,
+    nested_type,
+    validate_section,
 )
 from ssm_planner.problem import (
     TRANSMISSIONS,
@@ -67,7 +73,7 @@ def load_problem(name: str | Path) -> Problem:
     >>> [motion.kind for motion in problem.motion]
     ['straight', 'straight']
     """
-    return problem_from(read(find(name, "problems")))
+    return problem_from(read_section(find_file(name, "problems")))
 
 
 def problem_from_dict(data: Mapping[str, Any]) -> Problem:
@@ -75,11 +81,11 @@ def problem_from_dict(data: Mapping[str, Any]) -> Problem:
 
     Raises ProblemError, which names the key, if a value is invalid.
     """
-    return problem_from(of_data(data))
+    return problem_from(section_from_data(data))
 
 
 Problem.from_dict = problem_from_dict
-Problem.from_yaml = lambda text: problem_from(of_text(text))
+Problem.from_yaml = lambda text: problem_from(section_from_text(text))
 
 
 @checked
@@ -94,7 +100,7 @@ def load_robot(name: str | Path) -> Robot:
     >>> [joint.name for joint in ssm.load_robot("vitreoretinal").joints]
     ['roll', 'tilt', 'spin', 'insertion']
     """
-    return robot_from(read(find(name, "robots")))
+    return robot_from(read_section(find_file(name, "robots")))
 
 
 @checked
@@ -111,7 +117,7 @@ def load_drive(name: str | Path) -> Drive:
     >>> drive.kind, round(drive.ratio, 3)
     ('lead_screw', 3141.593)
     """
-    return drive_from(read(find(name, "drives")))
+    return drive_from(read_section(find_file(name, "drives")))
 
 
 @checked
@@ -126,22 +132,22 @@ def load_motor(name: str | Path) -> Motor:
     >>> ssm.load_motor("maxon_ec_13_6w").nominal_voltage
     24.0
     """
-    return motor_from(read(find(name, "motors")))
+    return motor_from(read_section(find_file(name, "motors")))
 
 
-def _joint_parts(cls: Any) -> Any:
+def _joint_models(cls: Any) -> Any:
     """Build the type of an optional mapping from joint names to instances of the class `cls`."""
-    return by_joint(lambda slides: model_of(cls, slides=slides))
+    return joint_mapping_model(lambda slides: build_class_model(cls, slides=slides))
 
 
-_Axes = _joint_parts(AxisController)
-_Compliance = _joint_parts(JointCompliance)
-ControllerModel = model_of(
+_AxisModels = _joint_models(AxisController)
+_ComplianceModels = _joint_models(JointCompliance)
+ControllerModel = build_class_model(
     Controller,
     {
-        "source": SOURCE,
-        "joints": (nested(_Axes), _Axes()),
-        "compliance": (nested(_Compliance), _Compliance()),
+        "source": SOURCE_KEY,
+        "joints": (nested_type(_AxisModels), _AxisModels()),
+        "compliance": (nested_type(_ComplianceModels), _ComplianceModels()),
     },
 )
 """Model of a controller file. Every key is optional."""
@@ -159,10 +165,10 @@ def load_controller(name: str | Path) -> Controller:
     >>> ssm.load_controller("epos4").loop_period
     0.0004
     """
-    section = read(find(name, "controllers"))
-    fields = dict(validated(section, ControllerModel))
+    section = read_section(find_file(name, "controllers"))
+    fields = dict(validate_section(section, ControllerModel))
     del fields["source"]
-    with located(section):
+    with locate_errors(section):
         for key, cls in (("joints", AxisController), ("compliance", JointCompliance)):
             fields[key] = {
                 joint: cls(**dict(axis)) for joint, axis in fields[key] if axis is not None
@@ -170,13 +176,13 @@ def load_controller(name: str | Path) -> Controller:
         return Controller(file=section.file_name, **fields)
 
 
-def _stroke(slides: bool) -> Any:
+def _stroke_model(slides: bool) -> Any:
     """Build the model of a stroke. The units are those of a prismatic joint if `slides` is true."""
-    centre = reading(Stroke, "centre", slides), 0.0
-    return model_of(Stroke, {"centre": centre}, slides=slides, without=("joint",))
+    centre = field_type(Stroke, "centre", slides), 0.0
+    return build_class_model(Stroke, {"centre": centre}, slides=slides, without=("joint",))
 
 
-_Run = by_joint(_stroke)
+_RunModel = joint_mapping_model(_stroke_model)
 
 
 class MotorisationModel(Model):
@@ -190,7 +196,9 @@ class MotorisationModel(Model):
     """Robot whose joints move."""
     held: JointValues = (0.0, 0.0, 0.0, 0.0)
     """Positions of the joints that do not move."""
-    back_and_forth: Annotated[list[Annotated[Any, Part(_Run)]], Field(min_length=1, max_length=100)]
+    back_and_forth: Annotated[
+        list[Annotated[Any, Nested(_RunModel)]], Field(min_length=1, max_length=100)
+    ]
     """Runs of one joint each."""
 
 
@@ -200,13 +208,13 @@ def load_motorisation(name: str | Path) -> Motorisation:
     A motorisation contains back-and-forth strokes of single joints, for which motors are sized.
     Raises ProblemError if a value is invalid.
     """
-    section = read(find(name, "motorisation"))
+    section = read_section(find_file(name, "motorisation"))
     if section.has_key("motion") and not section.has_key("back_and_forth"):
         raise section.error(
             "this is a problem file: plan it first, then size its plan.json", "motion", show=False
         )
-    model = validated(section, MotorisationModel)
-    robot = robot_from(follow(section, "robot"))
+    model = validate_section(section, MotorisationModel)
+    robot = robot_from(follow_reference(section, "robot"))
     strokes: list[Stroke] = []
     for i, run in enumerate(model.back_and_forth):
         joints = list(run.model_fields_set)
@@ -221,14 +229,14 @@ def load_motorisation(name: str | Path) -> Motorisation:
         f"strokes[{i}].joint": ("back_and_forth", i, stroke.joint)
         for i, stroke in enumerate(strokes)
     }
-    with located(section, locations):
+    with locate_errors(section, locations):
         return Motorisation(model.name or section.name, robot, tuple(strokes), section.file_name)
 
 
-Kind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller"]
+FileKind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller"]
 
 
-def _models(file_kind: Kind) -> tuple[Any, ...]:
+def _file_models(file_kind: FileKind) -> tuple[Any, ...]:
     """Return the models of a kind of file: one for each kind of drive, otherwise a single one."""
     models = {
         "problem": problem_model(tuple(MOTIONS)),
@@ -240,12 +248,14 @@ def _models(file_kind: Kind) -> tuple[Any, ...]:
     return tuple(map(drive_model, TRANSMISSIONS)) if file_kind == "drive" else (models[file_kind],)
 
 
-def json_schema(file_kind: Kind) -> JsonObject:
+def json_schema(file_kind: FileKind) -> JsonObject:
     """Return the JSON schema of a kind of file. Editors complete and check YAML files with it."""
-    every: Any = Union[_models(file_kind)]  # noqa: UP007 - of a tuple
+    every: Any = Union[_file_models(file_kind)]  # noqa: UP007 - of a tuple
     return TypeAdapter(every).json_schema()
 
 
-def file_keys(file_kind: Kind) -> tuple[Key, ...]:
+def file_keys(file_kind: FileKind) -> tuple[Key, ...]:
     """Return every key of a kind of file with its unit, allowed values, default and meaning."""
-    return tuple(dict.fromkeys(key for model in _models(file_kind) for key in keys(model)))
+    return tuple(
+        dict.fromkeys(key for model in _file_models(file_kind) for key in describe_keys(model))
+    )

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any
 
-from ssm_planner.loading.files import follow
-from ssm_planner.loading.schema import Model, quantity, validated
-from ssm_planner.loading.yaml_nodes import Node, Section, plain_node
+from ssm_planner.loading.files import follow_reference
+from ssm_planner.loading.schema import Model, quantity_reader, validate_section
+from ssm_planner.loading.yaml_nodes import Node, Section, node_from_data
 from ssm_planner.problem import Bound
 
 LONGEST_MOTION = 10_000
@@ -25,24 +25,26 @@ POINT_KEYS = {
 """Keys that contain points, by the key of the motion."""
 
 
-def written_out(section: Section, within: tuple[Section, ...] = ()) -> Section:
+def expand_abbreviations(section: Section, within: tuple[Section, ...] = ()) -> Section:
     """Return the section of a problem in which all abbreviations are expanded.
 
     `within` contains the sections that include this one. Raises ProblemError for an unknown name,
     or if a problem includes itself.
     """
-    points = _points(section)
+    points = _named_points(section)
     children = dict(section.root.children)
     for key in ("start", "motion"):
         if points and key in children:
-            children[key] = _with_points(section.sub(key), children[key], points)
+            children[key] = _replace_point_names(section.sub(key), children[key], points)
     if "motion" in children and isinstance(children["motion"].value, list):
-        entries = _Motions(section, within).expand(section.sub("motion"), children["motion"])
-        children["motion"] = _with_children(children["motion"], dict(enumerate(entries)))
-    return Section(section.file, _with_children(section.root, children))
+        entries = _MotionExpansion(section, within).expand(
+            section.sub("motion"), children["motion"]
+        )
+        children["motion"] = _replace_children(children["motion"], dict(enumerate(entries)))
+    return Section(section.file, _replace_children(section.root, children))
 
 
-def _with_children(node: Node, children: Mapping[str | int, Node]) -> Node:
+def _replace_children(node: Node, children: Mapping[str | int, Node]) -> Node:
     """Return a copy of a mapping or list with other entries. Existing keys keep their lines."""
     values = {key: child.value for key, child in children.items()}
     lines = {key: node.key_lines.get(key, child.line) for key, child in children.items()}
@@ -56,7 +58,7 @@ def _with_children(node: Node, children: Mapping[str | int, Node]) -> Node:
     )
 
 
-def _points(section: Section) -> Mapping[str | int, Node]:
+def _named_points(section: Section) -> Mapping[str | int, Node]:
     """Return the nodes of the named points of a problem, by name.
 
     Raises ProblemError if the key `points` does not contain a mapping of mappings.
@@ -74,7 +76,9 @@ def _points(section: Section) -> Mapping[str | int, Node]:
     return root.children
 
 
-def _with_points(part_section: Section, node: Node, points: Mapping[str | int, Node]) -> Node:
+def _replace_point_names(
+    part_section: Section, node: Node, points: Mapping[str | int, Node]
+) -> Node:
     """Return a copy of a node in which points replace their names.
 
     Parameters
@@ -99,10 +103,10 @@ def _with_points(part_section: Section, node: Node, points: Mapping[str | int, N
             raise part_section.error("unknown name of a point", allowed=", ".join(map(str, points)))
         return replace(points[node.value], line=node.line)
     children = {
-        child_key: _with_points(part_section.sub(child_key), child, points)
+        child_key: _replace_point_names(part_section.sub(child_key), child, points)
         for child_key, child in node.children.items()
     }
-    return _with_children(node, children) if children else node
+    return _replace_children(node, children) if children else node
 
 
 def _split_at_corners(motion_section: Section, entry: Node) -> list[Node]:
@@ -128,10 +132,10 @@ def _split_at_corners(motion_section: Section, entry: Node) -> list[Node]:
             {"blend": node.children["blend"]} if k < len(corners.value) else {}
         )
         line_node = replace(
-            _with_children(node, {**other_children, "to": end, **corner_keys}), line=end.line
+            _replace_children(node, {**other_children, "to": end, **corner_keys}), line=end.line
         )
         motions.append(
-            replace(_with_children(entry, {name: line_node}), key_lines={name: end.line})
+            replace(_replace_children(entry, {name: line_node}), key_lines={name: end.line})
         )
     return motions
 
@@ -140,14 +144,14 @@ class RepeatModel(Model):
     """Motions to repeat."""
 
     times: Annotated[
-        Any, quantity("number", Bound(at_least=1, at_most=LONGEST_MOTION), integer=True)
+        Any, quantity_reader("number", Bound(at_least=1, at_most=LONGEST_MOTION), integer=True)
     ]
     """Number of repetitions."""
     motion: list[Any]
     """Motions to repeat, in order."""
 
 
-class _Motions:
+class _MotionExpansion:
     """Expansion of the motion list of one problem.
 
     `within` contains the sections of the problems that include this one.
@@ -184,7 +188,7 @@ class _Motions:
 
         Raises ProblemError if there are more than `LONGEST_MOTION`.
         """
-        times = validated(list_section, RepeatModel).times
+        times = validate_section(list_section, RepeatModel).times
         once = self.expand(list_section.sub("motion"), node.children["motion"])
         if times * len(once) > LONGEST_MOTION:
             raise list_section.error(
@@ -202,7 +206,7 @@ class _Motions:
             raise key.error(
                 "invalid problem", allowed="a problem file, relative to this one, or a shipped name"
             )
-        included = follow(motion_section, "include", file_kind="problem")
+        included = follow_reference(motion_section, "include", file_kind="problem")
         chain = (*self.within, self.section)
         if included.file is not None and any(
             including.file is not None and including.file.samefile(included.file)
@@ -210,7 +214,9 @@ class _Motions:
         ):
             raise key.error("this problem includes itself", allowed="another problem")
         entries = (
-            written_out(included, chain).sub("motion").value if included.has_key("motion") else None
+            expand_abbreviations(included, chain).sub("motion").value
+            if included.has_key("motion")
+            else None
         )
         if not isinstance(entries, list):
             raise key.error("this problem has no motions", allowed="a problem with the key motion")
@@ -221,4 +227,4 @@ class _Motions:
                 and included.file is not None
             ):
                 entry["path"] = str(included.file.parent.absolute() / entry["path"])
-        return [plain_node(entry, line=motion_section.line()) for entry in entries]
+        return [node_from_data(entry, line=motion_section.line()) for entry in entries]

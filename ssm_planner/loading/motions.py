@@ -9,27 +9,27 @@ from pydantic import Field, model_validator
 from ssm_planner import units
 from ssm_planner.loading.missions import LONGEST_MOTION, RepeatModel
 from ssm_planner.loading.path_file import path_from
-from ssm_planner.loading.schema import Field as Reader
 from ssm_planner.loading.schema import (
     Model,
-    Part,
+    Nested,
     Text,
-    located,
-    model_from,
-    model_of,
-    nested,
-    optional,
-    positive,
-    quantity,
-    reading,
-    required,
-    vector,
-    wrong,
+    build_class_model,
+    build_keys_model,
+    field_type,
+    invalid_value,
+    locate_errors,
+    nested_type,
+    optional_key,
+    positive_type,
+    quantity_reader,
+    required_key,
+    vector_reader,
 )
+from ssm_planner.loading.schema import Reader as Reader
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import (
-    LARGEST_GRID,
-    TASK,
+    LARGEST_SCAN_GRID,
+    TASK_COORDINATES,
     Bound,
     Dwell,
     Follow,
@@ -41,21 +41,21 @@ from ssm_planner.problem import (
     Straight,
     Task,
     Tip,
-    attributes,
+    get_attributes,
 )
 from ssm_planner.registry import Registry
 from ssm_planner.typing import JsonObject, Keywords, frozen
 
 JointValues = Annotated[
-    tuple[float, float, float, float], vector("angle", "angle", "angle", "length")
+    tuple[float, float, float, float], vector_reader("angle", "angle", "angle", "length")
 ]
 MAX_POINTS = 200
 """Largest number of points that one motion passes without stopping."""
-PATTERNS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
+PATTERN_KEYS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
 """Keys of each pattern of a scan in addition to the common ones."""
 KeyPath = tuple[str | int, ...]
 """Keys and list positions that lead to a value of the file."""
-_FORMS = (
+_POINT_FORMS = (
     "task coordinates (roll, tilt, spin, depth), or joints: [four values], or tip: [x, y, z] "
     "with spin"
 )
@@ -80,16 +80,20 @@ class _PointModel(_NamedModel):
         if not isinstance(data, dict):
             return data
         if not data:
-            raise wrong("the point is empty", _FORMS)
+            raise invalid_value("the point is empty", _POINT_FORMS)
         if "joints" in data and len(data) > 1:
             other_key = next(key for key in data if key != "joints")
-            raise wrong("redundant: joints determine the point", _FORMS, other_key)
+            raise invalid_value("redundant: joints determine the point", _POINT_FORMS, other_key)
         if "tip" in data:
             for key in ("roll", "tilt", "depth"):
                 if key in data:
-                    raise wrong("redundant: tip determines roll, tilt and depth", _FORMS, key)
+                    raise invalid_value(
+                        "redundant: tip determines roll, tilt and depth", _POINT_FORMS, key
+                    )
             if "spin" not in data:
-                raise wrong("missing: a tip position does not determine the spin", _FORMS, "spin")
+                raise invalid_value(
+                    "missing: a tip position does not determine the spin", _POINT_FORMS, "spin"
+                )
         return data
 
 
@@ -102,27 +106,27 @@ class _ScanModel(Model):
     def _pattern_keys(cls, data: Any) -> Any:
         """Reject keys of other patterns, and require the keys of this pattern."""
         pattern = data.get("pattern") if isinstance(data, dict) else None
-        if pattern not in PATTERNS:
+        if pattern not in PATTERN_KEYS:
             return data
         for key in (
             key
-            for pattern_name, keys in PATTERNS.items()
+            for pattern_name, keys in PATTERN_KEYS.items()
             if pattern_name != pattern
             for key in keys
         ):
             if key in data:
-                raise wrong(
+                raise invalid_value(
                     f"not allowed for the pattern {pattern!r}",
-                    f"for it: {', '.join(PATTERNS[pattern])}",
+                    f"for it: {', '.join(PATTERN_KEYS[pattern])}",
                     key,
                 )
-        for key in PATTERNS[pattern]:
+        for key in PATTERN_KEYS[pattern]:
             if key not in data and key != "diameters":
-                raise wrong(f"missing: the pattern {pattern!r} needs it", None, key)
+                raise invalid_value(f"missing: the pattern {pattern!r} needs it", None, key)
         return data
 
 
-def or_word(reader: Reader, keyword: str, allowed: str) -> Reader:
+def accept_keyword(reader: Reader, keyword: str, allowed: str) -> Reader:
     """Extend a reader so that it also accepts the word `keyword`, which it returns unchanged.
 
     `allowed` describes the allowed values for messages.
@@ -142,37 +146,41 @@ def or_word(reader: Reader, keyword: str, allowed: str) -> Reader:
     )
 
 
-TaskModel = model_of(Task, base=_NamedModel)
-_LENGTHS = Annotated[Any, vector("length", "length", "length")]
+TaskModel = build_class_model(Task, base=_NamedModel)
+_Lengths = Annotated[Any, vector_reader("length", "length", "length")]
 _POINT_KEYS = {
-    "joints": optional(JointValues, "Positions of the four joints, instead of all other keys."),
-    "tip": optional(
-        _LENGTHS, "Position of the tool tip in the base frame, instead of roll, tilt and depth."
+    "joints": optional_key(JointValues, "Positions of the four joints, instead of all other keys."),
+    "tip": optional_key(
+        _Lengths, "Position of the tool tip in the base frame, instead of roll, tilt and depth."
     ),
 }
-PointModel = model_of(Task, _POINT_KEYS, base=_PointModel)
-FREE = "free"
+PointModel = build_class_model(Task, _POINT_KEYS, base=_PointModel)
+FREE_SPIN = "free"
 """Spin of a target that the planner chooses."""
-_ANY_SPIN = or_word(quantity("angle"), FREE, "an angle, or free to choose the fastest one")
-FreeTargetModel = model_of(
+_SPIN_OR_FREE = accept_keyword(
+    quantity_reader("angle"), FREE_SPIN, "an angle, or free to choose the fastest one"
+)
+FreeTargetModel = build_class_model(
     Task,
     {
-        "spin": optional(
-            Annotated[Any, _ANY_SPIN], "Rotation of the tool about its own axis, or free."
+        "spin": optional_key(
+            Annotated[Any, _SPIN_OR_FREE], "Rotation of the tool about its own axis, or free."
         ),
         **_POINT_KEYS,
     },
     base=_PointModel,
 )
-_COUNT = Annotated[Any, quantity("number", Bound(at_least=1, at_most=LARGEST_GRID), integer=True)]
-ScanModel = model_of(
+_GridCount = Annotated[
+    Any, quantity_reader("number", Bound(at_least=1, at_most=LARGEST_SCAN_GRID), integer=True)
+]
+ScanModel = build_class_model(
     Scan,
     {
-        "at": (nested(TaskModel), ...),
-        "diameter": optional(positive("length"), "Diameter of a ring."),
-        "diameters": (_LENGTHS, (1e-3, 2e-3, 3e-3)),
-        "rows": optional(_COUNT),
-        "columns": optional(_COUNT),
+        "at": (nested_type(TaskModel), ...),
+        "diameter": optional_key(positive_type("length"), "Diameter of a ring."),
+        "diameters": (_Lengths, (1e-3, 2e-3, 3e-3)),
+        "rows": optional_key(_GridCount),
+        "columns": optional_key(_GridCount),
     },
     without=("name",),
     base=_ScanModel,
@@ -189,11 +197,11 @@ class _EntryModel(Model):
         if isinstance(data, dict) and len(data) != 1:
             several = f"{len(data)} motions in one entry ({', '.join(map(str, data))})"
             reason = several if data else "the entry has no motion"
-            raise wrong(reason, f"one motion per list entry: {', '.join(cls.model_fields)}")
+            raise invalid_value(reason, f"one motion per list entry: {', '.join(cls.model_fields)}")
         return data
 
 
-def _motion_to(
+def _motion_type(
     to: Any, extra_keys: Mapping[str, Any] | None = None, without: tuple[str, ...] = ()
 ) -> Any:
     """Return the type of a motion with the keys `to`, `duration` and `blend`.
@@ -207,30 +215,32 @@ def _motion_to(
     without : tuple of str
         Keys that are omitted.
     """
-    keys = {"to": required(to, "End point."), **(extra_keys or {})}
-    return nested(model_of(Straight, keys, without=(*TASK, "name", *without)))
+    keys = {"to": required_key(to, "End point."), **(extra_keys or {})}
+    return nested_type(
+        build_class_model(Straight, keys, without=(*TASK_COORDINATES, "name", *without))
+    )
 
 
-def _through(model: Any, description: str) -> Keywords:
+def _through_key(model: Any, description: str) -> Keywords:
     """Return the key `through` for the optional points between the start and the end of a motion.
 
     `model` is the model of each point, and `description` documents the key.
     """
-    points = Annotated[tuple[Annotated[Any, Part(model)], ...], Field(max_length=MAX_POINTS)]
+    points = Annotated[tuple[Annotated[Any, Nested(model)], ...], Field(max_length=MAX_POINTS)]
     return {"through": (points, Field((), description=description))}
 
 
-_WAYPOINTS = _through(PointModel, "Points passed without stopping, in order.")
+_WAYPOINTS = _through_key(PointModel, "Points passed without stopping, in order.")
 _CORNERS = "Corners of the path, rounded according to `blend`."
 _SPEED_KEY = {
-    "constant_speed": optional(
-        reading(Follow, "constant_speed"), "Speed of the tip outside the ramps."
+    "constant_speed": optional_key(
+        field_type(Follow, "constant_speed"), "Speed of the tip outside the ramps."
     )
 }
 _RETINA_KEYS = _SPEED_KEY | {
-    "distance": required(positive("length"), "Distance of the tip from the retina.")
+    "distance": required_key(positive_type("length"), "Distance of the tip from the retina.")
 }
-_ARC_KEYS = {"through": required(nested(PointModel), "Point that the arc passes.")}
+_ARC_KEYS = {"through": required_key(nested_type(PointModel), "Point that the arc passes.")}
 _COORDINATE_BY_KEY = {"tilt": "tilt", "roll": "roll", "spin": "spin", "insert": "depth"}
 """Task coordinates that change, by the key of the motion."""
 
@@ -254,26 +264,29 @@ class MotionKey:
     """
 
 
-def _straight(section: Section, model: Any) -> Iterator[Motion]:
+def _straight_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the straight motion that the value of a key describes.
 
     `section` is the part of the file with the value, and `model` is the value in SI units.
     """
     name = str(section.path[-1])
     coordinate = _COORDINATE_BY_KEY.get(name)
-    to = {coordinate: model.to} if coordinate else set_coordinates(model.to)
+    to = {coordinate: model.to} if coordinate else stated_coordinates(model.to)
     line = section.line()
     yield Straight(**to, duration=model.duration, name=name, line=line, blend=model.blend)
 
 
-def _free(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the free motion that the value of a key describes, see `_straight`."""
+def _free_motions(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the free motion that the value of a key describes.
+
+    The parameters are those of `_straight_motions`.
+    """
     yield Free(
         point_from(section.sub("to"), model.to),
         _points_between(section, model),
         model.duration,
         line=section.line(),
-        spin_free=model.to.spin == FREE,
+        spin_free=model.to.spin == FREE_SPIN,
     )
 
 
@@ -286,22 +299,28 @@ def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
     )
 
 
-def _curve(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the spline, line or arc that the value of a key describes, see `_straight`."""
+def _curve_motions(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the spline, line or arc that the value of a key describes.
+
+    The parameters are those of `_straight_motions`.
+    """
     name: Any = section.path[-1]
     end = point_from(section.sub("to"), model.to)
     between = _points_between(section, model)
-    of_tip = attributes(model, () if name == "spline" else ("blend", "constant_speed"))
+    of_tip = get_attributes(model, () if name == "spline" else ("blend", "constant_speed"))
     yield Follow(end, between, name, name, line=section.line(), duration=model.duration, **of_tip)
 
 
-def _retina(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the motion along the retina that the value of a key describes, see `_straight`."""
+def _retina_motions(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the motion along the retina that the value of a key describes.
+
+    The parameters are those of `_straight_motions`.
+    """
     if model.to.depth is not None:
         reason = "do not give depth: distance already determines it"
         raise section.error(reason, "to", "depth", allowed="roll, tilt, spin")
     yield Follow(
-        Task(**set_coordinates(model.to), line=section.line("to")),
+        Task(**stated_coordinates(model.to), line=section.line("to")),
         (),
         "retina",
         "retina",
@@ -312,18 +331,21 @@ def _retina(section: Section, model: Any) -> Iterator[Motion]:
     )
 
 
-def _path(section: Section, file: str) -> Iterator[Motion]:
+def _path_motions(section: Section, file: str) -> Iterator[Motion]:
     """Yield the motion through the points of a table, whose file name is the value of the key."""
     yield path_from(section, "path", section.line())
 
 
-def _dwell(section: Section, duration: float) -> Iterator[Motion]:
+def _dwell_motions(section: Section, duration: float) -> Iterator[Motion]:
     """Yield the pause that the value of a key describes, which is its duration in s."""
     yield Dwell(duration, "dwell", section.line())
 
 
-def _scan(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the scan of the retina that the value of a key describes, see `_straight`."""
+def _scan_motions(section: Section, model: Any) -> Iterator[Motion]:
+    """Yield the scan of the retina that the value of a key describes.
+
+    The parameters are those of `_straight_motions`.
+    """
     low, middle, high = model.diameters
     if not 0 < low < middle < high:
         reason = "rings must be concentric"
@@ -332,7 +354,7 @@ def _scan(section: Section, model: Any) -> Iterator[Motion]:
         model.pattern
     ]
     yield Scan(
-        Task(**set_coordinates(model.at), line=section.line("at")),
+        Task(**stated_coordinates(model.at), line=section.line("at")),
         model.distance,
         diameters,
         rows=model.rows or 0,
@@ -345,84 +367,86 @@ def _scan(section: Section, model: Any) -> Iterator[Motion]:
     )
 
 
-_KEYS = (
+_BUILT_IN_MOTIONS = (
     *(
         MotionKey(
             key,
             f"Motion to a {coordinate}. The other task coordinates stay constant.",
-            _motion_to(reading(Task, coordinate)),
-            _straight,
+            _motion_type(field_type(Task, coordinate)),
+            _straight_motions,
         )
         for key, coordinate in _COORDINATE_BY_KEY.items()
     ),
     MotionKey(
         "straight",
         "Straight motion in task coordinates. Missing ones stay constant.",
-        _motion_to(nested(TaskModel), _through(TaskModel, _CORNERS)),
-        _straight,
+        _motion_type(nested_type(TaskModel), _through_key(TaskModel, _CORNERS)),
+        _straight_motions,
     ),
     MotionKey(
         "free",
         "Motion along the fastest path that the planner finds.",
-        _motion_to(nested(FreeTargetModel), _WAYPOINTS, ("blend",)),
-        _free,
+        _motion_type(nested_type(FreeTargetModel), _WAYPOINTS, ("blend",)),
+        _free_motions,
     ),
     MotionKey(
         "line",
         "Straight line of the tip, with proportional spin.",
-        _motion_to(nested(PointModel), _through(PointModel, _CORNERS) | _SPEED_KEY),
-        _curve,
+        _motion_type(nested_type(PointModel), _through_key(PointModel, _CORNERS) | _SPEED_KEY),
+        _curve_motions,
     ),
     MotionKey(
         "arc",
         "Circular arc of the tip, with proportional spin.",
-        _motion_to(nested(PointModel), _ARC_KEYS | _SPEED_KEY),
-        _curve,
+        _motion_type(nested_type(PointModel), _ARC_KEYS | _SPEED_KEY),
+        _curve_motions,
     ),
     MotionKey(
         "retina",
         "Motion along the retina at a constant distance.",
-        _motion_to(nested(TaskModel), _RETINA_KEYS, ("blend",)),
-        _retina,
+        _motion_type(nested_type(TaskModel), _RETINA_KEYS, ("blend",)),
+        _retina_motions,
     ),
     MotionKey(
         "spline",
         "Smooth curve of the joints through points.",
-        _motion_to(nested(PointModel), _WAYPOINTS, ("blend",)),
-        _curve,
+        _motion_type(nested_type(PointModel), _WAYPOINTS, ("blend",)),
+        _curve_motions,
     ),
     MotionKey(
         "path",
         "CSV with joints, task coordinates, or tip and spin, and units in the headings.",
         Text,
-        _path,
+        _path_motions,
     ),
-    MotionKey("dwell", "Pause at rest.", reading(Dwell, "duration"), _dwell),
-    MotionKey("scan", "Spots on the retina.", nested(ScanModel), _scan),
+    MotionKey("dwell", "Pause at rest.", field_type(Dwell, "duration"), _dwell_motions),
+    MotionKey("scan", "Spots on the retina.", nested_type(ScanModel), _scan_motions),
 )
-MOTIONS: Registry[MotionKey] = Registry("ssm_planner.motions", "motion", *_KEYS)
+MOTIONS: Registry[MotionKey] = Registry("ssm_planner.motions", "motion", *_BUILT_IN_MOTIONS)
 """All keys that describe motions."""
-BUILT_IN = tuple(key.name for key in _KEYS)
+BUILT_IN_KEYS = tuple(key.name for key in _BUILT_IN_MOTIONS)
 """Keys that this package defines. Other packages can register further keys."""
-_EXPANDED = {
-    "repeat": optional(nested(RepeatModel), "Motions to repeat."),
-    "include": optional(
+_EXPANDED_KEYS = {
+    "repeat": optional_key(nested_type(RepeatModel), "Motions to repeat."),
+    "include": optional_key(
         Text, "Problem file whose motions are inserted. It has separate names of points."
     ),
 }
 """Keys that `missions` replaces by motions."""
 
 
-def motion_list(names: tuple[str, ...]) -> Any:
+def motion_list_type(names: tuple[str, ...]) -> Any:
     """Build the type of a motion list whose entries have the keys `names` of `MOTIONS`."""
-    keys = {name: optional(MOTIONS[name].value_type, MOTIONS[name].description) for name in names}
-    entry = Annotated[Any, Part(model_from(keys | _EXPANDED, base=_EntryModel))]
+    keys = {
+        name: optional_key(MOTIONS[name].value_type, MOTIONS[name].description) for name in names
+    }
+    entry = Annotated[Any, Nested(build_keys_model(keys | _EXPANDED_KEYS, base=_EntryModel))]
     return Annotated[list[entry], Field(min_length=1, max_length=LONGEST_MOTION)]
 
 
 def motions_from(section: Section, value: Any) -> tuple[Motion, ...]:
     """Build the motions that the value of a key describes. Raises ProblemError if it is invalid."""
-    with located(section):
+    with locate_errors(section):
         return tuple(MOTIONS[str(section.path[-1])].motions(section, value))
 
 
@@ -461,12 +485,16 @@ def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
     return locations
 
 
-def set_coordinates(model: Any) -> dict[str, float]:
+def stated_coordinates(model: Any) -> dict[str, float]:
     """Return the task coordinates or rates that a file states, by name.
 
     Missing coordinates and a free spin are omitted.
     """
-    return {name: value for name in TASK if (value := getattr(model, name)) not in (None, FREE)}
+    return {
+        name: value
+        for name in TASK_COORDINATES
+        if (value := getattr(model, name)) not in (None, FREE_SPIN)
+    }
 
 
 def point_from(section: Section, model: Any) -> Point:
@@ -475,9 +503,9 @@ def point_from(section: Section, model: Any) -> Point:
     `model` is the validated section. Raises ProblemError if a value is invalid.
     """
     line = section.line()
-    with located(section, {"values": ("joints",), "position": ("tip",)}):
+    with locate_errors(section, {"values": ("joints",), "position": ("tip",)}):
         if model.joints is not None:
             return Joints(model.joints, line)
         if model.tip is not None:
-            return Tip(model.tip, 0.0 if model.spin == FREE else model.spin, line)
-        return Task(**set_coordinates(model), line=line)
+            return Tip(model.tip, 0.0 if model.spin == FREE_SPIN else model.spin, line)
+        return Task(**stated_coordinates(model), line=line)

@@ -15,40 +15,45 @@ from pydantic import Field
 
 from ssm_planner.loading.schema import (
     POSITIVE,
-    SOURCE,
+    SOURCE_KEY,
+    Boolean,
     Figure,
-    Truth,
-    located,
-    model_of,
-    optional,
-    quantity,
-    sourced_field,
-    validated,
+    build_class_model,
+    locate_errors,
+    optional_key,
+    quantity_reader,
+    sourced_reader,
+    validate_section,
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.package_table import package_table
 from ssm_planner.problem import Motor
 
 
-def _check(quantity_kind: str, description: str) -> Any:
+def _comparison_figure(quantity_kind: str, description: str) -> Any:
     """Return the type of a quantity that is only compared with other quantities of the file."""
-    hint = Annotated[Figure, sourced_field(quantity(quantity_kind, POSITIVE))]
-    return optional(hint, f"{description}, only to check other figures.")
+    hint = Annotated[Figure, sourced_reader(quantity_reader(quantity_kind, POSITIVE))]
+    return optional_key(hint, f"{description}, only to check other figures.")
 
 
-CHECKS = {
-    "speed_constant": _check("speed_constant", "Speed constant"),
-    "stall_torque": _check("torque", "Stall torque"),
-    "nominal_speed": _check("motor_speed", "Speed at nominal torque and nominal voltage"),
-    "no_load_speed": _check("motor_speed", "Speed without a load at nominal voltage"),
-    "mechanical_time_constant": _check("time", "Mechanical time constant"),
+COMPARISON_FIGURES = {
+    "speed_constant": _comparison_figure("speed_constant", "Speed constant"),
+    "stall_torque": _comparison_figure("torque", "Stall torque"),
+    "nominal_speed": _comparison_figure(
+        "motor_speed", "Speed at nominal torque and nominal voltage"
+    ),
+    "no_load_speed": _comparison_figure("motor_speed", "Speed without a load at nominal voltage"),
+    "mechanical_time_constant": _comparison_figure("time", "Mechanical time constant"),
 }
-MotorModel = model_of(
+MotorModel = build_class_model(
     Motor,
     {
-        "source": SOURCE,
-        "placeholder": (Truth, Field(False, description="True if every figure is a placeholder.")),
-        **CHECKS,
+        "source": SOURCE_KEY,
+        "placeholder": (
+            Boolean,
+            Field(False, description="True if every figure is a placeholder."),
+        ),
+        **COMPARISON_FIGURES,
     },
     sourced=True,
 )
@@ -58,7 +63,7 @@ REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance and torque constant, K."""
 
 
-RULES = package_table(Path(__file__).with_suffix(".csv"))
+PLAUSIBILITY_RULES = package_table(Path(__file__).with_suffix(".csv"))
 """Ranges, from `low` to `high`, of products of powers of figures in SI units.
 
 `figure` is the name that messages contain, and `product` is a text such as `nominal_voltage
@@ -73,7 +78,7 @@ def motor_from(section: Section) -> Motor:
 
     Raises ProblemError if a value is invalid, implausible or without a source.
     """
-    model: Any = validated(section, MotorModel)
+    model: Any = validate_section(section, MotorModel)
     sourced = model.sourced_figures()
     for name, entry in sourced.items():
         if entry.source is None and model.source is None:
@@ -81,7 +86,7 @@ def motor_from(section: Section) -> Motor:
             raise section.error("no source", name, allowed=allowed, show=False)
     values = {name: entry.value for name, entry in sourced.items()}
     _check_figures(section, values)
-    with located(section):
+    with locate_errors(section):
         return Motor(
             model.name,
             sources={name: entry.source or model.source for name, entry in sourced.items()},
@@ -89,7 +94,7 @@ def motor_from(section: Section) -> Motor:
                 name for name, entry in sourced.items() if model.placeholder or entry.placeholder
             ),
             file=section.file_name,
-            **{name: value for name, value in values.items() if name not in CHECKS},
+            **{name: value for name, value in values.items() if name not in COMPARISON_FIGURES},
         )
 
 
@@ -112,12 +117,12 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
     figures["heating_current"] = values.get("nominal_current", figures["nominal_torque"] / constant)
     if "mechanical_time_constant" not in values:
         figures["rotor_time"] = figures["rotor_inertia"] * resistance / constant**2
-    for rule in RULES:
+    for rule in PLAUSIBILITY_RULES:
         check_rule(section, figures, rule)
 
 
 def check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[str]) -> None:
-    """Raise ProblemError if figures violate a rule such as those of `RULES`.
+    """Raise ProblemError if figures violate a rule such as those of `PLAUSIBILITY_RULES`.
 
     A product of NaN violates none.
     """

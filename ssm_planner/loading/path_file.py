@@ -13,17 +13,17 @@ from pathlib import Path
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.tables import table_rows
 from ssm_planner.loading.yaml_nodes import Section
-from ssm_planner.problem import TASK, Follow, Joints, Motion, Point, Task, Tip
+from ssm_planner.problem import TASK_COORDINATES, Follow, Joints, Motion, Point, Task, Tip
 from ssm_planner.units import ANGLES, LENGTHS, of_heading
 
 MAX_POINTS = 20_000
 """Largest number of points in a table."""
 JOINT_COLUMNS = ("q1", "q2", "q3", "q4")
 TIP_COLUMNS = ("x", "y", "z")
-COORDINATE_COLUMNS = (*JOINT_COLUMNS, *TASK, *TIP_COLUMNS)
+COORDINATE_COLUMNS = (*JOINT_COLUMNS, *TASK_COORDINATES, *TIP_COLUMNS)
 IGNORED_COLUMNS = re.compile(r"t|time.*|qd+\d|motor\d_.*")
 """Columns of trajectories that a path does not need."""
-FORMS = (
+COLUMN_FORMS = (
     "q1, q2, q3, q4; or any of roll, tilt, spin, depth; or x, y, z and spin: each with its "
     "unit, such as 'tilt [deg]'"
 )
@@ -58,10 +58,10 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
             f"the file {file} {reason}", allowed="a CSV file, named relative to this one"
         )
     rows = table_rows(file)
-    columns = _columns(*next(rows), file)
+    columns = _identify_columns(*next(rows), file)
     points: list[Point] = []
     for row, cells in rows:
-        points.append(_point(_numbers(cells, columns, (file, row)), row))
+        points.append(_build_point(_row_values(cells, columns, (file, row)), row))
         if len(points) > MAX_POINTS:
             raise ProblemError(
                 "too many points", file=file, line=row, allowed=f"at most {MAX_POINTS}"
@@ -75,7 +75,7 @@ def path_from(section: Section, name: str, line: int | None) -> Follow:
     return Follow(points[-1], tuple(points[:-1]), name, curve="samples", file=str(file), line=line)
 
 
-def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
+def _identify_columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int, float]]:
     """Return the index of the column and the factor to SI units for each coordinate.
 
     The coordinates are joint positions, task coordinates, or tip position and spin.
@@ -95,7 +95,7 @@ def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int,
         If the headings do not describe exactly one kind of coordinates.
     """
 
-    def refused(reason: str, key: str | None = None, allowed: str = FORMS) -> ProblemError:
+    def refused(reason: str, key: str | None = None, allowed: str = COLUMN_FORMS) -> ProblemError:
         return ProblemError(reason, file=file, line=line, key=key, allowed=allowed)
 
     columns: dict[str, tuple[int, float]] = {}
@@ -120,12 +120,12 @@ def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int,
     names_found = set(columns)
     if names_found & set(JOINT_COLUMNS):
         form: tuple[str, ...] = JOINT_COLUMNS
-    elif names_found & set(TIP_COLUMNS) and not set(TASK) <= names_found:
+    elif names_found & set(TIP_COLUMNS) and not set(TASK_COORDINATES) <= names_found:
         form = (*TIP_COLUMNS, "spin")
         if unexpected := sorted(names_found - set(form)):
             raise refused("redundant: the tip determines it", unexpected[0])
     else:
-        form = tuple(name for name in TASK if name in names_found)
+        form = tuple(name for name in TASK_COORDINATES if name in names_found)
     if missing := [name for name in form if name not in names_found]:
         raise refused(f"missing column {', '.join(missing)}")
     if not form:
@@ -133,7 +133,7 @@ def _columns(line: int, names: list[str], file: Path) -> Mapping[str, tuple[int,
     return {name: columns[name] for name in form}
 
 
-def _numbers(
+def _row_values(
     cells: list[str], columns: Mapping[str, tuple[int, float]], location: tuple[Path, int]
 ) -> Mapping[str, float]:
     """Convert the cells of a row to values in SI units, by coordinate.
@@ -170,7 +170,7 @@ def _numbers(
     return values
 
 
-def _point(values: Mapping[str, float], line: int) -> Point:
+def _build_point(values: Mapping[str, float], line: int) -> Point:
     """Build the point with these coordinates in SI units. `line` is its line in the table."""
     if "q1" in values:
         return Joints((values["q1"], values["q2"], values["q3"], values["q4"]), line)
@@ -180,7 +180,7 @@ def _point(values: Mapping[str, float], line: int) -> Point:
 
 
 @contextmanager
-def in_tables(motion: tuple[Motion, ...]) -> Iterator[None]:
+def locate_table_errors(motion: tuple[Motion, ...]) -> Iterator[None]:
     """Name the table, its line and its column in errors that concern one of its points.
 
     `motion` contains the motions of the problem. Other errors are raised unchanged.

@@ -12,45 +12,51 @@ from typing import Annotated, Any
 import numpy as np
 
 from ssm_planner import units
-from ssm_planner.loading.files import follow
-from ssm_planner.loading.missions import written_out
+from ssm_planner.loading.files import follow_reference
+from ssm_planner.loading.missions import expand_abbreviations
 from ssm_planner.loading.motions import (
-    BUILT_IN,
+    BUILT_IN_KEYS,
     MOTIONS,
     KeyPath,
     PointModel,
+    accept_keyword,
     key_locations,
-    motion_list,
+    motion_list_type,
     motions_from,
-    or_word,
     point_from,
-    set_coordinates,
+    stated_coordinates,
 )
-from ssm_planner.loading.path_file import in_tables
-from ssm_planner.loading.robots import RANGES, Rotations, ranges_from, robot_from, rotation
+from ssm_planner.loading.path_file import locate_table_errors
+from ssm_planner.loading.robots import (
+    RANGE_KEYS,
+    Rotations,
+    chain_rotation,
+    ranges_from,
+    robot_from,
+)
 from ssm_planner.loading.schema import (
     POSITIVE,
-    UNBOUND,
+    UNBOUNDED,
     Axis,
     Reference,
     Text,
-    by_joint,
-    interval,
-    located,
-    model_from,
-    model_of,
-    nested,
-    optional,
-    positive,
-    quantity,
-    reading,
-    required,
-    validated,
+    build_class_model,
+    build_keys_model,
+    field_type,
+    interval_reader,
+    joint_mapping_model,
+    locate_errors,
+    nested_type,
+    optional_key,
+    positive_type,
+    quantity_reader,
+    required_key,
+    validate_section,
 )
-from ssm_planner.loading.schema import Field as Reader
+from ssm_planner.loading.schema import Reader as Reader
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import (
-    TASK,
+    TASK_COORDINATES,
     Bound,
     Eye,
     Joint,
@@ -66,114 +72,124 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array
 from ssm_planner.units import KINDS
 
-ONCE = "once"
+DUTY_ONCE = "once"
 """Duty of a motion that does not repeat."""
 AXIS_TOLERANCE = math.radians(0.5)
 """Largest deviation of the lens axes from a right angle, rad. Smaller deviations are corrected."""
 
 
-def _rate(name: str, bound: Bound = UNBOUND) -> Any:
+def _rate_type(name: str, bound: Bound = UNBOUNDED) -> Any:
     """Return the type of the rate of a task coordinate (such as "tilt") with bounds in SI units."""
-    return Annotated[Any, quantity("velocity" if name == "depth" else "angular_velocity", bound)]
+    return Annotated[
+        Any, quantity_reader("velocity" if name == "depth" else "angular_velocity", bound)
+    ]
 
 
-def _bound_field(limit_type: type[ToolLimit]) -> Any:
+def _tool_limit_type(limit_type: type[ToolLimit]) -> Any:
     """Return the type of the bound of a limit on the tool, which must be positive."""
     (kind_name, *_) = (
         name for name, candidate in KINDS.items() if candidate.unit == limit_type.unit
     )
-    return positive(kind_name)
+    return positive_type(kind_name)
 
 
-LensModel = model_of(
+LensModel = build_class_model(
     Lens,
     {
-        "axis": required(Axis, "Direction of the third semi-axis, of any length."),
-        "first_axis": optional(
+        "axis": required_key(Axis, "Direction of the third semi-axis, of any length."),
+        "first_axis": optional_key(
             Axis, "Direction of the first semi-axis, required if it differs from the second."
         ),
     },
 )
-EyeModel = model_of(Eye, {"lens": optional(nested(LensModel))})
+EyeModel = build_class_model(Eye, {"lens": optional_key(nested_type(LensModel))})
 
 
-_SHARE = Reader(units.share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
+_Percentage = Reader(units.share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
 _TOOL_KEYS = {
-    kind.field: optional(
-        _bound_field(kind), " ".join(str(kind.__doc__).partition("Examples")[0].split())
+    kind.field: optional_key(
+        _tool_limit_type(kind), " ".join(str(kind.__doc__).partition("Examples")[0].split())
     )
     for kind in ToolLimit.kinds()
 }
 _RATE_KEYS = {
-    TaskRate.field_of(name): optional(_rate(name, POSITIVE), "Largest, by magnitude.")
-    for name in TASK
+    TaskRate.field_of(name): optional_key(_rate_type(name, POSITIVE), "Largest, by magnitude.")
+    for name in TASK_COORDINATES
 }
 _MARGIN_KEYS = {
-    "friction": optional(
-        Annotated[Any, _SHARE],
+    "friction": optional_key(
+        Annotated[Any, _Percentage],
         "Confidence level of the drives' friction for which motor torques hold.",
     ),
-    "payload": optional(
-        Annotated[Any, interval("mass")], "Point masses at the tip for which motor torques hold."
+    "payload": optional_key(
+        Annotated[Any, interval_reader("mass")],
+        "Point masses at the tip for which motor torques hold.",
     ),
 }
-LimitsModel = model_from({**RANGES, **_TOOL_KEYS, **_RATE_KEYS, **_MARGIN_KEYS})
-RatesModel = model_from({name: optional(_rate(name), f"Rate of the {name}.") for name in TASK})
-_PAUSE = quantity("time", Bound(at_least=0.0))
-_DUTY = Annotated[Any, or_word(_PAUSE, ONCE, f"a pause before the motion repeats, or {ONCE}")]
-_NAMED_POINTS = Annotated[
+LimitsModel = build_keys_model({**RANGE_KEYS, **_TOOL_KEYS, **_RATE_KEYS, **_MARGIN_KEYS})
+RatesModel = build_keys_model(
+    {name: optional_key(_rate_type(name), f"Rate of the {name}.") for name in TASK_COORDINATES}
+)
+_PAUSE_READER = quantity_reader("time", Bound(at_least=0.0))
+_Duty = Annotated[
+    Any,
+    accept_keyword(_PAUSE_READER, DUTY_ONCE, f"a pause before the motion repeats, or {DUTY_ONCE}"),
+]
+_NamedPoints = Annotated[
     dict[str, Any],
     Reader(lambda value: value, {"type": "object", "additionalProperties": {"type": "object"}}),
 ]
 
 
-def _overrides(slides: bool) -> Any:
+def _joint_overrides_model(slides: bool) -> Any:
     """Build the model of joint limits that replace those of the robot.
 
     `slides` is true for the prismatic joint.
     """
     names = ("velocity", "acceleration", "jerk")
     keys = {
-        name: optional(reading(Joint, name, slides), "Value instead of the robot's.")
+        name: optional_key(field_type(Joint, name, slides), "Value instead of the robot's.")
         for name in names
     }
-    return model_from(keys)
+    return build_keys_model(keys)
 
 
-OverridesModel = by_joint(_overrides)
-_START = "Start point: four task coordinates, or joints, or tip with spin."
+OverridesModel = joint_mapping_model(_joint_overrides_model)
+_START_TEXT = "Start point: four task coordinates, or joints, or tip with spin."
 
 
 @cache
 def problem_model(motion_keys: tuple[str, ...]) -> Any:
     """Build the model of problem files whose motions have the keys `motion_keys` of `MOTIONS`."""
     keys = {
-        "name": optional(Text, "Name. The default is the file's name without its suffix."),
+        "name": optional_key(Text, "Name. The default is the file's name without its suffix."),
         "robot": (Reference, ...),
-        "start": required(nested(PointModel), _START),
-        "motion": (motion_list(motion_keys), ...),
-        "limits": (nested(LimitsModel), LimitsModel()),
-        "eye": optional(nested(EyeModel)),
-        "start_rate": (nested(RatesModel), RatesModel()),
-        "end_rate": (nested(RatesModel), RatesModel()),
-        "duty": (_DUTY, 0.0),
-        "points": optional(
-            _NAMED_POINTS, "Named points that `start`, `to`, `through` and `at` may use."
+        "start": required_key(nested_type(PointModel), _START_TEXT),
+        "motion": (motion_list_type(motion_keys), ...),
+        "limits": (nested_type(LimitsModel), LimitsModel()),
+        "eye": optional_key(nested_type(EyeModel)),
+        "start_rate": (nested_type(RatesModel), RatesModel()),
+        "end_rate": (nested_type(RatesModel), RatesModel()),
+        "duty": (_Duty, 0.0),
+        "points": optional_key(
+            _NamedPoints, "Named points that `start`, `to`, `through` and `at` may use."
         ),
-        "joints": optional(nested(OverridesModel), "Limits of joints instead of the robot's."),
-        "speed": optional(
-            Annotated[Any, _SHARE], "Share of the largest joint velocities, such as 30 %."
+        "joints": optional_key(
+            nested_type(OverridesModel), "Limits of joints instead of the robot's."
         ),
-        "mounting": optional(
+        "speed": optional_key(
+            Annotated[Any, _Percentage], "Share of the largest joint velocities, such as 30 %."
+        ),
+        "mounting": optional_key(
             Rotations,
             "Rotation of the robot's base relative to the pose for which its file states gravity.",
         ),
-        "tip_payload": optional(
-            positive("mass"), "Point mass at the tip in addition to the robot's bodies."
+        "tip_payload": optional_key(
+            positive_type("mass"), "Point mass at the tip in addition to the robot's bodies."
         ),
     }
     without = ("friction", "payload", "start_acceleration", "excess_ranges")
-    return model_of(Problem, keys, without=without)
+    return build_class_model(Problem, keys, without=without)
 
 
 def _motion_keys(section: Section) -> tuple[str, ...]:
@@ -185,7 +201,7 @@ def _motion_keys(section: Section) -> tuple[str, ...]:
     entries = section.value.get("motion")
     mappings = [entry for entry in entries if isinstance(entry, dict)] if entries else []
     names = {name for entry in mappings for name in entry}
-    return BUILT_IN if names <= set(BUILT_IN) else tuple(MOTIONS)
+    return BUILT_IN_KEYS if names <= set(BUILT_IN_KEYS) else tuple(MOTIONS)
 
 
 def problem_from(section: Section) -> Problem:
@@ -193,21 +209,21 @@ def problem_from(section: Section) -> Problem:
 
     Raises ProblemError if a value is invalid.
     """
-    section = written_out(section)
+    section = expand_abbreviations(section)
     if "geometry" in section.value:
         raise section.error(
             "a robot file instead of a problem file", allowed="a file with start and motion"
         )
-    model: Any = validated(section, problem_model(_motion_keys(section)))
-    robot = _robot(section, model)
+    model: Any = validate_section(section, problem_model(_motion_keys(section)))
+    robot = _robot_from(section, model)
     if (
         model.start.joints is None
         and model.start.tip is None
-        and (missing := set(TASK) - set(set_coordinates(model.start)))
+        and (missing := set(TASK_COORDINATES) - set(stated_coordinates(model.start)))
     ):
-        missing_name = next(name for name in TASK if name in missing)
+        missing_name = next(name for name in TASK_COORDINATES if name in missing)
         reason = "missing: a start needs all four coordinates"
-        raise section.error(reason, "start", missing_name, allowed=", ".join(TASK))
+        raise section.error(reason, "start", missing_name, allowed=", ".join(TASK_COORDINATES))
     motions: list[Motion] = []
     locations: dict[str, KeyPath] = {
         "start.values": ("start", "joints"),
@@ -221,34 +237,34 @@ def problem_from(section: Section) -> Problem:
         for motion in motions_from(section.sub("motion", i, name), value):
             locations |= key_locations(f"motion[{len(motions)}]", ("motion", i, name), value)
             motions.append(motion)
-    with located(section, locations), in_tables(tuple(motions)):
+    with locate_errors(section, locations), locate_table_errors(tuple(motions)):
         problem = Problem(
             name=model.name or section.name,
             robot=robot,
             start=point_from(section.sub("start"), model.start),
             motion=tuple(motions),
-            limits=(*ranges_from(model.limits), *_speeds(model.limits)),
+            limits=(*ranges_from(model.limits), *_rate_and_tool_limits(model.limits)),
             friction=model.limits.friction,
             payload=model.limits.payload,
             objective=model.objective,
             duration=model.duration,
-            duty=None if model.duty == ONCE else model.duty,
+            duty=None if model.duty == DUTY_ONCE else model.duty,
             planner=model.planner,
-            start_rate=_rates(model.start_rate),
-            end_rate=_rates(model.end_rate),
+            start_rate=_nonzero_rates(model.start_rate),
+            end_rate=_nonzero_rates(model.end_rate),
             file=section.file_name,
-            eye=None if model.eye is None else _eye(section.sub("eye"), model.eye),
+            eye=None if model.eye is None else _eye_from(section.sub("eye"), model.eye),
         )
         problem.check_total()
     return problem
 
 
-def _robot(section: Section, model: Any) -> Robot:
+def _robot_from(section: Section, model: Any) -> Robot:
     """Build the robot of a problem with the problem's joint limits, mounting and payload.
 
     Raises ProblemError if a value is invalid.
     """
-    robot = robot_from(follow(section, "robot"))
+    robot = robot_from(follow_reference(section, "robot"))
     if model.speed is not None and not 0 < model.speed <= 1:
         raise section.error(
             "invalid share of the speed", "speed", allowed="above 0 and at most 100 %"
@@ -269,7 +285,7 @@ def _robot(section: Section, model: Any) -> Robot:
             raise section.error(
                 f"names {preset}, an angle of the robot", "mounting", allowed="angles"
             )
-        turn = rotation(tuple((axis, float(angle)) for axis, angle in model.mounting))
+        turn = chain_rotation(tuple((axis, float(angle)) for axis, angle in model.mounting))
         gravity = read_only_array(turn.T @ gravity, (3,))
     robot = replace(robot, joints=tuple(joints), gravity=gravity)
     if not model.tip_payload:
@@ -279,14 +295,14 @@ def _robot(section: Section, model: Any) -> Robot:
     return with_payload(robot, model.tip_payload)
 
 
-def _rates(model: Any) -> dict[str, float]:
+def _nonzero_rates(model: Any) -> dict[str, float]:
     """Return the rates of task coordinates at one end that are not 0, by name."""
-    return {name: rate for name, rate in set_coordinates(model).items() if rate}
+    return {name: rate for name, rate in stated_coordinates(model).items() if rate}
 
 
-def _speeds(model: Any) -> Iterable[Limit]:
+def _rate_and_tool_limits(model: Any) -> Iterable[Limit]:
     """Yield the limits on the rates of task coordinates and on the tool."""
-    for name in TASK:
+    for name in TASK_COORDINATES:
         if (bound := getattr(model, TaskRate.field_of(name))) is not None:
             yield TaskRate(name, bound)
     for limit_type in ToolLimit.kinds():
@@ -294,18 +310,20 @@ def _speeds(model: Any) -> Iterable[Limit]:
             yield limit_type(bound)
 
 
-def _eye(section: Section, model: Any) -> Eye:
+def _eye_from(section: Section, model: Any) -> Eye:
     """Build the eye that a section describes. Raises ProblemError if a value is invalid."""
     lens = None
     if model.lens is not None:
         lens_section = section.sub("lens")
-        with located(lens_section):
-            lens = Lens(model.lens.centre, model.lens.semi_axes, _frame(lens_section, model.lens))
-    with located(section):
+        with locate_errors(lens_section):
+            lens = Lens(
+                model.lens.centre, model.lens.semi_axes, _lens_frame(lens_section, model.lens)
+            )
+    with locate_errors(section):
         return Eye(**{**dict(model), "lens": lens})
 
 
-def _frame(section: Section, model: Any) -> Array:
+def _lens_frame(section: Section, model: Any) -> Array:
     """Return the rotation matrix (3, 3) whose columns are the directions of the lens's semi-axes.
 
     Raises ProblemError if the directions in the file are not perpendicular.

@@ -14,41 +14,41 @@ from ssm_planner import units
 from ssm_planner.dynamics import shapes
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from
-from ssm_planner.loading.files import follow
+from ssm_planner.loading.files import follow_reference
 from ssm_planner.loading.motors import motor_from
 from ssm_planner.loading.schema import (
     POSITIVE,
-    SOURCE,
+    SOURCE_KEY,
     Axis,
-    Field,
     Model,
-    Part,
+    Nested,
+    Reader,
     Reference,
-    by_joint,
-    interval,
-    located,
-    model_from,
-    model_of,
-    nested,
-    optional,
-    quantity,
-    required,
-    validated,
-    vector,
-    wrong,
+    build_class_model,
+    build_keys_model,
+    interval_reader,
+    invalid_value,
+    joint_mapping_model,
+    locate_errors,
+    nested_type,
+    optional_key,
+    quantity_reader,
+    required_key,
+    validate_section,
+    vector_reader,
 )
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import (
     JOINTS,
-    SMALLEST_ANGLE,
-    TASK,
+    SMALLEST_AXIS_ANGLE,
+    TASK_COORDINATES,
     Body,
     Bound,
     Geometry,
     Joint,
     Robot,
     TaskRange,
-    possible,
+    is_possible_inertia,
     principal_moments,
     read_only_array,
     unit_vector,
@@ -59,7 +59,7 @@ ANGLE_NAMES = ("alpha", "home_tilt", "home_roll")
 """Angles of the geometry that a frame may name, so that the bodies depend on them."""
 
 
-def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
+def _parse_rotations(value: object) -> tuple[tuple[str, float | str], ...]:
     """Read a chain of rotations, such as [x 90 deg, y alpha].
 
     Each entry consists of an axis, and of an angle in rad or the name of an angle of the geometry.
@@ -69,41 +69,41 @@ def _rotations(value: object) -> tuple[tuple[str, float | str], ...]:
         "deg] or [y alpha]"
     )
     if not isinstance(value, list):
-        raise wrong("invalid chain of rotations", allowed)
+        raise invalid_value("invalid chain of rotations", allowed)
     chain: list[tuple[str, float | str]] = []
     for item in value:
         axis, _, angle = item.strip().partition(" ") if isinstance(item, str) else ("", "", "")
         if axis not in ("x", "y", "z"):
-            raise wrong(f"{item!r} does not start with x, y or z", allowed)
+            raise invalid_value(f"{item!r} does not start with x, y or z", allowed)
         follows = angle.strip().removeprefix("-") in ANGLE_NAMES
         chain.append((axis, angle.strip() if follows else units.quantity(angle, "angle")))
     return tuple(chain)
 
 
-_ROTATIONS = Field(
-    _rotations,
+_ROTATIONS_READER = Reader(
+    _parse_rotations,
     {"type": "array", "items": {"type": "string"}},
     ("angle",),
     "such as [x 90 deg, y 30 deg]",
 )
-Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS]
-_Angle = Annotated[float, quantity("angle")] | None
-_PositiveAngle = Annotated[float, quantity("angle", POSITIVE)] | None
-_Position = Annotated[tuple[float, float, float], vector("length", "length", "length")]
+Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS_READER]
+_Angle = Annotated[float, quantity_reader("angle")] | None
+_PositiveAngle = Annotated[float, quantity_reader("angle", POSITIVE)] | None
+_Position = Annotated[tuple[float, float, float], vector_reader("length", "length", "length")]
 """Position of a point, or lengths along the axes."""
-_Length = Annotated[float, quantity("length", POSITIVE)]
-_Mass = Annotated[float, quantity("mass", Bound(at_least=0.0))]
-_Density = Annotated[float, quantity("density", POSITIVE)]
+_Length = Annotated[float, quantity_reader("length", POSITIVE)]
+_Mass = Annotated[float, quantity_reader("mass", Bound(at_least=0.0))]
+_Density = Annotated[float, quantity_reader("density", POSITIVE)]
 _Side = Literal["positive", "negative"]
-_MOTORS = tuple(f"motor {name}" for name in JOINTS)
-_MASS_FIELD = Field(
-    lambda value: value if value in _MOTORS else units.quantity(value, "mass"),
+_MOTOR_MASSES = tuple(f"motor {name}" for name in JOINTS)
+_MASS_READER = Reader(
+    lambda value: value if value in _MOTOR_MASSES else units.quantity(value, "mass"),
     {"type": "string"},
     ("mass",),
-    f"or {', '.join(_MOTORS)}",
+    f"or {', '.join(_MOTOR_MASSES)}",
 )
-_Moment = Annotated[float, quantity("inertia", Bound(at_least=0.0))]
-_Product = Annotated[float, quantity("inertia")]
+_Moment = Annotated[float, quantity_reader("inertia", Bound(at_least=0.0))]
+_Product = Annotated[float, quantity_reader("inertia")]
 
 
 class AxesModel(Model):
@@ -171,7 +171,7 @@ class _PlacedMass(_Solid):
 
     at: _Position
     """Position of the centre."""
-    mass: Annotated[float | str, _MASS_FIELD]
+    mass: Annotated[float | str, _MASS_READER]
     """Mass as a quantity, or the motor that has it: motor roll, motor tilt …"""
 
 
@@ -245,10 +245,10 @@ class _BodyModel(Model):
     """Rotation relative to the previous body at q = 0."""
 
 
-BodyModel = model_of(
-    Body, {"mass": optional(_Mass, "Or parts.")}, base=_BodyModel, without=("com",)
+BodyModel = build_class_model(
+    Body, {"mass": optional_key(_Mass, "Or parts.")}, base=_BodyModel, without=("com",)
 )
-_ACTUATION: Keywords = {
+_ACTUATION_KEYS: Keywords = {
     "drive": (Reference | None, None),
     "motor": (Reference | None, None),
     "alternatives": (list[Reference], []),
@@ -257,29 +257,30 @@ _ACTUATION: Keywords = {
 
 def _joint_model(slides: bool) -> Any:
     """Return the model of a joint that is revolute or, if `slides` is true, prismatic."""
-    return model_of(Joint, _ACTUATION, slides=slides, without=("name", "kind"))
+    return build_class_model(Joint, _ACTUATION_KEYS, slides=slides, without=("name", "kind"))
 
 
-JointsModel = by_joint(_joint_model, every=True)
-RANGES = {
-    name: optional(
-        Annotated[Any, interval("length" if name == "depth" else "angle")], f"Range of the {name}."
+JointsModel = joint_mapping_model(_joint_model, every=True)
+RANGE_KEYS = {
+    name: optional_key(
+        Annotated[Any, interval_reader("length" if name == "depth" else "angle")],
+        f"Range of the {name}.",
     )
-    for name in TASK
+    for name in TASK_COORDINATES
 }
 """Keys of the ranges of the task coordinates."""
-RangesModel = model_from(RANGES)
-_BODIES = PydanticField(
+RangesModel = build_keys_model(RANGE_KEYS)
+_BODIES_INFO = PydanticField(
     min_length=4, max_length=4, description="Bodies that joints 1 to 4 move, in this order."
 )
-RobotModel = model_of(
+RobotModel = build_class_model(
     Robot,
     {
-        "source": SOURCE,
-        "geometry": required(GeometryModel, "Axes of joints 1 to 3, as vectors or as angles."),
-        "bodies": (list[Annotated[Any, Part(BodyModel)]], _BODIES),
-        "joints": required(nested(JointsModel), "Ranges, limits and actuation."),
-        "limits": (nested(RangesModel), RangesModel()),
+        "source": SOURCE_KEY,
+        "geometry": required_key(GeometryModel, "Axes of joints 1 to 3, as vectors or as angles."),
+        "bodies": (list[Annotated[Any, Nested(BodyModel)]], _BODIES_INFO),
+        "joints": required_key(nested_type(JointsModel), "Ranges, limits and actuation."),
+        "limits": (nested_type(RangesModel), RangesModel()),
     },
 )
 """Model of a robot file."""
@@ -294,21 +295,22 @@ def robot_from(section: Section) -> Robot:
 
     Raises ProblemError if a value is invalid.
     """
-    model: Any = validated(section, RobotModel)
-    omegas = _axes(section.sub("geometry"), model.geometry)
+    model: Any = validate_section(section, RobotModel)
+    omegas = _joint_axes(section.sub("geometry"), model.geometry)
     frames: list[Array] = []
     for i, body in enumerate(model.bodies):
-        turn = _frame(section.sub("bodies", i), body.frame, model.geometry)
+        turn = _frame_from(section.sub("bodies", i), body.frame, model.geometry)
         frames.append((frames[-1] if frames else np.eye(3)) @ turn)
-    geometry = _geometry(section.sub("geometry"), model.geometry, omegas, frames[-1])
+    geometry = _geometry_from(section.sub("geometry"), model.geometry, omegas, frames[-1])
     joints: Any = tuple(
-        _joint(section.sub("joints", name), name, getattr(model.joints, name)) for name in JOINTS
+        _joint_from(section.sub("joints", name), name, getattr(model.joints, name))
+        for name in JOINTS
     )
     bodies: Any = []
     for i, body in enumerate(model.bodies):
         setting = _BodyPlacement(i, frames, geometry, joints)
-        bodies.append(_body(section.sub("bodies", i), body, setting))
-    with located(section):
+        bodies.append(_body_from(section.sub("bodies", i), body, setting))
+    with locate_errors(section):
         return Robot(
             name=model.name,
             geometry=geometry,
@@ -322,11 +324,11 @@ def robot_from(section: Section) -> Robot:
 
 def ranges_from(model: Any) -> tuple[TaskRange, ...]:
     """Return the ranges of task coordinates that a robot or problem file states."""
-    ranges = ((name, getattr(model, name)) for name in TASK)
+    ranges = ((name, getattr(model, name)) for name in TASK_COORDINATES)
     return tuple(TaskRange(name, *ends) for name, ends in ranges if ends is not None)
 
 
-def _joint(section: Section, name: str, model: Any) -> Joint:
+def _joint_from(section: Section, name: str, model: Any) -> Joint:
     """Build a joint with its drive and motors.
 
     Parameters
@@ -343,19 +345,19 @@ def _joint(section: Section, name: str, model: Any) -> Joint:
     ProblemError
         If a value is invalid.
     """
-    drive = None if model.drive is None else drive_from(follow(section, "drive"))
-    motor = None if model.motor is None else motor_from(follow(section, "motor"))
+    drive = None if model.drive is None else drive_from(follow_reference(section, "drive"))
+    motor = None if model.motor is None else motor_from(follow_reference(section, "motor"))
     indices = range(len(model.alternatives))
     alternatives = tuple(
-        motor_from(follow(section, "alternatives", i, file_kind="motor")) for i in indices
+        motor_from(follow_reference(section, "alternatives", i, file_kind="motor")) for i in indices
     )
     joint_kind = "prismatic" if name == "insertion" else "revolute"
-    with located(section):
+    with locate_errors(section):
         components = {"drive": drive, "motor": motor, "alternatives": alternatives}
         return Joint(**{**dict(model), "name": name, "kind": joint_kind, **components})
 
 
-def _frame(
+def _frame_from(
     section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel
 ) -> Array:
     """Return the rotation matrix (3, 3) of a chain of rotations.
@@ -377,10 +379,10 @@ def _frame(
                 )
             angle = -value if angle.startswith("-") else value
         angles.append((axis, angle))
-    return rotation(tuple(angles))
+    return chain_rotation(tuple(angles))
 
 
-def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
+def chain_rotation(chain: tuple[tuple[str, float], ...]) -> Array:
     """Return the product (3, 3) of rotations about coordinate axes.
 
     Each rotation consists of the letter of its axis and an angle in rad. Its axis belongs to the
@@ -399,7 +401,7 @@ def rotation(chain: tuple[tuple[str, float], ...]) -> Array:
     return result
 
 
-def _axes(section: Section, model: GeometryModel) -> list[Array]:
+def _joint_axes(section: Section, model: GeometryModel) -> list[Array]:
     """Return the axes of joints 1 to 3 in the base frame at q = 0, unit vectors (3,).
 
     Raises ProblemError if the file states both axes and angles, or too few of them.
@@ -410,16 +412,16 @@ def _axes(section: Section, model: GeometryModel) -> list[Array]:
         if getattr(model, name) is not None
     ]
     if model.axes is None:
-        return _from_angles(section, model)
+        return _axes_from_angles(section, model)
     if angles:
         raise section.error(
             "redundant: axes are given", angles[0], allowed="either axes, or alpha with home_tilt"
         )
-    with located(section.sub("axes")):
+    with locate_errors(section.sub("axes")):
         return [unit_vector(np.array(axis), f"axes.{name}") for name, axis in model.axes]
 
 
-def _geometry(
+def _geometry_from(
     section: Section, model: GeometryModel, omegas: Sequence[Array], last_frame: Array
 ) -> Geometry:
     """Build the geometry of the robot.
@@ -439,14 +441,16 @@ def _geometry(
     locations: dict[str, tuple[str, ...]] = {f"omega{i}": ("axes", f"joint{i}") for i in (1, 2, 3)}
     if model.axes is None:
         locations = {"omega2": ("alpha",), "omega3": ("home_tilt",)}
-    tool_home = last_frame if model.tool_home is None else _frame(section, model.tool_home, model)
-    with located(section, locations):
+    tool_home = (
+        last_frame if model.tool_home is None else _frame_from(section, model.tool_home, model)
+    )
+    with locate_errors(section, locations):
         return Geometry(
             omegas[0], omegas[1], omegas[2], tool_home, -1 if model.insertion == "negative" else 1
         )
 
 
-def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
+def _axes_from_angles(section: Section, model: GeometryModel) -> list[Array]:
     """Compute the axes of joints 1 to 3 from the angles in the file.
 
     They are ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(home_roll) Ry(home_tilt) x with α = alpha.
@@ -459,12 +463,12 @@ def _from_angles(section: Section, model: GeometryModel) -> list[Array]:
     alpha = float(model.alpha or 0.0)
     tilt = float(model.home_tilt or 0.0)
     for name, angle in (("alpha", alpha), ("beta", model.beta)):
-        if angle is not None and not SMALLEST_ANGLE < angle < math.pi - SMALLEST_ANGLE:
+        if angle is not None and not SMALLEST_AXIS_ANGLE < angle < math.pi - SMALLEST_AXIS_ANGLE:
             raise section.error(
                 "the axes would be parallel", name, allowed="between 0.1 and 179.9 deg"
             )
     roll = _home_roll(section, model, alpha, tilt)
-    omega3 = rotation((("x", roll), ("y", tilt)))[:, 0]
+    omega3 = chain_rotation((("x", roll), ("y", tilt)))[:, 0]
     return [np.array([1.0, 0, 0]), np.array([math.cos(alpha), math.sin(alpha), 0]), omega3]
 
 
@@ -518,7 +522,7 @@ class _BodyPlacement:
         return self.frame.T @ self.geometry.axes[self.place + beyond]
 
 
-def _body(section: Section, model: Any, setting: _BodyPlacement) -> Body:
+def _body_from(section: Section, model: Any, setting: _BodyPlacement) -> Body:
     """Build a body from its mass, centre and inertia, or from its parts.
 
     Raises ProblemError if a value is invalid.
@@ -529,17 +533,17 @@ def _body(section: Section, model: Any, setting: _BodyPlacement) -> Body:
         raise section.error(
             "missing: this key is required", "mass", allowed="mass with com and inertia, or parts"
         )
-    tensor = _inertia(section, model)
-    with located(section):
+    tensor = _inertia_tensor(section, model)
+    with locate_errors(section):
         try:
             body = Body(model.name, model.mass, np.array(model.com), tensor, setting.frame)
         except ProblemError as error:
             error.reason += _sign_hint(model, tensor) if model.mass > 0 else ""
             raise
-    return _plausible(section, body)
+    return _check_gyration(section, body)
 
 
-def _plausible(section: Section, body: Body) -> Body:
+def _check_gyration(section: Section, body: Body) -> Body:
     """Return the body unchanged, or raise ProblemError if its radius of gyration is too large."""
     gyration = (
         float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass))
@@ -570,16 +574,16 @@ def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> B
                 allowed="either parts, or mass, com and inertia",
             )
     solids = [
-        _solid(section.sub("parts", i), model_part, setting)
+        _solid_moments(section.sub("parts", i), model_part, setting)
         for i, model_part in enumerate(model.parts)
     ]
     total = sum(solids, shapes.point(0.0, np.zeros(3)))
-    with located(section, {"inertia": ("parts",), "mass": ("parts",)}):
+    with locate_errors(section, {"inertia": ("parts",), "mass": ("parts",)}):
         body = Body(model.name, total.mass, total.com, total.inertia, setting.frame)
-    return _plausible(section, body)
+    return _check_gyration(section, body)
 
 
-def _solid(section: Section, model: Any, setting: _BodyPlacement) -> shapes.Moments:
+def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> shapes.Moments:
     """Compute mass, centre of mass and inertia of a part in the frame of the body.
 
     Raises ProblemError if the shape is impossible.
@@ -614,12 +618,12 @@ def _solid(section: Section, model: Any, setting: _BodyPlacement) -> shapes.Mome
                 "the rod has no length", "end", allowed="a different point than start"
             )
         return shapes.rod(start, end, model.diameter, model.density).rotated(turn)
-    mass = _mass_of(section, model, setting.joints)
+    mass = _part_mass(section, model, setting.joints)
     size = np.array(model.size) if isinstance(model, BoxModel) else np.zeros(3)
     return shapes.box(mass, np.array(model.at), size).rotated(turn)
 
 
-def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
+def _part_mass(section: Section, model: Any, joints: Sequence[Joint]) -> float:
     """Return the mass of a part in kg, which may be the mass of a joint's motor.
 
     Raises ProblemError if the motor or its mass is missing.
@@ -628,7 +632,7 @@ def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
         if model.mass < 0:
             raise section.error("a mass cannot be negative", "mass", allowed="0 kg or more")
         return float(model.mass)
-    motor = joints[_MOTORS.index(model.mass)].motor
+    motor = joints[_MOTOR_MASSES.index(model.mass)].motor
     if motor is None or motor.mass is None:
         reason = (
             "this joint has no motor" if motor is None else f"the file of {motor.name} has no mass"
@@ -639,7 +643,7 @@ def _mass_of(section: Section, model: Any, joints: Sequence[Joint]) -> float:
     return motor.mass
 
 
-def _inertia(section: Section, model: Any) -> Array:
+def _inertia_tensor(section: Section, model: Any) -> Array:
     """Return the inertia tensor (3, 3) about the origin of the body frame, kg·m².
 
     Its products of inertia are −∫xy dm. The file may state them with the opposite sign. Raises
@@ -676,7 +680,7 @@ def _sign_hint(model: Any, tensor: Array) -> str:
     flipped = principal_moments(
         model.mass, read_only_array(model.com, (3,)), 2 * np.diag(np.diag(tensor)) - tensor
     )
-    if possible(flipped):
+    if is_possible_inertia(flipped):
         moments_text = ", ".join(f"{moment:.4g}" for moment in flipped)
         return f"{hint}, and {other_convention} gives possible moments, ({moments_text}) kg*m^2"
     return f"{hint}, but {other_convention} fails as well; check unit and reference point"

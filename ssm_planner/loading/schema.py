@@ -1,7 +1,8 @@
 """Build strict pydantic models of files from the classes of the values that the files describe.
 
 A field of a value that is also a key of a file states its kind of quantity (`value.unit_kind`), its
-bounds and its default in its annotation. The function `model_of` reads these annotations. The
+bounds and its default in its annotation. The function `build_class_model` reads these
+annotations. The
 modules that read a file declare keys that have another form in the file. All faults of a file are
 collected in one ProblemError.
 """
@@ -25,8 +26,8 @@ from ssm_planner.problem import (
     Ascending,
     Bound,
     Shape,
-    descriptions,
-    hints,
+    field_descriptions,
+    field_hints,
     strip_annotations,
     unit_kind,
 )
@@ -34,7 +35,7 @@ from ssm_planner.typing import JsonObject, Keywords, record
 from ssm_planner.units import KINDS, NUMBER
 
 M = TypeVar("M", bound="Model")
-UNBOUND = Bound()
+UNBOUNDED = Bound()
 POSITIVE = Bound(above=0.0)
 SI_UNIT_AT_END = re.compile(r", (rad|m|s|kg|N|V|A|K|Ω)\b[^ ,.]*( or [^ .]+)?(?=\.(\s|$)|$)")
 """SI unit at the end of a sentence of a docstring."""
@@ -69,7 +70,7 @@ class Model(BaseModel):
     def _known_keys(cls, data: Any) -> Any:
         """Reject data that are not a mapping, and unknown keys."""
         if not isinstance(data, dict):
-            raise wrong(
+            raise invalid_value(
                 f"{units.describe(data)} instead of a mapping",
                 "the keys " + ", ".join(cls.model_fields),
             )
@@ -83,14 +84,16 @@ class Model(BaseModel):
             name: info.description for name, info in cls.model_fields.items() if info.description
         }
         of_value = {
-            name: text for value_type in cls.of for name, text in descriptions(value_type).items()
+            name: text
+            for value_type in cls.of
+            for name, text in field_descriptions(value_type).items()
         }
         # Descriptions of files omit shapes, None and SI units, because values state their units.
         return {
             name: SI_UNIT_AT_END.sub("", re.sub(r",? ?\(3,\)", "", text)).replace(
                 "None:", "left out:"
             )
-            for name, text in {**of_value, **descriptions(cls), **own_texts}.items()
+            for name, text in {**of_value, **field_descriptions(cls), **own_texts}.items()
         }
 
     @classmethod
@@ -103,7 +106,9 @@ class Model(BaseModel):
             if name in texts:
                 entry["description"] = texts[name]
             if isinstance(entry.get("default"), float):
-                entry["default"] = field_of(cls.model_fields[name]).format_default(entry["default"])
+                entry["default"] = reader_of_key(cls.model_fields[name]).format_default(
+                    entry["default"]
+                )
         return schema
 
     def sourced_figures(self) -> dict[str, Figure]:
@@ -119,12 +124,14 @@ def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
     """Raise a pydantic error for an unknown or empty key, and suggest the most similar key."""
     for key in data:
         if key not in allowed:
-            raise wrong(f"unknown key{suggestion(key, allowed)}", ", ".join(allowed), key)
+            raise invalid_value(f"unknown key{suggestion(key, allowed)}", ", ".join(allowed), key)
         if data[key] is None:
-            raise wrong("empty value: omit the key or give a value", None, key)
+            raise invalid_value("empty value: omit the key or give a value", None, key)
 
 
-def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> PydanticCustomError:
+def invalid_value(
+    reason: str, allowed: str | None = None, key: str | None = None
+) -> PydanticCustomError:
     """Build a pydantic error for a wrong value, which the loader converts to a ProblemError.
 
     Parameters
@@ -142,7 +149,7 @@ def wrong(reason: str, allowed: str | None = None, key: str | None = None) -> Py
 
 
 @record
-class Field:
+class Reader:
     """Annotation of a type that reads, describes and documents one value of a file."""
 
     read: Callable[[Any], Any]
@@ -170,14 +177,14 @@ class Field:
         return f"{value / units.quantity(f'1 {self.unit}', self.kinds[0]):.6g} {self.unit}"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(_guarded(self.read))
+        return core_schema.no_info_plain_validator_function(_with_pydantic_errors(self.read))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> JsonObject:
         return copy.deepcopy(self.json_schema)  # pydantic writes defaults into it
 
 
 @record
-class Part:
+class Nested:
     """Annotation of a nested mapping, whose model is built at run time."""
 
     model: Any
@@ -186,12 +193,12 @@ class Part:
         return handler.generate_schema(self.model)
 
 
-def nested(model: Any) -> Any:
+def nested_type(model: Any) -> Any:
     """Return the type of a nested mapping with the keys of `model`."""
-    return Annotated[Any, Part(model)]
+    return Annotated[Any, Nested(model)]
 
 
-def quantity(unit_kind: str, bound: Bound = UNBOUND, integer: bool = False) -> Field:
+def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = False) -> Reader:
     """Build the reader of a quantity with a unit, which converts it to SI units.
 
     Parameters
@@ -215,40 +222,40 @@ def quantity(unit_kind: str, bound: Bound = UNBOUND, integer: bool = False) -> F
         return int(result) if integer else result
 
     allowed = f"a whole number {bound.allowed}" if integer else bound.allowed
-    return Field(read, _json_schema(unit_kind), (unit_kind,), allowed)
+    return Reader(read, _quantity_schema(unit_kind), (unit_kind,), allowed)
 
 
-def positive(unit_kind: str) -> Any:
+def positive_type(unit_kind: str) -> Any:
     """Return the type of a quantity above zero. `unit_kind` is a key of units.KINDS."""
-    return Annotated[Any, quantity(unit_kind, POSITIVE)]
+    return Annotated[Any, quantity_reader(unit_kind, POSITIVE)]
 
 
-def interval(unit_kind: str) -> Field:
+def interval_reader(unit_kind: str) -> Reader:
     """Build the reader of an interval `[lower, upper]` of one kind of quantity."""
-    schema = {"type": "array", "items": _json_schema(unit_kind), "minItems": 2, "maxItems": 2}
-    return Field(
+    schema = {"type": "array", "items": _quantity_schema(unit_kind), "minItems": 2, "maxItems": 2}
+    return Reader(
         lambda value: units.interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"
     )
 
 
-def vector(*kinds: str) -> Field:
+def vector_reader(*kinds: str) -> Reader:
     """Build the reader of a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm`.
 
     `kinds` contains the kind of quantity of each component.
     """
     items = {
         "type": "array",
-        "items": _json_schema(kinds[0]),
+        "items": _quantity_schema(kinds[0]),
         "minItems": len(kinds),
         "maxItems": len(kinds),
     }
     if len(set(kinds)) > 1:
-        items = {"type": "array", "prefixItems": [_json_schema(kind) for kind in kinds]}
+        items = {"type": "array", "prefixItems": [_quantity_schema(kind) for kind in kinds]}
     schema = {"anyOf": [items, {"type": "string"}]}
-    return Field(lambda value: units.vector(value, kinds), schema, kinds, f"{len(kinds)} values")
+    return Reader(lambda value: units.vector(value, kinds), schema, kinds, f"{len(kinds)} values")
 
 
-def sourced_field(field: Field) -> Field:
+def sourced_reader(field: Reader) -> Reader:
     """Extend the reader of a quantity so that the file may also state a source.
 
     The file then contains either the quantity itself, or a mapping with the keys `value`, `source`
@@ -260,15 +267,15 @@ def sourced_field(field: Field) -> Field:
             return Figure(field.read(value))
         check_keys(value, ["value", "source", "placeholder"])
         if "value" not in value:
-            raise wrong("missing", "value: the figure", "value")
+            raise invalid_value("missing", "value: the figure", "value")
         source = value.get("source")
         placeholder = value.get("placeholder", False)
         if source is not None and not (isinstance(source, str) and source.strip()):
-            raise wrong(
+            raise invalid_value(
                 f"{units.describe(source)} instead of text", "the source of the figure", "source"
             )
         return Figure(
-            _guarded(field.read, "value")(value["value"]),
+            _with_pydantic_errors(field.read, "value")(value["value"]),
             source,
             _read_boolean(placeholder, "placeholder"),
         )
@@ -289,7 +296,7 @@ def sourced_field(field: Field) -> Field:
     )
 
 
-def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
+def field_type(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
     """Return the type that reads a field of a value, or None if it cannot be derived.
 
     Parameters
@@ -303,22 +310,22 @@ def reading(cls: Any, name: str, slides: bool = False, sourced: bool = False) ->
     sourced : bool
         True if the file may state a source of the quantity.
     """
-    hint_type, marks = strip_annotations(hints(cls)[name])
+    hint_type, marks = strip_annotations(field_hints(cls)[name])
     if get_origin(hint_type) is Literal:
         return hint_type
     by_type = {type(mark): mark for mark in marks}
     if str not in by_type:
-        return {str: Text, bool: Truth}.get(hint_type)
+        return {str: Text, bool: Boolean}.get(hint_type)
     quantity_kind = unit_kind(by_type[str], slides)
     if Ascending in by_type:
-        return Annotated[Any, interval(quantity_kind)]
+        return Annotated[Any, interval_reader(quantity_kind)]
     if Shape in by_type:
-        return Annotated[Any, vector(*(quantity_kind,) * by_type[Shape].shape[0])]
-    field = quantity(quantity_kind, by_type.get(Bound, UNBOUND), hint_type is int)
-    return Annotated[Any, sourced_field(field) if sourced else field]
+        return Annotated[Any, vector_reader(*(quantity_kind,) * by_type[Shape].shape[0])]
+    field = quantity_reader(quantity_kind, by_type.get(Bound, UNBOUNDED), hint_type is int)
+    return Annotated[Any, sourced_reader(field) if sourced else field]
 
 
-def model_of(
+def build_class_model(
     cls: Any,
     extra_keys: Mapping[str, Any] | None = None,
     *,
@@ -361,7 +368,7 @@ def model_of(
             continue
         if field.name in without or not field.compare:
             continue
-        hint = reading(cls, field.name, slides, sourced)
+        hint = field_type(cls, field.name, slides, sourced)
         if hint is None:
             continue
         if field.default is dataclasses.MISSING:
@@ -369,10 +376,10 @@ def model_of(
         else:
             left_out = field.default is None or (sourced and get_origin(hint) is Annotated)
             fields[field.name] = (hint | None, None) if left_out else (hint, field.default)
-    return model_from({**fields, **model_fields}, base, (cls,))
+    return build_keys_model({**fields, **model_fields}, base, (cls,))
 
 
-def model_from(
+def build_keys_model(
     fields: Mapping[str, Any], base: type[Model] = Model, value_types: tuple[Any, ...] = ()
 ) -> Any:
     """Build a model from keys, each as a pair of type and default.
@@ -386,17 +393,17 @@ def model_from(
     return model
 
 
-def required(hint: Any, description: str) -> Any:
+def required_key(hint: Any, description: str) -> Any:
     """Return the type and the default of a key that a file must contain, as pydantic expects it."""
     return hint, PydanticField(description=description)
 
 
-def optional(hint: Any, description: str = "") -> Any:
+def optional_key(hint: Any, description: str = "") -> Any:
     """Return the type and the default of a key that may be missing, as pydantic expects it."""
     return hint | None, PydanticField(None, description=description)
 
 
-def by_joint(build: Callable[[bool], Any], every: bool = False) -> Any:
+def joint_mapping_model(build: Callable[[bool], Any], every: bool = False) -> Any:
     """Build the model of a mapping from joint names to values.
 
     Parameters
@@ -407,9 +414,9 @@ def by_joint(build: Callable[[bool], Any], every: bool = False) -> Any:
     every : bool
         True if the mapping must contain all joints.
     """
-    turning, sliding = nested(build(False)), nested(build(True))
-    key = required if every else optional
-    return model_from(
+    turning, sliding = nested_type(build(False)), nested_type(build(True))
+    key = required_key if every else optional_key
+    return build_keys_model(
         {
             name: key(sliding if name == "insertion" else turning, f"Joint {i}.")
             for i, name in enumerate(JOINTS, 1)
@@ -420,7 +427,9 @@ def by_joint(build: Callable[[bool], Any], every: bool = False) -> Any:
 def _read_text(value: object) -> str:
     """Read a text that is not empty."""
     if not isinstance(value, str) or not value.strip():
-        raise wrong(f"{units.describe(value)} instead of text", "a text of at least one character")
+        raise invalid_value(
+            f"{units.describe(value)} instead of text", "a text of at least one character"
+        )
     return value
 
 
@@ -430,14 +439,16 @@ _BOOLEANS = {True: True, False: False, "yes": True, "no": False, "on": True, "of
 def _read_boolean(value: object, key: str | None = None) -> bool:
     """Read true or false, for which yes, no, on and off are accepted as well."""
     if not isinstance(value, (bool, str)) or value not in _BOOLEANS:
-        raise wrong(f"{units.describe(value)} instead of true or false", "true or false", key)
+        raise invalid_value(
+            f"{units.describe(value)} instead of true or false", "true or false", key
+        )
     return _BOOLEANS[value]
 
 
 def _read_axis(value: object) -> tuple[float, ...]:
     """Read a list of three numbers."""
     if not isinstance(value, list) or len(value) != 3:
-        raise wrong("invalid axis", "three numbers such as [1, 0, 0]")
+        raise invalid_value("invalid axis", "three numbers such as [1, 0, 0]")
     return tuple(units.number(item) for item in value)
 
 
@@ -445,30 +456,32 @@ def _read_reference(value: object) -> Any:
     """Accept a file name or the content of the file as a mapping."""
     if isinstance(value, dict) or (isinstance(value, str) and value.strip()):
         return value
-    raise wrong(
+    raise invalid_value(
         "neither a file name nor a mapping", "a file, relative to this one, or the file's content"
     )
 
 
 _FILE = "a file, relative to this one"
-Text = Annotated[str, Field(_read_text, {"type": "string", "minLength": 1}, allowed="a text")]
-Truth = Annotated[bool, Field(_read_boolean, {"type": "boolean"}, allowed="true or false")]
+Text = Annotated[str, Reader(_read_text, {"type": "string", "minLength": 1}, allowed="a text")]
+Boolean = Annotated[bool, Reader(_read_boolean, {"type": "boolean"}, allowed="true or false")]
 Axis = Annotated[
     tuple[float, ...],
-    Field(_read_axis, {"type": "array", "items": {"type": "number"}}, allowed="three numbers"),
+    Reader(_read_axis, {"type": "array", "items": {"type": "number"}}, allowed="three numbers"),
 ]
 Reference = Annotated[
     Any,
-    Field(
+    Reader(
         _read_reference,
         {"anyOf": [{"type": "string", "description": _FILE}, {"type": "object"}]},
         allowed=f"{_FILE}, a shipped name, or the content of a file",
     ),
 ]
-SOURCE: Any = optional(Text, "Source of the figures.")
+SOURCE_KEY: Any = optional_key(Text, "Source of the figures.")
 
 
-def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[Any], Any]:
+def _with_pydantic_errors(
+    reader: Callable[[Any], Any], key: str | None = None
+) -> Callable[[Any], Any]:
     """Convert a reader that raises BadQuantity to one that raises pydantic's error.
 
     `key` is the key of the wrong entry within the value, for messages.
@@ -478,12 +491,12 @@ def _guarded(reader: Callable[[Any], Any], key: str | None = None) -> Callable[[
         try:
             return reader(value)
         except units.BadQuantity as error:
-            raise wrong(error.reason, error.allowed, key) from None
+            raise invalid_value(error.reason, error.allowed, key) from None
 
     return read
 
 
-def _json_schema(unit_kind: str) -> JsonObject:
+def _quantity_schema(unit_kind: str) -> JsonObject:
     """Return the JSON schema of a quantity: a number, or a text with an example of its unit."""
     if unit_kind == "number":
         return {"type": "number"}
@@ -507,7 +520,7 @@ class Key(NamedTuple):
     description: str
 
 
-def keys(model: Any, path: str = "") -> Iterator[Key]:
+def describe_keys(model: Any, path: str = "") -> Iterator[Key]:
     """Yield a description of every key of a model. The keys of nested models follow their own key.
 
     `path` is the beginning of each path.
@@ -515,7 +528,7 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
     texts = model.key_descriptions()
     for name, info in model.model_fields.items():
         hints = list(_nested_hints((info.annotation, *info.metadata)))
-        field = field_of(info)
+        field = reader_of_key(info)
         choices = [
             repr(choice)
             for hint in hints
@@ -535,18 +548,18 @@ def keys(model: Any, path: str = "") -> Iterator[Key]:
         prefix = f"{path}{name}{'[]' * any(get_origin(hint) in (list, tuple) for hint in hints)}."
         for hint in hints:
             if isinstance(hint, type) and issubclass(hint, Model):
-                yield from keys(hint, prefix)
+                yield from describe_keys(hint, prefix)
 
 
-def field_of(info: Any) -> Field:
+def reader_of_key(info: Any) -> Reader:
     """Return the Field of a key from pydantic's description of the key."""
     hints = _nested_hints((info.annotation, *info.metadata))
-    return next((hint for hint in hints if isinstance(hint, Field)), Field(str, {}))
+    return next((hint for hint in hints if isinstance(hint, Reader)), Reader(str, {}))
 
 
 def _nested_hints(hint: Any) -> Iterator[Any]:
     """Yield a type, and then all types that it contains."""
-    yield hint.model if isinstance(hint, Part) else hint
+    yield hint.model if isinstance(hint, Nested) else hint
     for inner in (
         hint
         if isinstance(hint, tuple)
@@ -557,7 +570,7 @@ def _nested_hints(hint: Any) -> Iterator[Any]:
         yield from _nested_hints(inner)
 
 
-def validated(section: Section, model: type[M]) -> M:
+def validate_section(section: Section, model: type[M]) -> M:
     """Check the value of a section, and convert it to an instance of a model.
 
     Raises
@@ -568,7 +581,9 @@ def validated(section: Section, model: type[M]) -> M:
     try:
         return model.model_validate(section.value)
     except ValidationError as error:
-        faults = [_fault(section, details) for details in error.errors(include_url=False)]
+        faults = [
+            _to_problem_error(section, details) for details in error.errors(include_url=False)
+        ]
     earliest, *faults_left = sorted(faults, key=lambda fault: fault.line or 0)
     earliest.others = tuple(faults_left[: MAX_FAULTS - 1])
     earliest.unshown = len(faults_left) - len(earliest.others)
@@ -576,7 +591,7 @@ def validated(section: Section, model: type[M]) -> M:
 
 
 @contextmanager
-def located(
+def locate_errors(
     section: Section, locations: Mapping[str, tuple[str | int, ...]] | None = None
 ) -> Iterator[None]:
     """Add file and line to errors that the constructors of values raise within a `with` block.
@@ -603,7 +618,7 @@ def located(
         raise section.error(error.reason, *path, allowed=error.allowed) from None
 
 
-def _fault(section: Section, details: Any) -> ProblemError:
+def _to_problem_error(section: Section, details: Any) -> ProblemError:
     """Convert one of pydantic's errors to a ProblemError with the file, the line and the key."""
     context = details.get("ctx", {})
     path: tuple[str | int, ...] = ()

@@ -7,7 +7,7 @@ from collections.abc import Container, Iterator
 from pathlib import Path
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.files import text_of
+from ssm_planner.loading.files import read_text
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*[^\d\s]\S*)?")
@@ -31,7 +31,7 @@ def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, 
         cell is a number with a decimal comma. Tables with semicolons or tabs may have such numbers
         if `decimal_commas` is true.
     """
-    text = text_of(file)
+    text = read_text(file)
     heading_line = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
     separator = max(SEPARATORS, key=heading_line.count)
     reader = csv.reader(io.StringIO(text), delimiter=separator, skipinitialspace=True)
@@ -51,7 +51,9 @@ def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, 
         raise
 
 
-def with_points(rows: list[tuple[int, list[str]]], texts: Container[str], file: Path) -> None:
+def replace_decimal_commas(
+    rows: list[tuple[int, list[str]]], texts: Container[str], file: Path
+) -> None:
     """Replace the decimal commas of a table by points, except in the columns `texts`.
 
     `rows` contains the lines and cells of the table. The headings are the first row. Raises

@@ -17,12 +17,12 @@ from ssm_planner.typing import frozen
 
 LARGEST_TREE = 300_000
 """Largest number of values after expansion of aliases."""
-DEEPEST = 30
+LARGEST_DEPTH = 30
 """Largest number of nested levels."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
-_WORDS: dict[str, object] = {
+_SPECIAL_WORDS: dict[str, object] = {
     spelling: value
     for spellings, value in (
         ("~ null Null NULL", None),
@@ -59,7 +59,7 @@ class Node:
     """Lines of the keys of the entries."""
 
 
-def parse(
+def parse_yaml(
     file: Path | None,
     text: str,
     max_nodes: int = LARGEST_TREE,
@@ -88,7 +88,9 @@ def parse(
     """
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
-        return _Builder(file, yaml.parse(text, Loader=loader), max_nodes, tree).document(trailing)
+        return _TreeBuilder(file, yaml.parse(text, Loader=loader), max_nodes, tree).document(
+            trailing
+        )
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1
@@ -108,7 +110,7 @@ def parse(
         raise ProblemError(f"not valid YAML: {error}", file=file) from None
 
 
-class _Builder:
+class _TreeBuilder:
     """Builder of a tree from the events of a YAML parser.
 
     It limits depth and size, so that a small file with many aliases cannot exhaust the memory.
@@ -149,8 +151,8 @@ class _Builder:
 
         Raises ProblemError if the node is too deep, too large, or not plain YAML.
         """
-        if depth > DEEPEST:
-            raise self.error("nested too deeply", event, f"at most {DEEPEST} levels")
+        if depth > LARGEST_DEPTH:
+            raise self.error("nested too deeply", event, f"at most {LARGEST_DEPTH} levels")
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
                 raise self.error(f"*{event.anchor} has no anchor above it", event)
@@ -158,7 +160,7 @@ class _Builder:
         if event.tag not in _STRING_TAGS:
             raise self.error(f"the tag {event.tag} is not allowed", event, "plain values")
         if isinstance(event, yaml.ScalarEvent):
-            node = Node(_scalar(event), _line(event))
+            node = Node(_parse_scalar(event), _line_number(event))
         elif isinstance(event, yaml.SequenceStartEvent):
             node = self.sequence(event, depth)
         else:
@@ -183,7 +185,11 @@ class _Builder:
             values.append(item.value)
             size += item.size
         return Node(
-            values, _line(start), size, children, {i: item.line for i, item in children.items()}
+            values,
+            _line_number(start),
+            size,
+            children,
+            {i: item.line for i, item in children.items()},
         )
 
     def mapping(self, start: Any, depth: int) -> Node:
@@ -198,22 +204,24 @@ class _Builder:
                 raise ProblemError(
                     f"duplicate key (first on line {key_lines[key]})",
                     file=self.file,
-                    line=_line(event),
+                    line=_line_number(event),
                     key=key,
                     allowed="each key once",
                 )
-            key_lines[key] = _line(event)
+            key_lines[key] = _line_number(event)
             children[key] = self.node(next(self.events), depth + 1)
         values = {key: child.value for key, child in children.items()}
         size = 1 + sum(child.size for child in children.values())
-        return Node(values, _line(start), size, *((children, key_lines) if self.tree else ()))
+        return Node(
+            values, _line_number(start), size, *((children, key_lines) if self.tree else ())
+        )
 
     def error(self, reason: str, event: Any, allowed: str | None = None) -> ProblemError:
         """Build a ProblemError at the line of an event."""
-        return ProblemError(reason, file=self.file, line=_line(event), allowed=allowed)
+        return ProblemError(reason, file=self.file, line=_line_number(event), allowed=allowed)
 
 
-def _scalar(event: Any) -> object:
+def _parse_scalar(event: Any) -> object:
     """Convert a scalar to a number, a boolean, None or a text by the rules of YAML 1.2.
 
     For example, `1e-5` is a number, and `yes`, `no`, `on`, `off` and `1:30` are texts.
@@ -221,8 +229,8 @@ def _scalar(event: Any) -> object:
     text: str = event.value
     if event.style or event.tag == "tag:yaml.org,2002:str":
         return text
-    if text in _WORDS or not text:
-        return _WORDS.get(text)
+    if text in _SPECIAL_WORDS or not text:
+        return _SPECIAL_WORDS.get(text)
     if _INTEGER.fullmatch(text):
         return int(text)
     if _FLOAT.fullmatch(text):
@@ -230,7 +238,7 @@ def _scalar(event: Any) -> object:
     return text
 
 
-def _line(event: Any) -> int:
+def _line_number(event: Any) -> int:
     """Return the line of an event, counted from 1."""
     return int(event.start_mark.line) + 1
 
@@ -295,7 +303,7 @@ class Section:
         """
         line, node, complete = self._locate(path)
         value = _original_text(node.value) if complete and show else None
-        key = key_text((*self.path, *path)) or None
+        key = format_path((*self.path, *path)) or None
         return ProblemError(
             reason, file=self.file, line=line, key=key, value=value, allowed=allowed
         )
@@ -323,7 +331,7 @@ class Section:
         return line, node, True
 
 
-def key_text(path: tuple[str | int, ...]) -> str:
+def format_path(path: tuple[str | int, ...]) -> str:
     """Format a path, for example ("motion", 2, "tilt", "to") as `motion[2].tilt.to`.
 
     List positions count from 0.
@@ -334,14 +342,14 @@ def key_text(path: tuple[str | int, ...]) -> str:
     return text
 
 
-def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
+def node_from_data(data: Any, depth: int = 0, line: int | None = None) -> Node:
     """Convert data from Python to a tree whose values all have the line `line`.
 
     `depth` is the number of levels above the data. Raises ProblemError if there are too many
     levels.
     """
-    if depth > DEEPEST:
-        raise ProblemError("nested too deeply", allowed=f"at most {DEEPEST} levels")
+    if depth > LARGEST_DEPTH:
+        raise ProblemError("nested too deeply", allowed=f"at most {LARGEST_DEPTH} levels")
     items: dict[str | int, Any]
     if isinstance(data, Mapping):
         items = {str(key): item for key, item in data.items()}
@@ -349,7 +357,7 @@ def plain_node(data: Any, depth: int = 0, line: int | None = None) -> Node:
         items = dict(enumerate(data))
     else:
         return Node(data, line)
-    children = {key: plain_node(item, depth + 1, line) for key, item in items.items()}
+    children = {key: node_from_data(item, depth + 1, line) for key, item in items.items()}
     values = {key: child.value for key, child in children.items()}
     value = values if isinstance(data, Mapping) else list(values.values())
     return Node(value, line, 1, children, dict.fromkeys(children, line))

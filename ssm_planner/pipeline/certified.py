@@ -12,7 +12,14 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.work import Work
-from ssm_planner.problem import JUMPS, ContinuousTorque, Jump, Problem, SelfLocking, unchecked
+from ssm_planner.problem import (
+    JUMP_NAMES,
+    ContinuousTorque,
+    Jump,
+    Problem,
+    SelfLocking,
+    unchecked_copy,
+)
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
@@ -108,7 +115,7 @@ def plan_and_check(
     for round_number in range(1, PLANNING_ROUNDS + 1):
         # The planner gets both the robot itself and the robot with stricter limits.
         result = plan_motion(
-            unchecked(strict, robot=problem.robot),
+            unchecked_copy(strict, robot=problem.robot),
             strict.robot,
             progress,
             cooling,
@@ -197,8 +204,8 @@ def exceeded(problem: Problem, certificate: Certificate) -> Reason:
     """
     violation = certificate.worst
     limit = problem.limit(violation.name, violation.joint)
-    if violation.name in JUMPS and violation.joint is not None:
-        limit = Jump(violation.joint, violation.limit, derivative=JUMPS.index(violation.name))
+    if violation.name in JUMP_NAMES and violation.joint is not None:
+        limit = Jump(violation.joint, violation.limit, derivative=JUMP_NAMES.index(violation.name))
     joint = "" if violation.joint is None else f" of joint {violation.joint}"
     required, available = violation.worst, violation.limit
     instant: str | None = f"t = {violation.time:.4f} s"

@@ -24,7 +24,7 @@ from ssm_planner.problem import (
     Problem,
     StopTravel,
 )
-from ssm_planner.problem.limit import replaced
+from ssm_planner.problem.limit import replace_fields
 from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
@@ -121,7 +121,7 @@ class LessRate(Relaxation):
     def problem(self, value: float) -> Problem:
         """Return the problem with the reduced rates."""
         reduced = {name: value * rate for name, rate in self.rates.items()}
-        return replaced(self.base, **{self.end: reduced})
+        return replace_fields(self.base, **{self.end: reduced})
 
     def described(self, value: float) -> str:
         """Describe the rates."""

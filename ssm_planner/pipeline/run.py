@@ -36,7 +36,7 @@ from ssm_planner.planning.tolerances import GAP, ROUNDING
 from ssm_planner.planning.work import Work
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
-    TASK,
+    TASK_COORDINATES,
     ContinuousTorque,
     Free,
     Joints,
@@ -45,7 +45,7 @@ from ssm_planner.problem import (
     Problem,
     Straight,
     Task,
-    unchecked,
+    unchecked_copy,
 )
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.reporting.figures.process import FigureProcess
@@ -264,7 +264,7 @@ class Replanner:
         if isinstance(entry, Free):
             motions[last] = replace(entry, to=_merged(entry.to, target))
         elif isinstance(target, Task):
-            motions[last] = unchecked(entry, **target.set_coordinates)
+            motions[last] = unchecked_copy(entry, **target.set_coordinates)
         else:
             reason = "a straight motion is one of task coordinates"
             raise ProblemError(
@@ -311,7 +311,7 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
         entries = (Free(Joints.from_array(stop), name="stop"), *entries)
     start_rate = {
         name: float(rate)
-        for name, rate in zip(TASK, rates, strict=True)
+        for name, rate in zip(TASK_COORDINATES, rates, strict=True)
         if abs(rate) > ROUNDING * largest_rate
     }
     a, b, c, d = qdd.tolist()
@@ -325,13 +325,13 @@ def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
     """Return True if the task coordinates of joint positions (4,) are within their ranges."""
     task = task_from_joints(mechanism, q[None])[0]
     ranges = problem.ranges.items()
-    return all(low <= task[TASK.index(name)] <= high for name, (low, high) in ranges)
+    return all(low <= task[TASK_COORDINATES.index(name)] <= high for name, (low, high) in ranges)
 
 
 def _merged(base: Point, point: Point) -> Point:
     """Return `point`, with missing task coordinates taken from `base`."""
     if isinstance(base, Task) and isinstance(point, Task):
-        return unchecked(base, **point.set_coordinates)
+        return unchecked_copy(base, **point.set_coordinates)
     return point
 
 
@@ -428,7 +428,7 @@ def _feasible(problem: Problem, work: Work, *, any_suffices: bool) -> float | Re
     `any_suffices` ignores the heat of the objective.
     """
     if any_suffices and problem.objective == "time then heat":
-        problem = unchecked(problem, objective="time")
+        problem = unchecked_copy(problem, objective="time")
     return _duration_or_reason(quickly(problem), work, first_suffices=True)
 
 

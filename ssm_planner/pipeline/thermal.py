@@ -26,7 +26,7 @@ from ssm_planner.pipeline.certified import Outcome, checked
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import joined, with_duration
 from ssm_planner.planning.tolerances import GAP, SAME
-from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked
+from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked_copy
 from ssm_planner.typing import Array
 
 MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
@@ -37,7 +37,7 @@ STRETCHES: tuple[float, ...] = (0.2, 1.0, 4.0)
 
 def quickly(problem: Problem) -> Problem:
     """Return the problem for the structured solver alone, without Ipopt's confirmation."""
-    return unchecked(problem, planner="fast") if problem.planner == "optimal" else problem
+    return unchecked_copy(problem, planner="fast") if problem.planner == "optimal" else problem
 
 
 @dataclass(eq=False)
@@ -119,7 +119,7 @@ class ThermalSearch:
             return self._stretched(base, list(map(_may_take_longer, phases)), 1 + share)
         durations = [(1 + share) * phase.duration for phase in phases]
         motion = tuple(map(with_duration, problem.motion, durations))
-        outcome = self.plan(unchecked(problem, motion=motion), self._hot_weights(1.0))
+        outcome = self.plan(unchecked_copy(problem, motion=motion), self._hot_weights(1.0))
         # The durations belong to the search, so the lower bounds are those of the fastest motion.
         bounds = zip(outcome.planned.phases, phases, strict=False)
         slower = tuple(replace(new, lower_bound=old.lower_bound) for new, old in bounds)

@@ -26,7 +26,15 @@ from ssm_planner.dynamics import (
     spread_of,
     with_payload,
 )
-from ssm_planner.problem import LAW, LAWS, Drive, Joint, Problem, Robot, unchecked
+from ssm_planner.problem import (
+    FRICTION_LAWS,
+    LAW_COLUMN,
+    Drive,
+    Joint,
+    Problem,
+    Robot,
+    unchecked_copy,
+)
 from ssm_planner.typing import Array
 
 EASE = 0.01
@@ -61,15 +69,15 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     def with_drives(drives: list[Drive | None]) -> tuple[Robot, ...]:
         """Return the robot with the given drives of its joints, once for each load."""
         pairs = zip(robot.joints, drives, strict=True)
-        joints = tuple(unchecked(joint, drive=drive) for joint, drive in pairs)
-        return tuple(unchecked(load, joints=joints) for load in loaded)
+        joints = tuple(unchecked_copy(joint, drive=drive) for joint, drive in pairs)
+        return tuple(unchecked_copy(load, joints=joints) for load in loaded)
 
     drives_by_joint = [_drives(joint, problem.friction) for joint in robot.joints]
     corners: tuple[Robot, ...] = ()
     for k in range(max(map(len, drives_by_joint)) - 1):
         # Joints with fewer drives repeat their last bounding drive.
         corners += with_drives([drives[min(k, len(drives) - 2)] for drives in drives_by_joint])
-    return unchecked(
+    return unchecked_copy(
         robot, corners=corners, lightest=with_drives([drives[-1] for drives in drives_by_joint])
     )
 
@@ -119,8 +127,8 @@ def bounding_drives(
     """
     sets = spread_of(drive).within(share)
     friction = friction_of(drive)
-    without_spread = unchecked(friction, posterior=None, covariance=None)
-    plain_drive = unchecked(drive, friction=without_spread, friction_ranges={})
+    without_spread = unchecked_copy(friction, posterior=None, covariance=None)
+    plain_drive = unchecked_copy(drive, friction=without_spread, friction_ranges={})
     torques = np.minimum(_torques(plain_drive, sets, speed, torque), torque)
     envelope = torques.max(axis=0)
     bound = np.full(len(envelope), -np.inf)
@@ -139,8 +147,8 @@ def bounding_drives(
         drives.append(drive_with(plain_drive, values))
     # The smallest value of every parameter, with a μ that does not depend on speed, needs least.
     smallest = {name: float(column.min()) for name, column in sets.items()}
-    if LAW in smallest:
-        smallest[LAW] = float(LAWS.index("coulomb"))
+    if LAW_COLUMN in smallest:
+        smallest[LAW_COLUMN] = float(FRICTION_LAWS.index("coulomb"))
     return (*drives, drive_with(plain_drive, smallest))
 
 

@@ -33,7 +33,7 @@ from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import (
-    TASK,
+    TASK_COORDINATES,
     Free,
     JointAcceleration,
     JointPosition,
@@ -43,7 +43,7 @@ from ssm_planner.problem import (
     Problem,
     RetinaClearance,
     TaskRange,
-    in_words,
+    format_quantity,
 )
 from ssm_planner.typing import Array, record
 
@@ -203,7 +203,9 @@ def _beyond_ranges(phase: Phase) -> Iterator[Reason | None]:
         if isinstance(limit, TaskRange):
             # A range of a turn or more excludes no angle, so values may be wrapped.
             is_whole_turn = limit.high - limit.low >= 2 * np.pi
-            values = (wrapped if is_whole_turn else continuous)[:, TASK.index(limit.coordinate)]
+            values = (wrapped if is_whole_turn else continuous)[
+                :, TASK_COORDINATES.index(limit.coordinate)
+            ]
             template = f"{limit.coordinate} would have to be {phrase}"
             yield _excess(places, limit, values, template, SAME)
 
@@ -223,7 +225,7 @@ def _past_boundary(phase: Phase) -> Iterator[Reason | None]:
         location = f"{phase.motion.name}, between its points {k} and {k + 1}"
         template = (
             f"joint {problem.robot.joints[1].name} passes the workspace boundary between "
-            f"{in_words(low, 'rad')} and {in_words(high, 'rad')}, where tilt is {{value}}, "
+            f"{format_quantity(low, 'rad')} and {format_quantity(high, 'rad')}, where tilt is {{value}}, "
             "but the range of tilt ends at {bound}"
         )
         # All extremes δ + k π between the positions of joint 2 at both points.
@@ -359,7 +361,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
     """
     key = RATES[side]
     problem, mechanism = phase.problem, phase.mechanism
-    rate = np.array([getattr(problem, key).get(name, 0.0) for name in TASK])
+    rate = np.array([getattr(problem, key).get(name, 0.0) for name in TASK_COORDINATES])
     if not rate.any():
         return np.zeros(4)
     if phase.stands and not isinstance(phase.motion, Free):
@@ -427,9 +429,9 @@ def _too_near(phase: Phase) -> Iterator[Reason | None]:
     for i in np.flatnonzero(changes):
         joint = phase.problem.robot.joints[i]
         limit = joint.limit(JointAcceleration)
-        distance = in_words(distances[i], joint.limit(JointPosition).unit)
+        distance = format_quantity(distances[i], joint.limit(JointPosition).unit)
         speeds = (
-            in_words(abs(float(qd[i])), joint.limit(JointVelocity).unit)
+            format_quantity(abs(float(qd[i])), joint.limit(JointVelocity).unit)
             for qd in (phase.qd_start, phase.qd_end)
         )
         template = (
@@ -465,9 +467,11 @@ def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
         if limit.contains(value) and task_range is not None:
             # The task coordinate that follows this joint alone leaves its range.
             limit, name = task_range, coordinate
-            value = float(task_from_joints(phase.mechanism, turning_q[None])[0, TASK.index(name)])
-        speed = in_words(abs(float(qd[i])), joint.limit(JointVelocity).unit)
-        acceleration = in_words(joint.acceleration, joint.limit(JointAcceleration).unit)
+            value = float(
+                task_from_joints(phase.mechanism, turning_q[None])[0, TASK_COORDINATES.index(name)]
+            )
+        speed = format_quantity(abs(float(qd[i])), joint.limit(JointVelocity).unit)
+        acceleration = format_quantity(joint.acceleration, joint.limit(JointAcceleration).unit)
         template = (
             f"{name} {phrase} {{value}}, because joint {joint.name} moves at {speed} and "
             f"accelerates by at most {acceleration}, but its range ends at {{bound}}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.problem import TASK, Robot, TaskLimits, TipSpeed
+from ssm_planner.problem import TASK_COORDINATES, Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, record
 
@@ -153,7 +153,7 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
     """
     times = [0.0]
     for name, rate in limits.rates.items():
-        k = TASK.index(name)
+        k = TASK_COORDINATES.index(name)
         distance = float(ends[1, k] - ends[0, k])
         acceleration = math.inf if name == "depth" else angular_acceleration(robot, name, limits)
         if math.isinf(acceleration):

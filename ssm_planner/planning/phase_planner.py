@@ -26,7 +26,7 @@ from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplineP
 from ssm_planner.planning.retiming.retime import retime, stays_at
 from ssm_planner.planning.tolerances import GAP, SAME
 from ssm_planner.planning.work import Work
-from ssm_planner.problem import Follow, Problem, Robot, TipSpeed, unchecked
+from ssm_planner.problem import Follow, Problem, Robot, TipSpeed, unchecked_copy
 from ssm_planner.typing import Array, record
 
 METHODS: dict[str, Method] = {
@@ -63,7 +63,7 @@ class PhasePlanner:
 
     def with_problem(self, **changes: Any) -> "PhasePlanner":
         """Return a copy with changes of the problem."""
-        problem = unchecked(self.problem, **changes)
+        problem = unchecked_copy(self.problem, **changes)
         return replace(self, phase=replace(self.phase, problem=problem))
 
     @property
@@ -72,7 +72,7 @@ class PhasePlanner:
 
         Ipopt does not confirm it.
         """
-        untimed = replace(self.phase, motion=unchecked(self.phase.motion, duration=None))
+        untimed = replace(self.phase, motion=unchecked_copy(self.phase.motion, duration=None))
         planner = "fast" if self.problem.planner == "optimal" else self.problem.planner
         return replace(self, phase=untimed).with_problem(objective="time", planner=planner)
 

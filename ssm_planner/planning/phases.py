@@ -33,8 +33,8 @@ from ssm_planner.planning.retiming.paths import (
 from ssm_planner.planning.scan_pattern import task_of, visits_of
 from ssm_planner.planning.tolerances import ROUNDING, SAME
 from ssm_planner.problem import (
-    ALONE,
-    OF_TIP,
+    SINGLE_COORDINATE_MOTIONS,
+    TIP_CURVES,
     Dwell,
     Follow,
     Free,
@@ -46,7 +46,7 @@ from ssm_planner.problem import (
     Straight,
     Task,
     Tip,
-    key_of,
+    motion_key,
 )
 from ssm_planner.typing import Array, Range, record
 
@@ -246,7 +246,7 @@ def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
     task = task_from_joints(mechanism, q[None, :], near=reference)[0]
     keys: list[str] = []
     for k, entry in enumerate(problem.motion):
-        key = f"motion[{k}].{key_of(entry)}"
+        key = f"motion[{k}].{motion_key(entry)}"
         with within(key):
             motions: list[Motion] = [entry]
             if isinstance(entry, Scan):
@@ -305,7 +305,7 @@ class _PhaseBuilder:
 
     def _straight(self, motion: Straight) -> Phase:
         """Build the phase of a straight line in task coordinates."""
-        key = "to" if key_of(motion) in ALONE else "to.tilt"
+        key = "to" if motion_key(motion) in SINGLE_COORDINATE_MOTIONS else "to.tilt"
         end = task_of(self.problem, self.mechanism, motion.to, self.start, key=key)
         if np.abs(end - self.start).max() < ROUNDING:
             return self._standing(motion)
@@ -372,7 +372,7 @@ class _PhaseBuilder:
             approach = Free(Joints.from_array(beginning), name=name, line=motion.line)
             points = np.stack([self.q, beginning])
             phases = [Phase(self.problem, approach, self.start, builder.start, points)]
-        if motion.curve in OF_TIP:
+        if motion.curve in TIP_CURVES:
             return [*phases, builder._of_tip(motion)]
         return [*phases, *builder._through(motion, curve.points)]
 

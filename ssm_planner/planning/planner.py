@@ -17,7 +17,7 @@ from ssm_planner.planning.reason import Reason, duration_too_short, durations_di
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
 from ssm_planner.planning.work import Work
-from ssm_planner.problem import Motion, Problem, Robot, Scan, unchecked
+from ssm_planner.problem import Motion, Problem, Robot, Scan, unchecked_copy
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.trajectory import Trajectory, join
 from ssm_planner.typing import Array, record
@@ -81,8 +81,8 @@ def plan_motion(
         If a point is out of reach, or if no motion goes anywhere.
     """
     robot = with_corners(problem, problem.robot)
-    problem = unchecked(problem, robot=robot)
-    strict = unchecked(strict or robot, corners=robot.corners, lightest=robot.lightest)
+    problem = unchecked_copy(problem, robot=robot)
+    strict = unchecked_copy(strict or robot, corners=robot.corners, lightest=robot.lightest)
     may_reverse = may_reverse and problem.stop_travel is None
     work = work or Work()
 
@@ -138,7 +138,7 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
     returned unchanged. The result is infinite if the motion would not be shorter than `cutoff`
     seconds, or if none is found.
     """
-    of_time = unchecked(problem, objective="time")
+    of_time = unchecked_copy(problem, objective="time")
     phases, reason = feasible_phases(of_time)
     if reason is not None:
         return np.inf

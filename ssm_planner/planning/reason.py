@@ -6,7 +6,7 @@ requires and the value that is available.
 
 from typing import Any
 
-from ssm_planner.problem import ConstantSpeed, Duration, Limit, in_words
+from ssm_planner.problem import ConstantSpeed, Duration, Limit, format_quantity
 from ssm_planner.typing import frozen
 
 
@@ -79,7 +79,9 @@ def exceeded(
     if limit.low - tolerance <= value <= limit.high + tolerance:
         return None
     bound = limit.bound(value)
-    text = template.format(value=in_words(value, limit.unit), bound=in_words(bound, limit.unit))
+    text = template.format(
+        value=format_quantity(value, limit.unit), bound=format_quantity(bound, limit.unit)
+    )
     if where is not None:
         text += f" ({where})"
     # A clearance that is too small is the available value, not the required one.

@@ -20,7 +20,7 @@ from ssm_planner.kinematics import (
 )
 from ssm_planner.planning.lower_bound import least_times
 from ssm_planner.planning.tolerances import ROUNDING
-from ssm_planner.problem import TASK, Dwell, Eye, Free, Motion, Problem, Scan, Task, Tip
+from ssm_planner.problem import TASK_COORDINATES, Dwell, Eye, Free, Motion, Problem, Scan, Task, Tip
 from ssm_planner.typing import Array, Indices
 
 STARTS = 8
@@ -172,7 +172,9 @@ def task_of(
     ProblemError
         If the tilt is outside the mechanism's range, or at one of its ends.
     """
-    task = np.array([target.set_coordinates.get(name, defaults[k]) for k, name in enumerate(TASK)])
+    task = np.array(
+        [target.set_coordinates.get(name, defaults[k]) for k, name in enumerate(TASK_COORDINATES)]
+    )
     low, high = tilt_interval(mechanism)
     if not low < task[1] < high:
         raise ProblemError(

@@ -6,9 +6,9 @@ from .controller import (
     JointCompliance as JointCompliance,
 )
 from .drive import (
-    PARAMETERS as PARAMETERS,
-    RANGED as RANGED,
-    WEDGE as WEDGE,
+    FRICTION_PARAMETERS as FRICTION_PARAMETERS,
+    RANGE_PARAMETERS as RANGE_PARAMETERS,
+    EFFICIENCY_LEAD_ANGLE as EFFICIENCY_LEAD_ANGLE,
     Drive as Drive,
     Friction as Friction,
     FrictionLawName as FrictionLawName,
@@ -17,14 +17,14 @@ from .drive import (
     Rig as Rig,
     ScrewEnds as ScrewEnds,
 )
-from .drive_geometry import BadGeometry as BadGeometry
-from .limit import Symmetric as Symmetric, in_words as in_words
+from .drive_geometry import DimensionError as DimensionError
+from .limit import SymmetricLimit as SymmetricLimit, format_quantity as format_quantity
 from .limits import (
-    ENDS as ENDS,
-    JUMPS as JUMPS,
-    PROMISES as PROMISES,
-    READ_IN as READ_IN,
-    TASK as TASK,
+    END_VELOCITY_NAMES as END_VELOCITY_NAMES,
+    JUMP_NAMES as JUMP_NAMES,
+    PATH_REQUIREMENTS as PATH_REQUIREMENTS,
+    MESSAGE_UNITS as MESSAGE_UNITS,
+    TASK_COORDINATES as TASK_COORDINATES,
     ConstantSpeed as ConstantSpeed,
     ContinuousTorque as ContinuousTorque,
     CornerRounding as CornerRounding,
@@ -42,7 +42,7 @@ from .limits import (
     MotorSpeed as MotorSpeed,
     MotorTorque as MotorTorque,
     NutContact as NutContact,
-    OfPath as OfPath,
+    PathRequirement as PathRequirement,
     PathDeparture as PathDeparture,
     RetinaClearance as RetinaClearance,
     RetinaDistance as RetinaDistance,
@@ -55,9 +55,9 @@ from .limits import (
     ToolLimit as ToolLimit,
 )
 from .motion import (
-    ALONE as ALONE,
-    LARGEST_GRID as LARGEST_GRID,
-    OF_TIP as OF_TIP,
+    SINGLE_COORDINATE_MOTIONS as SINGLE_COORDINATE_MOTIONS,
+    LARGEST_SCAN_GRID as LARGEST_SCAN_GRID,
+    TIP_CURVES as TIP_CURVES,
     Dwell as Dwell,
     Follow as Follow,
     Free as Free,
@@ -70,21 +70,21 @@ from .motion import (
     Stroke as Stroke,
     Task as Task,
     Tip as Tip,
-    key_of as key_of,
+    motion_key as motion_key,
 )
 from .motor import Motor as Motor
 from .posterior import (
     CONFIDENCE as CONFIDENCE,
-    FRICTION_NAMES as FRICTION_NAMES,
-    LAW as LAW,
-    LAW_NAMES as LAW_NAMES,
-    LAWS as LAWS,
+    UNCERTAIN_PARAMETERS as UNCERTAIN_PARAMETERS,
+    LAW_COLUMN as LAW_COLUMN,
+    LAW_PARAMETERS as LAW_PARAMETERS,
+    FRICTION_LAWS as FRICTION_LAWS,
     LOAD_OFFSET as LOAD_OFFSET,
     Harmonics as Harmonics,
     Posterior as Posterior,
     Reaction as Reaction,
     Ripple as Ripple,
-    interval_of as interval_of,
+    central_interval as central_interval,
 )
 from .problem import (
     Eye as Eye,
@@ -95,18 +95,18 @@ from .problem import (
 )
 from .robot import (
     JOINTS as JOINTS,
-    SMALLEST_ANGLE as SMALLEST_ANGLE,
+    SMALLEST_AXIS_ANGLE as SMALLEST_AXIS_ANGLE,
     Body as Body,
     Geometry as Geometry,
     Joint as Joint,
     Robot as Robot,
-    possible as possible,
+    is_possible_inertia as is_possible_inertia,
     principal_moments as principal_moments,
     read_only_array as read_only_array,
     unit_vector as unit_vector,
 )
 from .serialization import (
-    plain as plain,
+    to_plain as to_plain,
     problem_from_plain as problem_from_plain,
     robot_hash as robot_hash,
     robot_text as robot_text,
@@ -119,13 +119,13 @@ from .value import (
     NotNegative as NotNegative,
     Shape as Shape,
     Value as Value,
-    attributes as attributes,
+    get_attributes as get_attributes,
     check_mapping as check_mapping,
-    converted as converted,
-    descriptions as descriptions,
-    hints as hints,
-    quantities as quantities,
+    convert_value as convert_value,
+    field_descriptions as field_descriptions,
+    field_hints as field_hints,
+    field_quantities as field_quantities,
     strip_annotations as strip_annotations,
-    unchecked as unchecked,
+    unchecked_copy as unchecked_copy,
     unit_kind as unit_kind,
 )

@@ -14,7 +14,7 @@ from ssm_planner.problem.value import (
     Positive,
     Time,
     Value,
-    uncompared,
+    uncompared_field,
 )
 from ssm_planner.typing import record
 
@@ -126,16 +126,16 @@ class Controller(Value):
         default_factory=dict
     )
     """Compliance between drive and joint, by joint."""
-    file: str | None = uncompared()
+    file: str | None = uncompared_field()
 
     def _check(self) -> None:
         """Raise ProblemError if the share of the supply voltage or the loop period is invalid."""
         if self.output_share > 1:
-            raise self._wrong(
+            raise self._field_error(
                 "output_share", "more than the supply provides", "above 0 and up to 1"
             )
         if not 1e-5 <= self.loop_period <= 2e-3:
-            raise self._wrong(
+            raise self._field_error(
                 "loop_period",
                 "implausible period of a position loop: check the unit",
                 "0.01 ms to 2 ms",

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated, Literal
 
-from ssm_planner.problem.posterior import LAW_NAMES, Posterior
+from ssm_planner.problem.posterior import LAW_PARAMETERS, Posterior
 from ssm_planner.problem.transmissions import LARGEST_THREAD_ANGLE, TRANSMISSIONS, Transmission
 from ssm_planner.problem.value import (
     Coefficient,
@@ -20,13 +20,13 @@ from ssm_planner.problem.value import (
     Speed,
     Torque,
     Value,
-    uncompared,
+    uncompared_field,
 )
 from ssm_planner.typing import Numbers, Range, record
 
 LARGEST_LEAD_ANGLE = math.radians(60)
-RANGED = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
-PARAMETERS = (*LAW_NAMES, "dwell_constant", "memory")
+RANGE_PARAMETERS = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
+FRICTION_PARAMETERS = (*LAW_PARAMETERS, "dwell_constant", "memory")
 """Parameters of Friction that are numbers."""
 
 
@@ -61,8 +61,8 @@ class Rig(Value):
 
     Positive values oppose positive motion.
     """
-    published: Annotated[Mapping[str, NotNegative], Names((*PARAMETERS, "preload"))] = field(
-        default_factory=dict
+    published: Annotated[Mapping[str, NotNegative], Names((*FRICTION_PARAMETERS, "preload"))] = (
+        field(default_factory=dict)
     )
     """Published parameters of this drive in SI units, by name in Friction (and preload).
 
@@ -150,29 +150,29 @@ class Friction(Value):
     def _check(self) -> None:
         """Raise ProblemError if fields contradict each other or the law lacks a parameter."""
         if self.mu_static < self.mu:
-            raise self._wrong("mu_static", "smaller than mu", f"at least mu = {self.mu:g}")
+            raise self._field_error("mu_static", "smaller than mu", f"at least mu = {self.mu:g}")
         if self.mu_lowest is not None and self.mu_lowest > self.mu:
-            raise self._wrong("mu_lowest", "larger than mu", f"at most mu = {self.mu:g}")
+            raise self._field_error("mu_lowest", "larger than mu", f"at most mu = {self.mu:g}")
         if self.law != "coulomb" and self.stribeck_speed is None:
-            raise self._wrong(
+            raise self._field_error(
                 "law",
                 "this law needs mu_stribeck and stribeck_speed",
                 "both of them, or law: coulomb",
             )
         if self.covariance is not None and self.posterior is not None:
-            raise self._wrong(
+            raise self._field_error(
                 "covariance", "the posterior states it already", "one of the two", "both"
             )
         for name, default in (("mu_stribeck", 0.0), ("stribeck_speed", None)):
             if self.law == "coulomb" and getattr(self, name) != default:
-                raise self._wrong(
+                raise self._field_error(
                     name, "not a parameter of the coulomb law", "law: stribeck_exponential or …"
                 )
 
 
 DriveKind = str
 """Name of a kind of drive, which is a name in `TRANSMISSIONS`."""
-WEDGE = math.radians(45)
+EFFICIENCY_LEAD_ANGLE = math.radians(45)
 """Lead angle of the thread that represents a drive with efficiencies.
 
 See dynamics/transmission.of_efficiencies.
@@ -211,13 +211,13 @@ class Ratings(Value):
         continuous = self.continuous_output
         peak = self.peak_output
         if continuous is not None and peak is not None and peak < continuous:
-            raise self._wrong(
+            raise self._field_error(
                 "peak_output", "smaller than continuous_output", f"at least {continuous:g} in SI"
             )
         length = self.free_length
         diameter = self.root_diameter
         if length is not None and diameter is not None and diameter > length:
-            raise self._wrong(
+            raise self._field_error(
                 "root_diameter",
                 "the diameter exceeds the length: check the unit",
                 "less than free_length",
@@ -324,7 +324,7 @@ class Drive(Value):
     """Names of the figures that replace unknown ones. `sources` states the reason."""
     rig: Rig | None = None
     """Rig of a drive on a test rig, otherwise None."""
-    file: str | None = uncompared()
+    file: str | None = uncompared_field()
     ratings: Ratings | None = None
     """Manufacturer's ratings. Without them, the gear is not checked."""
     friction_ranges: Mapping[str, Range] = field(default_factory=dict)
@@ -381,15 +381,17 @@ class Drive(Value):
     def _check(self) -> None:
         """Raise ProblemError for an implausible angle or a field that does not fit the kind."""
         if not self.threaded and self.self_locking:
-            raise self._wrong(
+            raise self._field_error(
                 "self_locking", f"a {self.kind} drive is not self-locking", "False", "True"
             )
         if not self.lead_angle < LARGEST_LEAD_ANGLE:
-            raise self._wrong("lead_angle", "implausible", "above 0 and below 60 deg, in rad")
+            raise self._field_error("lead_angle", "implausible", "above 0 and below 60 deg, in rad")
         if not self.pressure_angle < LARGEST_THREAD_ANGLE / 2:
-            raise self._wrong("pressure_angle", "implausible", "above 0 and below 60 deg, in rad")
+            raise self._field_error(
+                "pressure_angle", "implausible", "above 0 and below 60 deg, in rad"
+            )
         if self.friction is None and self.rig is None:
-            raise self._wrong(
+            raise self._field_error(
                 "friction",
                 "missing: only a drive with a rig can be identified later",
                 "a Friction",
@@ -397,14 +399,14 @@ class Drive(Value):
             )
         for name in ("preload", "second_nut_mass"):
             if not self.two_nuts and getattr(self, name) > 0:
-                raise self._wrong(
+                raise self._field_error(
                     name,
                     f"a {self.kind} has a single nut or wheel",
                     "0, or kind antibacklash_screw",
                 )
         diameter = self.dimensions.get("diameter", math.inf)
         if self.ratings is not None and (self.ratings.root_diameter or 0.0) > diameter:
-            raise self._wrong(
+            raise self._field_error(
                 "ratings.root_diameter",
                 "larger than the diameter at which friction acts",
                 f"at most {diameter:g} m",
@@ -416,10 +418,12 @@ class Drive(Value):
         """Raise ProblemError if a range does not contain the parameter's own value."""
         for name, (low, high) in self.friction_ranges.items():
             field = f"friction_ranges.{name}"
-            if name not in RANGED:
-                raise self._wrong(field, "unknown parameter", ", ".join(RANGED), name)
+            if name not in RANGE_PARAMETERS:
+                raise self._field_error(
+                    field, "unknown parameter", ", ".join(RANGE_PARAMETERS), name
+                )
             if self.friction is None:
-                raise self._wrong(
+                raise self._field_error(
                     field,
                     "the friction must be identified before it can have a range",
                     "no range",
@@ -427,18 +431,18 @@ class Drive(Value):
                 )
             value = getattr(self.friction, name)
             if low < 0:
-                raise self._wrong(
+                raise self._field_error(
                     field, "friction cannot be negative", "[lower, upper], from 0", (low, high)
                 )
             if not low <= value <= high:
                 reason = f"does not contain the value of {name}, {value:g} in SI"
-                raise self._wrong(field, reason, "a range that contains it", (low, high))
+                raise self._field_error(field, reason, "a range that contains it", (low, high))
 
     def check_travel(self, travel: float) -> None:
         """Raise ProblemError if a rotating screw is shorter than the travel (m) of its nut."""
         length = None if self.ratings is None else self.ratings.free_length
         if self.transmission.rotating_screw and length is not None and length < travel:
-            raise self._wrong(
+            raise self._field_error(
                 "ratings.free_length",
                 "shorter than the travel of the joint",
                 f"at least {travel:g} m",
@@ -466,7 +470,7 @@ class Drive(Value):
         repose = math.atan(lowest / math.cos(self.pressure_angle))
         if self.self_locking and repose <= self.lead_angle:
             required_mu = math.tan(self.lead_angle) * math.cos(self.pressure_angle)
-            raise self._wrong(
+            raise self._field_error(
                 field,
                 "the drive is not self-locking: lead angle λ = "
                 f"{math.degrees(self.lead_angle):.4g} deg, "
@@ -476,7 +480,7 @@ class Drive(Value):
             )
         highest = max(friction.mu_static, friction.mu + friction.mu_stribeck)
         if self.lead_angle + math.atan(highest / math.cos(self.pressure_angle)) >= math.pi / 2:
-            raise self._wrong(
+            raise self._field_error(
                 "friction",
                 "with this lead angle and friction the gear jams: λ + φ_f is 90 deg or more",
                 "a smaller friction or lead angle",

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from ssm_planner.typing import Numbers, record
 
-TOLERANCE = 0.005
+DIMENSION_TOLERANCE = 0.005
 """Largest relative difference between redundant dimensions."""
 
 # Each law is a product of powers: Π xᵢ^pᵢ = constant. If only one xᵢ is unknown, the law gives it.
@@ -15,7 +15,7 @@ _THREAD: _Law = ({"lead": 1, "starts": -1, "pitch": -1}, 1.0)
 
 
 @record
-class Family:
+class GearFamily:
     """Kinds of gears whose dimensions satisfy the same equations."""
 
     laws: tuple[_Law, ...]
@@ -27,14 +27,14 @@ class Family:
     """Description of sufficient sets of dimensions, for messages."""
 
 
-WORM_FAMILY = Family(
+WORM_FAMILY = GearFamily(
     (({"ratio": 1, "lead": 1, "wheel_diameter": -1}, math.pi), _HELIX, _THREAD),
     ("ratio", "diameter", "wheel_diameter", "lead"),
     "worm_diameter",
     "the worm; it needs three independent ones of ratio, worm_diameter, wheel_diameter, lead (or "
     "starts and pitch), lead_angle",
 )
-SCREW_FAMILY = Family(
+SCREW_FAMILY = GearFamily(
     (({"ratio": 1, "lead": 1}, 2 * math.pi), _HELIX, _THREAD),
     ("diameter", "lead"),
     "diameter",
@@ -42,10 +42,18 @@ SCREW_FAMILY = Family(
     "and pitch), lead_angle",
 )
 # Figures that datasheets state exactly come before figures that are usually rounded.
-_ORDER = ("ratio", "lead", "starts", "pitch", "diameter", "wheel_diameter", "tan_lead_angle")
+_EVALUATION_ORDER = (
+    "ratio",
+    "lead",
+    "starts",
+    "pitch",
+    "diameter",
+    "wheel_diameter",
+    "tan_lead_angle",
+)
 
 
-class BadGeometry(ValueError):
+class DimensionError(ValueError):
     """Dimensions that do not determine the gear or contradict each other.
 
     The attribute `key` is the dimension that is probably wrong, or None.
@@ -57,7 +65,7 @@ class BadGeometry(ValueError):
         self.allowed = allowed
 
 
-def resolve(family: Family, numbers: Numbers) -> dict[str, float]:
+def resolve_dimensions(family: GearFamily, numbers: Numbers) -> dict[str, float]:
     """Compute all dimensions of a gear in SI units from those that a file states.
 
     The result has the keys of the file. The keys of a worm are ratio, worm_diameter,
@@ -68,42 +76,45 @@ def resolve(family: Family, numbers: Numbers) -> dict[str, float]:
 
     Raises BadGeometry if the dimensions do not suffice or contradict each other.
     """
-    named_numbers = _internal(numbers)
+    named_numbers = _dimensions_by_law_name(numbers)
     dimensions: dict[str, float] = {}
-    for name in _ORDER:
+    for name in _EVALUATION_ORDER:
         if name not in named_numbers:
             continue
         key, value = named_numbers[name]
         if name in dimensions:
-            if abs(dimensions[name] / value - 1) > TOLERANCE:
-                raise BadGeometry(
+            if abs(dimensions[name] / value - 1) > DIMENSION_TOLERANCE:
+                raise DimensionError(
                     "contradicts the other dimensions, which give "
-                    f"{_text(name, dimensions[name])}; omit or correct one of them",
+                    f"{_format_dimension(name, dimensions[name])}; omit or correct one of them",
                     key,
                 )
             continue
         dimensions[name] = value
-        _complete(family, dimensions)
+        _derive_dimensions(family, dimensions)
     missing = [name for name in family.needed if name not in dimensions]
     if missing:
         have = ", ".join(numbers) or "none"
-        raise BadGeometry(f"the dimensions given ({have}) do not determine {family.advice}")
+        raise DimensionError(f"the dimensions given ({have}) do not determine {family.advice}")
     lead_angle = math.atan(dimensions.pop("tan_lead_angle"))
     diameter = dimensions.pop("diameter")
     return {family.diameter: diameter, "lead_angle": lead_angle, **dimensions}
 
 
-def _internal(dimensions: Numbers) -> dict[str, tuple[str, float]]:
+def _dimensions_by_law_name(dimensions: Numbers) -> dict[str, tuple[str, float]]:
     """Return the stated dimensions by their names in the laws, each with its key in the file."""
     internal: dict[str, tuple[str, float]] = {}
     for key, value in dimensions.items():
         if key == "lead_angle":
             if not 0 < value < math.pi / 3:
-                raise BadGeometry("a lead angle must be between 0 and 60 deg", key)
+                raise DimensionError("a lead angle must be between 0 and 60 deg", key)
             internal["tan_lead_angle"] = (key, math.tan(value))
         elif key in ("worm_diameter", "diameter", "effective_diameter"):
-            if "diameter" in internal and abs(internal["diameter"][1] / value - 1) > TOLERANCE:
-                raise BadGeometry(
+            if (
+                "diameter" in internal
+                and abs(internal["diameter"][1] / value - 1) > DIMENSION_TOLERANCE
+            ):
+                raise DimensionError(
                     "differs from diameter: give only the diameter at which friction acts", key
                 )
             internal.setdefault("diameter", (key, value))
@@ -112,7 +123,7 @@ def _internal(dimensions: Numbers) -> dict[str, tuple[str, float]]:
     return internal
 
 
-def _complete(family: Family, dimensions: dict[str, float]) -> None:
+def _derive_dimensions(family: GearFamily, dimensions: dict[str, float]) -> None:
     """Add every dimension that the known ones determine."""
     progress = True
     while progress:
@@ -128,7 +139,7 @@ def _complete(family: Family, dimensions: dict[str, float]) -> None:
                 progress = True
 
 
-def _text(name: str, value: float) -> str:
+def _format_dimension(name: str, value: float) -> str:
     """Return a dimension as text in degrees, mm or without a unit."""
     if name == "tan_lead_angle":
         return f"{math.degrees(math.atan(value)):.4g} deg"

@@ -19,11 +19,11 @@ from ssm_planner.units import display_unit
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-TIGHTENING = 1.5
+TIGHTENING_FACTOR = 1.5
 """Ratio of the amount by which a bound is tightened to the amount by which it was exceeded."""
-DIGITS = 6
+MESSAGE_DIGITS = 6
 """Significant digits of a value in messages."""
-ROUNDING = 1e-12
+CONVERSION_TOLERANCE = 1e-12
 """Relative error of a value that was converted to another unit."""
 
 P = TypeVar("P")
@@ -112,7 +112,7 @@ class Limit(Value, ABC):
     def tightened(self, worst: float, bound: float) -> "Self | None":
         """Return a stricter limit for another plan, or None if a stricter limit does not help.
 
-        The result is stricter by `TIGHTENING` times the excess.
+        The result is stricter by `TIGHTENING_FACTOR` times the excess.
 
         Parameters
         ----------
@@ -148,13 +148,13 @@ class Limit(Value, ABC):
         The printed value then suffices as a bound. Values are in SI units.
         """
         _, scale = display_unit("" if self.unit == "μ" else self.unit)
-        return outwards(scale * value, scale * self.bound(value)) / scale
+        return round_away(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
         """Return a text that states the bound `value` that would suffice, and the present bound."""
         return (
-            f"{self.words.format(limit=self)} {in_words(value, self.unit)} "
-            f"instead of {in_words(self.bound(value), self.unit)}"
+            f"{self.words.format(limit=self)} {format_quantity(value, self.unit)} "
+            f"instead of {format_quantity(self.bound(value), self.unit)}"
         )
 
     def on(self, problem: P) -> P:
@@ -168,7 +168,7 @@ class Limit(Value, ABC):
     enough = Renamed("sufficient_bound")
 
 
-class Symmetric(Limit):
+class SymmetricLimit(Limit):
     """Base class of limits with |value| ≤ largest."""
 
     largest: float
@@ -186,17 +186,19 @@ class Symmetric(Limit):
 
     def tightened(self, worst: float, bound: float) -> "Self | None":
         # (bound / worst)^TIGHTENING is never 0, however large the excess
-        return replaced(self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING)
+        return replace_fields(
+            self, largest=self.largest * min(abs(bound / worst), 1.0) ** TIGHTENING_FACTOR
+        )
 
     def relaxed(self, value: float) -> "Self | None":
-        return replaced(self, largest=max(self.largest, abs(value)))
+        return replace_fields(self, largest=max(self.largest, abs(value)))
 
     def doubled(self) -> tuple[float, ...]:
         """Return twice the bound as the only result of `trials`."""
         return (2 * self.largest,)
 
 
-class Between(Limit):
+class RangeLimit(Limit):
     """Base class of limits with lower ≤ value ≤ upper."""
 
     lower: float
@@ -220,10 +222,10 @@ class Between(Limit):
         return self.upper
 
     def relaxed(self, value: float) -> "Self | None":
-        return replaced(self, lower=min(self.lower, value), upper=max(self.upper, value))
+        return replace_fields(self, lower=min(self.lower, value), upper=max(self.upper, value))
 
 
-def replaced(value: P, **changes: Any) -> P:
+def replace_fields(value: P, **changes: Any) -> P:
     """Return dataclasses.replace(value, **changes), without a static check of the type.
 
     The module cannot import the type of the value, because that type imports this module.
@@ -232,22 +234,24 @@ def replaced(value: P, **changes: Any) -> P:
     return replace(instance, **changes)
 
 
-def outwards(value: float, bound: float) -> float:
-    """Round a value to `DIGITS` significant digits, away from the bound.
+def round_away(value: float, bound: float) -> float:
+    """Round a value to `MESSAGE_DIGITS` significant digits, away from the bound.
 
-    A value that agrees with its rounded form up to `ROUNDING` is not moved away.
+    A value that agrees with its rounded form up to `CONVERSION_TOLERANCE` is not moved away.
     """
-    rounded = float(f"{value:.{DIGITS}g}")
-    if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=ROUNDING):
+    rounded = float(f"{value:.{MESSAGE_DIGITS}g}")
+    if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=CONVERSION_TOLERANCE):
         return rounded
     decimal = Decimal(value)
     rounding = ROUND_CEILING if value > bound else ROUND_FLOOR
     return float(
-        decimal.quantize(Decimal(1).scaleb(decimal.adjusted() - DIGITS + 1), rounding=rounding)
+        decimal.quantize(
+            Decimal(1).scaleb(decimal.adjusted() - MESSAGE_DIGITS + 1), rounding=rounding
+        )
     )
 
 
-def in_words(value: float, unit: str) -> str:
+def format_quantity(value: float, unit: str) -> str:
     """Format a value in SI units as text with the unit that messages use for it."""
     name, scale = display_unit("" if unit == "μ" else unit)
-    return f"{scale * value:.{DIGITS}g} {name}".rstrip()
+    return f"{scale * value:.{MESSAGE_DIGITS}g} {name}".rstrip()

@@ -7,27 +7,27 @@ from typing import Any, ClassVar, TypeVar
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limit import (
-    TIGHTENING,
-    Between,
+    TIGHTENING_FACTOR,
     P,
-    Symmetric,
-    in_words,
-    outwards,
-    replaced,
+    RangeLimit,
+    SymmetricLimit,
+    format_quantity,
+    replace_fields,
+    round_away,
 )
 from ssm_planner.problem.limit import Limit as Limit
-from ssm_planner.problem.value import NotNegative, Positive, check_name, unchecked
+from ssm_planner.problem.value import NotNegative, Positive, check_name, unchecked_copy
 from ssm_planner.typing import Range, frozen
 from ssm_planner.units import display_unit
 
-TASK = ("roll", "tilt", "spin", "depth")
+TASK_COORDINATES = ("roll", "tilt", "spin", "depth")
 """Order of the task coordinates in every array."""
 STOP_RESERVE = 2e-3
 """Relative reserve of a limit on the travel of stops.
 
 The limit is tightened by this share in addition to the excess. `sufficient_bound` adds twice it.
 """
-RESERVE = 5e-3
+FEASIBILITY_RESERVE = 5e-3
 """Relative amount by which a torque or acceleration exceeds the smallest necessary value.
 
 Without it, the motion would creep, or it would be the only feasible one.
@@ -43,7 +43,7 @@ def derived_unit(slides: bool, order: int) -> str:
 
 
 @frozen
-class JointLimit(Symmetric):
+class JointLimit(SymmetricLimit):
     """Limit |value| ≤ largest of one joint or its motor."""
 
     field: ClassVar[str]
@@ -61,14 +61,14 @@ class JointLimit(Symmetric):
         return derived_unit(self.prismatic, self.order)
 
     def on(self, problem: P) -> P:
-        return _with_joint(problem, self.of, **{self.field: self.largest})
+        return _change_joint(problem, self.of, **{self.field: self.largest})
 
     def _with_reserve(self, needed: float) -> float:
-        return max(needed, self.largest) * (1 + RESERVE)
+        return max(needed, self.largest) * (1 + FEASIBILITY_RESERVE)
 
 
 @frozen
-class JointPosition(Between):
+class JointPosition(RangeLimit):
     """Range of one joint position, rad or m."""
 
     name = "position"
@@ -84,7 +84,7 @@ class JointPosition(Between):
         return derived_unit(self.prismatic, 0)
 
     def on(self, problem: P) -> P:
-        return _with_joint(problem, self.of, position=(self.lower, self.upper))
+        return _change_joint(problem, self.of, position=(self.lower, self.upper))
 
 
 class JointVelocity(JointLimit):
@@ -92,7 +92,7 @@ class JointVelocity(JointLimit):
 
     name = field = "velocity"
     order = 1
-    trials = Symmetric.doubled
+    trials = SymmetricLimit.doubled
 
 
 class JointAcceleration(JointLimit):
@@ -116,11 +116,13 @@ class MotorLimit(JointLimit):
     words = "largest {limit.name} of joint {limit.of} of"
 
     def on(self, problem: P) -> P:
-        motor = _joint(problem, self.of).motor
+        motor = _joint_named(problem, self.of).motor
         if motor is None:
             raise ProblemError(f"joint {self.of} has no motor")
         # a trial value may be below the nominal torque
-        return _with_joint(problem, self.of, motor=unchecked(motor, **{self.field: self.largest}))
+        return _change_joint(
+            problem, self.of, motor=unchecked_copy(motor, **{self.field: self.largest})
+        )
 
 
 @frozen
@@ -133,7 +135,7 @@ class MotorSpeed(MotorLimit):
     unit = "rad/s"
 
 
-READ_IN = {MotorSpeed.name: "rpm"}
+MESSAGE_UNITS = {MotorSpeed.name: "rpm"}
 """Units of limits in messages, by the name of the limit.
 
 Other limits have the default unit of their SI unit.
@@ -149,7 +151,7 @@ class MotorTorque(MotorLimit):
     order = 2
     unit = "N·m"
     sufficient_bound = JointLimit._with_reserve
-    trials = Symmetric.doubled
+    trials = SymmetricLimit.doubled
 
 
 @frozen
@@ -187,10 +189,10 @@ class NutContact(Limit):
         return replace(self, preload=max(self.preload, value))
 
     def on(self, problem: P) -> P:
-        drive = _joint(problem, self.of).drive
+        drive = _joint_named(problem, self.of).drive
         if drive is None:
             raise ProblemError(f"joint {self.of} has no drive with a preload")
-        return _with_joint(problem, self.of, drive=replace(drive, preload=self.preload))
+        return _change_joint(problem, self.of, drive=replace(drive, preload=self.preload))
 
 
 @frozen
@@ -222,7 +224,7 @@ class SelfLocking(Limit):
         )
 
     def on(self, problem: P) -> P:
-        drive = _joint(problem, self.of).drive
+        drive = _joint_named(problem, self.of).drive
         if drive is None or drive.friction is None:
             raise ProblemError(f"joint {self.of} has no drive with friction")
         friction = drive.friction
@@ -233,11 +235,11 @@ class SelfLocking(Limit):
             mu_static=max(friction.mu_static, lowest_mu),
             mu_lowest=lowest_mu,
         )
-        return _with_joint(problem, self.of, drive=replace(drive, friction=raised_friction))
+        return _change_joint(problem, self.of, drive=replace(drive, friction=raised_friction))
 
 
-class OfCoordinate(Limit):
-    """Base class of limits on one task coordinate, which is one of `TASK`."""
+class CoordinateLimit(Limit):
+    """Base class of limits on one task coordinate, which is one of `TASK_COORDINATES`."""
 
     coordinate: str
     derivative: ClassVar[int]
@@ -247,7 +249,7 @@ class OfCoordinate(Limit):
         super()._check()
         check_name(
             self.coordinate,
-            TASK,
+            TASK_COORDINATES,
             f"{type(self).__name__}.coordinate",
             "unknown task coordinate",
         )
@@ -268,11 +270,11 @@ class OfCoordinate(Limit):
         return derived_unit(self.coordinate == "depth", self.derivative)
 
     def on(self, problem: P) -> P:
-        return _with_own(problem, self)
+        return _set_limit(problem, self)
 
 
 @frozen
-class TaskRange(OfCoordinate, Between):
+class TaskRange(CoordinateLimit, RangeLimit):
     """Range of one task coordinate, rad or m.
 
     Examples
@@ -283,7 +285,7 @@ class TaskRange(OfCoordinate, Between):
     """
 
     coordinate: str
-    """One of `TASK`."""
+    """One of `TASK_COORDINATES`."""
     lower: float
     upper: float
 
@@ -304,7 +306,7 @@ class TaskRange(OfCoordinate, Between):
         return self.coordinate in ("roll", "spin")
 
     def tightened(self, worst: float, bound: float) -> "TaskRange | None":
-        shift = TIGHTENING * abs(worst - bound)
+        shift = TIGHTENING_FACTOR * abs(worst - bound)
         if not self.coupled or not 2 * shift < self.upper - self.lower:
             return None
         if worst > bound:
@@ -318,8 +320,8 @@ class TaskRange(OfCoordinate, Between):
     def described(self, value: float) -> str:
         side = "from" if value < self.low else "to"
         return (
-            f"range of {self.coordinate} {side} {in_words(value, self.unit)} "
-            f"instead of {in_words(self.bound(value), self.unit)}"
+            f"range of {self.coordinate} {side} {format_quantity(value, self.unit)} "
+            f"instead of {format_quantity(self.bound(value), self.unit)}"
         )
 
     def on(self, problem: P) -> P:
@@ -338,11 +340,13 @@ class TaskRange(OfCoordinate, Between):
             else robot_range
             for robot_range in current.robot.limits
         )
-        return super().on(replaced(problem, robot=replace(current.robot, limits=tuple(limits))))
+        return super().on(
+            replace_fields(problem, robot=replace(current.robot, limits=tuple(limits)))
+        )
 
 
 @frozen
-class ToolLimit(Symmetric):
+class ToolLimit(SymmetricLimit):
     """Limit |value| ≤ largest on a quantity of the tool.
 
     A subclass defines `name` and `field`, and `unit` if it is not m.
@@ -359,7 +363,7 @@ class ToolLimit(Symmetric):
     """Key in a problem file and in plan.json."""
     largest: Positive
     unit = "m"
-    trials = Symmetric.doubled
+    trials = SymmetricLimit.doubled
 
     @classmethod
     def kinds(cls) -> "tuple[type[ToolLimit], ...]":
@@ -367,7 +371,7 @@ class ToolLimit(Symmetric):
         return (*SpeedLimit.__subclasses__(), StopTravel)
 
     def on(self, problem: P) -> P:
-        return _with_own(problem, self)
+        return _set_limit(problem, self)
 
 
 class SpeedLimit(ToolLimit):
@@ -388,7 +392,7 @@ class SpeedLimit(ToolLimit):
 
 
 @frozen
-class TaskRate(OfCoordinate, Symmetric):
+class TaskRate(CoordinateLimit, SymmetricLimit):
     """Largest |rate| of one task coordinate, rad/s or m/s.
 
     Examples
@@ -401,7 +405,7 @@ class TaskRate(OfCoordinate, Symmetric):
 
     order = derivative = 1
     coordinate: str
-    """One of `TASK`."""
+    """One of `TASK_COORDINATES`."""
     largest: Positive
 
     @staticmethod
@@ -475,7 +479,7 @@ class RetinaClearance(Limit):
         return self.radius - self.clearance
 
     def tightened(self, worst: float, bound: float) -> "RetinaClearance | None":
-        clearance = self.clearance + TIGHTENING * max(bound - worst, 0.0)
+        clearance = self.clearance + TIGHTENING_FACTOR * max(bound - worst, 0.0)
         return replace(self, clearance=clearance) if clearance < self.radius else None
 
     def relaxed(self, value: float) -> "RetinaClearance | None":
@@ -483,7 +487,7 @@ class RetinaClearance(Limit):
         return None if value < 0 else replace(self, clearance=min(self.clearance, value))
 
     def on(self, problem: P) -> P:
-        return _with_eye(problem, clearance=self.clearance)
+        return _change_eye(problem, clearance=self.clearance)
 
 
 @frozen
@@ -510,7 +514,8 @@ class LensClearance(Limit):
     def tightened(self, worst: float, bound: float) -> "LensClearance":
         return replace(
             self,
-            shaft_radius=self.shaft_radius + TIGHTENING * max(bound - worst, 0.0) * self.thickness,
+            shaft_radius=self.shaft_radius
+            + TIGHTENING_FACTOR * max(bound - worst, 0.0) * self.thickness,
         )
 
     def relaxed(self, value: float) -> "LensClearance | None":
@@ -521,16 +526,16 @@ class LensClearance(Limit):
 
     def rounded(self, value: float) -> float:
         scale = display_unit("m")[1] * self.thickness
-        return 1 + outwards(scale * (value - 1), scale * (self.low - 1)) / scale
+        return 1 + round_away(scale * (value - 1), scale * (self.low - 1)) / scale
 
     def described(self, value: float) -> str:
         return (
-            f"radius of the shaft of {in_words(self._radius(value), 'm')} "
-            f"instead of {in_words(self.shaft_radius, 'm')}"
+            f"radius of the shaft of {format_quantity(self._radius(value), 'm')} "
+            f"instead of {format_quantity(self.shaft_radius, 'm')}"
         )
 
     def on(self, problem: P) -> P:
-        return _with_eye(problem, shaft_radius=self.shaft_radius)
+        return _change_eye(problem, shaft_radius=self.shaft_radius)
 
     def _radius(self, ratio: float) -> float:
         """Return the shaft radius in m whose limit is the given ratio."""
@@ -581,16 +586,16 @@ class Duration(Limit):
         if not any(is_limited):  # the motion has a share of the total duration
             if self.motion is not None and current.duration is None:
                 raise ProblemError(f"no motion {self.motion} of {requested:g} s", key="duration")
-            return replaced(problem, duration=self.largest)
+            return replace_fields(problem, duration=self.largest)
         timed = (
             replace(m, duration=self.largest) if k else m
             for m, k in zip(current.motion, is_limited, strict=True)
         )
-        return replaced(problem, motion=tuple(timed))
+        return replace_fields(problem, motion=tuple(timed))
 
 
 @frozen
-class OfPath(Limit):
+class PathRequirement(Limit):
     """Requirement on the path of the tip, which the planner fulfils by construction.
 
     Only the check evaluates it.
@@ -604,37 +609,37 @@ class OfPath(Limit):
         return self.largest
 
 
-class PathDeparture(OfPath):
+class PathDeparture(PathRequirement):
     """Largest distance of the tip from its prescribed lines and arcs outside rounded corners, m."""
 
     name = "path departure"
 
 
-class CornerRounding(OfPath):
+class CornerRounding(PathRequirement):
     """Largest distance from a corner at which the tip is off its lines, m."""
 
     name = "corner rounding"
 
 
-class RetinaDistance(OfPath):
+class RetinaDistance(PathRequirement):
     """Prescribed distance between the tip and the retina along a curve, m."""
 
     name = "retina distance"
 
 
-class ConstantSpeed(OfPath):
+class ConstantSpeed(PathRequirement):
     """Prescribed speed of the tip along a curve, except for the ramps at its ends, m/s."""
 
     name = "constant speed"
     unit = "m/s"
 
 
-PROMISES = tuple(str(kind.name) for kind in OfPath.__subclasses__())
+PATH_REQUIREMENTS = tuple(str(kind.name) for kind in PathRequirement.__subclasses__())
 """Names of the requirements on the path of the tip."""
-ENDS = ("start velocity", "end velocity")
-JUMPS = (
+END_VELOCITY_NAMES = ("start velocity", "end velocity")
+JUMP_NAMES = (
     *(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)),
-    *ENDS,
+    *END_VELOCITY_NAMES,
 )
 """Names of the limits on jumps, which include jumps from rest and to rest.
 
@@ -663,7 +668,7 @@ class Jump(FixedLimit):
 
     @property
     def name(self) -> str:
-        return JUMPS[self.derivative]
+        return JUMP_NAMES[self.derivative]
 
     @property
     def unit(self) -> str:
@@ -679,10 +684,10 @@ class EndVelocity(FixedLimit):
 
     @property
     def name(self) -> str:
-        return ENDS[self.at_end]
+        return END_VELOCITY_NAMES[self.at_end]
 
 
-OFFSETS = ("velocity offset", "torque offset")
+OFFSET_NAMES = ("velocity offset", "torque offset")
 
 
 @frozen
@@ -696,8 +701,8 @@ class FeedForward(FixedLimit):
 
     @property
     def name(self) -> str:
-        """Name of the offset, one of `OFFSETS`."""
-        return OFFSETS[self.of_torque]
+        """Name of the offset, one of `OFFSET_NAMES`."""
+        return OFFSET_NAMES[self.of_torque]
 
     @property
     def unit(self) -> str:
@@ -715,12 +720,12 @@ class Limited:
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """Ranges of task coordinates by name in `TASK`, rad or m."""
+        """Ranges of task coordinates by name in `TASK_COORDINATES`, rad or m."""
         return {limit.coordinate: (limit.low, limit.high) for limit in self._of_type(TaskRange)}
 
     @property
     def rates(self) -> dict[str, float]:
-        """Largest |rate| of task coordinates by name in `TASK`, rad/s or m/s."""
+        """Largest |rate| of task coordinates by name in `TASK_COORDINATES`, rad/s or m/s."""
         return {limit.coordinate: limit.largest for limit in self._of_type(TaskRate)}
 
     @property
@@ -748,7 +753,7 @@ class Limited:
         return tuple(limit for limit in self.limits if isinstance(limit, limit_type))
 
 
-def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:
+def sorted_task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:
     """Check the limits of a task, and sort them in the order of plan.json.
 
     `location` is the key of the limits for messages.
@@ -775,7 +780,7 @@ def task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limi
     return tuple(sorted(unique, key=lambda limit: kinds.index(type(limit))))
 
 
-def _joint(problem: Any, name: str) -> Any:
+def _joint_named(problem: Any, name: str) -> Any:
     """Return the joint of a problem with a name. Raises ProblemError if the name is unknown."""
     for joint in problem.robot.joints:
         if joint.name == name:
@@ -788,25 +793,25 @@ def _joint(problem: Any, name: str) -> Any:
     )
 
 
-def _with_joint(problem: P, name: str, **changes: Any) -> P:
+def _change_joint(problem: P, name: str, **changes: Any) -> P:
     """Return a copy of a problem with changed fields of one joint."""
     current: Any = problem
-    changed = replace(_joint(problem, name), **changes)
+    changed = replace(_joint_named(problem, name), **changes)
     joints = tuple(changed if joint.name == name else joint for joint in current.robot.joints)
-    return replaced(problem, robot=replace(current.robot, joints=joints))
+    return replace_fields(problem, robot=replace(current.robot, joints=joints))
 
 
-def _with_own(problem: P, limit: Limit) -> P:
+def _set_limit(problem: P, limit: Limit) -> P:
     """Return a copy of a problem with a limit, which replaces the limit with the same key."""
     current: Any = problem
     if all(item.key != limit.key for item in current.limits):
-        return replaced(problem, limits=(*current.limits, limit))
-    return replaced(
+        return replace_fields(problem, limits=(*current.limits, limit))
+    return replace_fields(
         problem, limits=tuple(limit if item.key == limit.key else item for item in current.limits)
     )
 
 
-def _with_eye(problem: P, **changes: Any) -> P:
+def _change_eye(problem: P, **changes: Any) -> P:
     """Return a copy of a problem with changed fields of its eye.
 
     Raises ProblemError if the problem has no eye.
@@ -814,4 +819,4 @@ def _with_eye(problem: P, **changes: Any) -> P:
     current: Any = problem
     if current.eye is None:
         raise ProblemError("the problem has no eye")
-    return replaced(problem, eye=replace(current.eye, **changes))
+    return replace_fields(problem, eye=replace(current.eye, **changes))

@@ -3,7 +3,7 @@
 from typing import Annotated, ClassVar, Literal
 
 from ssm_planner.deprecation import Renamed
-from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.limits import TASK_COORDINATES
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.problem.value import (
     Bound,
@@ -14,16 +14,16 @@ from ssm_planner.problem.value import (
     Time,
     Value,
     check_name,
-    uncompared,
+    uncompared_field,
 )
 from ssm_planner.typing import Array, record
 
-LARGEST_GRID = 50
+LARGEST_SCAN_GRID = 50
 """Largest number of rows or columns of a scan."""
 Line = Annotated[int, Bound(above=0)]
-OF_TIP = ("line", "arc", "retina")
+TIP_CURVES = ("line", "arc", "retina")
 """Curves that the tip follows in space."""
-ALONE = ("roll", "tilt", "spin", "insert")
+SINGLE_COORDINATE_MOTIONS = ("roll", "tilt", "spin", "insert")
 """Names of straight motions that change only one coordinate."""
 SMALLEST_BLEND = 1e-5
 """Smallest blend distance, m.
@@ -52,13 +52,15 @@ class Task(Value):
     """Rotation of the tool about its own axis, rad."""
     depth: Annotated[float, "length"] | None = None
     """Distance of the tip beyond the remote centre, m."""
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
     """Line of the problem file, for messages."""
 
     @property
     def set_coordinates(self) -> dict[str, float]:
-        """Coordinates that are not None, by name in `TASK`."""
-        return {name: value for name in TASK if (value := getattr(self, name)) is not None}
+        """Coordinates that are not None, by name in `TASK_COORDINATES`."""
+        return {
+            name: value for name in TASK_COORDINATES if (value := getattr(self, name)) is not None
+        }
 
     given = Renamed("set_coordinates")
 
@@ -75,7 +77,7 @@ class Joints(Value):
     """
 
     values: tuple[float, float, float, float]
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
 
     @classmethod
     def from_array(cls, q: Array) -> "Joints":
@@ -97,13 +99,13 @@ class Tip(Value):
 
     position: tuple[float, float, float]
     spin: float
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
 
     def _check(self) -> None:
         """Raise ProblemError for a tip at the remote centre, where its direction is unknown."""
         if sum(x * x for x in self.position) < 1e-12:
             reason = "the tip at the remote centre leaves roll and tilt open"
-            raise self._wrong(
+            raise self._field_error(
                 "position", reason, "a point away from [0, 0, 0]; or roll, tilt, spin and depth"
             )
 
@@ -135,7 +137,7 @@ class Straight(Value):
 
     The default is the coordinate that moves (insert for depth), or straight.
     """
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
     blend: Length | None = None
     """Tip distance from the end within which the corner to the next motion is rounded, m.
 
@@ -149,7 +151,7 @@ class Straight(Value):
         """
         _check_blend(self)
         if not self.to.set_coordinates:
-            raise self._wrong("to", "the point is empty", "roll, tilt, spin or depth", "None")
+            raise self._field_error("to", "the point is empty", "roll, tilt, spin or depth", "None")
         if not self.name:
             coordinates = tuple(self.to.set_coordinates)
             name = coordinates[0] if len(coordinates) == 1 else "straight"
@@ -180,15 +182,15 @@ class Free(Value):
     duration: Positive | None = None
     """Requested duration, s. The motion then minimises effort."""
     name: str = "free"
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
     spin_free: bool = False
     """True if the planner chooses the fastest final spin. The spin of `to` is then ignored."""
 
     def _check(self) -> None:
         """Raise ProblemError if a point is empty, or if joints contradict a free spin."""
-        _check_given(self)
+        _check_stated_points(self)
         if self.spin_free and isinstance(self.to, Joints):
-            raise self._wrong(
+            raise self._field_error(
                 "spin_free", "joints fix the spin", "a target in task coordinates, or a tip", "True"
             )
 
@@ -219,9 +221,9 @@ class Follow(Value):
     along which the spin changes in proportion to the path length. The curve "retina" is a great
     circle at a constant distance from the retina.
     """
-    file: str | None = uncompared()
+    file: str | None = uncompared_field()
     """Table that contains the points. Their lines refer to it."""
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
     duration: Positive | None = None
     """Requested duration, s. Not allowed for samples."""
     blend: Positive | None = None
@@ -235,39 +237,39 @@ class Follow(Value):
         """Raise ProblemError if a field does not fit the curve."""
         _check_blend(self)
         if self.constant_speed is not None:
-            self._check_constant()
+            self._check_constant_speed()
         if (self.distance is None) == (self.curve == "retina"):
-            raise self._wrong(
+            raise self._field_error(
                 "distance",
                 "required for curve retina, and not allowed for other curves",
                 "a length, or none",
             )
         if self.distance is not None and not (isinstance(self.to, Task) and self.to.depth is None):
             reason = "do not give depth: distance already determines it"
-            raise self._wrong("to", reason, "roll, tilt, spin", type(self.to).__name__)
+            raise self._field_error("to", reason, "roll, tilt, spin", type(self.to).__name__)
         if self.duration is not None and self.curve == "samples":
-            raise self._wrong(
+            raise self._field_error(
                 "duration", "not allowed for samples because only TOPP-RA can time them", "None"
             )
         if self.blend is not None and not self.blends:
-            raise self._wrong("blend", f"not allowed for curve {self.curve}", "None")
+            raise self._field_error("blend", f"not allowed for curve {self.curve}", "None")
         counts = {"line": 0, "arc": 1, "retina": 0}
         required = counts.get(self.curve, len(self.through))
         if len(self.through) != required:
-            raise self._wrong(
+            raise self._field_error(
                 "through", f"not allowed for curve {self.curve}", f"{required} points"
             )
-        _check_given(self)
+        _check_stated_points(self)
 
-    def _check_constant(self) -> None:
+    def _check_constant_speed(self) -> None:
         """Raise ProblemError if the curve or the timing excludes the constant speed."""
         speed = self.constant_speed
-        if self.curve not in OF_TIP:
+        if self.curve not in TIP_CURVES:
             reason = f"not allowed for curve {self.curve}"
-            raise self._wrong("constant_speed", reason, "a line or an arc", speed)
+            raise self._field_error("constant_speed", reason, "a line or an arc", speed)
         if self.duration is not None or self.blend is not None:
             reason = "a duration or a rounded corner excludes a constant speed"
-            raise self._wrong(
+            raise self._field_error(
                 "constant_speed", reason, "none of these, or no constant_speed", speed
             )
 
@@ -281,7 +283,7 @@ def _check_blend(motion: Straight | Follow) -> None:
     """Raise ProblemError if the distance within which a corner is rounded is too small."""
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
         reason = "the robot would almost stop in such a tight corner"
-        raise motion._wrong(
+        raise motion._field_error(
             "blend",
             reason,
             f"at least {1e3 * SMALLEST_BLEND:g} mm, or no blend",
@@ -289,12 +291,12 @@ def _check_blend(motion: Straight | Follow) -> None:
         )
 
 
-def _check_given(motion: Free | Follow) -> None:
+def _check_stated_points(motion: Free | Follow) -> None:
     """Raise ProblemError if a point of a motion states no coordinate."""
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"
-            raise motion._wrong(
+            raise motion._field_error(
                 key, "the point is empty", "roll, tilt, spin or depth; joints; or a tip", "Task()"
             )
 
@@ -315,7 +317,7 @@ class Dwell(Value):
     duration: Time
     """Duration of the pause, s."""
     name: str = "dwell"
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
 
 
 @record
@@ -353,40 +355,40 @@ class Scan(Value):
     order: Literal["given", "fastest"] = "given"
     """Order of the spots: that of the pattern, or the fastest order of all spots of all rings."""
     name: str = "scan"
-    line: Line | None = uncompared()
+    line: Line | None = uncompared_field()
     duration: ClassVar[None] = None
 
     def _check(self) -> None:
         """Raise ProblemError if the direction is incomplete or the pattern is ambiguous."""
         if self.at.tilt is None:
-            raise self._wrong("at", "missing: the pattern needs a tilt", "roll, tilt, spin")
+            raise self._field_error("at", "missing: the pattern needs a tilt", "roll, tilt, spin")
         if self.at.depth is not None:
-            raise self._wrong(
+            raise self._field_error(
                 "at", "do not give depth: distance already determines it", "roll, tilt, spin"
             )
         if list(self.diameters) != sorted(set(self.diameters)):
-            raise self._wrong("diameters", "rings must be concentric", "increasing lengths")
+            raise self._field_error("diameters", "rings must be concentric", "increasing lengths")
         for name in ("rows", "columns"):
             count = getattr(self, name)
             if self.diameters and count:
-                raise self._wrong(
+                raise self._field_error(
                     name, "only for a raster, but diameters define rings", "0, or no diameters"
                 )
-            if not self.diameters and not 1 <= count <= LARGEST_GRID:
-                raise self._wrong(
+            if not self.diameters and not 1 <= count <= LARGEST_SCAN_GRID:
+                raise self._field_error(
                     name,
                     "not a count",
-                    f"a whole number from 1 to {LARGEST_GRID}; or diameters of rings",
+                    f"a whole number from 1 to {LARGEST_SCAN_GRID}; or diameters of rings",
                 )
 
 
 Motion = Straight | Free | Follow | Dwell | Scan
 
 
-def key_of(motion: Motion) -> str:
+def motion_key(motion: Motion) -> str:
     """Return the key that represents a motion in a problem file."""
     if isinstance(motion, Straight):
-        return motion.name if motion.name in ALONE else motion.kind
+        return motion.name if motion.name in SINGLE_COORDINATE_MOTIONS else motion.kind
     return motion.curve.replace("samples", "path") if isinstance(motion, Follow) else motion.kind
 
 
@@ -424,7 +426,7 @@ class Motorisation(Value):
     name: str
     robot: Robot
     strokes: tuple[Stroke, ...]
-    file: str | None = uncompared()
+    file: str | None = uncompared_field()
 
     def _check(self) -> None:
         """Raise ProblemError if a joint has no drive, or has two strokes."""
@@ -433,8 +435,8 @@ class Motorisation(Value):
             field = f"strokes[{i}].joint"
             if drives[stroke.joint] is None:
                 reason = "this joint has no drive, so there is no motor to size"
-                raise self._wrong(field, reason, "a driven joint", stroke.joint)
+                raise self._field_error(field, reason, "a driven joint", stroke.joint)
             if any(stroke_before.joint == stroke.joint for stroke_before in self.strokes[:i]):
-                raise self._wrong(
+                raise self._field_error(
                     field, "this joint already has a run", "one run per joint", stroke.joint
                 )

@@ -12,11 +12,11 @@ from ssm_planner.problem.value import (
     Time,
     Torque,
     Value,
-    uncompared,
+    uncompared_field,
 )
 from ssm_planner.typing import record
 
-LARGEST_DRIFT = -0.01
+LARGEST_TORQUE_CONSTANT_DRIFT = -0.01
 """Largest plausible decrease of the torque constant with temperature, 1/K."""
 
 
@@ -74,7 +74,7 @@ class Motor(Value):
 
     `sources` states the substitute and the reason.
     """
-    file: str | None = uncompared()
+    file: str | None = uncompared_field()
 
     @property
     def placeholder(self) -> bool:
@@ -100,19 +100,21 @@ class Motor(Value):
     def _check(self) -> None:
         """Raise ProblemError if figures contradict each other."""
         if self.max_torque < self.nominal_torque:
-            raise self._wrong(
+            raise self._field_error(
                 "max_torque", "smaller than nominal_torque", f"at least {self.nominal_torque:g} N*m"
             )
         drift = self.torque_constant_per_kelvin
-        if drift is not None and not LARGEST_DRIFT <= drift <= 0:
+        if drift is not None and not LARGEST_TORQUE_CONSTANT_DRIFT <= drift <= 0:
             reason = "magnets weaken as they warm" if drift > 0 else "too small"
-            raise self._wrong(
-                "torque_constant_per_kelvin", reason, f"{LARGEST_DRIFT:g} to 0, such as -0.0011"
+            raise self._field_error(
+                "torque_constant_per_kelvin",
+                reason,
+                f"{LARGEST_TORQUE_CONSTANT_DRIFT:g} to 0, such as -0.0011",
             )
         winding = self.time_constant_winding
         motor = self.time_constant_motor
         if winding is not None and motor is not None and winding >= motor:
-            raise self._wrong(
+            raise self._field_error(
                 "time_constant_winding",
                 "longer than time_constant_motor, but the winding warms faster than the motor: "
                 "check for exchanged values",

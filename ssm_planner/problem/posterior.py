@@ -12,22 +12,22 @@ from ssm_planner.typing import Array, JsonObject, Range, record
 
 CONFIDENCE = 0.95
 """Probability of an interval."""
-PEAK_SPREAD = 0.3
+PRIOR_PEAK_DEVIATION = 0.3
 """Expected standard deviation of the logarithm of peaks before any recording (prior)."""
-PEAK_DEGREES = 4
-"""Weight of `PEAK_SPREAD`, as a number of recordings."""
+PRIOR_PEAK_WEIGHT = 4
+"""Weight of `PRIOR_PEAK_DEVIATION`, as a number of recordings."""
 LOAD_OFFSET = "load_offset"
 """Constant effort on the output in addition to the payload.
 
 It belongs to the rig, not to the drive.
 """
-LAW = "law"
-"""Name of the column that contains the friction law of each set as an index into `LAWS`.
+LAW_COLUMN = "law"
+"""Name of the column that contains the friction law of each set as an index into `FRICTION_LAWS`.
 
 The column exists only if several laws are possible.
 """
-LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
-LAW_NAMES = (
+FRICTION_LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
+LAW_PARAMETERS = (
     "mu",
     "mu_static",
     "mu_stribeck",
@@ -38,11 +38,11 @@ LAW_NAMES = (
     "b_ov",
 )
 """Coefficients of the friction law that are fields of Friction."""
-FRICTION_NAMES = (*LAW_NAMES, "preload")
+UNCERTAIN_PARAMETERS = (*LAW_PARAMETERS, "preload")
 """Parameters of a drive that may be uncertain, by their names in Friction (and preload)."""
 
 
-def interval_of(draws: Array, confidence: float = CONFIDENCE) -> Range:
+def central_interval(draws: Array, confidence: float = CONFIDENCE) -> Range:
     """Return the central interval (low, high) of equally likely values (sets,)."""
     low, high = np.quantile(draws, [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)
@@ -77,7 +77,7 @@ class Ripple(Value):
         """Raise ProblemError unless all fields have one value for each recording."""
         for name in ("ripple", "noise", "peak"):
             if not 0 < len(getattr(self, name)) == len(self.torque):
-                raise self._wrong(
+                raise self._field_error(
                     name,
                     "needs one value for each recording",
                     f"{len(self.torque)} values, at least 1",
@@ -112,8 +112,10 @@ class Ripple(Value):
         random numbers. The result has the shape (count,) and the unit N·m.
         """
         logs = np.log(self.peak)
-        degrees = len(self.peak) - 1 + PEAK_DEGREES
-        variance = (np.sum((logs - logs.mean()) ** 2) + PEAK_DEGREES * PEAK_SPREAD**2) / degrees
+        degrees = len(self.peak) - 1 + PRIOR_PEAK_WEIGHT
+        variance = (
+            np.sum((logs - logs.mean()) ** 2) + PRIOR_PEAK_WEIGHT * PRIOR_PEAK_DEVIATION**2
+        ) / degrees
         spread = math.sqrt(variance * (1 + 1 / len(logs)))
         return np.exp(logs.mean() + spread * rng.standard_t(degrees, size=count))
 
@@ -148,7 +150,7 @@ class Harmonics(Value):
         """Raise ProblemError unless each order has two coefficients."""
         for name in ("cosine", "sine"):
             if len(getattr(self, name)) != len(self.orders):
-                raise self._wrong(
+                raise self._field_error(
                     name, "needs one value for each order", f"{len(self.orders)} values"
                 )
 
@@ -239,7 +241,7 @@ class Reaction(Value):
             ("explained", self.speeds),
         ):
             if not 0 < len(getattr(self, name)) == len(other):
-                raise self._wrong(name, "has the wrong length", f"{len(other)} values")
+                raise self._field_error(name, "has the wrong length", f"{len(other)} values")
 
     def explained_share(self, w: Array) -> Array:
         """Return the explained share of the torque's variance at motor speeds w (n,) in rad/s.
@@ -302,22 +304,26 @@ class Posterior(Value):
 
     def _check(self) -> None:
         """Raise ProblemError if names, parameter sets and recordings do not fit each other."""
-        allowed_names = (*FRICTION_NAMES, LOAD_OFFSET, LAW)
+        allowed_names = (*UNCERTAIN_PARAMETERS, LOAD_OFFSET, LAW_COLUMN)
         for name in self.names:
             if name not in allowed_names:
-                raise self._wrong("names", "unknown parameter", ", ".join(allowed_names), name)
+                raise self._field_error(
+                    "names", "unknown parameter", ", ".join(allowed_names), name
+                )
         if len(self.speeds) != len(self.departures) or 0.0 in self.speeds:
-            raise self._wrong(
+            raise self._field_error(
                 "departures",
                 "needs one value for each moving recording",
                 f"{len(self.speeds)} values",
             )
         if self.common >= 1:
-            raise self._wrong("common", "cannot exceed the whole scatter", "from 0 to below 1")
+            raise self._field_error(
+                "common", "cannot exceed the whole scatter", "from 0 to below 1"
+            )
         if len(set(self.names)) != len(self.names):
-            raise self._wrong("names", "a name occurs twice", "each name once")
+            raise self._field_error("names", "a name occurs twice", "each name once")
         if self.draws.shape[1] != len(self.names) or len(self.draws) < 2:
-            raise self._wrong(
+            raise self._field_error(
                 "draws",
                 "needs one column for each name",
                 "two sets of parameters or more",
@@ -325,15 +331,18 @@ class Posterior(Value):
             )
         for name, column in zip(self.names, self.draws.T, strict=True):
             if name != LOAD_OFFSET and column.min() < 0:
-                raise self._wrong(
+                raise self._field_error(
                     "draws",
                     f"friction cannot be negative: {name}",
                     "0 or more",
                     float(column.min()),
                 )
-        if LAW in self.names and not np.isin(self.column(LAW), range(len(LAWS))).all():
-            allowed = ", ".join(f"{k} ({law})" for k, law in enumerate(LAWS))
-            raise self._wrong("draws", "not the index of a friction law", allowed)
+        if (
+            LAW_COLUMN in self.names
+            and not np.isin(self.column(LAW_COLUMN), range(len(FRICTION_LAWS))).all()
+        ):
+            allowed = ", ".join(f"{k} ({law})" for k, law in enumerate(FRICTION_LAWS))
+            raise self._field_error("draws", "not the index of a friction law", allowed)
 
     @property
     def recordings(self) -> int:
@@ -348,7 +357,7 @@ class Posterior(Value):
 
     def interval(self, name: str, confidence: float = CONFIDENCE) -> Range:
         """Return the central interval (low, high) of one parameter, in SI units."""
-        return interval_of(self.column(name), confidence)
+        return central_interval(self.column(name), confidence)
 
     def law_shares(self, law: str) -> dict[str, float]:
         """Return the probability of each friction law.
@@ -356,9 +365,12 @@ class Posterior(Value):
         The probability is the share of the parameter sets with this law. The most likely law is
         first. If the sets have no column LAW, all of them have the law `law` of the drive.
         """
-        if LAW not in self.names:
+        if LAW_COLUMN not in self.names:
             return {law: 1.0}
-        shares = {name: float(np.mean(self.column(LAW) == k)) for k, name in enumerate(LAWS)}
+        shares = {
+            name: float(np.mean(self.column(LAW_COLUMN) == k))
+            for k, name in enumerate(FRICTION_LAWS)
+        }
         return {
             name: share
             for name, share in sorted(shares.items(), key=lambda pair: -pair[1])

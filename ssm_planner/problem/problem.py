@@ -10,16 +10,16 @@ import numpy as np
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.problem.limits import (
-    TASK,
+    TASK_COORDINATES,
     LensClearance,
     Limit,
     Limited,
     RetinaClearance,
     TaskRange,
-    task_limits,
+    sorted_task_limits,
 )
 from ssm_planner.problem.motion import (
-    OF_TIP,
+    TIP_CURVES,
     Dwell,
     Follow,
     Free,
@@ -42,17 +42,17 @@ from ssm_planner.problem.value import (
     Positive,
     Time,
     Value,
-    attributes,
-    hints,
-    unchecked,
-    uncompared,
+    field_hints,
+    get_attributes,
+    unchecked_copy,
+    uncompared_field,
 )
 from ssm_planner.typing import Numbers, Range, record
 from ssm_planner.units import display_unit
 
-MOST_OF_SPLINE = 20
+MAX_SPLINE_POINTS = 20
 """Largest number of points of a spline that optimal control can time."""
-SLACK = 1e-9
+POSITION_TOLERANCE = 1e-9
 """Tolerance in rad or m for points on a limit."""
 
 
@@ -79,7 +79,7 @@ class Lens(Value):
         """Raise ProblemError if a semi-axis is not positive or the frame is not a rotation."""
         for i, length in enumerate(self.semi_axes.tolist()):
             if not length > 0:
-                raise self._wrong(f"semi_axes[{i}]", "not positive", "above 0", length)
+                raise self._field_error(f"semi_axes[{i}]", "not positive", "above 0", length)
         check_rotation(self, "frame")
 
 
@@ -118,10 +118,10 @@ class Eye(Value):
     def _check(self) -> None:
         """Raise ProblemError if the clearance, the lens or the port do not fit the eye."""
         if not self.clearance < self.radius:
-            raise self._wrong(
+            raise self._field_error(
                 "clearance",
                 "the clearance leaves no room in the eye",
-                f"less than the radius, {_mm(self.radius)}",
+                f"less than the radius, {_format_mm(self.radius)}",
             )
         if self.lens is not None:
             self._check_lens(self.lens)
@@ -131,11 +131,13 @@ class Eye(Value):
         """Raise ProblemError if the lens is not inside the eye."""
         for i, length in enumerate(lens.semi_axes.tolist()):
             if not length < self.radius:
-                allowed = f"above 0 and below {_mm(self.radius)}"
-                raise self._wrong(f"lens.semi_axes[{i}]", "larger than the eye", allowed, length)
+                allowed = f"above 0 and below {_format_mm(self.radius)}"
+                raise self._field_error(
+                    f"lens.semi_axes[{i}]", "larger than the eye", allowed, length
+                )
         if np.linalg.norm(lens.centre - self.centre) > self.radius:
-            allowed = f"within {_mm(self.radius)} of the eye's centre"
-            raise self._wrong("lens.centre", "outside the eye", allowed, lens.centre.tolist())
+            allowed = f"within {_format_mm(self.radius)} of the eye's centre"
+            raise self._field_error("lens.centre", "outside the eye", allowed, lens.centre.tolist())
 
     def _check_port(self) -> None:
         """Raise ProblemError if a tool through the remote centre cannot work in this eye.
@@ -145,27 +147,27 @@ class Eye(Value):
         """
         distance = float(np.linalg.norm(self.centre))
         if abs(distance - self.radius) > self.port:
-            raise self._wrong(
+            raise self._field_error(
                 "centre",
-                f"the remote centre is {_mm(distance)} from the centre of an eye of radius "
-                f"{_mm(self.radius)}, so the port is not on its wall",
-                f"{_mm(self.radius - self.port)} to {_mm(self.radius + self.port)} from the remote "
-                "centre",
+                f"the remote centre is {_format_mm(distance)} from the centre of an eye of radius "
+                f"{_format_mm(self.radius)}, so the port is not on its wall",
+                f"{_format_mm(self.radius - self.port)} to {_format_mm(self.radius + self.port)} "
+                "from the remote centre",
                 self.centre.tolist(),
             )
         # the tip must be able to enter the eye through the port with this clearance
         radial_play = self.port - (distance - self.radius)
         if not self.clearance < radial_play:
             reason = "the tip cannot keep this distance from the wall when it leaves the port"
-            raise self._wrong(
-                "clearance", reason, f"less than {_mm(radial_play)}, or a larger port"
+            raise self._field_error(
+                "clearance", reason, f"less than {_format_mm(radial_play)}, or a larger port"
             )
         if self.lens is None:
             return
         ratio = float(np.linalg.norm(self.lens.frame.T @ self.lens.centre / self.lens.semi_axes))
         smallest_ratio = 1 + self.shaft_radius / float(self.lens.semi_axes.min())
         if ratio <= smallest_ratio:
-            raise self._wrong(
+            raise self._field_error(
                 "lens.centre",
                 "the lens blocks the shaft where it enters the eye",
                 f"a position where the lens, enlarged {smallest_ratio:.4g} times, does not contain "
@@ -174,20 +176,20 @@ class Eye(Value):
             )
 
 
-def _mm(length: float) -> str:
+def _format_mm(length: float) -> str:
     """Format a length in m as text in mm."""
     return f"{1e3 * length:.5g} mm"
 
 
-def _text(name: str, value: float) -> str:
+def _format_coordinate(name: str, value: float) -> str:
     """Format a task coordinate or joint position in rad or m as text with its unit."""
     unit, scale = display_unit("m" if name in ("depth", "insertion") else "rad")
     return f"{value * scale:.6g} {unit}"
 
 
-def _range(name: str, ends: Range) -> str:
+def _format_range(name: str, ends: Range) -> str:
     """Format a range of a task coordinate or joint position in rad or m as text with units."""
-    return f"{_text(name, ends[0])} to {_text(name, ends[1])}"
+    return f"{_format_coordinate(name, ends[0])} to {_format_coordinate(name, ends[1])}"
 
 
 @record
@@ -205,7 +207,7 @@ class TaskLimits(Limited):
     limits: tuple[Limit, ...] = ()
     eye: Eye | None = None
     start_rate: Numbers | None = field(default_factory=dict)
-    """Rates of task coordinates at the start by name in `TASK`, 0 for missing names.
+    """Rates of task coordinates at the start by name in `TASK_COORDINATES`, 0 for missing names.
 
     None allows any rate.
     """
@@ -251,7 +253,7 @@ class TaskLimits(Limited):
         if stretch == 1:
             return self
         motion = (
-            unchecked(entry, constant_speed=entry.constant_speed / stretch)
+            unchecked_copy(entry, constant_speed=entry.constant_speed / stretch)
             if isinstance(entry, Follow) and entry.constant_speed is not None
             else entry
             for entry in self.motion
@@ -276,7 +278,7 @@ class TaskLimits(Limited):
         lines = (
             entry
             for entry in self.motion
-            if isinstance(entry, Straight) or getattr(entry, "curve", "") in OF_TIP
+            if isinstance(entry, Straight) or getattr(entry, "curve", "") in TIP_CURVES
         )
         return ", ".join(dict.fromkeys(entry.name for entry in lines))
 
@@ -286,8 +288,8 @@ class TaskLimits(Limited):
         return self.limits if self.eye is None else (*self.limits, *self.eye.limits)
 
 
-Rates = Annotated[Numbers, Names(TASK)]
-"""Rates of task coordinates by name in `TASK`."""
+Rates = Annotated[Numbers, Names(TASK_COORDINATES)]
+"""Rates of task coordinates by name in `TASK_COORDINATES`."""
 Objective = Literal["time", "time then heat", "effort"]
 Planner = Literal["optimal", "fast", "ipopt", "toppra"]
 
@@ -331,11 +333,11 @@ class Problem(Value, Limited):
     eye: Eye | None = None
     """Retina and lens that the tool must not touch, or None."""
     start_rate: Rates = field(default_factory=dict)
-    """Rates of task coordinates at the start by name in `TASK`, 0 for missing names."""
+    """Rates of task coordinates at the start by name in `TASK_COORDINATES`, 0 for missing names."""
     start_acceleration: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     """Joint accelerations at the start of a free motion with jerk limits, rad/s² and m/s²."""
     end_rate: Rates = field(default_factory=dict)
-    """Rates of task coordinates at the end by name in `TASK`, 0 for missing names."""
+    """Rates of task coordinates at the end by name in `TASK_COORDINATES`, 0 for missing names."""
     duration: Time | None = None
     """Requested duration of all motions together, s."""
     duty: Delay | None = 0.0
@@ -362,14 +364,14 @@ class Problem(Value, Limited):
     None means no payload.
     """
     name: str = "problem"
-    excess_ranges: Annotated[Mapping[str, Interval], Names(TASK)] = field(
+    excess_ranges: Annotated[Mapping[str, Interval], Names(TASK_COORDINATES)] = field(
         default_factory=dict, compare=False
     )
-    """Requested ranges that exceed those of the robot, by name in `TASK`.
+    """Requested ranges that exceed those of the robot, by name in `TASK_COORDINATES`.
 
     The constructor computes them.
     """
-    file: str | None = uncompared()
+    file: str | None = uncompared_field()
     from_dict: "ClassVar[Callable[[Mapping[str, Any]], Problem]]"
     """Return the problem that a mapping with the keys of a problem file describes.
 
@@ -385,7 +387,7 @@ class Problem(Value, Limited):
     @cached_property
     def task_limits(self) -> TaskLimits:
         """Limits on the pose and speed of the tool."""
-        return TaskLimits(**attributes(self, hints(TaskLimits)))
+        return TaskLimits(**get_attributes(self, field_hints(TaskLimits)))
 
     @property
     def all_limits(self) -> tuple[Limit, ...]:
@@ -402,30 +404,31 @@ class Problem(Value, Limited):
 
         Raises ProblemError if fields contradict each other.
         """
-        limits = task_limits(self.limits, "Problem.limits")
+        limits = sorted_task_limits(self.limits, "Problem.limits")
         other_limits = (limit for limit in limits if not isinstance(limit, TaskRange))
-        object.__setattr__(self, "limits", (*self._narrowed(), *other_limits))
+        object.__setattr__(self, "limits", (*self._narrow_ranges(), *other_limits))
         if isinstance(self.start, Task):
             start = Task(
-                **{**dict.fromkeys(TASK, 0.0), **self.start.set_coordinates}, line=self.start.line
+                **{**dict.fromkeys(TASK_COORDINATES, 0.0), **self.start.set_coordinates},
+                line=self.start.line,
             )
             object.__setattr__(self, "start", start)
         if not self.motion:
-            raise self._wrong("motion", "no entries", "at least one motion", "()")
+            raise self._field_error("motion", "no entries", "at least one motion", "()")
         for i, entry in enumerate(self.motion):
             if isinstance(entry, Scan) or (
                 isinstance(entry, Follow) and entry.distance is not None
             ):
-                self._check_over_retina(entry, f"motion[{i}]")
+                self._check_retina_motion(entry, f"motion[{i}]")
         for key, point in self._points():
             self._check_point(key, point)
         self._check_blends()
         self._check_durations()
-        self._check_range()
+        self._check_robustness()
         self._check_stops()
         self._check_for_toppra()
 
-    def _narrowed(self) -> list[TaskRange]:
+    def _narrow_ranges(self) -> list[TaskRange]:
         """Return the intersections of the ranges of the problem, the robot and joint 4.
 
         Ranges that exceed those of the robot are stored in `excess_ranges`. Raises ProblemError if
@@ -437,13 +440,14 @@ class Problem(Value, Limited):
             requested_range, (lower, upper) = (lower, upper), (max(low, lower), min(high, upper))
             if not lower < upper:
                 reason = "no overlap with the range that the robot allows"
-                allowed = _range(name, (low, high))
-                raise self._wrong(
-                    f"limits.{name}", reason, allowed, _range(name, self.ranges[name])
+                allowed = _format_range(name, (low, high))
+                raise self._field_error(
+                    f"limits.{name}", reason, allowed, _format_range(name, self.ranges[name])
                 )
             ranges[name] = lower, upper
             if name in self.ranges and (
-                requested_range[0] < lower - SLACK or requested_range[1] > upper + SLACK
+                requested_range[0] < lower - POSITION_TOLERANCE
+                or requested_range[1] > upper + POSITION_TOLERANCE
             ):
                 object.__setattr__(
                     self, "excess_ranges", {**self.excess_ranges, name: self.ranges[name]}
@@ -472,26 +476,31 @@ class Problem(Value, Limited):
         """
         if isinstance(point, Task):
             for name, value in point.set_coordinates.items():
-                self._check_within(f"{key}.{name}", name, value)
+                self._check_in_range(f"{key}.{name}", name, value)
         elif isinstance(point, Tip):
             distance, (low, high) = math.hypot(*point.position), self.ranges["depth"]
-            if distance > max(abs(low), abs(high)) + SLACK:
+            if distance > max(abs(low), abs(high)) + POSITION_TOLERANCE:
                 reason = (
                     f"{distance * 1e3:.4g} mm from the remote centre, outside the limits of depth"
                 )
-                raise self._wrong(
-                    f"{key}.position", reason, _range("depth", (low, high)), list(point.position)
+                raise self._field_error(
+                    f"{key}.position",
+                    reason,
+                    _format_range("depth", (low, high)),
+                    list(point.position),
                 )
-            self._check_within(f"{key}.spin", "spin", point.spin)
+            self._check_in_range(f"{key}.spin", "spin", point.spin)
         else:
             for i, (value, joint) in enumerate(zip(point.values, self.robot.joints, strict=True)):
                 reason = f"outside the position limits of joint {i + 1} ({joint.name})"
-                self._check_within(f"{key}.values[{i}]", joint.name, value, joint.position, reason)
+                self._check_in_range(
+                    f"{key}.values[{i}]", joint.name, value, joint.position, reason
+                )
             depth = self.robot.geometry.insertion_sign * point.values[3]
             reason = f"gives a depth of {depth * 1e3:g} mm, outside the limits"
-            self._check_within(f"{key}.values[3]", "depth", depth, None, reason)
+            self._check_in_range(f"{key}.values[3]", "depth", depth, None, reason)
 
-    def _check_within(
+    def _check_in_range(
         self,
         key: str,
         name: str,
@@ -515,15 +524,15 @@ class Problem(Value, Limited):
             Message.
         """
         low, high = ends or self.ranges.get(name, (-math.inf, math.inf))
-        if not low - SLACK <= value <= high + SLACK:
-            raise self._wrong(
+        if not low - POSITION_TOLERANCE <= value <= high + POSITION_TOLERANCE:
+            raise self._field_error(
                 key,
                 reason or f"outside the limits of {name}",
-                _range(name, (low, high)),
-                _text(name, value),
+                _format_range(name, (low, high)),
+                _format_coordinate(name, value),
             )
 
-    def _check_over_retina(self, scan: Scan | Follow, key: str) -> None:
+    def _check_retina_motion(self, scan: Scan | Follow, key: str) -> None:
         """Raise ProblemError if a motion along the retina does not fit the eye.
 
         `key` is the key of the motion.
@@ -531,10 +540,10 @@ class Problem(Value, Limited):
         eye = self.eye
         if eye is None:
             reason = "a motion along the retina needs an eye"
-            raise self._wrong(key, reason, "a problem with an eye", scan.name)
+            raise self._field_error(key, reason, "a problem with an eye", scan.name)
         if scan.distance is not None and scan.distance < eye.clearance:
             allowed = f"at least the eye's clearance, {eye.clearance * 1e3:g} mm"
-            raise self._wrong(
+            raise self._field_error(
                 f"{key}.distance",
                 "smaller than the clearance from the retina",
                 allowed,
@@ -542,11 +551,15 @@ class Problem(Value, Limited):
             )
         if scan.distance is not None and scan.distance >= eye.radius:
             reason = "farther from the retina than the centre of the eye"
-            raise self._wrong(f"{key}.distance", reason, f"below {_mm(eye.radius)}", scan.distance)
+            raise self._field_error(
+                f"{key}.distance", reason, f"below {_format_mm(eye.radius)}", scan.distance
+            )
         for diameter in scan.diameters if isinstance(scan, Scan) else ():
             if diameter >= eye.radius:
                 reason = "larger than the eye's radius"
-                raise self._wrong(f"{key}.diameters", reason, f"below {_mm(eye.radius)}", diameter)
+                raise self._field_error(
+                    f"{key}.diameters", reason, f"below {_format_mm(eye.radius)}", diameter
+                )
 
     def _check_blends(self) -> None:
         """Raise ProblemError if a corner cannot be rounded.
@@ -559,7 +572,7 @@ class Problem(Value, Limited):
             following = self.motion[i + 1] if i + 1 < len(self.motion) else None
             allowed = "straight motions, lines and arcs one after the other; or no blend"
             if following is None:
-                raise self._wrong(
+                raise self._field_error(
                     f"motion[{i}].blend",
                     "the last motion cannot have a blend because the robot stops",
                     allowed,
@@ -570,34 +583,40 @@ class Problem(Value, Limited):
                 reason = (
                     f"the robot stops before the next motion, a {following.kind} ({following.name})"
                 )
-                raise self._wrong(f"motion[{i}].blend", reason, allowed, _mm(entry.blend))
+                raise self._field_error(
+                    f"motion[{i}].blend", reason, allowed, _format_mm(entry.blend)
+                )
             for k, neighbour in ((i, entry), (i + 1, following)):
                 if neighbour.duration is not None:
                     reason = "a motion with a rounded corner cannot have a duration"
                     allowed = "a duration of the whole problem, or no blend"
-                    raise self._wrong(f"motion[{k}].duration", reason, allowed, neighbour.duration)
+                    raise self._field_error(
+                        f"motion[{k}].duration", reason, allowed, neighbour.duration
+                    )
 
     def _check_durations(self) -> None:
         """Raise ProblemError if the objective needs a duration that is missing."""
         timed = [entry.duration is not None for entry in self.motion]
         if self.objective == "effort" and self.duration is None and not all(timed):
-            raise self._wrong(
+            raise self._field_error(
                 "objective",
                 "the objective effort needs a duration",
                 "a duration of the whole problem, or one for every motion",
             )
 
-    def _check_range(self) -> None:
+    def _check_robustness(self) -> None:
         """Raise ProblemError if the payload or the confidence level of friction is invalid.
 
         A confidence level requires uncertainty data for the drive of every motor.
         """
         if self.payload is not None and self.payload[0] < 0:
-            raise self._wrong("payload", "a mass cannot be negative", "[least, largest], from 0 kg")
+            raise self._field_error(
+                "payload", "a mass cannot be negative", "[least, largest], from 0 kg"
+            )
         if self.friction is None:
             return
         if not 0.5 <= self.friction <= 0.999:
-            raise self._wrong("friction", "not a valid confidence level", "50 % to 99.9 %")
+            raise self._field_error("friction", "not a valid confidence level", "50 % to 99.9 %")
         for joint in self.robot.joints:
             drive = joint.drive
             if (
@@ -612,7 +631,7 @@ class Problem(Value, Limited):
                 allowed = (
                     "drives with posterior, covariance or friction_ranges, or no range of friction"
                 )
-                raise self._wrong("friction", reason, allowed)
+                raise self._field_error("friction", reason, allowed)
 
     def _check_stops(self) -> None:
         """Raise ProblemError if the travel of stops is limited, but stops are not always possible.
@@ -624,7 +643,7 @@ class Problem(Value, Limited):
             return
         if any(self.end_rate.values()):
             reason = "a motion that does not end at rest leaves no path for a stop"
-            raise self._wrong(
+            raise self._field_error(
                 "end_rate",
                 reason,
                 "a motion that ends at rest, or no stop_travel",
@@ -634,7 +653,7 @@ class Problem(Value, Limited):
             reason = (
                 f"the jerk of joint {joints[0]} is limited, so the acceleration cannot jump to stop"
             )
-            raise self._wrong(
+            raise self._field_error(
                 "limits", reason, "a robot without jerk limits, or no stop_travel", "stop_travel"
             )
 
@@ -648,13 +667,13 @@ class Problem(Value, Limited):
         timed = [entry.duration is not None for entry in self.motion]
         fixed_duration = sum(entry.duration or 0.0 for entry in self.motion)
         if all(timed):
-            raise self._wrong(
+            raise self._field_error(
                 "duration",
                 "every motion already has a duration",
                 "no duration of the whole problem",
             )
         if fixed_duration >= self.duration:
-            raise self._wrong(
+            raise self._field_error(
                 "duration",
                 f"dwells and timed motions alone take {fixed_duration:g} s",
                 "more than that",
@@ -677,7 +696,9 @@ class Problem(Value, Limited):
             ]
             if requests:
                 allowed = "straight motions and paths as fast as possible"
-                raise self._wrong("planner", f"TOPP-RA does not support {requests[0]}", allowed)
+                raise self._field_error(
+                    "planner", f"TOPP-RA does not support {requests[0]}", allowed
+                )
         for i, entry in enumerate(self.motion):
             unsupported = [*requests, *["a duration"] * (entry.duration is not None)]
             if not unsupported or not isinstance(entry, Follow):
@@ -685,14 +706,14 @@ class Problem(Value, Limited):
             reason = f"only TOPP-RA can time it, and does not support {unsupported[0]}"
             if entry.constant_speed is not None:
                 allowed = "no constant_speed; or motions as fast as possible, without jerk limits"
-                raise self._wrong(f"motion[{i}].constant_speed", reason, allowed)
+                raise self._field_error(f"motion[{i}].constant_speed", reason, allowed)
             points = len(entry.through) + 1
-            if entry.curve == "samples" or (entry.curve == "spline" and points > MOST_OF_SPLINE):
+            if entry.curve == "samples" or (entry.curve == "spline" and points > MAX_SPLINE_POINTS):
                 allowed = (
-                    f"a spline through {MOST_OF_SPLINE} points at most; "
+                    f"a spline through {MAX_SPLINE_POINTS} points at most; "
                     f"or as fast as possible, without jerk limits"
                 )
-                raise self._wrong(f"motion[{i}]", reason, allowed, f"{points} points")
+                raise self._field_error(f"motion[{i}]", reason, allowed, f"{points} points")
 
     def by_optimal_control(self, motion: Motion) -> bool:
         """Return True for a spline that must be timed by optimal control.

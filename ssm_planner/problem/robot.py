@@ -21,7 +21,7 @@ from ssm_planner.problem.limits import (
     MotorTorque,
     NutContact,
     SelfLocking,
-    task_limits,
+    sorted_task_limits,
 )
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.transmissions import TRANSMISSIONS
@@ -36,7 +36,7 @@ from ssm_planner.problem.value import (
     Value,
     Vector,
     check_name,
-    uncompared,
+    uncompared_field,
 )
 from ssm_planner.problem.value import read_only_array as read_only_array
 from ssm_planner.typing import Array, Range, record
@@ -49,11 +49,11 @@ JOINTS = ("roll", "tilt", "spin", "insertion")
 
 UNIT_TOLERANCE = 1e-6
 """Largest difference of the length of a unit vector from 1, and of RᵀR from 1 for a rotation R."""
-SMALLEST_ANGLE = math.radians(0.1)
+SMALLEST_AXIS_ANGLE = math.radians(0.1)
 """Smallest angle between neighbouring axes. They count as parallel below it."""
-TRIANGLE_SLACK = 1e-6
+TRIANGLE_TOLERANCE = 1e-6
 """Tolerance of the triangle inequality for rounded figures, relative to the largest moment."""
-POSSIBLE = (
+MOMENT_CONDITION = (
     "positive principal moments about the centre of mass, none above the sum of the other two"
 )
 """Condition on the moments of inertia of a body, for messages."""
@@ -93,9 +93,9 @@ class Geometry(Value):
             unit_vector(getattr(self, name), f"Geometry.{name}")
         for inner, outer in ((1, 2), (2, 3)):
             pair = getattr(self, f"omega{inner}"), getattr(self, f"omega{outer}")
-            if np.linalg.norm(np.cross(*pair)) < math.sin(SMALLEST_ANGLE):
+            if np.linalg.norm(np.cross(*pair)) < math.sin(SMALLEST_AXIS_ANGLE):
                 reason = f"the axes of joints {inner} and {outer} are parallel"
-                raise self._wrong(
+                raise self._field_error(
                     f"omega{outer}", reason, "at least 0.1 deg between neighbouring axes"
                 )
         check_rotation(self, "tool_home")
@@ -104,7 +104,7 @@ class Geometry(Value):
                 np.array2string(vector, precision=5)
                 for vector in (self.tool_home[:, 2], self.omega3)
             )
-            raise self._wrong(
+            raise self._field_error(
                 "tool_home",
                 f"the z axis of the tool is the tool axis, {required}, but the z axis of this "
                 f"frame is {actual}",
@@ -143,21 +143,21 @@ class Body(Value):
         check_rotation(self, "frame")
         if self.mass == 0:
             if np.any(self.inertia):
-                raise self._wrong(
+                raise self._field_error(
                     "inertia", "a body without mass has no inertia", "zeros, or a mass"
                 )
             return
         if not np.allclose(
             self.inertia, self.inertia.T, rtol=0, atol=1e-9 * float(np.abs(self.inertia).max())
         ):
-            raise self._wrong("inertia", "not symmetric", "a symmetric tensor, kg·m²")
+            raise self._field_error("inertia", "not symmetric", "a symmetric tensor, kg·m²")
         moments = principal_moments(self.mass, self.com, self.inertia)
-        if not possible(moments):
+        if not is_possible_inertia(moments):
             moments_text = ", ".join(f"{moment:.4g}" for moment in moments)
             reason = (
                 f"impossible principal moments about the centre of mass, ({moments_text}) kg*m^2"
             )
-            raise self._wrong("inertia", reason, POSSIBLE)
+            raise self._field_error("inertia", reason, MOMENT_CONDITION)
 
 
 @lru_cache(maxsize=1024)
@@ -224,17 +224,17 @@ class Joint(Value):
                 "than the input "
                 f"side of the drive ({drive.input_inertia:.4g} kg*m^2), which includes it"
             )
-            raise self._wrong(
+            raise self._field_error(
                 "motor", reason, "a drive whose input_inertia includes the rotor", motor.name
             )
         if self.alternatives and motor is None:
-            raise self._wrong(
+            raise self._field_error(
                 "alternatives",
                 "alternatives need a motor that they replace",
                 "none, or a motor as well",
             )
         if drive.friction is None:
-            raise self._wrong(
+            raise self._field_error(
                 "drive",
                 "the friction of this drive has not been identified",
                 "friction",
@@ -243,7 +243,7 @@ class Joint(Value):
         if self.slides != drive.slides:
             kinds = [name for name, kind in TRANSMISSIONS.items() if kind.slides == self.slides]
             reason = f"a {drive.kind} drive does not fit a {self.kind} joint"
-            raise self._wrong("drive", reason, ", ".join(kinds), drive.name)
+            raise self._field_error("drive", reason, ", ".join(kinds), drive.name)
         drive.check_travel(self.position[1] - self.position[0])
 
     def plays(self) -> dict[str, float | None]:
@@ -341,24 +341,26 @@ class Robot(Value, Limited):
     """
     lightest: "tuple[Robot, ...]" = ()
     """Variants for braking torques."""
-    file: str | None = uncompared()
+    file: str | None = uncompared_field()
 
     def _check(self) -> None:
         """Raise ProblemError if the order of joints or the depth range is wrong."""
-        task_limits(self.limits, "Robot.limits")
+        sorted_task_limits(self.limits, "Robot.limits")
         for i, (joint, name) in enumerate(zip(self.joints, JOINTS, strict=True)):
             if joint.name != name:
-                raise self._wrong(f"joints[{i}].name", "wrong order of joints", name, joint.name)
+                raise self._field_error(
+                    f"joints[{i}].name", "wrong order of joints", name, joint.name
+                )
             joint_kind = "prismatic" if name == "insertion" else "revolute"
             if joint.kind != joint_kind:
-                raise self._wrong(
+                raise self._field_error(
                     f"joints[{i}].kind", f"wrong kind for joint {name}", joint_kind, joint.kind
                 )
         low, high = self.travel
         for name, (lower, upper) in self.ranges.items():
             if name == "depth" and not max(low, lower) < min(high, upper):
                 allowed = f"within {low * 1e3:g} mm to {high * 1e3:g} mm"
-                raise self._wrong(
+                raise self._field_error(
                     "limits.depth", "outside the travel of joint 4", allowed, (lower, upper)
                 )
 
@@ -466,13 +468,13 @@ def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
     return np.asarray(np.linalg.eigvalsh(about_com), dtype=float)
 
 
-def possible(moments: Array) -> bool:
+def is_possible_inertia(moments: Array) -> bool:
     """Return True if a rigid body can have these ascending principal moments of inertia (3,).
 
     They must be positive, and none may exceed the sum of the other two.
     """
     low, middle, high = moments
-    return bool(low > 0 and high <= low + middle + TRIANGLE_SLACK * high)
+    return bool(low > 0 and high <= low + middle + TRIANGLE_TOLERANCE * high)
 
 
 def check_rotation(value: Value, name: str) -> None:

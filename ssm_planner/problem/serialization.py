@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.limits import TASK, Limit, TaskRange, TaskRate, ToolLimit
+from ssm_planner.problem.limits import TASK_COORDINATES, Limit, TaskRange, TaskRate, ToolLimit
 from ssm_planner.problem.motion import (
     Dwell,
     Follow,
@@ -33,39 +33,39 @@ from ssm_planner.problem.value import (
     Interval,
     Names,
     Positive,
-    attributes,
-    built,
+    build_value,
     check_mapping,
-    converted,
-    wrong,
+    convert_value,
+    get_attributes,
+    wrong_type_error,
 )
 from ssm_planner.typing import Fields, JsonObject
 
-PRIMITIVE = {type(None), bool, int, float, str}
+JSON_PRIMITIVES = {type(None), bool, int, float, str}
 """Types that JSON represents directly."""
-ADDED = ("no_load_current", "gearhead", "belt")
+LATER_FIELDS = ("no_load_current", "gearhead", "belt")
 """Fields that earlier versions do not have. Without a value, they do not change a certificate."""
 
 
-def plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """Convert a value to JSON types. Dataclasses become mappings, and arrays become lists.
 
     The limits of a problem or a robot become a mapping from the limited quantity to its bound.
     """
     value_type: Any = type(value)
-    if value_type in PRIMITIVE:
+    if value_type in JSON_PRIMITIVES:
         return value
     if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
+        return [to_plain(item) for item in value]
     if value_type is np.ndarray:
         return value.tolist()
-    if value_type in _SPECIAL:
-        return _SPECIAL[value_type](value)
-    if names := _names(value_type):
-        items = ((name, plain(getattr(value, name))) for name in names)
-        return {name: item for name, item in items if item is not None or name not in ADDED}
+    if value_type in _CONVERTERS:
+        return _CONVERTERS[value_type](value)
+    if names := _field_names(value_type):
+        items = ((name, to_plain(getattr(value, name))) for name in names)
+        return {name: item for name, item in items if item is not None or name not in LATER_FIELDS}
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_plain(item) for key, item in value.items()}
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -79,14 +79,14 @@ def robot_text(robot: Robot) -> str:
 
     The text of the last robot is cached, because one plan needs it several times.
     """
-    global _last
-    cached = _last
+    global _cached_text
+    cached = _cached_text
     if cached is None or cached[0] is not robot:
-        cached = _last = robot, json.dumps(_without_files(plain(robot)), sort_keys=True)
+        cached = _cached_text = robot, json.dumps(_without_files(to_plain(robot)), sort_keys=True)
     return cached[1]
 
 
-_last: tuple[Robot, str] | None = None
+_cached_text: tuple[Robot, str] | None = None
 
 
 def _without_files(data: Any) -> Any:
@@ -101,77 +101,77 @@ EXCESS_KEY = "wider"
 
 
 @cache
-def _names(cls: Any) -> tuple[str, ...]:
+def _field_names(cls: Any) -> tuple[str, ...]:
     """Return the field names of a dataclass, or an empty tuple for any other class."""
     if dataclasses.is_dataclass(cls):
         return tuple(field.name for field in dataclasses.fields(cls))
     return ()
 
 
-def _robot(robot: Robot) -> JsonObject:
+def _robot_to_plain(robot: Robot) -> JsonObject:
     """Convert a robot to the form in plan.json.
 
     The planner computes `corners` and `lightest` again, so they are omitted.
     """
     fields = {
-        name: plain(getattr(robot, name))
-        for name in _names(Robot)
+        name: to_plain(getattr(robot, name))
+        for name in _field_names(Robot)
         if name not in ("corners", "lightest")
     }
-    return fields | {"limits": plain(robot.ranges)}
+    return fields | {"limits": to_plain(robot.ranges)}
 
 
-def _problem(problem: Problem) -> JsonObject:
+def _problem_to_plain(problem: Problem) -> JsonObject:
     """Convert a problem to the form in plan.json."""
     bounds = {field: bound for field, bound in limits_to_plain(problem).items() if field != "eye"}
-    fields = {name: plain(getattr(problem, name)) for name in _names(Problem)} | bounds
+    fields = {name: to_plain(getattr(problem, name)) for name in _field_names(Problem)} | bounds
     return {EXCESS_KEY if name == "excess_ranges" else name: fields[name] for name in fields}
 
 
-def _point(point: Point) -> JsonObject:
+def _point_to_plain(point: Point) -> JsonObject:
     """Convert a point to the form in plan.json, in which task, joints or tip is not None."""
     return {
         "task": point.set_coordinates if isinstance(point, Task) else None,
-        "joints": plain(getattr(point, "values", None)),
-        "tip": plain(getattr(point, "position", None)),
+        "joints": to_plain(getattr(point, "values", None)),
+        "tip": to_plain(getattr(point, "position", None)),
         "spin": point.spin if isinstance(point, Tip) else None,
         "line": point.line,
     }
 
 
-def _motion(motion: Motion) -> JsonObject:
+def _motion_to_plain(motion: Motion) -> JsonObject:
     """Convert an entry of the motion list to the form in plan.json."""
     target = getattr(motion, "to", getattr(motion, "at", None))
     scan = None
     if isinstance(motion, Scan):
-        scan = plain(attributes(motion, _SCAN))
+        scan = to_plain(get_attributes(motion, _SCAN_KEYS))
         scan |= {"order": motion.order} if motion.order != "given" else {}
-    kind_fields = attributes(motion, _OF_KIND.get(motion.kind, ()))
+    kind_fields = get_attributes(motion, _KEYS_BY_KIND.get(motion.kind, ()))
     return {
         "kind": motion.kind,
         "name": motion.name,
-        "target": plain(target),
+        "target": to_plain(target),
         "duration": motion.duration,
         "line": motion.line,
-        "through": plain(getattr(motion, "through", ())),
+        "through": to_plain(getattr(motion, "through", ())),
         "scan": scan,
-        **{name: value for name, value in kind_fields.items() if value or name in _ALWAYS},
+        **{name: value for name, value in kind_fields.items() if value or name in _ALWAYS_WRITTEN},
     }
 
 
-_SCAN = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
-_OF_KIND: dict[str, tuple[str, ...]] = {
+_SCAN_KEYS = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
+_KEYS_BY_KIND: dict[str, tuple[str, ...]] = {
     Follow.kind: ("blend", "curve", "file", "constant_speed", "distance"),
     Free.kind: ("spin_free",),
     Straight.kind: ("blend",),
 }
 """Keys that only motions of one kind have."""
-_ALWAYS = ("curve", "file")
+_ALWAYS_WRITTEN = ("curve", "file")
 """Those of these keys that plan.json contains even if their value is None."""
-_KINDS = {kind.kind: kind for kind in (Straight, Free, Follow, Dwell, Scan)}
+_MOTION_CLASSES = {kind.kind: kind for kind in (Straight, Free, Follow, Dwell, Scan)}
 
 
-def _point_from(data: Any, location: str) -> Point:
+def _point_from_plain(data: Any, location: str) -> Point:
     """Build a point from its form in plan.json.
 
     `location` is the key of the data. Raises ProblemError if the data are invalid.
@@ -179,35 +179,37 @@ def _point_from(data: Any, location: str) -> Point:
     check_mapping(data, ("task", "joints", "tip", "spin", "line"), location)
     line = {"line": data.get("line")}
     if data.get("joints") is not None:
-        point = built(Joints, {"values": data["joints"], **line}, location)
+        point = build_value(Joints, {"values": data["joints"], **line}, location)
     elif data.get("tip") is not None:
-        point = built(Tip, {"position": data["tip"], "spin": data.get("spin"), **line}, location)
+        point = build_value(
+            Tip, {"position": data["tip"], "spin": data.get("spin"), **line}, location
+        )
     else:
         task = data.get("task")
-        check_mapping(task, TASK, f"{location}.task")
-        point = built(Task, {**task, **line}, location)
+        check_mapping(task, TASK_COORDINATES, f"{location}.task")
+        point = build_value(Task, {**task, **line}, location)
     return point
 
 
-def _motion_from(data: Any, location: str) -> Motion:
+def _motion_from_plain(data: Any, location: str) -> Motion:
     """Build an entry of the motion list from its form in plan.json.
 
     `location` is the key of the data. Raises ProblemError if the data are invalid.
     """
     kind = str(data.get("kind")) if isinstance(data, Mapping) else ""
-    own_keys = ("name", "line", *_OF_KIND.get(kind, ()))
+    own_keys = ("name", "line", *_KEYS_BY_KIND.get(kind, ()))
     check_mapping(data, ("kind", "target", "duration", "through", "scan", *own_keys), location)
-    cls: Any = _KINDS.get(kind)
+    cls: Any = _MOTION_CLASSES.get(kind)
     if cls is None:
-        raise wrong(f"{location}.kind", data.get("kind"), ", ".join(_KINDS))
+        raise wrong_type_error(f"{location}.kind", data.get("kind"), ", ".join(_MOTION_CLASSES))
     values = {name: data[name] for name in own_keys if name in data}
     if cls is Scan:
-        check_mapping(data.get("scan"), (*_SCAN, "order"), f"{location}.scan")
+        check_mapping(data.get("scan"), (*_SCAN_KEYS, "order"), f"{location}.scan")
         values |= data["scan"]
     else:
         values["duration"] = data.get("duration")
     if cls is not Dwell:
-        target = _point_from(data.get("target"), f"{location}.target")
+        target = _point_from_plain(data.get("target"), f"{location}.target")
         if cls is Straight and isinstance(target, Task):
             values |= target.set_coordinates
         else:
@@ -215,9 +217,9 @@ def _motion_from(data: Any, location: str) -> Motion:
     if cls in (Free, Follow):
         through = data.get("through") or ()
         values["through"] = tuple(
-            _point_from(point, f"{location}.through[{k}]") for k, point in enumerate(through)
+            _point_from_plain(point, f"{location}.through[{k}]") for k, point in enumerate(through)
         )
-    return built(cls, values, location)
+    return build_value(cls, values, location)
 
 
 def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
@@ -228,26 +230,26 @@ def limits_to_plain(value: Problem | TaskLimits) -> JsonObject:
     """
     speeds = {"tip_speed": None, **{limit.field: limit.largest for limit in value.of_tool}}
     bounds = {
-        "limits": plain(value.ranges),
+        "limits": to_plain(value.ranges),
         **speeds,
-        "rates": plain(value.rates),
-        "eye": plain(value.eye),
+        "rates": to_plain(value.rates),
+        "eye": to_plain(value.eye),
     }
-    return bounds | {name: plain(getattr(value, name)) for name in ("friction", "payload")}
+    return bounds | {name: to_plain(getattr(value, name)) for name in ("friction", "payload")}
 
 
-_SPECIAL: dict[type, Callable[[Any], JsonObject]] = {
-    Robot: _robot,
-    Problem: _problem,
+_CONVERTERS: dict[type, Callable[[Any], JsonObject]] = {
+    Robot: _robot_to_plain,
+    Problem: _problem_to_plain,
     TaskLimits: limits_to_plain,
-    **dict.fromkeys((Task, Joints, Tip), _point),
-    **dict.fromkeys(_KINDS.values(), _motion),
+    **dict.fromkeys((Task, Joints, Tip), _point_to_plain),
+    **dict.fromkeys(_MOTION_CLASSES.values(), _motion_to_plain),
 }
 """Conversions of the values whose keys in plan.json differ from their fields."""
 
 
 @contextmanager
-def _name_file(file: str | None) -> Iterator[None]:
+def _add_file_to_errors(file: str | None) -> Iterator[None]:
     """Add the name of the file to each ProblemError that the with block raises."""
     try:
         yield
@@ -257,7 +259,7 @@ def _name_file(file: str | None) -> Iterator[None]:
 
 
 def problem_from_plain(data: Fields, file: str | None = None) -> Problem:
-    """Build a problem from the JSON types that `plain` returned for it.
+    """Build a problem from the JSON types that `to_plain` returned for it.
 
     The result is equal bit for bit.
 
@@ -275,26 +277,26 @@ def problem_from_plain(data: Fields, file: str | None = None) -> Problem:
     """
     task = task_limits_from_plain(data, file)
     fields = {"robot": robot_from_plain(data.get("robot", {}), file), "limits": task.limits}
-    with _name_file(file):
+    with _add_file_to_errors(file):
         fields |= {"friction": task.friction, "payload": task.payload, "eye": task.eye}
-        fields |= {"start": _point_from(data.get("start"), "problem.start")}
+        fields |= {"start": _point_from_plain(data.get("start"), "problem.start")}
         entries = data.get("motion")
         if not isinstance(entries, (list, tuple)):
-            raise wrong("problem.motion", entries, "a list")
+            raise wrong_type_error("problem.motion", entries, "a list")
         fields["motion"] = tuple(
-            _motion_from(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries)
+            _motion_from_plain(entry, f"problem.motion[{i}]") for i, entry in enumerate(entries)
         )
         fields_left = {
             "excess_ranges" if key == EXCESS_KEY else key: item
             for key, item in data.items()
             if key not in {*fields, *limits_to_plain(task)}
         }
-        problem = built(Problem, fields_left, "problem", fields)
+        problem = build_value(Problem, fields_left, "problem", fields)
     return problem
 
 
 def robot_from_plain(data: Fields, file: str | None = None) -> Robot:
-    """Build a robot from the JSON types that `plain` returned for it.
+    """Build a robot from the JSON types that `to_plain` returned for it.
 
     The result is equal bit for bit.
 
@@ -310,9 +312,11 @@ def robot_from_plain(data: Fields, file: str | None = None) -> Robot:
     ProblemError
         If the data are invalid. The error states the key, its value and the allowed values.
     """
-    with _name_file(file):
-        robot = built(
-            Robot, {**data, "limits": _ranges(data.get("limits"), "robot.limits")}, "robot"
+    with _add_file_to_errors(file):
+        robot = build_value(
+            Robot,
+            {**data, "limits": _ranges_from_plain(data.get("limits"), "robot.limits")},
+            "robot",
         )
     return robot
 
@@ -334,36 +338,36 @@ def task_limits_from_plain(problem: Fields, file: str | None = None) -> TaskLimi
     ProblemError
         If the data are invalid. The error states the key, its value and the allowed values.
     """
-    with _name_file(file):
-        limits: list[Limit] = _ranges(problem.get("limits"), "problem.limits")
-        rates = _by_task(Positive, problem.get("rates"), "problem.rates")
+    with _add_file_to_errors(file):
+        limits: list[Limit] = _ranges_from_plain(problem.get("limits"), "problem.limits")
+        rates = _convert_by_coordinate(Positive, problem.get("rates"), "problem.rates")
         limits += [TaskRate(name, rate) for name, rate in rates.items()]
         for limit_type in ToolLimit.kinds():
-            bound = converted(
+            bound = convert_value(
                 Positive | None, problem.get(limit_type.field), f"problem.{limit_type.field}"
             )
             limits += [] if bound is None else [limit_type(bound)]
-        eye = converted(Eye | None, problem.get("eye"), "problem.eye", build=True)
-        friction = converted(Positive | None, problem.get("friction"), "problem.friction")
-        payload = converted(Interval | None, problem.get("payload"), "problem.payload")
+        eye = convert_value(Eye | None, problem.get("eye"), "problem.eye", build=True)
+        friction = convert_value(Positive | None, problem.get("friction"), "problem.friction")
+        payload = convert_value(Interval | None, problem.get("payload"), "problem.payload")
     return TaskLimits(tuple(limits), eye, friction=friction, payload=payload)
 
 
-def _ranges(data: Any, location: str) -> list[Limit]:
+def _ranges_from_plain(data: Any, location: str) -> list[Limit]:
     """Build the limits on the ranges of task coordinates from a mapping of lower and upper bounds.
 
     `location` is the key of the data. Raises ProblemError if the data are invalid.
     """
     return [
         TaskRange(name, low, high)
-        for name, (low, high) in _by_task(Interval, data, location).items()
+        for name, (low, high) in _convert_by_coordinate(Interval, data, location).items()
     ]
 
 
-def _by_task(hint: Any, data: Any, location: str) -> dict[str, Any]:
+def _convert_by_coordinate(hint: Any, data: Any, location: str) -> dict[str, Any]:
     """Check a mapping whose keys are task coordinates, and convert its values to the type `hint`.
 
     The result is empty if `data` is None. `location` is the key of the data for messages.
     """
-    hint = Annotated[Mapping[str, hint], Names(TASK)]
-    return converted(hint, {} if data is None else data, location)
+    hint = Annotated[Mapping[str, hint], Names(TASK_COORDINATES)]
+    return convert_value(hint, {} if data is None else data, location)

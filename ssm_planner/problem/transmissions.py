@@ -11,9 +11,9 @@ from typing import Annotated, ClassVar
 from ssm_planner.problem.drive_geometry import (
     SCREW_FAMILY,
     WORM_FAMILY,
-    BadGeometry,
-    Family,
-    resolve,
+    DimensionError,
+    GearFamily,
+    resolve_dimensions,
 )
 from ssm_planner.problem.value import Length, Positive
 from ssm_planner.registry import Registry
@@ -87,7 +87,7 @@ class _Thread(Transmission):
     """Base of the kinds of drives with a thread."""
 
     threaded = True
-    family: ClassVar[Family]
+    family: ClassVar[GearFamily]
     """Equations between the dimensions."""
     lead: Length | None = None
     """Advance of the thread in one turn."""
@@ -108,11 +108,11 @@ class _Thread(Transmission):
         thread_angle = numbers.pop("thread_angle")
         outer = numbers.pop("outer_diameter", None)
         if not thread_angle < LARGEST_THREAD_ANGLE:
-            raise BadGeometry("implausible", "thread_angle", "an angle below 120 deg")
-        dimensions = resolve(cls.family, numbers)
+            raise DimensionError("implausible", "thread_angle", "an angle below 120 deg")
+        dimensions = resolve_dimensions(cls.family, numbers)
         if outer is not None:
             if outer < dimensions["diameter"]:
-                raise BadGeometry(
+                raise DimensionError(
                     "smaller than the diameter at which friction acts", "outer_diameter"
                 )
             dimensions["outer_diameter"] = outer

@@ -27,7 +27,7 @@ from ssm_planner.typing import Array, JsonObject, Range, frozen
 V = TypeVar("V", bound="Value")
 
 
-def uncompared() -> Any:
+def uncompared_field() -> Any:
     """Return a dataclass field with the default None that is ignored when values are compared."""
     return dataclasses.field(default=None, compare=False)
 
@@ -119,15 +119,17 @@ class Value:
 
     def __post_init__(self) -> None:
         cls: Any = type(self)
-        for name, hint in hints(cls).items():
+        for name, hint in field_hints(cls).items():
             key = f"{cls.__name__}.{name}"
-            object.__setattr__(self, name, converted(hint, getattr(self, name), key))
+            object.__setattr__(self, name, convert_value(hint, getattr(self, name), key))
         self._check()
 
     def _check(self) -> None:
         """Raise ProblemError if fields contradict each other."""
 
-    def _wrong(self, field: str, reason: str, allowed: str, value: object = None) -> ProblemError:
+    def _field_error(
+        self, field: str, reason: str, allowed: str, value: object = None
+    ) -> ProblemError:
         """Build the error for an invalid field.
 
         Parameters
@@ -151,7 +153,8 @@ class Value:
             return NotImplemented
         cls: Any = type(self)
         return all(
-            _same(getattr(self, name), getattr(other, name)) for name in _compared_fields(cls)
+            _equal_values(getattr(self, name), getattr(other, name))
+            for name in _compared_fields(cls)
         )
 
     def __hash__(self) -> int:
@@ -161,12 +164,12 @@ class Value:
         )
 
 
-def attributes(value: object, names: Iterable[str]) -> JsonObject:
+def get_attributes(value: object, names: Iterable[str]) -> JsonObject:
     """Return some attributes of an object as a dictionary by name."""
     return {name: getattr(value, name) for name in names}
 
 
-def unchecked(value: V, **changes: Any) -> V:
+def unchecked_copy(value: V, **changes: Any) -> V:
     """Return a copy with changed fields, like dataclasses.replace, but without checks.
 
     It is needed for trial values of a fit, for arrays that represent many drives at once, for
@@ -176,12 +179,12 @@ def unchecked(value: V, **changes: Any) -> V:
     copy = object.__new__(cls)
     fields = value.__dict__
     # cached properties are not copied because they may depend on the changed fields
-    copy.__dict__.update({name: fields[name] for name in hints(cls)}, **changes)
+    copy.__dict__.update({name: fields[name] for name in field_hints(cls)}, **changes)
     return copy
 
 
 @cache
-def hints(cls: Any) -> dict[str, Any]:
+def field_hints(cls: Any) -> dict[str, Any]:
     """Return the type annotations of the fields of a dataclass, by field name."""
     types = typing.get_type_hints(cls, include_extras=True)
     return {field.name: types[field.name] for field in dataclasses.fields(cls)}
@@ -208,16 +211,16 @@ def unit_kind(quantity: str, slides: bool = False) -> str:
     return sliding if slides and sliding else turning
 
 
-def quantities(cls: Any) -> dict[str, str]:
+def field_quantities(cls: Any) -> dict[str, str]:
     """Return the physical quantities of the numeric fields of a dataclass, by field name.
 
     A field states its quantity as a text in its annotation, see `unit_kind`.
     """
-    marks = {name: strip_annotations(hint)[1] for name, hint in hints(cls).items()}
+    marks = {name: strip_annotations(hint)[1] for name, hint in field_hints(cls).items()}
     return {name: mark for name in marks for mark in marks[name] if isinstance(mark, str)}
 
 
-def descriptions(cls: type) -> dict[str, str]:
+def field_descriptions(cls: type) -> dict[str, str]:
     """Return the docstrings below the fields of a class, each on one line, by field name.
 
     They are read from the source code, because Python does not keep them.
@@ -246,7 +249,7 @@ def read_only_array(value: object, shape: tuple[int, ...]) -> Array:
     return array
 
 
-def built(
+def build_value(
     cls: Any, data: object, location: str, known_values: Mapping[str, Any] | None = None
 ) -> Any:
     """Build a dataclass and its nested dataclasses from a mapping whose keys are the fields.
@@ -270,13 +273,15 @@ def built(
     fields = {field.name: field for field in dataclasses.fields(cls)}
     check_mapping(data, tuple(fields), location)
     assert isinstance(data, Mapping)
-    types_of = hints(cls)
+    types_of = field_hints(cls)
     values = dict(known_values or {})
     for name, field in fields.items():
         if name in values:
             continue
         if name in data:
-            values[name] = converted(types_of[name], data[name], f"{location}.{name}", build=True)
+            values[name] = convert_value(
+                types_of[name], data[name], f"{location}.{name}", build=True
+            )
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise ProblemError(
                 "missing", key=f"{location}.{name}", allowed=f"the keys of {cls.__name__}"
@@ -288,7 +293,7 @@ def built(
         raise
 
 
-def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
+def convert_value(hint: Any, value: Any, location: str, build: bool = False) -> Any:
     """Convert a value to the type of a field, and check it.
 
     Parameters
@@ -315,29 +320,29 @@ def converted(hint: Any, value: Any, location: str, build: bool = False) -> Any:
     origin = get_origin(hint)
     arguments = get_args(hint)
     if origin is Annotated:
-        return _annotated(arguments, value, location, build)
+        return _convert_annotated(arguments, value, location, build)
     if origin is typing.Union or origin is types.UnionType:
-        return _union(arguments, value, location, build)
+        return _convert_union(arguments, value, location, build)
     if origin is Literal:
         if isinstance(value, bool) or value not in arguments:
-            raise wrong(location, value, " or ".join(map(str, arguments)))
+            raise wrong_type_error(location, value, " or ".join(map(str, arguments)))
         return arguments[arguments.index(value)]
     if origin is tuple:
-        return _tuple(arguments, value, location, build)
+        return _convert_tuple(arguments, value, location, build)
     if isinstance(origin, type) and issubclass(origin, Mapping):
         if not isinstance(value, Mapping):
-            raise wrong(location, value, "a mapping")
+            raise wrong_type_error(location, value, "a mapping")
         return {
-            str(key): converted(arguments[1], item, f"{location}.{key}", build)
+            str(key): convert_value(arguments[1], item, f"{location}.{key}", build)
             for key, item in value.items()
         }
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         if isinstance(value, hint):
             return value
         if build:
-            return built(hint, value, location)
-        raise wrong(location, value, f"a {hint.__name__}")
-    return _scalar(hint, value, location)
+            return build_value(hint, value, location)
+        raise wrong_type_error(location, value, f"a {hint.__name__}")
+    return _convert_scalar(hint, value, location)
 
 
 def check_name(name: object, names: tuple[str, ...], location: str, reason: str) -> None:
@@ -356,12 +361,12 @@ def check_mapping(data: object, names: tuple[str, ...], location: str) -> None:
     `location` is the key of the data for the message.
     """
     if not isinstance(data, Mapping):
-        raise wrong(location, data, f"a mapping with the keys {', '.join(names)}")
+        raise wrong_type_error(location, data, f"a mapping with the keys {', '.join(names)}")
     for key in data:
         check_name(key, names, f"{location}.{key}", "unknown key")
 
 
-def wrong(location: str, value: object, allowed: str) -> ProblemError:
+def wrong_type_error(location: str, value: object, allowed: str) -> ProblemError:
     """Build the error for a value of the wrong type.
 
     `location` is the key of the value, and `allowed` describes the allowed values.
@@ -370,16 +375,16 @@ def wrong(location: str, value: object, allowed: str) -> ProblemError:
     return ProblemError("wrong type of value", key=location, value=printed_value, allowed=allowed)
 
 
-def _annotated(arguments: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
+def _convert_annotated(arguments: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
     """Convert a value to a type Annotated[type, *marks], and check the conditions in the marks.
 
-    The other parameters are those of `converted`.
+    The other parameters are those of `convert_value`.
     """
     hint_type, *marks = arguments
     for mark in marks:
         if isinstance(mark, Shape):
-            return _array(mark.shape, value, location)
-        value = converted(hint_type, value, location, build)
+            return _convert_array(mark.shape, value, location)
+        value = convert_value(hint_type, value, location, build)
         if isinstance(mark, Bound):
             if fault := mark.fault(value):
                 raise ProblemError(fault, key=location, value=value, allowed=mark.allowed)
@@ -396,43 +401,52 @@ def _annotated(arguments: tuple[Any, ...], value: Any, location: str, build: boo
     return value
 
 
-def _union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
+def _convert_union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
     """Convert a value to one of several types. None is returned unchanged if it is one of them.
 
-    The other parameters are those of `converted`.
+    The other parameters are those of `convert_value`.
     """
     if value is None and type(None) in members:
         return None
     inner = [member for member in members if member is not type(None)]
     if len(inner) == 1:
-        return converted(inner[0], value, location, build)
+        return convert_value(inner[0], value, location, build)
     if not isinstance(value, tuple(inner)):
-        raise wrong(location, value, " or ".join(f"a {member.__name__}" for member in inner))
+        raise wrong_type_error(
+            location, value, " or ".join(f"a {member.__name__}" for member in inner)
+        )
     return value
 
 
-def _tuple(members: tuple[Any, ...], value: Any, location: str, build: bool) -> tuple[Any, ...]:
+def _convert_tuple(
+    members: tuple[Any, ...], value: Any, location: str, build: bool
+) -> tuple[Any, ...]:
     """Convert a list, tuple or array to a tuple whose entries have the types `members`.
 
-    The other parameters are those of `converted`.
+    The other parameters are those of `convert_value`.
     """
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
-        raise wrong(location, value, "a list")
+        raise wrong_type_error(location, value, "a list")
     hints = (members[0],) * len(value) if members[-1] is Ellipsis else members
     if len(hints) != len(value):
-        raise wrong(location, value, f"a list of {len(hints)}")
+        raise wrong_type_error(location, value, f"a list of {len(hints)}")
     return tuple(
-        converted(hint, item, f"{location}[{i}]", build)
+        convert_value(hint, item, f"{location}[{i}]", build)
         for i, (hint, item) in enumerate(zip(hints, value, strict=True))
     )
 
 
-_SCALARS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
+_SCALAR_DESCRIPTIONS = {
+    float: "a finite number",
+    int: "a whole number",
+    str: "a text",
+    bool: "true or false",
+}
 
 
-def _scalar(hint: Any, value: Any, location: str) -> Any:
+def _convert_scalar(hint: Any, value: Any, location: str) -> Any:
     """Convert a value to float, int, str or bool (`hint`).
 
     Raises ProblemError, with the key `location`, if the value has another type or is not finite.
@@ -446,10 +460,10 @@ def _scalar(hint: Any, value: Any, location: str) -> Any:
         return int(value)
     if hint in (str, bool) and isinstance(value, hint):
         return value
-    raise wrong(location, value, _SCALARS[hint])
+    raise wrong_type_error(location, value, _SCALAR_DESCRIPTIONS[hint])
 
 
-def _array(shape: tuple[int, ...], value: Any, location: str) -> Array:
+def _convert_array(shape: tuple[int, ...], value: Any, location: str) -> Array:
     """Convert a value to a read-only array of finite numbers, and check its shape.
 
     A length of −1 in `shape` allows any length. Raises ProblemError with the key `location`.
@@ -458,12 +472,12 @@ def _array(shape: tuple[int, ...], value: Any, location: str) -> Array:
     try:
         array = np.array(value)
     except (TypeError, ValueError) as error:
-        raise wrong(location, value, allowed) from error
+        raise wrong_type_error(location, value, allowed) from error
     has_shape = array.ndim == len(shape) and all(
         length in (-1, actual) for length, actual in zip(shape, array.shape, strict=True)
     )
     if array.dtype.kind not in "iuf" or not has_shape or not np.isfinite(array).all():
-        raise wrong(location, value, allowed)
+        raise wrong_type_error(location, value, allowed)
     return read_only_array(array, array.shape)
 
 
@@ -473,7 +487,7 @@ def _compared_fields(cls: type) -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(cls) if field.compare)
 
 
-def _same(a: Any, b: Any) -> bool:
+def _equal_values(a: Any, b: Any) -> bool:
     """Return True if two values of a field are equal. Arrays must have equal elements."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.array_equal(a, b)

@@ -16,8 +16,8 @@ import numpy as np
 from ssm_planner.display import NOTHING, columns, format_fixed, number, percent, plain_words, signed
 from ssm_planner.problem import (
     JOINTS,
-    JUMPS,
-    READ_IN,
+    JUMP_NAMES,
+    MESSAGE_UNITS,
     Free,
     LensClearance,
     MotorTorque,
@@ -184,7 +184,7 @@ def unit_of_limit(limit: "LimitCheck | Kept", degree: str = "deg") -> tuple[str,
     factor : float
         Factor that converts SI values to this unit.
     """
-    return display_unit(READ_IN.get(limit.name, limit.unit), degree)
+    return display_unit(MESSAGE_UNITS.get(limit.name, limit.unit), degree)
 
 
 def limit_cells(
@@ -228,7 +228,7 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
     """
     rows = []
     for limit in sorted(limits, key=lambda limit: limit.margin):
-        if limit.name not in JUMPS or not limit.passed:
+        if limit.name not in JUMP_NAMES or not limit.passed:
             verdict = "" if limit.passed else "EXCEEDED"
             rows.append(limit_cells(limit) + (format_fixed(limit.time, 4), verdict))
     return Table("limit, joint, worst, limit, unit, margin, at s, ", rows, (2, 3, 5, 6))
@@ -454,7 +454,9 @@ def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
     The fastest motion reaches some limits, which are called active. Active limits and limits on
     jumps are left out. The result is None if no other limit exists.
     """
-    slack = (limit for limit in limits if limit.margin > ACTIVE_MARGIN and limit.name not in JUMPS)
+    slack = (
+        limit for limit in limits if limit.margin > ACTIVE_MARGIN and limit.name not in JUMP_NAMES
+    )
     return min(slack, key=lambda limit: limit.margin, default=None)
 
 

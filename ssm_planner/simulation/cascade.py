@@ -21,7 +21,7 @@ import numpy as np
 
 from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import Controller, Joint, attributes
+from ssm_planner.problem import Controller, Joint, get_attributes
 from ssm_planner.typing import frozen
 
 MARGIN = 30.0
@@ -203,7 +203,7 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
         ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
         ff_acceleration=feedforward * inertia,
     )
-    gains = attributes(axis, vars(tuned))
+    gains = get_attributes(axis, vars(tuned))
     return replace(tuned, **{name: gain for name, gain in gains.items() if gain is not None})
 
 

@@ -13,11 +13,11 @@ from ssm_planner.dynamics import with_payload
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats import (
     Axis,
-    at_times,
-    axes_of,
+    csp_streams,
+    drive_axes,
     following_error_window,
+    sample_slowed_plan,
     setpoint_times,
-    setpoints,
 )
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
@@ -441,7 +441,7 @@ class _Stage:
         self.scenario = scenario
         self.controller = controller
         robot = plan.robot
-        self.axes = axes_of(robot, _counts(robot, controller))
+        self.axes = drive_axes(robot, _counts(robot, controller))
         self.windows = {name: self._window(axis) for name, axis in self.axes.items()}
         self.arms: dict[float, ControlledArm] = {}
         self.unknown: tuple[str, ...] = ()
@@ -450,7 +450,7 @@ class _Stage:
         end = loss + HORIZON if isinstance(loss, float) else plan.motion.duration + SETTLE
         self.time: Array = self.period * np.arange(round(end / self.period), dtype=float)
         time_scale = setpoint_times(plan, PERIOD)[1]
-        samples = at_times(plan, plan.motion.breaks[0] + self.time, time_scale)
+        samples = sample_slowed_plan(plan, plan.motion.breaks[0] + self.time, time_scale)
         self.planned = samples.q
         speed = samples.qd
         is_standing = np.abs(speed[0]) <= REST_SPEED * robot.velocities
@@ -685,7 +685,7 @@ class _Stage:
         `prescribed` (n, 4) contains the accelerations of joints without a drive, rad/s² or m/s².
         """
         scenario = self.scenario
-        streams = setpoints(self.plan, self.axes, PERIOD)
+        streams = csp_streams(self.plan, self.axes, PERIOD)
         if scenario.dropped is not None:
             for stream in streams.values():
                 for column in stream.values():

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ssm_planner.dynamics import friction_of
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading import Part
+from ssm_planner.loading import CatalogueEntry
 from ssm_planner.problem import Drive, Gearhead
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import rotor_range
@@ -22,8 +22,8 @@ from ssm_planner.typing import record
 class Chain:
     """A drive of a catalogue, with or without a gearhead of a catalogue."""
 
-    gear: Part[Drive]
-    gearhead: Part[Gearhead] | None = None
+    gear: CatalogueEntry[Drive]
+    gearhead: CatalogueEntry[Gearhead] | None = None
 
     @property
     def label(self) -> str:

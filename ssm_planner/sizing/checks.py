@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.dynamics import FrictionSpread, friction_of, self_locking_margin, spread_of
-from ssm_planner.problem import Drive, Ratings, ScrewEnds, attributes
-from ssm_planner.problem import unchecked as changed
+from ssm_planner.problem import Drive, Ratings, ScrewEnds, get_attributes
+from ssm_planner.problem import unchecked_copy as changed
 from ssm_planner.sizing.demand import Band, DemandName, linear_band, monte_carlo
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
@@ -70,7 +70,7 @@ class Check:
             "passed": self.passed,
             "margin": self.margin,
             "best_margin": self.margin if self.best_margin is None else self.best_margin,
-            **attributes(self, ("worst", "nominal", "limit", "unit", "probability", "needs")),
+            **get_attributes(self, ("worst", "nominal", "limit", "unit", "probability", "needs")),
         }
 
 

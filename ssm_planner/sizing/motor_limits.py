@@ -62,7 +62,7 @@ class Conditions(Value):
 
     def _check(self) -> None:
         if 0 < self.draws < 1000:
-            raise self._wrong("draws", "too few", "0, or 1000 to 1000000")
+            raise self._field_error("draws", "too few", "0, or 1000 to 1000000")
 
 
 def missing(motor: Motor, *names: str) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics import friction_of
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
-from ssm_planner.problem import Drive, Motor, Robot, attributes, unchecked
+from ssm_planner.problem import Drive, Motor, Robot, get_attributes, unchecked_copy
 from ssm_planner.sizing.joint_load import INSTANTS, RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, record
@@ -107,7 +107,7 @@ class MotorRequirement:
         return {
             "joint": self.joint,
             "motor": None if self.motor is None else self.motor.name,
-            **attributes(self, FIGURES),
+            **get_attributes(self, FIGURES),
             "split": self.components,
             "placeholder": self.placeholder,
         }
@@ -270,6 +270,8 @@ def _mesh(lossless: Drive, effort: Array, direction: Array) -> Array:
 
 def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:
     """Return the drive without losses in mesh and gear stages. Without losses, γ = 1/ratio."""
-    friction = unchecked(friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings)
+    friction = unchecked_copy(
+        friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings
+    )
     gamma = drive.gamma / drive.stage_ratio if drive.threaded else 1.0 / drive.ratio
-    return unchecked(drive, friction=friction, gamma=gamma, gearhead=None, belt=None)
+    return unchecked_copy(drive, friction=friction, gamma=gamma, gearhead=None, belt=None)

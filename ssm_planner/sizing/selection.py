@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssm_planner.dynamics import RigidBody, drive_with, with_payload
-from ssm_planner.loading import Part
+from ssm_planner.loading import CatalogueEntry
 from ssm_planner.problem import Drive, Gearhead, Motor
 from ssm_planner.sizing.assess import (
     CONFIDENCE,
@@ -73,7 +73,7 @@ class JointSelection:
 
     load: JointLoad
     conditions: Conditions
-    motors: Sequence[Part[Motor]]
+    motors: Sequence[CatalogueEntry[Motor]]
     gears: Sequence[Chain]
     answers: Mapping[str, Answers]
     """Answers by name of the check.
@@ -234,12 +234,12 @@ class JointSelection:
 
 def select(
     duty: DutyCycle,
-    motors: Sequence[Part[Motor]],
-    gears: Mapping[str, Sequence[Part[Drive]]],
+    motors: Sequence[CatalogueEntry[Motor]],
+    gears: Mapping[str, Sequence[CatalogueEntry[Drive]]],
     conditions: Conditions | None = None,
     payload: float = 0.0,
     *,
-    gearheads: Sequence[Part[Gearhead]] = (),
+    gearheads: Sequence[CatalogueEntry[Gearhead]] = (),
 ) -> tuple[JointSelection, ...]:
     """Assess every motor with every gear on every joint that a duty cycle moves.
 
@@ -269,7 +269,7 @@ def select(
         select_joint(
             load,
             motors,
-            gears.get(load.joint) or [Part(load.drive.name, load.drive)],
+            gears.get(load.joint) or [CatalogueEntry(load.drive.name, load.drive)],
             conditions,
             inertias[load.joint],
             gearheads=gearheads,
@@ -303,12 +303,12 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
 
 def select_joint(
     load: JointLoad,
-    motors: Sequence[Part[Motor]],
-    gears: Sequence[Part[Drive]],
+    motors: Sequence[CatalogueEntry[Motor]],
+    gears: Sequence[CatalogueEntry[Drive]],
     conditions: Conditions,
     inertia: float = math.nan,
     *,
-    gearheads: Sequence[Part[Gearhead]] = (),
+    gearheads: Sequence[CatalogueEntry[Gearhead]] = (),
 ) -> JointSelection:
     """Assess every motor with every gear on one joint, without and with every gearhead.
 

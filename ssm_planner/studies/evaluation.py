@@ -14,11 +14,17 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading import Part, drive_from, motor_from, of_data, problem_from_dict
+from ssm_planner.loading import (
+    CatalogueEntry,
+    drive_from,
+    motor_from,
+    problem_from_dict,
+    section_from_data,
+)
 from ssm_planner.pipeline.run import plan
 from ssm_planner.pipeline.thermal import quickly
 from ssm_planner.plans import Plan
-from ssm_planner.problem import Joint, Problem, unchecked
+from ssm_planner.problem import Joint, Problem, unchecked_copy
 from ssm_planner.sizing import (
     MARGINS,
     Conditions,
@@ -285,13 +291,13 @@ def derate_motors(problem: Problem, margin: float) -> Problem:
         motor = joint.motor
         if motor is None:
             return joint
-        motor = unchecked(
+        motor = unchecked_copy(
             motor,
             max_torque=share * motor.max_torque,
             nominal_torque=share * motor.nominal_torque,
             max_speed=share * motor.max_speed,
         )
-        return unchecked(joint, motor=motor)
+        return unchecked_copy(joint, motor=motor)
 
     return _with_changed_joints(problem, reduced)
 
@@ -299,7 +305,7 @@ def derate_motors(problem: Problem, margin: float) -> Problem:
 def _with_changed_joints(problem: Problem, change: Callable[[Joint], Joint]) -> Problem:
     """Return the problem in which a function has changed every joint of the robot."""
     joints = tuple(map(change, problem.robot.joints))
-    return unchecked(problem, robot=unchecked(problem.robot, joints=joints))
+    return unchecked_copy(problem, robot=unchecked_copy(problem.robot, joints=joints))
 
 
 def _remove_selected_motors(study: Study, problem: Problem) -> Problem:
@@ -426,7 +432,7 @@ def _checked_margins(verdict: MotorVerdict) -> list[float]:
 @lru_cache(maxsize=8)
 def _component_options(
     study: Study, joint: str, component: str
-) -> tuple[Choice | None, list[Part[Any]]]:
+) -> tuple[Choice | None, list[CatalogueEntry[Any]]]:
     """Return the options for the motor or the drive of a joint.
 
     Parameters
@@ -456,9 +462,9 @@ def _component_options(
     options = []
     for label, design in designs.items():
         content = study.resolved(design)["joints"][joint].get(component)
-        value: Any = read_component(of_data(content))
+        value: Any = read_component(section_from_data(content))
         size = {"mass": getattr(value, "mass", None), **sizes.get(label, {})}
-        options.append(Part(label, value, **size))
+        options.append(CatalogueEntry(label, value, **size))
     return choice, options
 
 

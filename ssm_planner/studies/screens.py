@@ -15,8 +15,8 @@ import numpy as np
 from ssm_planner.dynamics import breakaway_torque, static_loads
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import Family
-from ssm_planner.loading import of_data, problem_from_dict, robot_from
-from ssm_planner.problem import JOINTS, TASK, Joint, Problem, Robot, Straight, Task
+from ssm_planner.loading import problem_from_dict, robot_from, section_from_data
+from ssm_planner.problem import JOINTS, TASK_COORDINATES, Joint, Problem, Robot, Straight, Task
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.typing import Array, frozen
 from ssm_planner.units import quantity
@@ -173,7 +173,7 @@ class Screens:
             for label in variable.contents:
                 try:
                     tree = self.study.resolved({**self._valid_design, variable.path: label})
-                    options[label] = robot_from(of_data(tree)).joints[index]
+                    options[label] = robot_from(section_from_data(tree)).joints[index]
                 except ProblemError as error:
                     options[label] = error
             joints[variable.path] = options
@@ -347,7 +347,7 @@ def _required_tilts_and_moves(problems: Sequence[Problem]) -> tuple[Array, list[
         start = problem.start
         if not isinstance(start, Task):
             continue
-        position = {name: getattr(start, name) or 0.0 for name in TASK}
+        position = {name: getattr(start, name) or 0.0 for name in TASK_COORDINATES}
         tilts.append(position["tilt"])
         for motion in problem.motion:
             if not isinstance(motion, Straight):

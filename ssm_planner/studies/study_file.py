@@ -12,25 +12,25 @@ from pydantic import Field
 
 from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading import Field as Share
 from ssm_planner.loading import (
     Model,
     Reference,
     Section,
     Text,
-    entries,
-    find,
-    follow,
-    located,
-    of_data,
-    read,
+    catalogue_sizes,
+    find_file,
+    follow_reference,
+    locate_errors,
+    read_catalogue,
+    read_section,
     robot_from,
-    stated_beside,
-    validated,
+    section_from_data,
+    validate_section,
 )
-from ssm_planner.loading.missions import written_out
-from ssm_planner.loading.schema import Part as Keys
-from ssm_planner.loading.schema import model_of
+from ssm_planner.loading import Reader as Share
+from ssm_planner.loading.missions import expand_abbreviations
+from ssm_planner.loading.schema import Nested as Keys
+from ssm_planner.loading.schema import build_class_model
 from ssm_planner.sizing import RANKS
 from ssm_planner.studies.study import (
     GEAR_KEYS,
@@ -71,7 +71,9 @@ class SearchModel(Model):
 _MARGIN_FIELD = Share(
     _parse_margin, {"type": ["number", "string"]}, allowed="0 to 1, or 0 % to 100 %"
 )
-RequirementsModel = model_of(Requirements, {"motor_margin": (Annotated[float, _MARGIN_FIELD], 0.0)})
+RequirementsModel = build_class_model(
+    Requirements, {"motor_margin": (Annotated[float, _MARGIN_FIELD], 0.0)}
+)
 
 
 class StudyModel(Model):
@@ -120,13 +122,13 @@ def load_study(name: str | Path) -> Study:
     >>> load_study("vitreoretinal").search.method
     'sobol'
     """
-    return study_from(read(find(name, "studies")))
+    return study_from(read_section(find_file(name, "studies")))
 
 
 def study_from(section: Section) -> Study:
     """Convert the content of a study file to a study. Raises ProblemError if it is invalid."""
-    model = validated(section, StudyModel)
-    robot = resolved_robot_content(follow(section, "robot"))
+    model = validate_section(section, StudyModel)
+    robot = resolved_robot_content(follow_reference(section, "robot"))
     motions = _load_motions(section, model.motions)
     if not model.vary:
         raise section.error(
@@ -139,7 +141,7 @@ def study_from(section: Section) -> Study:
         if isinstance(variable, Choice) and variable.select is not None
     )
     _check_selection(section, vary, selected)
-    with located(section):
+    with locate_errors(section):
         study = Study(
             name=model.name or section.name,
             robot=robot,
@@ -163,7 +165,7 @@ def _load_motions(section: Section, names: Sequence[str]) -> JsonObject:
     """
     motions: JsonObject = {}
     for i, name in enumerate(names):
-        problem = written_out(follow(section, "motions", i, file_kind="problem"))
+        problem = expand_abbreviations(follow_reference(section, "motions", i, file_kind="problem"))
         label = Path(name).stem
         if label in motions:
             raise section.error("given twice", "motions", i)
@@ -185,13 +187,13 @@ def resolved_robot_content(robot: Section) -> JsonObject:
     tree = {**robot.value, "joints": {}}
     for name, joint in robot.value["joints"].items():
         references = {
-            key: follow(robot, "joints", name, key).value
+            key: follow_reference(robot, "joints", name, key).value
             for key in ("drive", "motor")
             if key in joint
         }
         if "alternatives" in joint:
             references["alternatives"] = [
-                follow(robot, "joints", name, "alternatives", i, file_kind="motor").value
+                follow_reference(robot, "joints", name, "alternatives", i, file_kind="motor").value
                 for i in range(len(joint["alternatives"]))
             ]
         tree["joints"][name] = {**joint, **references}
@@ -239,7 +241,7 @@ def _listed_contents(section: Section, key: str) -> JsonObject:
         label = str(choice.get("name", i) if isinstance(choice, dict) else choice)
         contents[label] = choice
         if isinstance(choice, str) and key in ("drive", "motor"):
-            contents[label] = follow(section, "choices", i, file_kind=key).value
+            contents[label] = follow_reference(section, "choices", i, file_kind=key).value
     return contents
 
 
@@ -313,7 +315,7 @@ def _load_catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, 
     folder = Path() if section.file is None else section.file.parent
     file = folder / str(section.value["catalogue"])
     try:
-        return entries(file, gear=path.split(".")[-1] in GEAR_KEYS), stated_beside(file)
+        return read_catalogue(file, gear=path.split(".")[-1] in GEAR_KEYS), catalogue_sizes(file)
     except ProblemError as error:
         if error.line is not None:
             raise
@@ -327,7 +329,7 @@ def _check_first_candidate(section: Section, study: Study) -> None:
     """
     tree = study.resolved(study.design([0.0] * len(study.vary)))
     try:
-        robot_from(of_data(tree))
+        robot_from(section_from_data(tree))
     except ProblemError as error:
         for path in study.paths:
             if error.key is not None and path.rsplit(".", 1)[-1] in error.key:

@@ -21,7 +21,7 @@ from ssm_planner.dynamics import (
     with_payload,
 )
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem import LAW, LAWS, Drive, MotorTorque, Robot, TaskLimits
+from ssm_planner.problem import FRICTION_LAWS, LAW_COLUMN, Drive, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory, blocks
 from ssm_planner.typing import Array, Arrays, Indices
 from ssm_planner.verification.limits import Case, Quantity
@@ -98,7 +98,7 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
 
 def _parameter_text(name: str, value: float) -> str:
     """Describe the value of a friction parameter, such as “mu 0.12”."""
-    return f"{name} {LAWS[int(value)]}" if name == LAW else f"{name} {value:.4g}"
+    return f"{name} {FRICTION_LAWS[int(value)]}" if name == LAW_COLUMN else f"{name} {value:.4g}"
 
 
 def _outermost(sets: Arrays) -> Arrays:
@@ -122,7 +122,7 @@ def _outermost(sets: Arrays) -> Arrays:
     values = np.unique(np.column_stack(list(sets.values())), axis=0)
     dominates = np.ones((len(values), len(values)), dtype=bool)
     for name, column in zip(sets, values.T, strict=True):
-        dominates &= column[:, None] == column if name == LAW else column[:, None] >= column
+        dominates &= column[:, None] == column if name == LAW_COLUMN else column[:, None] >= column
     np.fill_diagonal(dominates, False)
     outer = values[~dominates.any(axis=0) | ~dominates.any(axis=1)]
     return dict(zip(sets, outer.T, strict=True))

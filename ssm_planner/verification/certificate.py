@@ -16,14 +16,14 @@ from weakref import ref
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem import (
-    PROMISES,
+    PATH_REQUIREMENTS,
     Follow,
     Limit,
     Robot,
     Straight,
     TaskLimits,
-    plain,
     robot_text,
+    to_plain,
 )
 from ssm_planner.representation import data_frame, html_table
 from ssm_planner.trajectory import BLOCK, Trajectory, blocks
@@ -422,7 +422,7 @@ def _digest(
     rates: JsonObject = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
     if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
         rates["duty"] = limits.duty
-    if any(limit.name in PROMISES for limit in certificate.limits):
+    if any(limit.name in PATH_REQUIREMENTS for limit in certificate.limits):
         rates["promises"] = [
             _promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
         ]
@@ -432,7 +432,7 @@ def _digest(
     content["limits"] = [limit.to_dict() for limit in certificate.limits]
     if not certificate.unjudged:
         del content["unjudged"]
-    text = json.dumps({"found": content, "limits": {**plain(limits), **rates}}, sort_keys=True)
+    text = json.dumps({"found": content, "limits": {**to_plain(limits), **rates}}, sort_keys=True)
     # The text of the robot is cached, so it is appended as the last key of the JSON object.
     digest = hashlib.sha256(f'{text[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
@@ -444,5 +444,7 @@ def _digest(
 def _promise(entry: Straight | Follow) -> JsonObject:
     """Return the keys of a motion that constrain the path of the tip."""
     return {
-        key: value for key, value in plain(entry).items() if key not in ("duration", "line", "file")
+        key: value
+        for key, value in to_plain(entry).items()
+        if key not in ("duration", "line", "file")
     }

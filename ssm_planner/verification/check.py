@@ -19,7 +19,15 @@ import numpy as np
 
 from ssm_planner.dynamics import self_locking_margin, spread_of
 from ssm_planner.kinematics import Mechanism
-from ssm_planner.problem import ENDS, JUMPS, ContinuousTorque, Joint, Robot, SelfLocking, TaskLimits
+from ssm_planner.problem import (
+    END_VELOCITY_NAMES,
+    JUMP_NAMES,
+    ContinuousTorque,
+    Joint,
+    Robot,
+    SelfLocking,
+    TaskLimits,
+)
 from ssm_planner.trajectory import BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.cases import worst_cases
@@ -329,7 +337,7 @@ def check_stops(
     remaining = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
     limits = replace(limits, limits=remaining, motion=())
     certificate = check(motion if joined is None else joined, robot, limits, rate=RATE_OF_STOPS)
-    excluded = JUMPS + ENDS + (ContinuousTorque.name,)
+    excluded = JUMP_NAMES + END_VELOCITY_NAMES + (ContinuousTorque.name,)
     remaining_checks = tuple(item for item in certificate.limits if item.name not in excluded)
     return replace(certificate, limits=remaining_checks)
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, joint_rates
-from ssm_planner.problem import TASK, EndVelocity, Jump, Robot, TaskLimits
+from ssm_planner.problem import TASK_COORDINATES, EndVelocity, Jump, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
@@ -188,5 +188,5 @@ def _joint_velocity(
     A coordinate that `rate` does not name has the rate 0.
     """
     q = trajectory.positions(np.array([t]))[0]
-    task_rate = np.array([rate.get(name, 0.0) for name in TASK])
+    task_rate = np.array([rate.get(name, 0.0) for name in TASK_COORDINATES])
     return joint_rates(Mechanism.from_robot(robot), q, task_rate)

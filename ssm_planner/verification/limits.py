@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ssm_planner.problem import (
-    TASK,
+    TASK_COORDINATES,
     ContinuousTorque,
     Drive,
     JointAcceleration,
@@ -178,7 +178,7 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
         by_coordinate = {
             limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
         }
-        for k, name in enumerate(TASK):
+        for k, name in enumerate(TASK_COORDINATES):
             task_limit = by_coordinate.get(name)
             if task_limit is not None and name == "depth":
                 yield Quantity(

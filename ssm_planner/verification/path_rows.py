@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.dynamics import STILL, RigidBody, motor_torque_rows, output_effort
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.problem import (
-    TASK,
+    TASK_COORDINATES,
     Drive,
     JointVelocity,
     Motor,
@@ -199,5 +199,5 @@ class PathRows:
             uses[bound.name, None] = speed / bound.largest
         rates = np.abs(task_rates(mechanism, self.q, qd)) if limits.rates else qd
         for name, rate in limits.rates.items():
-            uses[TaskRate.name_of(name), None] = rates[:, TASK.index(name)] / rate
+            uses[TaskRate.name_of(name), None] = rates[:, TASK_COORDINATES.index(name)] / rate
         return uses

@@ -19,15 +19,15 @@ from ssm_planner.kinematics import (
     tool_speed,
 )
 from ssm_planner.problem import (
-    OF_TIP,
-    TASK,
+    TASK_COORDINATES,
+    TIP_CURVES,
     ConstantSpeed,
     CornerRounding,
     Follow,
     Joints,
     Motion,
-    OfPath,
     PathDeparture,
+    PathRequirement,
     Point,
     RetinaDistance,
     Scan,
@@ -212,7 +212,7 @@ def unchecked_lines(limits: TaskLimits) -> str:
 
 def _has_lines(entry: Motion) -> bool:
     """Return whether the tip follows lines that a motion prescribes."""
-    return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in OF_TIP)
+    return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in TIP_CURVES)
 
 
 def _path_promises(
@@ -343,7 +343,9 @@ def task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> 
     """
     if isinstance(point, Task):
         coordinates = point.set_coordinates
-        return np.array([coordinates.get(name, default[k]) for k, name in enumerate(TASK)])
+        return np.array(
+            [coordinates.get(name, default[k]) for k, name in enumerate(TASK_COORDINATES)]
+        )
     if isinstance(point, Joints):
         q = np.array([point.values])
     else:
@@ -541,13 +543,13 @@ def _leaving(promise: PathPromise, t: Array, tips: Array, distances: Array) -> l
     return checks
 
 
-def _check(limit: OfPath, promise: PathPromise, value: float, time: float) -> LimitCheck:
+def _check(limit: PathRequirement, promise: PathPromise, value: float, time: float) -> LimitCheck:
     """Return the result of a limit on the path. Its case is the name of the phase."""
     return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
 
 def _farthest_off(
-    limit: OfPath, tolerance: float, promise: PathPromise, t: Array, values: Array
+    limit: PathRequirement, tolerance: float, promise: PathPromise, t: Array, values: Array
 ) -> LimitCheck:
     """Check values that must equal `limit.largest` up to a tolerance.
 

@@ -19,7 +19,7 @@ from typing import Any, Literal
 from ssm_planner.arguments import checked
 from ssm_planner.atomic import write_text
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.problem import Problem, plain
+from ssm_planner.problem import Problem, to_plain
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject, frozen
 
@@ -95,7 +95,7 @@ def prove_motion(trajectory: Trajectory, problem: Problem) -> tuple[Proof, ...]:
         One value for each limit that the program knows.
     """
     document = {
-        "problem": plain(problem),
+        "problem": to_plain(problem),
         "trajectory": trajectory.to_dict(),
         "certificate": {"limits": []},
     }

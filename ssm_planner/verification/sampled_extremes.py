@@ -55,7 +55,7 @@ from ssm_planner.problem import (
     SpeedLimit,
     TaskRange,
     TaskRate,
-    unchecked,
+    unchecked_copy,
 )
 from ssm_planner.trajectory import Trajectory, blocks, parts_of
 from ssm_planner.typing import Array, Indices, Mask, record
@@ -490,7 +490,7 @@ def _without_limits(robot: Robot) -> Robot:
     share one compiled function.
     """
     joints = tuple(
-        unchecked(
+        unchecked_copy(
             joint,
             position=(0.0, 0.0),
             velocity=0.0,
@@ -501,7 +501,7 @@ def _without_limits(robot: Robot) -> Robot:
         )
         for joint in robot.joints
     )
-    return unchecked(robot, joints=joints, limits=())
+    return unchecked_copy(robot, joints=joints, limits=())
 
 
 @lru_cache(maxsize=8)

@@ -22,15 +22,15 @@ from ssm_planner.kinematics import (
 )
 from ssm_planner.loading import (
     Section,
-    entries,
-    follow,
-    of_text,
-    plain_node,
+    follow_reference,
+    node_from_data,
     problem_from,
-    read,
+    read_catalogue,
+    read_section,
+    section_from_text,
     shipped_folder,
 )
-from ssm_planner.problem import JOINTS, TASK, Problem, Task
+from ssm_planner.problem import JOINTS, TASK_COORDINATES, Problem, Task
 from ssm_planner.reporting import COLOURS, link_sides, mechanism_scene, render_page
 from ssm_planner.studies.study import GEAR_KEYS, Choice, Variable, Varied, robot_with_design
 from ssm_planner.studies.study_file import resolved_robot_content
@@ -61,7 +61,10 @@ MIN_ANGLE, MAX_ANGLE = math.radians(1.0), math.radians(179.0)
 
 def _pose_entry(pose: Pose) -> dict[str, str]:
     """Return a pose (rad and m) in the form of a problem file."""
-    return {name: _coordinate_text(name, value) for name, value in zip(TASK, pose, strict=True)}
+    return {
+        name: _coordinate_text(name, value)
+        for name, value in zip(TASK_COORDINATES, pose, strict=True)
+    }
 
 
 def _stated_value(value: Any) -> Any:
@@ -159,9 +162,11 @@ class ViewedProblem:
         It does not depend on other files. Raises ProblemError if the problem was not read from a
         file.
         """
-        file = self.edited or read(self._file)
+        file = self.edited or read_section(self._file)
         name = {} if self.problem is None else {"name": self.problem.name}
-        return name | file.value | {"robot": resolved_robot_content(follow(file, "robot"))}
+        return (
+            name | file.value | {"robot": resolved_robot_content(follow_reference(file, "robot"))}
+        )
 
     def edit(self, text: str) -> "ViewedProblem":
         """Return the study of a text that replaces the problem file.
@@ -176,7 +181,7 @@ class ViewedProblem:
         ProblemError
             If the text is invalid.
         """
-        section = Section(self._file, of_text(text).root)
+        section = Section(self._file, section_from_text(text).root)
         return ViewedProblem(problem_from(section), section)
 
     @property
@@ -196,7 +201,9 @@ class ViewedProblem:
         Each of them has the form of a variable of a study.
         """
         folder = shipped_folder()
-        motors = entries(folder / "motors") | entries(folder / "catalogues" / "motors_24v.csv")
+        motors = read_catalogue(folder / "motors") | read_catalogue(
+            folder / "catalogues" / "motors_24v.csv"
+        )
         variables: list[Variable] = []
         for name, joint in self.document["robot"]["joints"].items():
             if "motor" in joint:
@@ -205,7 +212,7 @@ class ViewedProblem:
             drive = joint.get("drive", {})
             for gear in GEAR_KEYS:
                 if drive.get("kind", "").endswith(gear):
-                    catalogue = entries(folder / "catalogues" / f"{gear}s.csv", gear=True)
+                    catalogue = read_catalogue(folder / "catalogues" / f"{gear}s.csv", gear=True)
                     present = {"": {"name": drive["name"]}}
                     variables.append(Choice(f"joints.{name}.drive.{gear}", present | catalogue))
             for group, key in ADJUSTABLE_KEYS:
@@ -297,7 +304,7 @@ class ViewedProblem:
         ends = ranges.get("tilt", (low, high))
         values: JsonObject = {"alpha": mechanism.alpha, "beta": mechanism.beta}
         values |= {"low": ends[0], "high": ends[1]}
-        values |= dict.fromkeys(TASK, 0.0) | {"tilt": mechanism.home_tilt} | coordinates
+        values |= dict.fromkeys(TASK_COORDINATES, 0.0) | {"tilt": mechanism.home_tilt} | coordinates
         if problem is not None:
             values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
             for variable in self.variables:
@@ -395,7 +402,7 @@ class ViewedProblem:
 
     def requested_problem(self, request: JsonObject) -> Problem:
         """Return the problem of a request, see `problem_content`. Raises ProblemError."""
-        return problem_from(Section(self._file, plain_node(self.problem_content(request))))
+        return problem_from(Section(self._file, node_from_data(self.problem_content(request))))
 
     def problem_file(self, request: JsonObject) -> JsonObject:
         """Answer a request with {text}, the YAML text of its problem.
@@ -445,10 +452,10 @@ def requested_pose(request: JsonObject, key: str) -> Pose:
     Raises ProblemError if the entry is not a list of four numbers in their ranges.
     """
     values = request.get(key)
-    if not isinstance(values, list) or len(values) != len(TASK):
+    if not isinstance(values, list) or len(values) != len(TASK_COORDINATES):
         raise ProblemError("not a pose", key=key, value=values, allowed="[roll, tilt, spin, depth]")
     coordinates = []
-    for name, value, largest in zip(TASK, values, MAX_POSE, strict=True):
+    for name, value, largest in zip(TASK_COORDINATES, values, MAX_POSE, strict=True):
         path = f"{key}.{name}"
         unit = "m" if name == "depth" else "rad"
         coordinates.append(requested_number({path: value}, path, -largest, largest, unit))

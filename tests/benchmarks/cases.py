@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from ssm_planner.loading.load import load_problem
-from ssm_planner.problem.limits import TASK, TaskRange
+from ssm_planner.problem.limits import TASK_COORDINATES, TaskRange
 from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -119,6 +119,8 @@ def limits_of(robot: Robot) -> Array:
 
 def task_ends(problem: Problem) -> tuple[Array, Array]:
     """Task coordinates (4,) at both ends of a problem with one motion in task coordinates."""
-    start = np.array([(problem.start.set_coordinates or {}).get(name, 0.0) for name in TASK])
+    start = np.array(
+        [(problem.start.set_coordinates or {}).get(name, 0.0) for name in TASK_COORDINATES]
+    )
     asked = problem.motion[0].to.set_coordinates
-    return start, np.array([asked.get(name, start[k]) for k, name in enumerate(TASK)])
+    return start, np.array([asked.get(name, start[k]) for k, name in enumerate(TASK_COORDINATES)])

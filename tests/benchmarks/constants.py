@@ -160,7 +160,7 @@ class Finder:
 def problem_of(name: str) -> tuple[Any, bool]:
     """Return a named problem, and whether relaxations are looked for."""
     from ssm_planner.loading.load import load_problem
-    from ssm_planner.problem.value import unchecked
+    from ssm_planner.problem.value import unchecked_copy
     from tests.benchmarks.direction_free import coupled
     from tests.support.random_problems import random_problem
 
@@ -175,7 +175,7 @@ def problem_of(name: str) -> tuple[Any, bool]:
         problem = load_problem(ROOT / f"problems/{kind}.yaml")
     planner = next((word for word in how if word in ("optimal", "ipopt", "toppra")), "fast")
     if problem.planner != "toppra":
-        problem = unchecked(problem, planner=planner)
+        problem = unchecked_copy(problem, planner=planner)
     return problem, "relaxed" in how
 
 

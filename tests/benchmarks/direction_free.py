@@ -25,7 +25,7 @@ from ssm_planner.planning.phases import reversal_ranges
 from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from tests.benchmarks.peer_rows import motor
 from tests.support.paths import ROOT
 
@@ -57,7 +57,7 @@ def coupled(base: Problem, seed: int) -> Problem:
         if joint.motor is None
         else replace(
             joint,
-            motor=unchecked(
+            motor=unchecked_copy(
                 joint.motor, max_torque=strength * joint.motor.max_torque, nominal_torque=NEVER_WARM
             ),
         )

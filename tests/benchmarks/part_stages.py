@@ -16,7 +16,7 @@ from ssm_planner.elements.element import element_functions
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from tests.benchmarks.cases import FREE_WEAK, Change, free_problem, straight_problem
 from tests.benchmarks.measuring import Spread, in_turns, short, timed
 from tests.benchmarks.section import Section
@@ -52,7 +52,7 @@ def _ways(name: str, problem: Problem, compiler: str | None, rounds: int) -> lis
     with patch.object(
         Transcription, "solve", lambda self, *given: programs.append(self) or solve(self, *given)
     ):
-        plan_motion(unchecked(problem, planner="ipopt"))
+        plan_motion(unchecked_copy(problem, planner="ipopt"))
     largest = max(programs, key=lambda built: len(built.element.row_names))
     count = largest.structure.elements
     build, element = timed(lambda: element_functions(largest.element))

@@ -15,7 +15,7 @@ from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from tests.benchmarks.cases import (
     FREE_WEAK,
     ROOT,
@@ -82,7 +82,7 @@ def _asked(problem: Problem) -> tuple[Any, ...]:
 
     with patch.object(refinement, "solve_structured", ask):
         try:
-            plan_motion(unchecked(problem, planner="fast"))
+            plan_motion(unchecked_copy(problem, planner="fast"))
         except _AskedError as asked:
             return asked.args
     raise RuntimeError("the structured solver was not asked")
@@ -164,7 +164,7 @@ def _cases(quick: bool) -> dict[str, Problem]:
     cases = {"straight": straight, "free, weak motors": free_problem(Change(), FREE_WEAK)}
     if quick:
         return cases
-    cases["free, jerk limits"] = unchecked(free, robot=with_limits(free.robot, jerk=35.0))
+    cases["free, jerk limits"] = unchecked_copy(free, robot=with_limits(free.robot, jerk=35.0))
     for name in ("waypoints", "eye_approach", "laser_scan"):
         cases[name] = dataclasses.replace(
             load_problem(ROOT / f"problems/{name}.yaml"), objective="time"
@@ -174,7 +174,8 @@ def _cases(quick: bool) -> dict[str, Problem]:
 
 def _row(name: str, problem: Problem, rounds: int) -> list[str]:
     problems = {
-        planner: unchecked(problem, planner=planner) for planner in ("ipopt", "optimal", "fast")
+        planner: unchecked_copy(problem, planner=planner)
+        for planner in ("ipopt", "optimal", "fast")
     }
     asked: list[tuple[Any, dict[str, Any]]] = []
 

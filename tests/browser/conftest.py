@@ -116,11 +116,11 @@ def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped plan within an eye whose lens is turned, and with limits on rates."""
     from ssm_planner.kinematics.rotations import rotation
     from ssm_planner.loading.load import load_problem
-    from ssm_planner.problem.serialization import plain
+    from ssm_planner.problem.serialization import to_plain
 
     document = json.loads(PLAN.read_text(encoding="utf-8"))
     problem = load_problem(ROOT / "problems/eye_approach.yaml")
-    eye = plain(problem.eye)
+    eye = to_plain(problem.eye)
     eye["lens"] |= {
         "semi_axes": [0.0048, 0.004, 0.002],
         "frame": rotation([0.6, 0.0, 0.8], 0.7).tolist(),

@@ -265,13 +265,13 @@ def random_plans(count: int = 3) -> tuple[Any, ...]:
     """Motions of the planner between random positions of the shipped robot."""
     from ssm_planner.loading.load import load_robot
     from ssm_planner.pipeline.run import plan
-    from ssm_planner.problem import Free, Joints, Problem, unchecked
+    from ssm_planner.problem import Free, Joints, Problem, unchecked_copy
 
     robot, rng, motions = load_robot(ROBOT), np.random.default_rng(5), []
     for k in range(count):
         points = [Joints(tuple(position(rng).tolist())) for _ in range(3)]
         problem = Problem(robot, points[0], tuple(Free(p) for p in points[1:]), name=f"random {k}")
-        motions.append(plan(unchecked(problem, planner="fast"), relaxations=False).motion)
+        motions.append(plan(unchecked_copy(problem, planner="fast"), relaxations=False).motion)
     return tuple(motions)
 
 
@@ -323,7 +323,7 @@ def healthy_case(rng: np.random.Generator, form: str) -> Case:
 
 def varied(joint: Any, rng: np.random.Generator, jerk: bool) -> Any:
     """The joint, in some cases with Stribeck friction or a jerk limit."""
-    from ssm_planner.problem import unchecked
+    from ssm_planner.problem import unchecked_copy
 
     drive = joint.drive
     if drive is not None and rng.random() < 0.35:
@@ -333,17 +333,17 @@ def varied(joint: Any, rng: np.random.Generator, jerk: bool) -> Any:
             mu_stribeck=float(rng.uniform(0.02, 0.1)),
             stribeck_speed=float(TENS ** rng.uniform(-1, 2)),
         )
-        drive = unchecked(drive, friction=friction)
+        drive = unchecked_copy(drive, friction=friction)
     largest = joint.acceleration * float(TENS ** rng.uniform(1, 3)) if jerk else None
     return dataclasses.replace(joint, drive=drive, jerk=largest)
 
 
 def weaker(joint: Any, torque: float) -> Any:
     """The joint with a motor of another largest torque."""
-    from ssm_planner.problem import unchecked
+    from ssm_planner.problem import unchecked_copy
 
     nominal = min(joint.motor.nominal_torque, float(torque))
-    motor = unchecked(joint.motor, max_torque=float(torque), nominal_torque=nominal)
+    motor = unchecked_copy(joint.motor, max_torque=float(torque), nominal_torque=nominal)
     return dataclasses.replace(joint, motor=motor)
 
 
@@ -676,7 +676,7 @@ def read(case: Case, form: str, path: Path) -> tuple[Any, Any, Any]:
         reading, robot, limits = command.read_with_robot(path, None)
     else:
         reading, robot, limits = read_trajectory(path, case.robot), case.robot, case.limits
-    return reading, robot, reading.ends_on(limits)
+    return reading, robot, reading.add_declared_rates(limits)
 
 
 def moved_targets(case: Case, genes: Genes) -> list[Array]:
@@ -834,7 +834,7 @@ def write_bag_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Wr
     path = folder / "bag"
     shutil.rmtree(path, ignore_errors=True)
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topic = writer.add_connection("/joint_trajectory", ros2.TRAJECTORY, typestore=store)
+        topic = writer.add_connection("/joint_trajectory", ros2.TRAJECTORY_TYPE, typestore=store)
         writer.write(topic, 0, store.serialize_cdr(message, topic.msgtype))
     return path, oracle.through(*table), {}
 
@@ -879,17 +879,17 @@ def emptied(folder: Path) -> Path:
 def write_epos4_folder(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
     """Streams of positions with the offsets of the motion; the manifest made again."""
     from ssm_planner.formats import epos4
-    from ssm_planner.formats.epos4_setup import axes_of
+    from ssm_planner.formats.epos4_setup import drive_axes
     from ssm_planner.problem import TaskLimits
     from ssm_planner.trajectory import Trajectory
 
     gene = next((gene for gene in genes if gene.kind == "times"), None)
     period = 10 if gene is None else round(log(gene.u[1], 4, 60))
     period = max(period, int(np.ceil(motion.breaks[-1] * 1000 / MOST_ROWS)))
-    axes = axes_of(case.robot, case.counts)
+    axes = drive_axes(case.robot, case.counts)
     plan: Any = SimpleNamespace(robot=case.robot, motion=Trajectory(*motion, ()))
     t, stretched = epos4.setpoint_times(plan, period)
-    moved = epos4._motion(plan, t, stretched)
+    moved = epos4._sample_motors(plan, t, stretched)
     table = Table(t, moved["q"], np.zeros_like(moved["q"]), np.zeros_like(moved["q"]))
     for gene in genes:
         if gene.kind in ("bump", "digits", "swap"):
@@ -903,7 +903,7 @@ def write_epos4_folder(case: Case, motion: Motion, genes: Genes, folder: Path) -
         mode="csp",
         period=period,
         q=q,
-        streams=epos4._streams(axes, {**moved, "q": q}, "csp"),
+        streams=epos4._integer_streams(axes, {**moved, "q": q}, "csp"),
         limits=TaskLimits(),
     )
     target = emptied(folder / "epos4")
@@ -930,17 +930,17 @@ def _same() -> np.random.Generator:
 def write_pvt_folder(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
     """Rows of whole milliseconds and increments; the manifest made again."""
     from ssm_planner.formats import pvt
-    from ssm_planner.formats.epos4_setup import axes_of
+    from ssm_planner.formats.epos4_setup import drive_axes
     from ssm_planner.problem import TaskLimits
 
-    axes = axes_of(case.robot, case.counts)
+    axes = drive_axes(case.robot, case.counts)
     gene = next((gene for gene in genes if gene.kind == "times"), random_gene("times", _same()))
     last, interval = float(motion.breaks[-1] * 1000), log(gene.u[1], 15, 200)
     ms = np.linspace(0, np.ceil(last), max(int(last / interval), 2) + 1)
     jitter = np.random.default_rng(int(gene.u[3] * 1e6)).uniform(-0.4, 0.4, len(ms)) * interval
     ms[1:-1] += jitter[1:-1] * (gene.u[2] if gene.u[5] < 0.5 else 0.0)
     ms = np.unique(np.round(ms).astype(int))
-    if len(ms) < 3 or np.diff(ms).max() > pvt.LARGEST_TIME:
+    if len(ms) < 3 or np.diff(ms).max() > pvt.LARGEST_ROW_MS:
         return None
     t = ms / 1000
     rows = state_of(motion, np.minimum(t, motion.breaks[-1]))
@@ -960,7 +960,7 @@ def write_pvt_folder(case: Case, motion: Motion, genes: Genes, folder: Path) -> 
                 state[order][:, i] = values[order] / unit
         tables[joint.name] = values[0], values[1]
     target = emptied(folder / "pvt")
-    content = pvt.content(case.robot, axes, t, tables, limits=TaskLimits(), suffix="")
+    content = pvt.pvt_content(case.robot, axes, t, tables, limits=TaskLimits(), suffix="")
     entries = content.write(target)
     sealed(
         target,

@@ -47,7 +47,7 @@ def plans() -> tuple[tuple[Any, Any, Any], ...]:
     """Robot, motion and limits of the shipped plan, and of random ones of the shipped robot and of others."""
     import ssm_planner as ssm
     from ssm_planner.pipeline.run import plan
-    from ssm_planner.problem import unchecked
+    from ssm_planner.problem import unchecked_copy
     from tests.support.plans import NONE
     from tests.support.random_problems import random_problem
 
@@ -56,7 +56,7 @@ def plans() -> tuple[tuple[Any, Any, Any], ...]:
     shipped = ssm.load_plan(ROBOT.parents[2] / "results/tilt_insert")
     made = [(robot, motion, NONE) for motion in (shipped.motion, *random_plans())]
     for seed in SEEDS:
-        problem = unchecked(random_problem(base, seed, most=2), planner="fast")
+        problem = unchecked_copy(random_problem(base, seed, most=2), planner="fast")
         result = plan(problem, relaxations=False)
         motors = [joint.motor for joint in result.robot.joints if joint.motor is not None]
         if all(motor.nominal_torque <= motor.max_torque for motor in motors):  # as a file must say
@@ -197,7 +197,7 @@ class Healthy:
                     if path.is_dir() and not (path / "metadata.yaml").exists():
                         declared = dataclasses.replace(declared, start_rate={}, end_rate={})
                     limits = declared
-                certificate = reading.check(robot, reading.ends_on(limits))
+                certificate = reading.check(robot, reading.add_declared_rates(limits))
         except SsmPlannerError as error:
             return f"refused: {error}"
         except Hang:

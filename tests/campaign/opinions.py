@@ -8,7 +8,7 @@ import numpy as np
 
 from ssm_planner import Plan, Problem, Robot, load_plan, load_problem, plan
 from ssm_planner.plans import FASTER, NOT_IN_PATH
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.verification.second_opinion import second_opinions
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
@@ -33,7 +33,7 @@ def run(count: int, seed: int) -> list[Row]:
     number = 0
     while agreement.cases < 3 * count // 4:
         number += 1
-        problem = unchecked(random_problem(base, 1000 * seed + number), planner="fast")
+        problem = unchecked_copy(random_problem(base, 1000 * seed + number), planner="fast")
         made = plan(problem, relaxations=False)
         if made.passed and problem.duration is None and not problem.robot.jerk_limited:
             result = judged(made)
@@ -49,9 +49,11 @@ def run(count: int, seed: int) -> list[Row]:
 
 def judged(made: Plan, robot: Robot | None = None) -> Plan:
     """Return the plan as toppra judges it, with the limits of the robot or of another one."""
-    problem = unchecked(made.problem, planner="optimal", robot=robot or made.robot)
+    problem = unchecked_copy(made.problem, planner="optimal", robot=robot or made.robot)
     software = {name: text for name, text in made.software.items() if name != "toppra"}
-    asked = replace(made, problem=unchecked(made.problem, planner="optimal"), software=software)
+    asked = replace(
+        made, problem=unchecked_copy(made.problem, planner="optimal"), software=software
+    )
     opinions = second_opinions(made.motion, problem)
     return asked.cross_checked(lambda: (opinions, ()))
 
@@ -109,7 +111,7 @@ def weakened(strength: float, joint: str = "tilt") -> Problem:
     made = load_plan(ROOT / "results/tilt_insert")
     needs = {requirement.joint: requirement.peak_torque for requirement in made.requirements}
     joints = tuple(
-        replace(item, motor=unchecked(item.motor, max_torque=strength * needs[joint]))
+        replace(item, motor=unchecked_copy(item.motor, max_torque=strength * needs[joint]))
         if item.name == joint
         else item
         for item in made.robot.joints

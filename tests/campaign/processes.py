@@ -20,8 +20,8 @@ from typing import Any
 
 from ssm_planner import load_plan
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.c import c_code
-from ssm_planner.formats.urdf import urdf
+from ssm_planner.formats.c import robot_code
+from ssm_planner.formats.urdf import robot_urdf
 from ssm_planner.publishing import MANIFEST, check_generation, file_name, hashes
 
 from .rows import ROOT, Count, Row
@@ -364,7 +364,7 @@ def hostile_texts(count: int, rng: random.Random) -> Row:
     for k in range(count):
         name = "".join(rng.choice(NAMES) for _ in range(rng.randrange(1, 4)))
         hostile = dataclasses.replace(robot, name=name)
-        text = (urdf(hostile), c_code(hostile)[k % 2], name)[k % 3]
+        text = (robot_urdf(hostile), robot_code(hostile)[k % 2], name)[k % 3]
         fault = judges[k % 3](text)
         counted.add(fault and f"{name!r}: {fault}")
     return counted.row

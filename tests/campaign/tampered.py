@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from ssm_planner.formats.agreement import NOT_COMPARED, _without_explanations
+from ssm_planner.formats.agreement import EXPLANATORY_KEYS, _without_explanations
 from ssm_planner.publishing import hashes
 from tests.support import oracle
 
@@ -129,7 +129,7 @@ def _same(path: Path, original: Path) -> bool:
 def _shown(path: Path, place: str, page: bool) -> str | None:
     """Where a changed plan is still shown as certified."""
     from ssm_planner.errors import SsmPlannerError
-    from ssm_planner.formats.export import verified
+    from ssm_planner.formats.export import recheck_plan
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.report import report_page, verdict_marks
     from ssm_planner.reporting.text import answer_lines
@@ -145,7 +145,7 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
     if any("PASSED" in line for line in answer_lines(plan)):
         return f"{place}: the summary says PASSED"
     try:
-        if verified(plan, force=False)[1]:
+        if recheck_plan(plan, force=False)[1]:
             return f"{place}: it is exported as verified"
     except SsmPlannerError:
         pass
@@ -167,7 +167,7 @@ RESEALED: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("epos4 with stops", "epos4", {"counts_per_turn": 4096, "rate": 100.0, "stops": 9}),
 )
 """Exports that are changed with their hashes: a name, the format and its options."""
-UNREAD = {"file", "software", "speed", "warning"} | NOT_COMPARED
+UNREAD = {"file", "software", "speed", "warning"} | EXPLANATORY_KEYS
 """Entries that explain, or that tell where the motion comes from; only a signature is of them."""
 ALLOWED = 1e-3 + 1e-5
 """Excess of a limit that is no failure, as a share of it."""
@@ -221,7 +221,7 @@ def judged(folder: Path, robot: Robot) -> Reading | None:
         reading = read_trajectory(folder, robot)
     except SsmPlannerError:
         return None
-    limits = reading.ends_on(TaskLimits(robot.limits))
+    limits = reading.add_declared_rates(TaskLimits(robot.limits))
     return None if reading.check(robot, limits).violations else reading
 
 

@@ -183,7 +183,7 @@ class Violations:
 
     def bags(self, count: int) -> None:
         """The same points as a rosbag2."""
-        from ssm_planner.formats.joint_trajectory import Message
+        from ssm_planner.formats.joint_trajectory import TrajectoryMessage
         from ssm_planner.formats.ros2 import write_bag
 
         empty: list[Any]
@@ -192,7 +192,9 @@ class Violations:
             t, q, qd, where = (*self.table(1e-9), "") if healthy else self.beyond(1 + excess, 1e-9)
             empty = [[] for _ in t]
             names = tuple(joint.name for joint in self.robot.joints)
-            message = Message(names, t, q.tolist(), qd.tolist(), accelerations=empty, effort=empty)
+            message = TrajectoryMessage(
+                names, t, q.tolist(), qd.tolist(), accelerations=empty, effort=empty
+            )
             folder = self.folder / f"bag{k}"
             write_bag(folder, self.robot, message, 1.0)
             self.judge("bags", folder, healthy, f"{where}, {excess:.1e}")

@@ -12,7 +12,7 @@ from ssm_planner.errors import SsmPlannerError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.plans import FORMAT, VERSION
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem.serialization import to_plain
 from tests.support.cli import run
 from tests.support.paths import PROBLEMS
 from tests.support.sizing_cases import COMPLETE, equipped, random_trajectory
@@ -26,7 +26,7 @@ def plan_file(folder: Path, robot: Robot) -> Path:
     document = {
         "format": FORMAT,
         "version": VERSION,
-        "problem": plain(replace(load_problem(PROBLEMS / "tilt_insert.yaml"), robot=robot)),
+        "problem": to_plain(replace(load_problem(PROBLEMS / "tilt_insert.yaml"), robot=robot)),
         "certificate": None,
         "trajectory": random_trajectory(3).to_dict(),
     }

@@ -8,7 +8,7 @@ import yaml
 
 from ssm_planner.dynamics import shapes
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.files import find, follow, of_data, read
+from ssm_planner.loading.files import find_file, follow_reference, read_section, section_from_data
 from ssm_planner.loading.load import load_robot
 from ssm_planner.loading.robots import robot_from
 
@@ -87,13 +87,13 @@ PARTS = """
 
 
 def tree(alpha="30 deg", parts=PARTS, **motor):
-    section = read(find("vitreoretinal", "robots"))
+    section = read_section(find_file("vitreoretinal", "robots"))
     said = dict(section.value)
     said["geometry"] = {**said["geometry"], "alpha": alpha}
     said["joints"] = dict(said["joints"])
     for name, joint in said["joints"].items():
         given = {
-            part: follow(section, "joints", name, part).value
+            part: follow_reference(section, "joints", name, part).value
             for part in ("drive", "motor")
             if part in joint
         }
@@ -115,7 +115,7 @@ def tree(alpha="30 deg", parts=PARTS, **motor):
 
 
 def link(**given):
-    return robot_from(of_data(tree(**given))).bodies[0]
+    return robot_from(section_from_data(tree(**given))).bodies[0]
 
 
 def test_a_body_of_parts_follows_the_geometry_and_the_motor():
@@ -146,7 +146,7 @@ def test_an_arc_of_the_second_link_ends_on_the_third_axis():
         "frame": ["y alpha"],
         "parts": [{**parts, "sides": ["negative", "positive"]}],
     }
-    robot = robot_from(of_data(said))
+    robot = robot_from(section_from_data(said))
     beta = np.arccos(robot.geometry.omega2 @ robot.geometry.omega3)
     body = robot.bodies[1]
     assert body.mass == pytest.approx(2700 * 0.03 * 0.01 * 0.15 * (np.pi - beta))
@@ -179,7 +179,7 @@ def test_a_body_says_its_mass_once():
         said = tree()
         said["bodies"] = [{**body, "frame": said["bodies"][0]["frame"]}, *said["bodies"][1:]]
         with pytest.raises(ProblemError, match="mass"):
-            robot_from(of_data(said))
+            robot_from(section_from_data(said))
 
 
 def test_moments_add_up_and_turn():

@@ -40,7 +40,7 @@ from ssm_planner.native import library
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.typing import Array
 from tests.elements.test_element import CASES
 from tests.support.random_problems import random_problem
@@ -66,7 +66,7 @@ def drives(robot: Robot, rng: np.random.Generator) -> Robot:
     def other(drive: Drive) -> Drive:
         law: Any = next(laws)
         speed = None if law == "coulomb" else 8.0
-        friction = unchecked(
+        friction = unchecked_copy(
             drive.friction,
             law=law,
             stribeck_speed=speed,
@@ -80,15 +80,21 @@ def drives(robot: Robot, rng: np.random.Generator) -> Robot:
             if two
             else {"preload": 0.0, "second_nut_mass": 0.0}
         )
-        return unchecked(drive, kind=kind, friction=friction, **nut)
+        return unchecked_copy(drive, kind=kind, friction=friction, **nut)
 
     def changed(one: Robot) -> Robot:
-        joints = [j if j.drive is None else unchecked(j, drive=other(j.drive)) for j in one.joints]
-        return unchecked(one, joints=tuple(joints))
+        joints = [
+            j if j.drive is None else unchecked_copy(j, drive=other(j.drive)) for j in one.joints
+        ]
+        return unchecked_copy(one, joints=tuple(joints))
 
     plain = changed(robot)
     corners = tuple(changed(with_payload(robot, mass)) for mass in (0.0, 0.03))
-    return unchecked(plain, corners=corners, lightest=corners[:1]) if rng.random() < 0.6 else plain
+    return (
+        unchecked_copy(plain, corners=corners, lightest=corners[:1])
+        if rng.random() < 0.6
+        else plain
+    )
 
 
 def agree(mine: Array, its: Array) -> None:
@@ -264,8 +270,8 @@ def test_any_robot_has_them(tilt_insert: Problem, seed: int) -> None:
 def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = drives(with_jerk(random_problem(tilt_insert, seed).robot, 35.0, 1.0), rng)
-    undriven = unchecked(robot.joints[1], drive=None, motor=None)
-    robot = unchecked(robot, joints=(robot.joints[0], undriven, *robot.joints[2:]))
+    undriven = unchecked_copy(robot.joints[1], drive=None, motor=None)
+    robot = unchecked_copy(robot, joints=(robot.joints[0], undriven, *robot.joints[2:]))
     element, z, (_, _, packed) = elements_of(robot, "straight", get_args(Aim)[seed], rng)
     sigma = rng.choice([-1.0, 1.0], (COUNT, 4))
     sigma[:, 1] = 0.0  # a path gives no direction to a joint without a drive

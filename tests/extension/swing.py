@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 from ssm_planner.loading.motions import MotionKey
-from ssm_planner.loading.schema import model_of, nested
+from ssm_planner.loading.schema import build_class_model, nested_type
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import Bound, Straight
 from ssm_planner.typing import record
@@ -33,5 +33,5 @@ def motions(section: Section, swing: Any) -> Iterator[Straight]:
 
 
 SWING = MotionKey(
-    "swing", "Motions to and fro between two tilts.", nested(model_of(Swing)), motions
+    "swing", "Motions to and fro between two tilts.", nested_type(build_class_model(Swing)), motions
 )

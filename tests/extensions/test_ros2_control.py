@@ -115,13 +115,13 @@ def test_simulated_hardware_starts_at_the_first_point(package: Path, goal: dict[
 def test_the_rest_of_the_description_is_that_of_the_urdf_export(
     package: Path, shipped: Plan
 ) -> None:
-    from ssm_planner.formats.urdf import urdf
+    from ssm_planner.formats.urdf import robot_urdf
 
     mine, theirs = (
         re.sub(r"  <ros2_control.*</ros2_control>", "", text, flags=re.S)
         for text in (
             (package / "urdf/robot.urdf").read_text(encoding="utf-8"),
-            urdf(shipped.robot),
+            robot_urdf(shipped.robot),
         )
     )
     assert mine == theirs

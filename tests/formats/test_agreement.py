@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.agreement import difference
+from ssm_planner.formats.agreement import first_difference
 from ssm_planner.formats.export import export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
@@ -230,7 +230,7 @@ def test_a_change_is_found_although_the_hashes_fit(
         reading = read_trajectory(folder, robot)
     except TrajectoryError:
         return
-    certificate = reading.check(robot, reading.ends_on(TaskLimits(robot.limits)))
+    certificate = reading.check(robot, reading.add_declared_rates(TaskLimits(robot.limits)))
     assert certificate.verdict == "violated"
 
 
@@ -258,5 +258,5 @@ def test_explanations_may_change(exports: Path, tmp_path: Path, robot: Robot) ->
 
 @pytest.mark.parametrize("texts", [(",5", "0.001,5"), ("1.5 2.5", "1.5 "), ("", "0.5")])
 def test_texts_with_other_numbers_of_numbers_differ(texts: tuple[str, str]) -> None:
-    assert difference(*texts, "row") is not None
-    assert difference(*texts[::-1], "row") is not None
+    assert first_difference(*texts, "row") is not None
+    assert first_difference(*texts[::-1], "row") is not None

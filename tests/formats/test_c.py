@@ -17,7 +17,7 @@ from ssm_planner.codegen.c import REAL_DEFINITIONS, SIGN_FUNCTION, Argument, wri
 from ssm_planner.codegen.vectorised import OPERATIONS, dense_function, instructions
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.formats.c import c_code, c_text, c_trajectory, joint_limits
+from ssm_planner.formats.c import comment_safe_text, joint_limits, robot_code, trajectory_code
 from ssm_planner.formats.export import export
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import inverse_task
@@ -118,9 +118,9 @@ def built(
 
 def texts_of(robot: Robot, plan: Plan | None = None) -> dict[str, str]:
     """Return the exported files of a robot and of a plan."""
-    made = {"ssm_robot": c_code(robot)}
+    made = {"ssm_robot": robot_code(robot)}
     if plan is not None:
-        made["ssm_trajectory"] = c_trajectory(plan)
+        made["ssm_trajectory"] = trajectory_code(plan)
     return {
         f"{name}.{ending}": text
         for name, pair in made.items()
@@ -399,8 +399,8 @@ def test_names_stay_in_their_comments(name: str, robot: Robot, tmp_path: Path) -
     """The name of the robot does not change the compiled code."""
     seen = []
     for each in ("plain", name):
-        for text in c_code(
-            dataclasses.replace(robot, name=each), [f"Exported with {c_text(each)}."]
+        for text in robot_code(
+            dataclasses.replace(robot, name=each), [f"Exported with {comment_safe_text(each)}."]
         ):
             (tmp_path / "x.c").write_text(text.replace("#include", "//"), encoding="utf-8")
             command = [str(COMPILER), "-trigraphs", "-E", "-P", "x.c"]

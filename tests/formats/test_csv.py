@@ -16,7 +16,7 @@ from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats import csv as module
-from ssm_planner.formats.csv import RATE, read_csv, table, write_csv
+from ssm_planner.formats.csv import DEFAULT_RATE, motion_table, read_csv, write_csv
 from ssm_planner.formats.export import export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -137,7 +137,7 @@ def test_a_fixed_rate_says_what_it_costs(plan: Plan, smooth_plan: Plan, tmp_path
 def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
     """The table in the result folder has a rate of 1 kHz, with states and motors."""
     path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
-    header, rows = table(plan.trajectory.uniform(RATE), plan.robot)
+    header, rows = motion_table(plan.trajectory.uniform(DEFAULT_RATE), plan.robot)
     assert list(columns_of(path)) == header
     assert len(rows) == len(columns_of(path)["time_s"]) == int(plan.trajectory.duration * 1000) + 2
 
@@ -227,7 +227,7 @@ def test_the_last_digit_is_that_of_a_decimal_number(
 ) -> None:
     text = negative + digits + exponent
     value = Decimal(text)
-    assert module._last_digit(text) == (value.as_tuple().exponent if value else 99)
+    assert module._last_digit_exponent(text) == (value.as_tuple().exponent if value else 99)
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
@@ -235,7 +235,7 @@ def test_the_first_rows_determine_the_rounding(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
 ) -> None:
     """Digits are counted for each column by itself, in the unit of the column."""
-    monkeypatch.setattr(module, "LOOK", rows)
+    monkeypatch.setattr(module, "ROUNDING_SAMPLE_ROWS", rows)
     lines = ["time_s,q1_deg,q2_rad,q3_rad,q4_mm", "0,10,0.5,0,-1.5", "1,10.5,0.51,0,-1.5"]
     lines += ["2,10.25,0.5,0,-1.125"]
     path = tmp_path / "t.csv"
@@ -361,7 +361,7 @@ def test_a_disk_that_fails_while_it_is_read(
     monkeypatch.setattr("ssm_planner.formats.csv.np.loadtxt", fail)
     with pytest.raises(TrajectoryError, match=r"t\.csv: cannot be read: Input/output error"):
         read_csv(path, robot)
-    layout = module.layout_of(path)
-    assert module._fault(path, layout, "something else", 0) == f"{path}: something else"
+    layout = module.read_layout(path)
+    assert module._row_error(path, layout, "something else", 0) == f"{path}: something else"
     with pytest.raises(TrajectoryError, match="cannot be read"):
         read_csv(tmp_path, robot)

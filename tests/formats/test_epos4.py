@@ -19,12 +19,12 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.csv import read_columns
 from ssm_planner.formats.epos4 import (
-    _offsets,
-    _streams,
+    _integer_streams,
+    _joint_offsets,
     period_ms,
     setpoint_times,
 )
-from ssm_planner.formats.epos4_setup import axes_of
+from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.formats.export import export
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
@@ -643,7 +643,7 @@ def test_every_column_is_kept_to_the_range_of_its_object(
     robot: Robot, key: str, largest: int, quantity: str
 ) -> None:
     """Whole numbers up to the largest are written as they are, the next one is refused."""
-    axis = axes_of(robot, COUNTS)["roll"]
+    axis = drive_axes(robot, COUNTS)["roll"]
     unit = {
         "q": 1 / axis.increments_per_unit,
         "speed": 1e-3 * 2 * np.pi / 60,
@@ -652,19 +652,21 @@ def test_every_column_is_kept_to_the_range_of_its_object(
     for sign in (1, -1):
         motion = {name: np.zeros((2, 4)) for name in ("q", "speed", "torque")}
         motion[key][1, 0] = sign * largest * unit
-        written = _streams({"roll": axis}, motion, "csp")["roll"]
+        written = _integer_streams({"roll": axis}, motion, "csp")["roll"]
         assert [abs(column[1]) for column in written.values()].count(largest) == 1
         motion[key][1, 0] = sign * (largest + 1) * unit
         for mode in ("csp", "csv", "cst"):
             with pytest.raises(ExportError, match=f"joint roll: {quantity} of .* does not fit"):
-                _streams({"roll": axis}, motion, mode)
+                _integer_streams({"roll": axis}, motion, mode)
 
 
 def test_offsets_are_read_in_the_units_in_which_they_are_written(robot: Robot) -> None:
     joint = dataclasses.replace(robot.joints[1], motor_direction=-1)
     assert joint.drive is not None
     assert joint.motor is not None
-    offsets = _offsets(joint, np.array([60_000.0]), np.array([1000.0]))  # 1 turn/s, rated torque
+    offsets = _joint_offsets(
+        joint, np.array([60_000.0]), np.array([1000.0])
+    )  # 1 turn/s, rated torque
     assert offsets.velocity == pytest.approx([-2 * np.pi / joint.drive.ratio])
     assert offsets.torque == pytest.approx([-joint.motor.nominal_torque])
     assert offsets.velocity_rounding == pytest.approx(np.pi / joint.drive.ratio / 60_000)

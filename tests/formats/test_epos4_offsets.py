@@ -98,14 +98,14 @@ def test_accelerations_near_a_setpoint_are_those_of_the_intervals_around(robot: 
     qd = np.vstack([np.zeros(4), np.cumsum(mean * np.diff(t)[:, None], axis=0)])
     rounding = 1e-6 * limit * np.eye(4)[0]
     moving = np.zeros((8, 4), dtype=bool)
-    low, high = module._accelerations(robot, t, qd, rounding, standing=moving)
-    pad = limit * 1e-3 / module.FULL
+    low, high = module._acceleration_bounds(robot, t, qd, rounding, standing=moving)
+    pad = limit * 1e-3 / module.FULL_ACCELERATION_PERIOD
     pad[0] += 2 * 1e-6 * limit[0] / 0.5e-3
     for k in range(8):
         near = mean[np.clip(np.arange(k - 2, k + 2), 0, 6)]
         assert low[k] == pytest.approx(np.minimum(near.min(axis=0) - pad, 0.0))
         assert high[k] == pytest.approx(np.maximum(near.max(axis=0) + pad, 0.0))
-    low, high = module._accelerations(robot, 100 * t, 100 * qd, rounding, standing=moving)
+    low, high = module._acceleration_bounds(robot, 100 * t, 100 * qd, rounding, standing=moving)
     assert low.min(axis=0) == pytest.approx(-limit)
     assert high.max(axis=0) == pytest.approx(limit)
 
@@ -116,7 +116,9 @@ def test_near_rest_a_motion_may_be_shorter_than_a_period(robot: Robot) -> None:
     t = np.arange(8) * 1e-3
     standing = np.zeros((8, 4), dtype=bool)
     standing[0, 1] = True
-    low, high = module._accelerations(robot, t, np.zeros((8, 4)), np.zeros(4), standing=standing)
+    low, high = module._acceleration_bounds(
+        robot, t, np.zeros((8, 4)), np.zeros(4), standing=standing
+    )
     full = (low == -limit) & (high == limit)
     assert np.argwhere(full).tolist() == [[0, 1], [1, 1], [2, 1]]
 
@@ -128,7 +130,7 @@ def test_a_torque_may_exceed_the_motor_law_by_its_rounding_and_a_thousandth(plan
     qd = np.gradient(q, t, axis=0)
     for i in DRIVEN:
         qd[:, i] = offsets[i].velocity
-    low, high = module._torque_range(plan.robot, t, q, qd, offsets)
+    low, high = module._motor_torque_range(plan.robot, t, q, qd, offsets)
     for i in DRIVEN:
         joint, rounding = plan.robot.joints[i], 1e-4 * np.abs(high[:, i]).max()
         allowed = 2 * rounding + 1e-3 * np.abs(high[:, i]).max()
@@ -166,13 +168,13 @@ def test_a_joint_may_rest_up_to_the_rounding_of_its_offset(
     largest = np.array(
         [1e-6 * joint.velocity + 0.25 * (i == 1) for i, joint in enumerate(robot.joints)]
     )
-    accelerations, masks = module._accelerations, []
+    accelerations, masks = module._acceleration_bounds, []
 
     def noted(*arguments: Any, standing: Any) -> Any:
         masks.append(standing)
         return accelerations(*arguments, standing=standing)
 
-    monkeypatch.setattr(module, "_accelerations", noted)
+    monkeypatch.setattr(module, "_acceleration_bounds", noted)
     speeds = np.outer([0.999, 1.001], largest)
-    module._torque_range(robot, np.array([0.0, 1e-3]), np.zeros((2, 4)), speeds, offsets)
+    module._motor_torque_range(robot, np.array([0.0, 1e-3]), np.zeros((2, 4)), speeds, offsets)
     assert masks[0].tolist() == [[True] * 4, [False] * 4]

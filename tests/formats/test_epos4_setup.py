@@ -12,13 +12,13 @@ from ssm_planner.errors import ExportError
 from ssm_planner.formats import epos4_setup as module
 from ssm_planner.formats.epos4 import period_ms
 from ssm_planner.formats.epos4_setup import (
-    INT16,
-    axes_of,
+    INT16_MAX,
+    check_integer_range,
+    drive_axes,
     encoder_notes,
     following_error_window,
-    homing,
+    homing_objects,
     pdo_mapping,
-    require_range,
     rounding_bounds,
     setup_objects,
     sync_setup,
@@ -31,7 +31,7 @@ def test_increments_follow_from_drive_encoder_and_direction(robot: Robot) -> Non
     assert joint.drive is not None
     assert joint.motor is not None
     turned = replace(joint, motor_direction=-1)
-    axes = axes_of(replace(robot, joints=(turned, *robot.joints[1:])), 4096)
+    axes = drive_axes(replace(robot, joints=(turned, *robot.joints[1:])), 4096)
     assert list(axes) == ["roll", "tilt", "insertion"]
     axis = axes["roll"]
     expected = -joint.drive.ratio * 4096 / (2 * math.pi)
@@ -46,7 +46,7 @@ def test_increments_follow_from_drive_encoder_and_direction(robot: Robot) -> Non
     assert window == math.ceil(joint.velocity * 10 * 2e-3 * abs(expected))
     still = replace(axis, increments_per_unit=1e-6)
     assert following_error_window(still, 1) == 2
-    assert homing(axis, -12.0)["home_position"]["value"] == -12
+    assert homing_objects(axis, -12.0)["home_position"]["value"] == -12
 
 
 def test_counts_come_from_the_option_the_motor_or_are_missing(robot: Robot) -> None:
@@ -62,7 +62,7 @@ def test_counts_come_from_the_option_the_motor_or_are_missing(robot: Robot) -> N
     assert joints[0].motor is not None
     joints[0] = replace(joints[0], motor=replace(joints[0].motor, placeholders=()))
     robot = replace(robot, joints=tuple(joints))
-    axes = axes_of(robot, {"tilt": 777})
+    axes = drive_axes(robot, {"tilt": 777})
     assert [axis.counts_per_turn for axis in axes.values()] == [2000, 777, 4000]
     assert axes["tilt"].encoder == "given with the export"
     assert axes["insertion"].encoder.startswith("PLACEHOLDER: ")
@@ -70,27 +70,27 @@ def test_counts_come_from_the_option_the_motor_or_are_missing(robot: Robot) -> N
     notes = encoder_notes(axes)
     assert any("insertion" in note for note in notes)
     assert not any("roll" in note for note in notes)
-    assert axes_of(robot, 64)["roll"].counts_per_turn == 64
-    assert axes_of(robot, 1)["roll"].counts_per_turn == 1
+    assert drive_axes(robot, 64)["roll"].counts_per_turn == 64
+    assert drive_axes(robot, 1)["roll"].counts_per_turn == 1
     with pytest.raises(ExportError, match="encoder_counts is missing for the motor of joint tilt"):
-        axes_of(robot, None)
+        drive_axes(robot, None)
     with pytest.raises(ExportError, match="--counts-per-turn 0"):
-        axes_of(robot, 0)
+        drive_axes(robot, 0)
 
 
 def test_numbers_fit_up_to_the_largest_either_way() -> None:
-    values = np.array([-0.0, INT16, -INT16])
-    found = require_range(values, INT16, "roll", "torque", "per mille")
+    values = np.array([-0.0, INT16_MAX, -INT16_MAX])
+    found = check_integer_range(values, INT16_MAX, "roll", "torque", "per mille")
     assert np.array_equal(found, values)
-    for bad in (INT16 + 1.0, -INT16 - 1.0, np.nan, np.inf):
+    for bad in (INT16_MAX + 1.0, -INT16_MAX - 1.0, np.nan, np.inf):
         with pytest.raises(ExportError, match="joint roll: torque of"):
-            require_range(np.array([0.0, bad]), INT16, "roll", "torque", "per mille")
+            check_integer_range(np.array([0.0, bad]), INT16_MAX, "roll", "torque", "per mille")
 
 
 def test_rounding_moves_positions_speeds_and_accelerations(robot: Robot) -> None:
     """The bounds hold for any positions, and positions between two increments come close to them."""
     rng = np.random.default_rng(0)
-    axis = axes_of(robot, 4096)["roll"]
+    axis = drive_axes(robot, 4096)["roll"]
     bounds = rounding_bounds(axis, 2)
     q = rng.uniform(-1.0, 1.0, (3000, 3))
     error = axis.increments(q) / axis.increments_per_unit - q
@@ -137,7 +137,7 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
     motor = replace(joint.motor, torque_constant=0.02, max_torque=0.05, max_speed=100.0)
     for direction in (1, -1):
         turned = replace(joint, motor_direction=direction, motor=motor)
-        axis = axes_of(replace(robot, joints=(*robot.joints[:3], turned)), 4096)["insertion"]
+        axis = drive_axes(replace(robot, joints=(*robot.joints[:3], turned)), 4096)["insertion"]
         rows = {row["object"]: row for row in setup_objects(axis, "csp", 4)}
         values = {key: int(row["value"], 0) for key, row in rows.items()}
         per_metre = 60 * abs(axis.increments_per_unit) / 4096  # rpm of the motor
@@ -158,7 +158,7 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
         assert {row["joint"] for row in rows.values()} == {"insertion"}
         assert [key for key, row in rows.items() if row["known"] != "quoted"] == ["0x6080:00"]
         unknown = replace(turned, motor=replace(motor, torque_constant=None))
-        other = axes_of(replace(robot, joints=(*robot.joints[:3], unknown)), 4096)["insertion"]
+        other = drive_axes(replace(robot, joints=(*robot.joints[:3], unknown)), 4096)["insertion"]
         rest = setup_objects(other, "csv", 4)
         assert {row["object"] for row in rest} == set(rows) - {"0x3001:02"}
     fast = replace(axis, joint=replace(turned, acceleration=1e12))
@@ -166,25 +166,25 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
         setup_objects(fast, "csp", 4)
     without = replace(robot, joints=(replace(robot.joints[0], motor=None), *robot.joints[1:]))
     with pytest.raises(ExportError, match=r"joints\.roll\.motor is missing"):
-        axes_of(without, 4096)
+        drive_axes(without, 4096)
     bare = tuple(replace(each, drive=None) for each in robot.joints)
     with pytest.raises(ExportError, match="no joint of robot"):
-        axes_of(replace(robot, joints=bare), 4096)
+        drive_axes(replace(robot, joints=bare), 4096)
 
 
 def test_values_fit_their_objects_up_to_the_largest(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    axis = axes_of(robot, 4096)["insertion"]
+    axis = drive_axes(robot, 4096)["insertion"]
     rows = {row["object"]: int(row["value"], 0) for row in setup_objects(axis, "csp", 4)}
     for key in ("0x60C2:02", "0x6065:00", "0x607D:01"):
         largest = abs(rows[key])
         for reduced, fits in ((0, True), (1, False)):
             table = tuple(
                 (k, name, unit, str(largest - reduced) if k == key else most, reason)
-                for k, name, unit, most, reason in module.OBJECTS
+                for k, name, unit, most, reason in module.SETUP_OBJECTS
             )
-            monkeypatch.setattr(module, "OBJECTS", table)
+            monkeypatch.setattr(module, "SETUP_OBJECTS", table)
             if fits:
                 assert len(setup_objects(axis, "csp", 4)) == len(rows)
                 continue
@@ -201,6 +201,6 @@ def test_the_current_limit_of_the_drive_is_not_above_that_of_the_motor(robot: Ro
     for constant in (0.03, 0.007, 0.0123):
         motor = replace(joint.motor, torque_constant=constant)
         changed = replace(robot, joints=(*robot.joints[:3], replace(joint, motor=motor)))
-        rows = setup_objects(axes_of(changed, 4096)["insertion"], "csp", 1)
+        rows = setup_objects(drive_axes(changed, 4096)["insertion"], "csp", 1)
         (value,) = (int(row["value"]) for row in rows if row["object"] == "0x3001:02")
         assert value <= 1000 * motor.max_torque / constant < value + 1

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ExportError, ProblemError, TrajectoryError
-from ssm_planner.formats.export import export, verified
+from ssm_planner.formats.export import export, recheck_plan
 from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
@@ -312,7 +312,7 @@ def test_an_interruption_midway_leaves_nothing(
 
     # This is after the first of several files, or during the check of a single file.
     place, count = {
-        "csv": ("_as_read", 0),
+        "csv": ("_interpolation_notes", 0),
         "epos4": ("table_text", 2),
         "pvt": ("table_text", 2),
         "ros2": ("yaml_text", 1),
@@ -454,7 +454,7 @@ def test_stops_of_a_healthy_folder_are_accepted(
     if "task" in options.get("columns", ()) or options.get("rate") == 1000:
         return  # no motion without joints; and rows at this rate exceed a limit between them
     reading = read_trajectory(tmp_path, plan.robot)
-    certificate = reading.check(plan.robot, reading.ends_on(plan.limits))
+    certificate = reading.check(plan.robot, reading.add_declared_rates(plan.limits))
     assert not certificate.violations
     played = [line for line in certificate.limits if line.name == "controlled stop"]
     assert len(played) == (count > 2 and reading.resolution is not None)
@@ -481,14 +481,14 @@ def test_the_message_says_what_the_stored_certificate_lacks(
     )  # fmt: skip
     reason = {"none": "has no certificate", "failed": "has a certificate that did not pass"}[stored]
     with pytest.raises(ExportError, match=f"the plan {reason}: plan again, or use --force"):
-        verified(changed, force=False)  # type: ignore[arg-type]
-    assert verified(changed, force=True)[1] is False  # type: ignore[arg-type]
+        recheck_plan(changed, force=False)  # type: ignore[arg-type]
+    assert recheck_plan(changed, force=True)[1] is False  # type: ignore[arg-type]
 
 
 def test_the_message_states_the_worst_excess_of_the_plan(bad_plan: Plan) -> None:
     worst = check(bad_plan.motion, bad_plan.robot, bad_plan.limits).worst
     with pytest.raises(ExportError) as caught:
-        verified(bad_plan, force=False)
+        recheck_plan(bad_plan, force=False)
     stated = re.search(r"exceeds the (.+) limit of (\S+) by (\S+) % at (\S+) s", str(caught.value))
     assert stated is not None
     assert stated.group(1, 2) == (worst.name, worst.joint)

@@ -21,14 +21,14 @@ import pytest
 from ssm_planner import api
 from ssm_planner.cli import main
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.agreement import difference
+from ssm_planner.formats.agreement import first_difference
 from ssm_planner.formats.export import export
-from ssm_planner.formats.joint_trajectory import Message, message_from
+from ssm_planner.formats.joint_trajectory import TrajectoryMessage, parse_message
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.formats.ros2 import _from_states, _state, _trajectory
+from ssm_planner.formats.ros2 import _message_from_states, _ros_joint_state, _ros_trajectory
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem.serialization import to_plain
 from ssm_planner.reporting.html.report import report_page, verdict_marks
 from ssm_planner.trajectory import Trajectory
 from tests.support.paths import ROOT
@@ -162,7 +162,7 @@ def test_a_manifest_states_the_scales_of_the_robot(
         read_trajectory(tmp_path / "epos4", robot)
 
 
-def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
+def bag(folder: Path, plan: Plan, *messages: TrajectoryMessage) -> Path:
     """Write a bag that contains only these trajectories."""
     pytest.importorskip("rosbags")
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -172,17 +172,19 @@ def bag(folder: Path, plan: Plan, *messages: Message) -> Path:
     with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topic = writer.add_connection("/t", "trajectory_msgs/msg/JointTrajectory", typestore=store)
         for k, message in enumerate(messages):
-            content = _trajectory(message)
+            content = _ros_trajectory(message)
             writer.write(topic, k, store.serialize_cdr(content, topic.msgtype))
     return folder
 
 
-def message_of(robot: Robot, shift: float = 0.0) -> Message:
+def message_of(robot: Robot, shift: float = 0.0) -> TrajectoryMessage:
     t = np.array([0.0, 1.0, 2.0])
     q = np.array([[0.3, 1.15, 0.1, 0.0], [0.35 + shift, 1.15, 0.1, 0.0], [0.4, 1.15, 0.1, 0.0]])
     empty: list[list[float]] = [[], [], []]
     names = tuple(joint.name for joint in robot.joints)
-    return Message(names, t, q.tolist(), [[0.0] * 4] * 3, accelerations=empty, effort=empty)
+    return TrajectoryMessage(
+        names, t, q.tolist(), [[0.0] * 4] * 3, accelerations=empty, effort=empty
+    )
 
 
 def test_a_bag_with_two_motions_is_refused(made: Plan, robot: Robot, tmp_path: Path) -> None:
@@ -204,7 +206,7 @@ def test_a_bag_of_joint_states_is_the_motion_of_its_states(robot: Robot, tmp_pat
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         topic = writer.add_connection("/s", "sensor_msgs/msg/JointState", typestore=store)
         for k, (q, qd) in enumerate(zip(message.positions, message.velocities, strict=True)):
-            state = _state(5.0 + k, message.names, np.asarray(q), np.asarray(qd))
+            state = _ros_joint_state(5.0 + k, message.names, np.asarray(q), np.asarray(qd))
             writer.write(topic, k, store.serialize_cdr(state, topic.msgtype))
     reading = read_trajectory(tmp_path / "bag", robot)
     assert any("JointStates of the bag" in note for note in reading.notes)
@@ -220,10 +222,10 @@ def test_messages_differ_in_any_of_their_parts(robot: Robot, key: str) -> None:
     turned = value[::-1] if key in ("names", "time") else [[1.0] * 4, *value[1:]]
     changed = replace(one, **{key: turned})
     missing = replace(one, velocities=[[], *one.velocities[1:]])
-    assert difference(plain(one), plain(message_of(robot)), "message") is None
+    assert first_difference(to_plain(one), to_plain(message_of(robot)), "message") is None
     for other in (shorter, changed, missing):
         place = f"message.{'velocities' if other is missing else key}"
-        assert (difference(plain(other), plain(one), "message") or "").startswith(place)
+        assert (first_difference(to_plain(other), to_plain(one), "message") or "").startswith(place)
 
 
 def test_times_of_joint_states_count_from_the_first() -> None:
@@ -231,14 +233,14 @@ def test_times_of_joint_states_count_from_the_first() -> None:
         header = SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec))
         return SimpleNamespace(name=["a", "b"], position=[1.0, 2.0], velocity=[], header=header)
 
-    made = _from_states([state(7, 900_000_000), state(8, 100_000_000), state(10, 0)])
-    assert isinstance(made, Message)
+    made = _message_from_states([state(7, 900_000_000), state(8, 100_000_000), state(10, 0)])
+    assert isinstance(made, TrajectoryMessage)
     assert made.time == pytest.approx([0.0, 0.2, 2.1], abs=1e-12)
     assert made.velocities == [[], [], []]
     bad = state(9, 0)
     bad.velocity = [1.0]
     with pytest.raises(TrajectoryError, match="JointState 1: 1 values of velocity for 2 joints"):
-        _from_states([state(8, 0), bad])
+        _message_from_states([state(8, 0), bad])
 
 
 @pytest.mark.parametrize(
@@ -264,29 +266,33 @@ def test_times_of_joint_states_count_from_the_first() -> None:
 def test_a_time_must_be_whole_seconds_and_nanoseconds(stamp: object) -> None:
     point = {"positions": [0.0] * 4, "time_from_start": stamp}
     with pytest.raises(TrajectoryError, match=r"point 0: time_from_start is .* must have whole"):
-        message_from({"joint_names": list("abcd"), "points": [point]}, "t.yaml")
+        parse_message({"joint_names": list("abcd"), "points": [point]}, "t.yaml")
     point["time_from_start"] = {"sec": 2, "nanosec": 999_999_999}
-    message = message_from({"joint_names": list("abcd"), "points": [point]}, "t.yaml")
+    message = parse_message({"joint_names": list("abcd"), "points": [point]}, "t.yaml")
     assert message.time.tolist() == [2.999999999]
 
 
 @pytest.mark.parametrize("names", ["roll", {"roll": 1}, ["roll", 3], [None, "tilt"]])
 def test_joint_names_are_a_list_of_texts(names: object) -> None:
     with pytest.raises(TrajectoryError, match="joint_names is not a list of names"):
-        message_from({"joint_names": names, "points": []}, "t.yaml")
+        parse_message({"joint_names": names, "points": []}, "t.yaml")
 
 
 def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
     pytest.importorskip("rosbags")
     names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)
-    states = [_state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)]
-    turned = _state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
-    assert isinstance(whole := _from_states(states), Message)
-    assert isinstance(mixed := _from_states([states[0], turned, states[2]]), Message)
+    states = [_ros_joint_state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)]
+    turned = _ros_joint_state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
+    assert isinstance(whole := _message_from_states(states), TrajectoryMessage)
+    assert isinstance(
+        mixed := _message_from_states([states[0], turned, states[2]]), TrajectoryMessage
+    )
     assert np.array_equal(mixed.positions, whole.positions)
     assert np.array_equal(mixed.velocities, whole.velocities)
     with pytest.raises(TrajectoryError, match="other joints"):
-        _from_states([states[0], _state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])])
+        _message_from_states(
+            [states[0], _ros_joint_state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])]
+        )
 
 
 def test_damaged_bags_are_refused(made: Plan, robot: Robot, tmp_path: Path) -> None:
@@ -339,7 +345,7 @@ def test_hostile_numbers_in_a_csv(robot: Robot, tmp_path: Path, value: str) -> N
 
 
 def test_points_on_a_curve_are_no_other_unit(robot: Robot) -> None:
-    from ssm_planner.formats.points import Points, join_points
+    from ssm_planner.formats.points import Points, interpolate_points
 
     t = np.linspace(0.0, 3.0, 31)
     q = np.array([0.3, 1.15, 0.1, -0.01]) + np.outer(np.sin(12 * t) / 40, [1, 1, 1, 0.01])
@@ -347,9 +353,9 @@ def test_points_on_a_curve_are_no_other_unit(robot: Robot) -> None:
     slope = np.diff(q[:, 0]) / np.diff(t)
     mean = (qd[1:, 0] + qd[:-1, 0]) / 2
     assert abs(slope @ mean / (slope @ slope) - 1) > 0.05
-    join_points(Points(t, q, qd), robot)
+    interpolate_points(Points(t, q, qd), robot)
     with pytest.raises(TrajectoryError, match="degrees where radians are meant"):
-        join_points(Points(t, q, np.degrees(qd)), robot)
+        interpolate_points(Points(t, q, np.degrees(qd)), robot)
 
 
 @pytest.mark.parametrize(

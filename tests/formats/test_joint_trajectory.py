@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats import joint_trajectory as module
 from ssm_planner.formats.joint_trajectory import (
-    Message,
-    controller_faults,
-    message_from,
-    read_message,
+    TrajectoryMessage,
+    controller_rejections,
+    interpolate_message,
+    parse_message,
     read_yaml,
     split_time,
     yaml_text,
@@ -27,14 +27,14 @@ from ssm_planner.problem.robot import Robot
 NAMES = ("roll", "tilt", "spin", "insertion")
 
 
-def message_of(count: int = 3, **changes: object) -> Message:
+def message_of(count: int = 3, **changes: object) -> TrajectoryMessage:
     """Return a message of a slow motion with velocities and accelerations."""
     t = np.arange(float(count))
     zero = np.zeros((count, 4)).tolist()
     q = np.outer(t, [0.01, 0.02, 0.03, -0.001]) + [0.0, 1.0, 0.0, 0.0]
     fields = {"positions": q.tolist(), "velocities": zero, "accelerations": zero}
     fields |= {"names": NAMES, "time": t, "effort": [[]] * count, **changes}
-    return Message(**fields)  # type: ignore[arg-type]
+    return TrajectoryMessage(**fields)  # type: ignore[arg-type]
 
 
 @given(st.floats(-1e9, 1e9))
@@ -63,10 +63,10 @@ def test_what_is_written_is_what_any_reader_of_yaml_finds(
     content = yaml.safe_load(text)
     data = content[under] if under else content
     assert data["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "base"}
-    found = message_from(data, "here")
+    found = parse_message(data, "here")
     assert found.names == message.names
     assert np.array_equal(found.time, message.time)
-    for field in module.FIELDS:
+    for field in module.POINT_FIELDS:
         assert [list(row) for row in getattr(found, field)] == getattr(message, field)
         assert all(type(x) is float for point in data["points"] for x in point[field])
     assert not re.search(r"-0\.0[,\]]", text)
@@ -130,37 +130,40 @@ def test_goals_are_read_at_any_usual_depth(robot: Robot, tmp_path: Path) -> None
 )
 def test_every_fault_is_named_once(robot: Robot, changes: dict, message: str) -> None:
     wrong = message_of(**changes)
-    faults, _ = controller_faults(wrong, NAMES)
+    faults, _ = controller_rejections(wrong, NAMES)
     assert faults.count(message) == 1
     rest = [fault for fault in faults if fault != message]
     assert all(("missing" in f and "names" in changes) or " for 3 joints" in f for f in rest)
     with pytest.raises(TrajectoryError) as caught:
-        read_message(wrong, robot, "here")
+        interpolate_message(wrong, robot, "here")
     more = f" (and {len(rest)} more)" if rest else ""
     assert str(caught.value) == f"here: {faults[0]}{more}"
 
 
 def test_a_message_without_points_has_no_remarks() -> None:
     empty = message_of(0)
-    assert controller_faults(empty, NAMES) == (["no points"], [])
+    assert controller_rejections(empty, NAMES) == (["no points"], [])
 
 
 def test_remarks_depend_on_the_last_velocity_the_first_time_and_efforts(robot: Robot) -> None:
-    assert controller_faults(message_of(), NAMES) == ([], [])
-    for speed, remarked in ((module.REST, False), (-1.01 * module.REST, True), (0.25, True)):
+    assert controller_rejections(message_of(), NAMES) == ([], [])
+    rest_speed = module.CONTROLLER_REST_SPEED
+    for speed, remarked in ((rest_speed, False), (-1.01 * rest_speed, True), (0.25, True)):
         moving = message_of(velocities=[[0.5] * 4, [0.5] * 4, [0.0, 0.0, speed, 0.0]])
-        faults, remarks = controller_faults(moving, NAMES)
+        faults, remarks = controller_rejections(moving, NAMES)
         assert not faults
         assert len(remarks) == remarked
         if remarked:
             assert f"the last velocity is {abs(speed):.3g}, not zero" in remarks[0]
-    assert not any(controller_faults(message_of(velocities=[[0.5] * 4, [0.5] * 4, []]), NAMES))
+    assert not any(controller_rejections(message_of(velocities=[[0.5] * 4, [0.5] * 4, []]), NAMES))
     late = message_of(time=np.array([0.125, 1.0, 2.0]))
-    ((remark,),) = controller_faults(late, NAMES)[1:]
+    ((remark,),) = controller_rejections(late, NAMES)[1:]
     assert "moves the robot to the first point until 0.125 s" in remark
     with_effort = message_of(effort=[[], [0.0] * 4, []])
-    assert ["efforts" in remark for remark in controller_faults(with_effort, NAMES)[1]] == [True]
-    assert read_message(late, robot, "here", ("first",)).notes == ("first", remark)
+    assert ["efforts" in remark for remark in controller_rejections(with_effort, NAMES)[1]] == [
+        True
+    ]
+    assert interpolate_message(late, robot, "here", ("first",)).notes == ("first", remark)
 
 
 @pytest.mark.parametrize("missing", [None, 0, 2])
@@ -169,7 +172,7 @@ def test_points_may_lack_a_quantity(robot: Robot, field: str, missing: int | Non
     rows = np.zeros((5, 4)).tolist()
     if missing is not None:
         rows[missing] = []
-    reading = read_message(message_of(5, **{field: rows}), robot, "here")
+    reading = interpolate_message(message_of(5, **{field: rows}), robot, "here")
     lesser = {"velocities": "linear", "accelerations": "cubic"}[field]
     pieces = {None: 0, 0: 1, 2: 2}[missing]
     if pieces:
@@ -177,7 +180,7 @@ def test_points_may_lack_a_quantity(robot: Robot, field: str, missing: int | Non
         assert reading.interpolation == stated
     else:
         assert reading.interpolation.startswith("quintic")
-    none = read_message(message_of(5, **{field: [[]] * 5}), robot, "here")
+    none = interpolate_message(message_of(5, **{field: [[]] * 5}), robot, "here")
     assert none.interpolation.startswith(lesser)
 
 
@@ -188,16 +191,16 @@ def test_joints_may_come_in_any_order(robot: Robot) -> None:
         names=tuple(NAMES[k] for k in order),
         positions=np.array(usual.positions)[:, order].tolist(),
     )
-    found, expected = (read_message(m, robot, "").trajectory for m in (turned, usual))
+    found, expected = (interpolate_message(m, robot, "").trajectory for m in (turned, usual))
     assert np.array_equal(found.coefficients, expected.coefficients)
     assert expected.sample(usual.time).q == pytest.approx(np.array(usual.positions))
 
 
 @pytest.mark.parametrize("sec", [10**9, -(10**9), 0])
 def test_seconds_are_taken_up_to_a_thousand_million(sec: int) -> None:
-    def message(seconds: int) -> Message:
+    def message(seconds: int) -> TrajectoryMessage:
         point = {"positions": [], "time_from_start": {"sec": seconds}}
-        return message_from({"joint_names": [], "points": [point]}, "here")
+        return parse_message({"joint_names": [], "points": [point]}, "here")
 
     assert message(sec).time.tolist() == [sec]
     with pytest.raises(TrajectoryError, match="here: point 0: time_from_start"):
@@ -207,17 +210,17 @@ def test_seconds_are_taken_up_to_a_thousand_million(sec: int) -> None:
 @pytest.mark.parametrize("data", [None, 3, [], {"points": []}, {"joint_names": [], "points": 3}])
 def test_other_data_is_no_message(data: object) -> None:
     with pytest.raises(TrajectoryError, match="here: not a JointTrajectory"):
-        message_from(data, "here")
+        parse_message(data, "here")
 
 
 @pytest.mark.parametrize("value", [3, {"a": 1}, ["1"], [True], [None], "12"])
 def test_quantities_are_lists_of_numbers(value: object) -> None:
     fine = {"time_from_start": {"sec": 0}, "positions": [1, 2.5], "velocities": None}
-    for key in module.FIELDS:
+    for key in module.POINT_FIELDS:
         points = [fine, {**fine, "time_from_start": {"sec": 1}, key: value}]
         with pytest.raises(TrajectoryError, match=f"here: point 1: {key} is not a list of num"):
-            message_from({"joint_names": ["a", "b"], "points": points}, "here")
-    found = message_from({"joint_names": ["a", "b"], "points": [fine]}, "here")
+            parse_message({"joint_names": ["a", "b"], "points": points}, "here")
+    found = parse_message({"joint_names": ["a", "b"], "points": [fine]}, "here")
     assert found.positions == [[1, 2.5]]
     assert found.velocities == found.accelerations == found.effort == [[]]
 
@@ -225,4 +228,4 @@ def test_quantities_are_lists_of_numbers(value: object) -> None:
 def test_a_fault_of_the_points_names_its_point(robot: Robot) -> None:
     far = message_of(positions=[[0.0, 1.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 90.0, 0.0, 0.0]])
     with pytest.raises(TrajectoryError, match=re.escape("here: point 2: position of joint tilt")):
-        read_message(far, robot, "here")
+        interpolate_message(far, robot, "here")

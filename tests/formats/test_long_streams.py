@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.formats.agreement import Content
+from ssm_planner.formats.agreement import ExportContent
 from ssm_planner.formats.csv import table_text
 
 WHOLE = st.integers(-(2**55), 2**55).map(float)
@@ -37,7 +37,7 @@ def test_writing_a_table_takes_a_bounded_memory(tmp_path: Path) -> None:
     for count in (70_000, 210_000):
         columns = {name: np.arange(float(count)) for name in ("time_s", "a", "b")}
         tracemalloc.start()
-        Content({}, {"a.csv": table_text(columns)}).write(tmp_path)
+        ExportContent({}, {"a.csv": table_text(columns)}).write(tmp_path)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]

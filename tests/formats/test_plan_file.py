@@ -229,10 +229,10 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
         {key: plan.to_dict()[key] for key in ("format", "version", "trajectory")}, indent=1
     ).encode()
     path, rng = tmp_path / "plan.json", np.random.default_rng(batch)
-    monkeypatch.setattr("ssm_planner.loading.json_files.BATCH", batch)
+    monkeypatch.setattr("ssm_planner.loading.json_files.BATCH_ENTRIES", batch)
 
     def read(in_parts: int) -> object:
-        monkeypatch.setattr("ssm_planner.loading.json_files.IN_PARTS", in_parts)
+        monkeypatch.setattr("ssm_planner.loading.json_files.PARTIAL_READ_BYTES", in_parts)
         try:
             document, sha256 = read_json_in_parts(path, 10**9, ("trajectory", "coefficients"))
             return sha256, Trajectory.from_dict(document["trajectory"]).to_dict()
@@ -271,8 +271,8 @@ def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
             tracemalloc.stop()
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ssm_planner.loading.json_files.IN_PARTS", 0)
-        patch.setattr("ssm_planner.loading.json_files.BATCH", 64)
+        patch.setattr("ssm_planner.loading.json_files.PARTIAL_READ_BYTES", 0)
+        patch.setattr("ssm_planner.loading.json_files.BATCH_ENTRIES", 64)
         for module in ("trajectory", "verification.certificate"):
             patch.setattr(f"ssm_planner.{module}.BLOCK", 1024)
         assert peak(12_000) - peak(4_000) < 8_000 * 600

@@ -7,8 +7,14 @@ import pytest
 
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats import points as module
-from ssm_planner.formats.points import Points, Reading, check_magnitudes, describe, join_points
-from ssm_planner.formats.trajectory_csv import headings
+from ssm_planner.formats.points import (
+    Points,
+    Reading,
+    check_magnitudes,
+    describe_interpolation,
+    interpolate_points,
+)
+from ssm_planner.formats.trajectory_csv import identify_columns
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
@@ -26,7 +32,7 @@ def curves(order: int) -> np.ndarray:
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_pieces_take_up_what_the_points_give(robot: Robot, order: int) -> None:
     given = [curves(k) if k <= order else None for k in range(3)]
-    reading = join_points(Points(T, *given), robot)
+    reading = interpolate_points(Points(T, *given), robot)
     for side, at in (("right", T[:-1]), ("left", T[1:])):
         samples = reading.trajectory.sample(at, side)
         rows = slice(None, -1) if side == "right" else slice(1, None)
@@ -47,24 +53,24 @@ def test_points_of_different_kinds_are_joined_by_the_lesser(robot: Robot) -> Non
     has_qdd = has_qd.copy()
     has_qdd[10] = False
     points = Points(T, curves(0), curves(1), curves(2), has_qd, has_qdd, np.full(4, 1e-5))
-    reading = join_points(points, robot)
+    reading = interpolate_points(points, robot)
     coefficients = reading.trajectory.pieces(slice(0, 24))
     assert np.flatnonzero(~coefficients[:, 2:].any(axis=(1, 2))).tolist() == [2, 3]
     assert np.flatnonzero(~coefficients[:, 4:].any(axis=(1, 2))).tolist() == [2, 3, 9, 10]
     assert reading.interpolation == "mixed between points: 2 linear, 2 cubic, 20 quintic"
     assert np.array_equal(reading.resolution, np.full(4, 1e-5))
     none, some = np.zeros(2, dtype=bool), np.array([True, False])
-    assert describe(some, none) == "mixed between points: 1 linear, 1 cubic"
-    assert describe(~none, some) == "mixed between points: 1 cubic, 1 quintic"
+    assert describe_interpolation(some, none) == "mixed between points: 1 linear, 1 cubic"
+    assert describe_interpolation(~none, some) == "mixed between points: 1 cubic, 1 quintic"
 
 
 def test_a_long_table_makes_its_pieces_when_they_are_asked_for(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = join_points(Points(T, curves(0), curves(1)), robot).trajectory
+    whole = interpolate_points(Points(T, curves(0), curves(1)), robot).trajectory
     for block in (10, 3):
         monkeypatch.setattr(module, "BLOCK", block)
-        lazy = join_points(Points(T, curves(0), curves(1)), robot).trajectory
+        lazy = interpolate_points(Points(T, curves(0), curves(1)), robot).trajectory
         assert not isinstance(lazy.coefficients, np.ndarray)
         for chosen in (slice(0, 5), slice(20, 24), slice(2, 23), np.array([3, 1, 23])):
             assert np.array_equal(lazy.pieces(chosen), whole.pieces(chosen))
@@ -89,7 +95,7 @@ def test_a_long_table_makes_its_pieces_when_they_are_asked_for(
 def test_faults_of_points_are_named(robot: Robot, change, message: str) -> None:
     t, q, qd = change(T, curves(0), curves(1))
     with pytest.raises(TrajectoryError, match=message):
-        join_points(Points(t, q, qd), robot)
+        interpolate_points(Points(t, q, qd), robot)
 
 
 @pytest.mark.parametrize("block", [4, 1000])
@@ -102,7 +108,7 @@ def test_every_row_must_be_finite(
         table = [T.copy(), *(curves(order) for order in range(3))]
         table[k][row] = np.nan
         with pytest.raises(TrajectoryError, match=f"point {row}: {name} is not a finite number"):
-            join_points(Points(*table), robot)
+            interpolate_points(Points(*table), robot)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +131,7 @@ def test_a_wrong_unit_of_a_derivative_is_named_with_its_side(
     for column, factor in zip(columns, factors, strict=True):
         column[:, selected] *= factor
     with pytest.raises(TrajectoryError, match=message):
-        join_points(Points(T, *columns), robot)
+        interpolate_points(Points(T, *columns), robot)
 
 
 def test_accelerations_of_another_joint_are_recognised(robot: Robot) -> None:
@@ -133,8 +139,8 @@ def test_accelerations_of_another_joint_are_recognised(robot: Robot) -> None:
     with pytest.raises(
         TrajectoryError, match=r"accelerations given for joint tilt .* of joint roll"
     ):
-        join_points(Points(T, curves(0), curves(1), swapped), robot)
-    join_points(Points(T, curves(0), curves(1), curves(2)), robot)
+        interpolate_points(Points(T, curves(0), curves(1), swapped), robot)
+    interpolate_points(Points(T, curves(0), curves(1), curves(2)), robot)
 
 
 def test_magnitudes_are_those_of_the_kind_of_joint(robot: Robot) -> None:
@@ -153,9 +159,9 @@ def test_magnitudes_are_those_of_the_kind_of_joint(robot: Robot) -> None:
 def test_rates_that_a_file_declares_give_way_to_those_asked_for() -> None:
     trajectory = Trajectory(np.array([0.0, 1.0]), np.zeros((1, 6, 4)), ())
     reading = Reading(trajectory, "x", None, start_rate={"tilt": 0.1}, end_rate={"roll": 0.2})
-    taken = reading.ends_on(TaskLimits())
+    taken = reading.add_declared_rates(TaskLimits())
     assert (taken.start_rate, taken.end_rate) == ({"tilt": 0.1}, {"roll": 0.2})
-    kept = reading.ends_on(TaskLimits(start_rate=None, end_rate={"roll": 0.3}))
+    kept = reading.add_declared_rates(TaskLimits(start_rate=None, end_rate={"roll": 0.3}))
     assert (kept.start_rate, kept.end_rate) == (None, {"roll": 0.3})
 
 
@@ -184,53 +190,55 @@ def test_headings_tell_joint_derivative_and_unit(
         others += [f"qdd{i}_{'m' if i == 4 else 'rad'}_per_s2" for i in (1, 2, 3, 4)]
     place = 0 if key[0] < 0 else 1 + 4 * key[0] + key[1]
     others[place] = name
-    found, ignored = headings([*others, "current_A", "remark"], robot, "file")
+    found, ignored = identify_columns([*others, "current_A", "remark"], robot, "file")
     assert ignored == ["current_A", "remark"]
     assert found[key].column == place
     assert found[key].name == name
     assert found[key].factor == pytest.approx(factor)
     with pytest.raises(TrajectoryError, match="are the same quantity"):
-        headings([*others, name], robot, "file")
+        identify_columns([*others, name], robot, "file")
     if key[0] >= 0:
         with pytest.raises(TrajectoryError, match=f"joint {robot.joints[key[1]].name}"):
-            headings([other for other in others if other != name], robot, "file")
+            identify_columns([other for other in others if other != name], robot, "file")
 
 
 def test_the_first_of_several_faults_is_named(robot: Robot) -> None:
     t, q, qd = T.copy(), curves(0), curves(1)
     qd[[9, 20], 2] = np.nan
     with pytest.raises(TrajectoryError, match="point 9: velocity is not a finite number"):
-        join_points(Points(t, q, qd), robot)
+        interpolate_points(Points(t, q, qd), robot)
     t[[6, 7, 15]] = t[3]
     with pytest.raises(TrajectoryError, match=r"point 6: time goes back: 0\.25 s after 0\.41"):
-        join_points(Points(t, q), robot)
+        interpolate_points(Points(t, q), robot)
     t = T.copy()
     t[6] = t[5]
     with pytest.raises(
         TrajectoryError, match=r"point 6: the same time twice: 0\.41\d* s after 0\.41\d* s"
     ):
-        join_points(Points(t, q), robot)
+        interpolate_points(Points(t, q), robot)
 
 
 def test_two_points_are_a_trajectory(robot: Robot) -> None:
-    reading = join_points(Points(np.array([0.5, 2.5]), np.array([[0.0] * 4, [0.2] * 4])), robot)
+    reading = interpolate_points(
+        Points(np.array([0.5, 2.5]), np.array([[0.0] * 4, [0.2] * 4])), robot
+    )
     assert reading.trajectory.duration == 2.0
     assert reading.trajectory.sample([1.5]).q == pytest.approx(0.1)
     with pytest.raises(TrajectoryError, match="point 0: 1 point; a trajectory needs at least two"):
-        join_points(Points(np.zeros(1), np.zeros((1, 4))), robot)
+        interpolate_points(Points(np.zeros(1), np.zeros((1, 4))), robot)
 
 
 @pytest.mark.parametrize(("count", "compared"), [(20, False), (21, True)])
 def test_few_points_are_not_compared_with_their_slopes(
     robot: Robot, count: int, compared: bool
 ) -> None:
-    assert count - compared == module.FEW
+    assert count - compared == module.SHORT_TABLE_INTERVALS
     t, q, qd = (table[:count] for table in (T, curves(0), np.degrees(curves(1))))
     if not compared:
-        join_points(Points(t, q, qd), robot)
+        interpolate_points(Points(t, q, qd), robot)
         return
     with pytest.raises(TrajectoryError, match="times the slope"):
-        join_points(Points(t, q, qd), robot)
+        interpolate_points(Points(t, q, qd), robot)
 
 
 @pytest.mark.parametrize("interval", [0, 1, 12, 22, 23])
@@ -247,10 +255,10 @@ def test_every_interval_is_compared(robot: Robot, interval: int) -> None:
         means = (qd[1:, 1] + qd[:-1, 1]) / 2
         assert np.flatnonzero(np.abs(means) > 1e-12).tolist() == [interval]
         if not fault:
-            join_points(Points(T, q, qd), robot)
+            interpolate_points(Points(T, q, qd), robot)
             continue
         with pytest.raises(TrajectoryError, match=r"velocities of joint tilt are 57\.3 times"):
-            join_points(Points(T, q, qd), robot)
+            interpolate_points(Points(T, q, qd), robot)
 
 
 @pytest.mark.parametrize(
@@ -265,12 +273,12 @@ def test_a_factor_up_to_two_is_no_other_unit(
     small = 1e-5 * np.array([1.0, 1.0, 1.0, 0.1])
     q, qd = curves(0) * small, curves(1) * small
     if fault is None:
-        join_points(Points(T, q, factor * qd), robot)
+        interpolate_points(Points(T, q, factor * qd), robot)
         return
     for by_positions in (False, True):
         tables = (factor * q, qd) if by_positions else (q, factor * qd)
         with pytest.raises(TrajectoryError, match="times the slope of its positions") as caught:
-            join_points(Points(T, *tables), robot)
+            interpolate_points(Points(T, *tables), robot)
         text = str(caught.value).partition("positions")[2]
         assert text.startswith(f": {fault}") == bool(fault)
         assert ("in the positions" in text) == (bool(fault) and by_positions)
@@ -280,10 +288,10 @@ def test_columns_are_alike_up_to_a_twentieth(robot: Robot) -> None:
     """Residual and factor of proportional columns agree with a calculation by hand."""
     slope = np.array([1.0, 0.0])
     for across, residual in ((0.0, 0.0), (1.0, 0.5**0.5)):
-        factor, found = module._compare(slope, np.array([1.0, across]))
+        factor, found = module._fit_factor(slope, np.array([1.0, across]))
         assert (factor, found) == pytest.approx((1.0, residual))
-    assert module._compare(slope, np.zeros(2)) == (0.0, 1.0)
-    assert module._compare(2 * slope, np.array([3.0, 0.0])) == pytest.approx((1.5, 0.0))
+    assert module._fit_factor(slope, np.zeros(2)) == (0.0, 1.0)
+    assert module._fit_factor(2 * slope, np.array([3.0, 0.0])) == pytest.approx((1.5, 0.0))
     for factor, residual, same in (
         (1.049, 0.049, True),
         (0.951, 0.0, True),
@@ -291,4 +299,4 @@ def test_columns_are_alike_up_to_a_twentieth(robot: Robot) -> None:
         (0.949, 0.0, False),
         (1.0, 0.051, False),
     ):
-        assert module._same(factor, residual) is same
+        assert module._columns_agree(factor, residual) is same

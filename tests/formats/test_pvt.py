@@ -15,14 +15,21 @@ from scipy.optimize import linprog
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
-from ssm_planner.formats.epos4_setup import axes_of
+from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.formats.export import export
-from ssm_planner.formats.pvt import EXCESS, INT24, LARGEST_TIME, STRETCHES, _Fit, _trials
+from ssm_planner.formats.pvt import (
+    EXCESS_COST,
+    INT24_MAX,
+    LARGEST_ROW_MS,
+    SLOWDOWNS,
+    _candidate_tables,
+    _RowFit,
+)
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.limits import TASK_COORDINATES
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.verification.check import check
@@ -69,7 +76,7 @@ def test_what_the_drives_run_keeps_the_limits(
     first = rows(tmp_path, "roll")[0]
     assert first[0] == 0
     assert np.all(
-        (first[1:] >= 1) & (first[1:] <= LARGEST_TIME) & (first[1:] == np.round(first[1:]))
+        (first[1:] >= 1) & (first[1:] <= LARGEST_ROW_MS) & (first[1:] == np.round(first[1:]))
     )
     end = first.sum() / 1000
     t = np.unique(
@@ -88,7 +95,7 @@ def test_what_the_drives_run_keeps_the_limits(
         per_unit = manifest["axes"][joint.name].get("increments_per_unit")
         if per_unit is not None:
             assert np.array_equal(table, np.round(table))
-            assert np.abs(table[2]).max() <= INT24
+            assert np.abs(table[2]).max() <= INT24_MAX
             assert abs(
                 table[1, -1] / per_unit
                 - plan.trajectory.sample(plan.trajectory.breaks[-1:]).q[0, i]
@@ -209,23 +216,23 @@ def test_rows_keep_to_whole_increments_within_the_range_of_the_joint(plan: Plan)
         (10_015.0, (-300, 0)),
         (9_999.0, (-299, 0)),
     ):
-        assert _Fit(plan, 3, t, 1.0, unit).range == expected
+        assert _RowFit(plan, 3, t, 1.0, unit).range == expected
 
 
 STRETCH = 1.03
 
 
 @pytest.fixture(scope="module", params=[(13, -2e5), (13, 400.0), (4, -90.0)])
-def fit(request: pytest.FixtureRequest, smooth_plan: Plan) -> tuple[_Fit, np.ndarray, float]:
+def fit(request: pytest.FixtureRequest, smooth_plan: Plan) -> tuple[_RowFit, np.ndarray, float]:
     """Return the program of a stretched table of joint 2, its times, and the increments per rad."""
     count, unit = request.param
     t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, count)
     t[1:3] += [0.01, -0.012]
-    return _Fit(smooth_plan, 1, t, STRETCH, unit), t, unit
+    return _RowFit(smooth_plan, 1, t, STRETCH, unit), t, unit
 
 
 def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
-    fit: tuple[_Fit, np.ndarray, float],
+    fit: tuple[_RowFit, np.ndarray, float],
 ) -> None:
     """Each row equals a derivative or a Bernstein coefficient of the cubic, for any p and v."""
     made, t, _ = fit
@@ -234,7 +241,7 @@ def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
     rng = np.random.default_rng(5)
     p, v = rng.normal(size=(2, len(t)))
     rows = np.array(
-        [a * p[:-1] + b * p[1:] + c * v[:-1] + d * v[1:] for (a, b, c, d), *_ in made.rows_of]
+        [a * p[:-1] + b * p[1:] + c * v[:-1] + d * v[1:] for (a, b, c, d), *_ in made.constraints]
     )
     for k, h in enumerate(np.diff(t) / tau):
         x = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, h, h**2, h**3], [0, 1, 2 * h, 3 * h**2]])
@@ -246,7 +253,7 @@ def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
 
 
 def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
-    fit: tuple[_Fit, np.ndarray, float], smooth_plan: Plan
+    fit: tuple[_RowFit, np.ndarray, float], smooth_plan: Plan
 ) -> None:
     """The extremes are those of an interval and its neighbours.
 
@@ -264,7 +271,7 @@ def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
     position, velocity, _ = values(t)
     assert made.positions == pytest.approx(position)
     assert made.velocities == pytest.approx(velocity / STRETCH, abs=1e-6 * np.abs(velocity).max())
-    tolerances = [tolerance for _, _, tolerance in made.rows_of]
+    tolerances = [tolerance for _, _, tolerance in made.constraints]
     assert tolerances == pytest.approx([limit, limit, 0.0, 0.0, 0.0])
     largest = max(limit, np.abs(values(np.linspace(0, t[-1], 20_001))[2]).max())
 
@@ -281,14 +288,14 @@ def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
         whole, part = bounds(begin, end, cap), bounds(begin, end - last, cap)
         spans = [limit, limit, np.abs(velocity).max(), np.ptp(position), np.ptp(position)]
         for (_, (low, high), _), outer, inner, span in zip(
-            made.rows_of, whole, part, spans, strict=True
+            made.constraints, whole, part, spans, strict=True
         ):
             assert outer[0] - 2e-3 * span <= low[k] <= inner[0] + 2e-3 * span
             assert inner[1] - 2e-3 * span <= high[k] <= outer[1] + 2e-3 * span
 
 
 def test_a_solution_keeps_fixed_positions_and_the_rows(
-    fit: tuple[_Fit, np.ndarray, float],
+    fit: tuple[_RowFit, np.ndarray, float],
 ) -> None:
     """Rounded positions remain unchanged, and the velocities change so that every row holds."""
     made, t, _ = fit
@@ -301,7 +308,7 @@ def test_a_solution_keeps_fixed_positions_and_the_rows(
     loose = np.pad(np.ones(n - 2), 1)
     d, w = made._solve(np.zeros(n), loose)
     p, v = made.positions + d, made.velocities + w
-    for (a, b, c, e), (low, high), tolerance in made.rows_of:
+    for (a, b, c, e), (low, high), tolerance in made.constraints:
         value = a * p[:-1] + b * p[1:] + c * v[:-1] + e * v[1:]
         base = a * made.positions[:-1] + b * made.positions[1:]
         base = base + c * made.velocities[:-1] + e * made.velocities[1:]
@@ -315,10 +322,10 @@ def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) ->
     """Another form of the program, with d = a − b and a, b ≥ 0, has the same smallest Σ |d|."""
     unit = sign * 5e4
     t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, 9)
-    made, n = _Fit(smooth_plan, 1, t, STRETCH, unit), 9
+    made, n = _RowFit(smooth_plan, 1, t, STRETCH, unit), 9
     d, _ = made._solve(np.zeros(n), np.pad(np.ones(n - 2), 1))
     rows, room = [], []
-    for (p0, p1, v0, v1), (low, high), tolerance in made.rows_of:
+    for (p0, p1, v0, v1), (low, high), tolerance in made.constraints:
         position = np.diag(p0) @ np.eye(n - 1, n) + np.diag(p1) @ np.eye(n - 1, n, k=1)
         velocity = np.diag(v0) @ np.eye(n - 1, n) + np.diag(v1) @ np.eye(n - 1, n, k=1)
         base = position @ made.positions + velocity @ made.velocities
@@ -328,7 +335,7 @@ def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) ->
         excess = np.full((n - 1, 1), -tolerance)
         rows += [np.hstack([whole, excess]), np.hstack([-whole, excess])]
         room += [high - base, base - low]
-    cost = np.r_[np.ones(2 * n), np.zeros(n), EXCESS]
+    cost = np.r_[np.ones(2 * n), np.zeros(n), EXCESS_COST]
     still = np.r_[1.0, np.zeros(n - 2), 1.0]
     limits = [(0.0, 0.0 if end else None) for end in still] * 2
     limits += [(0.0, 0.0) if end else (None, None) for end in still] + [(0.0, None)]
@@ -347,7 +354,7 @@ def test_a_table_begins_and_ends_where_the_plan_does(
     motion = smooth_plan.motion
     end = STRETCH * motion.duration
     for t in (np.linspace(0.0, end, 8), np.linspace(0.1, 0.7, 8) * end):
-        position, velocity = _Fit(smooth_plan, 1, t, STRETCH, unit).rows(is_complete)
+        position, velocity = _RowFit(smooth_plan, 1, t, STRETCH, unit).rows(is_complete)
         s = motion.sample(motion.breaks[0] + t[[0, -1]] / STRETCH)
         exact = s.q[:, 1] * unit, s.qd[:, 1] * unit / STRETCH
         for found, expected in zip((position, velocity), exact, strict=True):
@@ -406,7 +413,9 @@ def test_the_rates_at_moving_ends_are_those_of_the_rounded_rows(
     ends = part.sample(part.breaks[[0, -1]], "left" if which == "end" else "right")
     mechanism = Mechanism.from_geometry(robot.geometry)
     k = 0 if which == "start" else -1
-    exact = dict(zip(TASK, task_rates(mechanism, ends.q, ends.qd)[k].tolist(), strict=True))
+    exact = dict(
+        zip(TASK_COORDINATES, task_rates(mechanism, ends.q, ends.qd)[k].tolist(), strict=True)
+    )
     problem = dataclasses.replace(plan.problem, **{f"{which}_rate": exact})
     cut = certified(dataclasses.replace(plan, problem=problem, trajectory=part))
     assert cut.passed
@@ -425,29 +434,29 @@ def test_the_rates_at_moving_ends_are_those_of_the_rounded_rows(
     )
     stated = manifest[f"{which}_rate"]
     rounded = task_rates(mechanism, states[:1], states[1:])[0]
-    assert [stated[name] for name in TASK] == pytest.approx(rounded, abs=1e-9)
-    slowed = np.array([exact[name] for name in TASK]) / manifest["stretch"]
+    assert [stated[name] for name in TASK_COORDINATES] == pytest.approx(rounded, abs=1e-9)
+    slowed = np.array([exact[name] for name in TASK_COORDINATES]) / manifest["stretch"]
     assert rounded == pytest.approx(slowed, abs=2e-2 * np.abs(slowed).max())
     assert check(
         read_trajectory(tmp_path, robot).trajectory,
         robot,
-        read_trajectory(tmp_path, robot).ends_on(plan.limits),
+        read_trajectory(tmp_path, robot).add_declared_rates(plan.limits),
     ).passed
 
 
 def test_a_table_needs_a_millisecond_for_each_of_its_two_intervals(plan: Plan) -> None:
     coefficients = np.zeros((1, 6, 4))
     coefficients[0, 0] = plan.motion.sample(np.zeros(1)).q[0]
-    axes = axes_of(plan.robot, COUNTS)
+    axes = drive_axes(plan.robot, COUNTS)
     for duration, count in ((0.002, 3), (0.041, 3), (0.08, 3), (0.081, 4), (0.001, 0)):
         short = dataclasses.replace(
             plan, trajectory=Trajectory(np.array([0.0, duration]), coefficients, ())
         )
         if not count:
             with pytest.raises(ExportError, match="the motion of 1 ms is too short for a table"):
-                next(_trials(short, axes, (0.0,)))
+                next(_candidate_tables(short, axes, (0.0,)))
             continue
-        table = next(_trials(short, axes, (0.0,)))
+        table = next(_candidate_tables(short, axes, (0.0,)))
         assert len(table.t) == count
         assert table.t[-1] == duration
         assert table.stretch == pytest.approx(1.0)
@@ -457,6 +466,6 @@ def test_only_tables_of_verified_plans_are_slower_than_rounding_asks(
     plan: Plan, bad_plan: Plan, tmp_path: Path
 ) -> None:
     _, manifest = export(plan, "pvt", tmp_path / "a", counts_per_turn=COUNTS)
-    assert manifest["stretch"] - 1 >= min(STRETCHES) * (1 - 1e-9)
+    assert manifest["stretch"] - 1 >= min(SLOWDOWNS) * (1 - 1e-9)
     _, manifest = export(bad_plan, "pvt", tmp_path / "b", counts_per_turn=COUNTS, force=True)
     assert 0 <= manifest["stretch"] - 1 < 1e-3 / bad_plan.motion.duration

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.joint_trajectory import controller_faults, message_from
-from ssm_planner.formats.points import Points, join_points
+from ssm_planner.formats.joint_trajectory import controller_rejections, parse_message
+from ssm_planner.formats.points import Points, interpolate_points
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.certificate import Certificate
@@ -264,7 +264,7 @@ def test_a_motion_from_waypoints_at_rest_is_no_fault_of_its_velocities(robot: Ro
     """Velocities of 0 at every point differ from the slopes, which is permitted."""
     q = np.cumsum(np.full((40, 4), 0.01) * [1, 1, 1, -0.05], axis=0) + [0, 0.5, 0, 0]
     points = Points(np.arange(40) * 0.5, q, np.zeros_like(q), np.zeros_like(q))
-    assert check(join_points(points, robot).trajectory, robot).passed
+    assert check(interpolate_points(points, robot).trajectory, robot).passed
 
 
 def test_straight_pieces_are_judged_by_their_velocity_jumps(robot: Robot) -> None:
@@ -277,7 +277,7 @@ def test_straight_pieces_are_judged_by_their_velocity_jumps(robot: Robot) -> Non
         velocity = np.array([0.0, 0.5, 1.0, 0.5, 0.0]) * joint.acceleration * h * share * 2
         q = np.zeros((6, 4)) + [0.0, 0.5, 0.0, -0.01]
         q[1:, 0] += np.cumsum(velocity) * h
-        reading = join_points(Points(np.arange(6) * h, q), robot)
+        reading = interpolate_points(Points(np.arange(6) * h, q), robot)
         found = check(reading.trajectory, robot, resolution=reading.resolution)
         assert found.verdict == ("not judged" if passed else "violated")
         if not passed:
@@ -446,8 +446,8 @@ def test_only_the_last_velocity_is_remarked(
     ]
     points[-2]["velocities"] = [] if remarked else [0.2] * 4
     points[-1]["velocities"] = last
-    message = message_from({"joint_names": names, "points": points}, "t.yaml")
-    faults, remarks = controller_faults(message, names)
+    message = parse_message({"joint_names": names, "points": points}, "t.yaml")
+    faults, remarks = controller_rejections(message, names)
     assert not faults
     assert any("last velocity is 0.1" in remark for remark in remarks) == remarked
 
@@ -509,6 +509,6 @@ def test_memory_of_a_long_file_grows_with_its_times_alone(
 
 
 def in_blocks(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    monkeypatch.setattr("ssm_planner.formats.points.LONG", size)
+    monkeypatch.setattr("ssm_planner.formats.points.IN_MEMORY_ROWS", size)
     for module in ("formats.csv", "formats.points", "trajectory"):
         monkeypatch.setattr(f"ssm_planner.{module}.BLOCK", size)

@@ -15,13 +15,13 @@ from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.export import export
 from ssm_planner.formats.joint_trajectory import (
-    REST,
-    controller_faults,
-    message_from,
+    CONTROLLER_REST_SPEED,
+    controller_rejections,
+    parse_message,
     trajectory_message,
 )
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.formats.ros2 import _from_states, link_poses, quaternion, state_times
+from ssm_planner.formats.ros2 import _message_from_states, link_poses, quaternion, state_times
 from ssm_planner.formats.spline_points import spline_points
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -119,13 +119,13 @@ def test_joint_trajectory_controller_would_accept_it(plan: Plan, tmp_path: Path)
         assert ticks[0] == 0
         assert all(b > a for a, b in itertools.pairwise(ticks))
         assert all(0 <= p["time_from_start"]["nanosec"] < 10**9 for p in data["points"])
-        assert max(map(abs, data["points"][-1]["velocities"])) <= REST
+        assert max(map(abs, data["points"][-1]["velocities"])) <= CONTROLLER_REST_SPEED
         assert all(not p["effort"] for p in data["points"])
         assert all(len(p["positions"]) == len(p["velocities"]) == 4 for p in data["points"])
         assert all(
             isinstance(x, float) for p in data["points"] for x in p["positions"] + p["velocities"]
         )
-        faults, remarks = controller_faults(message_from(data, "file"), data["joint_names"])
+        faults, remarks = controller_rejections(parse_message(data, "file"), data["joint_names"])
         assert not faults
         assert not remarks
 
@@ -305,8 +305,8 @@ def test_a_spline_that_no_points_mend_is_refused(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """If the spline leaves its limits by more than a little slowness mends, nothing is written."""
-    monkeypatch.setattr("ssm_planner.formats.spline_points.PARTS", (1,))
-    monkeypatch.setattr("ssm_planner.formats.spline_points.LARGEST_STRETCH", 1e-9)
+    monkeypatch.setattr("ssm_planner.formats.spline_points.DIVISIONS", (1,))
+    monkeypatch.setattr("ssm_planner.formats.spline_points.LARGEST_SLOWDOWN", 1e-9)
     joints = tuple(
         dataclasses.replace(joint, velocity=joint.velocity * 0.96)
         if joint.name == "tilt"
@@ -374,7 +374,7 @@ def test_a_message_that_a_controller_would_reject_is_not_exported(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     faults = ["point 3: a fault", "another"]
-    monkeypatch.setattr("ssm_planner.formats.ros2.controller_faults", lambda *_: (faults, []))
+    monkeypatch.setattr("ssm_planner.formats.ros2.controller_rejections", lambda *_: (faults, []))
     with pytest.raises(ExportError, match=r"would reject the trajectory: point 3: a fault$"):
         export(plan, "ros2", tmp_path / "x", bag=False)
     assert not list(tmp_path.iterdir())
@@ -408,4 +408,4 @@ def test_joint_states_have_positions() -> None:
     for count in (0, 1, 3):
         state = SimpleNamespace(name=["a", "b"], position=[0.0] * count, velocity=[], header=header)
         with pytest.raises(TrajectoryError, match=f"0: {count} values of position for 2 joints"):
-            _from_states([state])
+            _message_from_states([state])

@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner.errors import ExportError
 from ssm_planner.formats import spline_points as module
-from ssm_planner.formats.spline_points import at_times, spline_points
+from ssm_planner.formats.spline_points import sample_slowed_plan, spline_points
 from ssm_planner.plans import Plan
 from ssm_planner.trajectory import Trajectory
 
@@ -24,16 +24,16 @@ def test_samples_at_times_are_those_of_the_slower_motion_and_then_rest(
     moved, slow = replace(plan, trajectory=motion), motion.slower(1 / stretch)
     end = begin + slow.duration
     t = np.linspace(begin, end, 500)[:-1]
-    found, expected = at_times(moved, t, stretch), slow.sample(slow.breaks[0] + t - begin)
+    found, expected = sample_slowed_plan(moved, t, stretch), slow.sample(slow.breaks[0] + t - begin)
     for name in ("q", "qd", "qdd", "qddd"):
         assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
     assert np.array_equal(found.t, t)
     after = np.array([end + 1e-3, end + 1.0])
-    rest = at_times(moved, after, stretch)
+    rest = sample_slowed_plan(moved, after, stretch)
     assert rest.q == pytest.approx(np.tile(motion.sample(motion.breaks[-1:]).q, (2, 1)))
     assert not any(getattr(rest, name).any() for name in ("qd", "qdd", "qddd"))
     # Instants that exceed the end by rounding have the values of the end.
-    last = at_times(moved, np.array([end + 0.5e-9]), stretch)
+    last = sample_slowed_plan(moved, np.array([end + 0.5e-9]), stretch)
     assert last.qdd == pytest.approx(slow.sample(slow.breaks[-1:], "left").qdd)
 
 
@@ -44,7 +44,7 @@ def test_points_lie_on_the_plan_at_whole_ticks(plan: Plan, smooth_plan: Plan) ->
         assert points.with_acceleration is by_quintics
         assert points.certificate.passed
         assert np.abs(t / 1e-6 - np.round(t / 1e-6)).max() < 1e-6
-        assert 1 <= points.stretch <= 1 + module.LARGEST_STRETCH
+        assert 1 <= points.stretch <= 1 + module.LARGEST_SLOWDOWN
         assert all(np.abs(t - at * points.stretch).min() <= 1e-6 for at in breaks)
         assert (t[0], t[-1]) == pytest.approx((0.0, of.motion.duration * points.stretch), abs=1e-6)
         exact = of.motion.sample(np.minimum(t / points.stretch, breaks[-1]))
@@ -77,12 +77,14 @@ def test_a_slower_motion_makes_up_for_an_excess_of_its_order(
     jerky = replace(plan, problem=replace(plan.problem, robot=replace(plan.robot, joints=joints)))
     found = plan.certificate.limits[0]
     for excess in (1e-4, 1e-3):
-        factor = module._slower(jerky, replace(found, name=name, joint="tilt", margin=-excess))
+        factor = module._stretch_factor(
+            jerky, replace(found, name=name, joint="tilt", margin=-excess)
+        )
         # Quantities of this order decrease by 1 to 1.5 times the excess.
         assert 1 + excess < factor**order < 1 + 1.5 * excess
     for without in (("position", "tilt"), ("continuous torque", "tilt"), ("velocity", "nobody")):
         other = replace(found, name=without[0], joint=without[1], margin=-1e-4)
-        assert module._slower(jerky, other) == np.inf
+        assert module._stretch_factor(jerky, other) == np.inf
 
 
 def test_a_tiny_excess_is_made_up_for_too(plan: Plan) -> None:
@@ -90,7 +92,7 @@ def test_a_tiny_excess_is_made_up_for_too(plan: Plan) -> None:
     found = plan.certificate.limits[0]
     for excess in (1e-9, 1e-8):
         tiny = replace(found, name="velocity", joint="tilt", margin=-excess)
-        assert 1 + 10 * excess < module._slower(plan, tiny) < 1 + 1e-6
+        assert 1 + 10 * excess < module._stretch_factor(plan, tiny) < 1 + 1e-6
 
 
 def test_the_message_names_the_worst_limit_of_the_spline(plan: Plan, bad_plan: Plan) -> None:
@@ -103,18 +105,18 @@ def test_the_message_names_the_worst_limit_of_the_spline(plan: Plan, bad_plan: P
     assert stated is not None
     worst = bad_plan.certificate.worst
     assert int(stated.group(1)) in {
-        count * (len(bad_plan.motion.breaks) - 1) + 1 for count in module.PARTS
+        count * (len(bad_plan.motion.breaks) - 1) + 1 for count in module.DIVISIONS
     }
     assert stated.group(2, 3) in {(v.name, v.joint) for v in bad_plan.certificate.violations}
     assert 0 < float(stated.group(4)) <= -100.5 * worst.margin
-    assert 0 <= float(stated.group(5)) <= bad_plan.motion.duration * (1 + module.LARGEST_STRETCH)
+    assert 0 <= float(stated.group(5)) <= bad_plan.motion.duration * (1 + module.LARGEST_SLOWDOWN)
 
 
 @pytest.mark.parametrize("divisions", [1, 2, 4])
 def test_pieces_are_divided_into_equal_parts(plan: Plan, divisions: int) -> None:
     later = Trajectory(plan.motion.breaks + 3.0, plan.motion.coefficients, ())
     for source in (plan, replace(plan, trajectory=later)):
-        points = module._trial(source, divisions, True, 1.25, None)
+        points = module._try_points(source, divisions, True, 1.25, None)
         t = points.samples.t / 1.25
         breaks = plan.motion.breaks
         assert len(t) == divisions * (len(breaks) - 1) + 1
@@ -134,14 +136,14 @@ def test_a_motion_that_ends_at_speed_keeps_it_to_the_end_and_stops_there(
     rows = slice(k, None) if which == "begins" else slice(None, k)
     breaks = whole.breaks[k:] if which == "begins" else whole.breaks[: k + 1]
     cut = replace(plan, trajectory=Trajectory(breaks, whole.coefficients[rows], ()))
-    points = module._trial(cut, 1, False, 1.0, None)
+    points = module._try_points(cut, 1, False, 1.0, None)
     assert len(points.samples.t) == len(breaks)
     ends = cut.motion.sample(breaks[[0, -1]]).qd
     assert points.samples.qd[0] == pytest.approx(ends[0], abs=1e-12)
     assert points.samples.qd[-1] == pytest.approx(ends[1], abs=1e-9)
     assert points.samples.qd[0].any() == (which == "begins")
     assert points.samples.qd[-1].any() == (which == "ends")
-    later = at_times(cut, breaks[-1] + np.array([1e-3, 1.0]))
+    later = sample_slowed_plan(cut, breaks[-1] + np.array([1e-3, 1.0]))
     assert later.q == pytest.approx(np.tile(cut.motion.sample(breaks[-1:]).q, (2, 1)))
     assert not any(getattr(later, name).any() for name in ("qd", "qdd", "qddd"))
 

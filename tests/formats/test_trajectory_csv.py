@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.formats.trajectory_csv import _base, _meaning, headings
+from ssm_planner.formats.trajectory_csv import _parse_heading, _split_unit, identify_columns
 from ssm_planner.problem.robot import Robot
 
 NAMES = ("roll", "tilt", "spin", "insertion")
@@ -51,19 +51,19 @@ def test_a_name_of_joint_quantity_and_unit_is_understood(
         f"{quantity} axis_{number}",
         f"{quantity} {NAMES[joint]}",
     )[style]
-    meaning = _meaning(f"{neutral}{label} [{unit}{PER[order]}]", robot)
+    meaning = _parse_heading(f"{neutral}{label} [{unit}{PER[order]}]", robot)
     assert meaning == ((order, joint), pytest.approx(UNITS[unit]))
 
 
 @pytest.mark.parametrize("name", ["t_s", "time [s]", "Timestamp (s)", "time_from_start_s"])
 def test_times_begin_with_a_word_for_time(robot: Robot, name: str) -> None:
-    assert _meaning(name, robot) == ((-1, 0), 1.0)
-    assert _meaning(f"duration {name}", robot) is None
+    assert _parse_heading(name, robot) == ((-1, 0), 1.0)
+    assert _parse_heading(f"duration {name}", robot) is None
 
 
 @pytest.mark.parametrize("name", ["", "7", "motor current [A]", "roll error [rad]", "joint5_rad"])
 def test_other_columns_are_ignored(robot: Robot, name: str) -> None:
-    assert _meaning(name, robot) is None
+    assert _parse_heading(name, robot) is None
 
 
 @pytest.mark.parametrize(
@@ -79,13 +79,13 @@ def test_other_columns_are_ignored(robot: Robot, name: str) -> None:
     ],
 )
 def test_units_are_split_into_base_and_order(text: str, base: str, order: int) -> None:
-    assert _base(text) == (base, order)
+    assert _split_unit(text) == (base, order)
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_all_joints_or_none_have_a_derivative(robot: Robot, order: int) -> None:
     names = complete(order)
-    columns, ignored = headings(names, robot, "file")
+    columns, ignored = identify_columns(names, robot, "file")
     assert not ignored
     assert sorted(columns) == [(-1, 0), *((k, i) for k in range(order + 1) for i in range(4))]
     for key, heading in columns.items():
@@ -93,22 +93,22 @@ def test_all_joints_or_none_have_a_derivative(robot: Robot, order: int) -> None:
         fewer = [name for name in names if name != heading.name]
         words = "no time column" if key[0] < 0 else f"of joint {NAMES[key[1]]}"
         with pytest.raises(TrajectoryError, match=words) as caught:
-            headings(fewer, robot, "file")
+            identify_columns(fewer, robot, "file")
         assert ("examples of column names" in str(caught.value)) == (key[0] == 0)
 
 
 def test_accelerations_need_velocities(robot: Robot) -> None:
     names = [name for name in complete(2) if not name.endswith("/s]")]
     with pytest.raises(TrajectoryError, match="file: accelerations need velocities"):
-        headings(names, robot, "file")
+        identify_columns(names, robot, "file")
 
 
 def test_several_missing_joints_are_listed(robot: Robot) -> None:
     with pytest.raises(TrajectoryError, match="file: no position of joint roll, spin; examples"):
-        headings(["time_s", "tilt_rad", "insertion_mm"], robot, "file")
+        identify_columns(["time_s", "tilt_rad", "insertion_mm"], robot, "file")
     names = [*complete(0), "spin [rad/s]"]
     with pytest.raises(TrajectoryError, match=r"no velocity of joint roll, tilt, insertion$"):
-        headings(names, robot, "file")
+        identify_columns(names, robot, "file")
 
 
 @pytest.mark.parametrize(
@@ -128,5 +128,5 @@ def test_several_missing_joints_are_listed(robot: Robot) -> None:
 )
 def test_wrong_units_are_named_with_the_column(robot: Robot, name: str, message: str) -> None:
     with pytest.raises(TrajectoryError, match=message) as caught:
-        headings([*complete(0), name], robot, "file")
+        identify_columns([*complete(0), name], robot, "file")
     assert str(caught.value).startswith(f"file: column {name!r}: ")

@@ -13,15 +13,15 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.formats.export import export
 from ssm_planner.formats.urdf import (
-    LINKS,
-    NO_EFFORT,
-    PLUGIN,
+    HARDWARE_PLUGIN,
+    LINK_NAMES,
     SMALLEST_MASS,
-    _links,
-    _triple,
+    UNLIMITED_EFFORT,
+    _format_triple,
+    _link_values,
     effort_limit,
-    rpy,
-    urdf,
+    robot_urdf,
+    rpy_angles,
 )
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -75,7 +75,7 @@ def another_robot(robot: Robot, seed: int) -> Robot:
 
 def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Robot) -> None:
     """Without an inertia, MuJoCo refuses the link, and PyBullet assumes 1 kg."""
-    links = ElementTree.fromstring(urdf(robot)).findall("link")
+    links = ElementTree.fromstring(robot_urdf(robot)).findall("link")
     masses = {
         link.get("name"): link.find("inertial/mass") for link in links if link.get("name") != "base"
     }
@@ -89,13 +89,13 @@ def test_roll_pitch_and_yaw_make_the_rotation_up_to_a_pitch_of_90_degrees(pitch:
     x, y, z = np.eye(3)
     for roll, yaw in ((0.4, -0.7), (-2.0, 2.5), (0.0, 0.0), (3.0, 1.0)):
         whole = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
-        found = rpy(whole)
+        found = rpy_angles(whole)
         again = rotation(z, found[2]) @ rotation(y, found[1]) @ rotation(x, found[0])
         assert again == pytest.approx(whole, abs=1e-12)
         if abs(pitch) < 1.5:
             assert found == pytest.approx([roll, pitch, yaw])
     exact = np.array([[0.0, 0.6, 0.8], [0.0, 0.8, -0.6], [-1.0, 0.0, 0.0]])
-    assert rpy(exact)[2] == 0.0  # only the difference of roll and yaw is defined
+    assert rpy_angles(exact)[2] == 0.0  # only the difference of roll and yaw is defined
 
 
 def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
@@ -118,7 +118,7 @@ def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
             pin.rnea(model, data, q, qd, qdd),
         )
 
-    masses = {link: model.inertias[k + 1].mass for k, link in enumerate(LINKS)}
+    masses = {link: model.inertias[k + 1].mass for k, link in enumerate(LINK_NAMES)}
     masses["stage"] -= SMALLEST_MASS  # The stage is one body with the tool.
     return masses, evaluate
 
@@ -136,7 +136,7 @@ def mujoco(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
         mj.mj_inverse(model, data)
         return data.xmat[tool].reshape(3, 3), data.xpos[tool], data.qfrc_inverse
 
-    return {link: float(model.body(link).mass[0]) for link in LINKS}, evaluate
+    return {link: float(model.body(link).mass[0]) for link in LINK_NAMES}, evaluate
 
 
 def pybullet(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
@@ -164,7 +164,7 @@ def pybullet(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
         )
 
     return {
-        link: bullet.getDynamicsInfo(body, links.index(link), client)[0] for link in LINKS
+        link: bullet.getDynamicsInfo(body, links.index(link), client)[0] for link in LINK_NAMES
     }, evaluate
 
 
@@ -178,7 +178,7 @@ def yourdfpy(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
         placed = model.get_transform("tool", "base")
         return placed[:3, :3], placed[:3, 3]  # This reader does not compute dynamics.
 
-    return {link: model.link_map[link].inertial.mass for link in LINKS}, evaluate
+    return {link: model.link_map[link].inertial.mass for link in LINK_NAMES}, evaluate
 
 
 @pytest.mark.parametrize("reader", [pinocchio, mujoco, pybullet, yourdfpy])
@@ -191,7 +191,7 @@ def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
 ) -> None:
     robot = robot if seed is None else another_robot(robot, seed)
     path = tmp_path / "robot.urdf"
-    path.write_text(urdf(robot), encoding="utf-8")
+    path.write_text(robot_urdf(robot), encoding="utf-8")
     masses, evaluate = reader(path, robot)
     given = [body.mass or SMALLEST_MASS for body in robot.bodies]
     assert list(masses.values()) == pytest.approx(given, rel=1e-12)
@@ -215,7 +215,7 @@ def test_rpy_is_accurate_next_to_its_singularity() -> None:
     ):
         x, y = RNG.uniform(-3, 3, 2)
         matrix = rotation((0, 0, 1), x) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), y)
-        roll, turned, yaw = rpy(matrix)
+        roll, turned, yaw = rpy_angles(matrix)
         back = rotation((0, 0, 1), yaw) @ rotation((0, 1, 0), turned) @ rotation((1, 0, 0), roll)
         assert np.abs(back - matrix).max() <= 1e-12
 
@@ -233,7 +233,7 @@ def test_what_urdf_cannot_carry_is_said(plan: Plan, tmp_path: Path) -> None:
 
 def test_names_that_xml_does_not_like(robot: Robot) -> None:
     odd = dataclasses.replace(robot, name='a "robot" <1> -- & more')
-    assert ElementTree.fromstring(urdf(odd)).attrib["name"] == "a__robot___1_______more"
+    assert ElementTree.fromstring(robot_urdf(odd)).attrib["name"] == "a__robot___1_______more"
 
 
 def test_the_effort_limit_is_what_the_motor_brings_through_its_drive(robot: Robot) -> None:
@@ -259,7 +259,7 @@ def test_links_are_drawn_by_their_kind_and_without_mass_have_no_inertia(robot: R
         dataclasses.replace(robot.bodies[0], mass=0.0, inertia=np.zeros((3, 3))),
         *robot.bodies[1:],
     )
-    links = list(_links(dataclasses.replace(robot, bodies=bodies)))
+    links = list(_link_values(dataclasses.replace(robot, bodies=bodies)))
     assert [link["inertia"] is None for link in links] == [body.mass == 0.0 for body in bodies]
     assert links[0]["inertia"] is None is not links[1]["inertia"]
     sizes = {joint.slides: link["size"] for joint, link in zip(robot.joints, links, strict=True)}
@@ -271,7 +271,7 @@ def test_notes_name_the_plugin_and_the_bodies_without_mass(
     plan: Plan, bad_plan: Plan, tmp_path: Path
 ) -> None:
     _, manifest = export(plan, "urdf", tmp_path)
-    assert any(note.endswith(f"is a placeholder, {PLUGIN}") for note in manifest["notes"])
+    assert any(note.endswith(f"is a placeholder, {HARDWARE_PLUGIN}") for note in manifest["notes"])
     light = [body.name for body in plan.robot.bodies if body.mass == 0]
     assert light
     assert [
@@ -286,17 +286,18 @@ def test_notes_name_the_plugin_and_the_bodies_without_mass(
 
 def test_numbers_have_all_digits_and_no_negative_zero(robot: Robot) -> None:
     values = np.array([1 / 3, -0.0, -5e-17, 2e-16, -1e22])
-    assert _triple(values) == "0.3333333333333333 0.0 0.0 2e-16 -1e+22"
-    assert not re.search(r'["\s]-0\.0["\s]', urdf(robot))
+    assert _format_triple(values) == "0.3333333333333333 0.0 0.0 2e-16 -1e+22"
+    assert not re.search(r'["\s]-0\.0["\s]', robot_urdf(robot))
 
 
 def test_joints_without_a_motor_have_the_stated_effort(robot: Robot) -> None:
     efforts = [
-        float(limit.get("effort", 0)) for limit in ElementTree.fromstring(urdf(robot)).iter("limit")
+        float(limit.get("effort", 0))
+        for limit in ElementTree.fromstring(robot_urdf(robot)).iter("limit")
     ]
     for joint, effort in zip(robot.joints, efforts, strict=True):
         assert effort == effort_limit(joint)
-        assert (effort == NO_EFFORT) == (joint.motor is None or joint.drive is None)
+        assert (effort == UNLIMITED_EFFORT) == (joint.motor is None or joint.drive is None)
     for lacking in ("motor", "drive"):
         bare = dataclasses.replace(robot.joints[0], **{lacking: None})
-        assert effort_limit(bare) == NO_EFFORT
+        assert effort_limit(bare) == UNLIMITED_EFFORT

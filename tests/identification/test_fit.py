@@ -21,7 +21,7 @@ from ssm_planner.identification.posterior import SPREADS
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers, read_figures
 from ssm_planner.loading.load import load_drive
 from ssm_planner.planning.corners import bounding_drives
-from ssm_planner.problem.posterior import LAW, LAWS, LOAD_OFFSET
+from ssm_planner.problem.posterior import FRICTION_LAWS, LAW_COLUMN, LOAD_OFFSET
 from tests.support.cases import selected
 from tests.support.paths import PROBLEMS
 
@@ -223,11 +223,13 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
     )
     for k in range(0, 1000, 25):
         one = {name: float(column[k]) for name, column in sets.items()}
-        law = LAWS[int(one.pop(LAW))]
+        law = FRICTION_LAWS[int(one.pop(LAW_COLUMN))]
         apart = map_torque(with_parameters(fit.drive, law, one), w, load)
         np.testing.assert_allclose(torque[k], apart, rtol=1e-12)
         np.testing.assert_allclose(
-            map_torque(drive_with(fit.drive, {**one, LAW: LAWS.index(law)}), w, load),
+            map_torque(
+                drive_with(fit.drive, {**one, LAW_COLUMN: FRICTION_LAWS.index(law)}), w, load
+            ),
             apart,
             rtol=1e-12,
         )
@@ -235,7 +237,7 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
     most = 1.2 * float(np.abs(torque).max())
     *upper, least = bounding_drives(fit.drive, 0.95, speed=float(w.max()), torque=most)
     inside = spread_of(fit.drive).within(0.95)
-    assert len(np.unique(inside[LAW])) == 3
+    assert len(np.unique(inside[LAW_COLUMN])) == 3
     taken = np.sign(w) * map_torque(
         drive_with(fit.drive, {name: column[:, None] for name, column in inside.items()}), w, load
     )
@@ -243,11 +245,13 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
     assert np.all(taken.max(axis=0) <= bound + 1e-6 * most)
     assert np.all(taken.min(axis=0) >= np.sign(w) * map_torque(least, w, load) - 1e-6 * most)
     with pytest.raises(ProblemError, match=r"not the index of a friction law.*0 \(coulomb\)"):
-        replace(posterior, draws=np.where(np.array(posterior.names) == LAW, 3.0, posterior.draws))
+        replace(
+            posterior, draws=np.where(np.array(posterior.names) == LAW_COLUMN, 3.0, posterior.draws)
+        )
 
 
 @pytest.mark.usefixtures("few_points")
-@pytest.mark.parametrize("law", LAWS[1:])
+@pytest.mark.parametrize("law", FRICTION_LAWS[1:])
 def test_the_law_chosen_has_sets_however_unlikely_its_evidence(law, monkeypatch):
     drive, load = rig("rig3_worm")
     data = synthetic(

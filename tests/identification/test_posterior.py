@@ -13,7 +13,7 @@ from ssm_planner.identification.posterior import MapModel, most_likely
 from ssm_planner.identification.sampling import sample, weighted_interval
 from ssm_planner.identification.torque_map import read_figures
 from ssm_planner.loading.load import load_drive
-from ssm_planner.problem.posterior import LAWS, LOAD_OFFSET
+from ssm_planner.problem.posterior import FRICTION_LAWS, LOAD_OFFSET
 from ssm_planner.typing import Array
 from tests.support.cases import selected
 from tests.support.paths import PROBLEMS
@@ -113,7 +113,7 @@ POINTS = selected(
         ("rig2_antibacklash_screw", "stribeck_exponential"),
         ("rig3_worm", "stribeck_gaussian"),
     ],
-    every=list(itertools.product(RIGS, ("auto", *LAWS))),
+    every=list(itertools.product(RIGS, ("auto", *FRICTION_LAWS))),
 )
 
 

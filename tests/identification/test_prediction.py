@@ -21,7 +21,7 @@ from ssm_planner.identification.prediction import Motion, nrmsd, predict_recordi
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import read_figures
 from ssm_planner.loading.load import load_drive
-from ssm_planner.problem.posterior import LAW
+from ssm_planner.problem.posterior import LAW_COLUMN
 from ssm_planner.reporting.figures.sizing import map_figure, prediction_figure
 from ssm_planner.units import RPM
 from tests.support.paths import PROBLEMS
@@ -152,7 +152,11 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
     assert "steady-state recordings" in drive.friction.source
     assert drive.rig.load == pytest.approx(found.fit.load, rel=1e-6)
     assert np.array_equal(drive.friction.posterior.draws, found.drive.friction.posterior.draws)
-    unused = {LAW, "mu_stribeck", "stribeck_speed"} if drive.friction.law == "coulomb" else {LAW}
+    unused = (
+        {LAW_COLUMN, "mu_stribeck", "stribeck_speed"}
+        if drive.friction.law == "coulomb"
+        else {LAW_COLUMN}
+    )
     assert drive.friction.posterior.law_shares(drive.friction.law) == result["law_shares"]
     for name in set(drive.friction.posterior.names) - unused:
         shown, column = result["parameters"][name], drive.friction.posterior.column(name)

@@ -25,7 +25,7 @@ from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import read_only_array
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from tests.support.paths import PROBLEMS
 
 APPROACH = PROBLEMS / "eye_approach.yaml"
@@ -126,7 +126,7 @@ def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
         grown = dataclasses.replace(
             eye.lens, semi_axes=read_only_array(eye.lens.semi_axes * size, (3,))
         )
-        at_limit = unchecked(
+        at_limit = unchecked_copy(
             eye, lens=grown
         )  # a lens of any size, also one that the eye has no room for
         value, least = eye_limits(NUMPY, at_limit, tip)["lens clearance"]

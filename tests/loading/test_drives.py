@@ -14,9 +14,9 @@ from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive_geometry import (
     SCREW_FAMILY,
     WORM_FAMILY,
-    BadGeometry,
-    Family,
-    resolve,
+    DimensionError,
+    GearFamily,
+    resolve_dimensions,
 )
 
 WORM = "drives/vitreoretinal_joint1_worm.yaml"
@@ -40,11 +40,11 @@ def test_any_sufficient_set_gives_the_same_worm(worm: float, wheel: float, lead:
     for names in itertools.combinations(full, 3):
         given_ = {name: full[name] for name in names}
         if set(names) in dependent:
-            with pytest.raises(BadGeometry, match="do not determine"):
-                resolve(WORM_FAMILY, given_)
+            with pytest.raises(DimensionError, match="do not determine"):
+                resolve_dimensions(WORM_FAMILY, given_)
         else:
-            assert_same(resolve(WORM_FAMILY, given_), full)
-    assert_same(resolve(WORM_FAMILY, full), full)
+            assert_same(resolve_dimensions(WORM_FAMILY, given_), full)
+    assert_same(resolve_dimensions(WORM_FAMILY, full), full)
 
 
 @given(diameters, st.floats(0.0003, 0.01), st.integers(1, 4))
@@ -55,11 +55,11 @@ def test_any_sufficient_set_gives_the_same_screw(diameter: float, lead: float, s
         "lead_angle": math.atan(lead / (math.pi * diameter)),
     }
     for names in itertools.combinations(full, 2):
-        result = resolve(SCREW_FAMILY, {name: full[name] for name in names})
+        result = resolve_dimensions(SCREW_FAMILY, {name: full[name] for name in names})
         assert_same(result, full)
         assert result["ratio"] == pytest.approx(2 * math.pi / lead)
     assert_same(
-        resolve(
+        resolve_dimensions(
             SCREW_FAMILY, {"effective_diameter": diameter, "starts": starts, "pitch": lead / starts}
         ),
         full,
@@ -68,7 +68,9 @@ def test_any_sufficient_set_gives_the_same_screw(diameter: float, lead: float, s
 
 @given(diameters, diameters, st.floats(0.0003, 0.01))
 def test_a_drive_without_friction_loses_no_power(worm: float, wheel: float, lead: float) -> None:
-    result = resolve(WORM_FAMILY, {"worm_diameter": worm, "wheel_diameter": wheel, "lead": lead})
+    result = resolve_dimensions(
+        WORM_FAMILY, {"worm_diameter": worm, "wheel_diameter": wheel, "lead": lead}
+    )
     gamma = result["worm_diameter"] / result["wheel_diameter"]
     assert gamma * math.tan(result["lead_angle"]) * result["ratio"] == pytest.approx(1)
 
@@ -103,16 +105,20 @@ def assert_same(result: dict[str, float], full: dict[str, float]) -> None:
         (SCREW_FAMILY, {"diameter": 0.012, "lead_angle": 1.2}, "between 0 and 60 deg"),
     ],
 )
-def test_wrong_sets(family: Family, given_: dict[str, float], part: str) -> None:
-    with pytest.raises(BadGeometry, match=part):
-        resolve(family, given_)
+def test_wrong_sets(family: GearFamily, given_: dict[str, float], part: str) -> None:
+    with pytest.raises(DimensionError, match=part):
+        resolve_dimensions(family, given_)
 
 
 def test_consistent_surplus_is_accepted_and_an_inconsistent_one_is_not() -> None:
     exact = math.atan(0.002 / (math.pi * 0.012))
-    resolve(SCREW_FAMILY, {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.004})
-    with pytest.raises(BadGeometry):
-        resolve(SCREW_FAMILY, {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.006})
+    resolve_dimensions(
+        SCREW_FAMILY, {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.004}
+    )
+    with pytest.raises(DimensionError):
+        resolve_dimensions(
+            SCREW_FAMILY, {"diameter": 0.012, "lead": 0.002, "lead_angle": exact * 1.006}
+        )
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.problem.serialization import plain, problem_from_plain
+from ssm_planner.problem.serialization import problem_from_plain, to_plain
 from tests.support.paths import PROBLEMS
 
 SHIPPED = PROBLEMS
@@ -197,9 +197,9 @@ def test_limits_of_the_task_survive_plan_json(files: Any) -> None:
     files.edit(NAME, LIMIT, LIMIT + SPEEDS + "\n  tip_speed: 12 mm/s")
     problem = files.load(NAME)
     limits = problem.task_limits
-    document = json.loads(json.dumps(plain(problem), allow_nan=False))
+    document = json.loads(json.dumps(to_plain(problem), allow_nan=False))
     back = problem_from_plain(document).task_limits
-    assert plain(back) == plain(limits)
+    assert to_plain(back) == to_plain(limits)
     assert (back.ranges, back.tip_speed, back.rates) == (
         limits.ranges,
         limits.tip_speed,
@@ -211,7 +211,7 @@ def test_limits_of_the_task_survive_plan_json(files: Any) -> None:
 
 
 def test_a_plan_from_before_the_eye_limits_nothing_more(files: Any) -> None:
-    document = plain(files.load(NAME)) | {"limits": {"tilt": [-2.4, -1.45]}, "tip_speed": None}
+    document = to_plain(files.load(NAME)) | {"limits": {"tilt": [-2.4, -1.45]}, "tip_speed": None}
     del document["rates"], document["eye"]
     problem = problem_from_plain(document)
     limits = problem.task_limits

@@ -13,7 +13,7 @@ import pytest
 
 from ssm_planner.cli import main
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.files import shipped_names
+from ssm_planner.loading.files import shipped_files
 from ssm_planner.loading.load import (
     load_drive,
     load_motor,
@@ -47,7 +47,7 @@ def test_from_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_file_of_that_name_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    shutil.copy(shipped_names("motors")["rig_motor"], "maxon_ecx_torque_22_m")
+    shutil.copy(shipped_files("motors")["rig_motor"], "maxon_ecx_torque_22_m")
     assert load_motor("maxon_ecx_torque_22_m").name == load_motor("rig_motor").name
 
 
@@ -59,7 +59,7 @@ def test_a_folder_of_that_name_does_not(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_problem_file_may_name_a_shipped_robot(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
-    text = shipped_names("problems")["tilt_insert"].read_text(encoding="utf-8")
+    text = shipped_files("problems")["tilt_insert"].read_text(encoding="utf-8")
     file.write_text(text.replace("robots/vitreoretinal.yaml", "vitreoretinal"), encoding="utf-8")
     assert load_problem(file).robot.name == "vitreoretinal"
 
@@ -74,7 +74,7 @@ def test_an_unknown_name_is_answered_with_the_one_meant(
         load_problem("tilt_insret")
     assert main(["plan", "tilt_insret"]) == 2
     assert "did you mean 'tilt_insert'?" in capsys.readouterr().err
-    shutil.copy(shipped_names("problems")["waypoints"], "around.yaml")
+    shutil.copy(shipped_files("problems")["waypoints"], "around.yaml")
     with pytest.raises(
         ProblemError, match=r"arond\.yaml: no such file; did you mean 'around\.yaml'\?"
     ):

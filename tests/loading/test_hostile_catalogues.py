@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.catalogues import gears_of, motors_of
+from ssm_planner.loading.catalogues import drives_with_gears, read_motors
 from ssm_planner.loading.load import load_robot
 from ssm_planner.loading.tables import LEADING_NUMBER
 from tests.support.paths import PROBLEMS
@@ -47,21 +47,21 @@ def test_decimal_commas_mean_the_same(tmp_path: Path, separator: str) -> None:
     text = with_commas(MOTORS.read_text(encoding="utf-8"), separator)
     assert "2,64 mN*m" in text
     file.write_text(text, encoding="utf-8")
-    assert motors_of(file) == motors_of(MOTORS)
+    assert read_motors(file) == read_motors(MOTORS)
     robot = load_robot("vitreoretinal")
     for name, joint in (("worms", robot.joints[0]), ("screws", robot.joints[3])):
         shipped = PROBLEMS / f"catalogues/{name}.csv"
         text = shipped.read_text(encoding="utf-8")
         file = tmp_path / shipped.name
         file.write_text(with_commas(text, separator), encoding="utf-8")
-        assert gears_of(file, joint.drive) == gears_of(shipped, joint.drive)
+        assert drives_with_gears(file, joint.drive) == drives_with_gears(shipped, joint.drive)
 
 
 def test_commas_in_texts_stay(tmp_path: Path) -> None:
     file = tmp_path / MOTORS.name
     text = with_commas(SMALL, ";").replace("ECX SPEED 13M Ø13 mm", "2,5 ECX SPEED 13M, 1.5")
     file.write_text(text, encoding="utf-8")
-    assert "2,5 ECX SPEED 13M, 1.5" in motors_of(file)[0].of.name
+    assert "2,5 ECX SPEED 13M, 1.5" in read_motors(file)[0].of.name
 
 
 MOTOR_FAULTS = [
@@ -141,10 +141,10 @@ def test_hostile_motors_are_refused(tmp_path: Path, old: str, new: str) -> None:
     assert old in SMALL
     file = tmp_path / "motors.csv"
     file.write_text(SMALL, encoding="utf-8")
-    assert len(motors_of(file)) == 2
+    assert len(read_motors(file)) == 2
     file.write_text(SMALL.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ProblemError, match=r"motors\.csv:\d+: "):
-        motors_of(file)
+        read_motors(file)
 
 
 COMMA_FAULTS = [
@@ -166,7 +166,7 @@ def test_hostile_commas_are_refused(tmp_path: Path, old: str, new: str) -> None:
     file = tmp_path / "motors.csv"
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ProblemError, match=r"motors\.csv:2: "):
-        motors_of(file)
+        read_motors(file)
 
 
 GEAR_FAULTS = [
@@ -206,11 +206,11 @@ def test_hostile_gears_are_refused(tmp_path: Path, old: str, new: str) -> None:
     assert drive is not None
     file = tmp_path / "gears.csv"
     file.write_text(WORM, encoding="utf-8")
-    assert len(gears_of(file, drive)) == 2
+    assert len(drives_with_gears(file, drive)) == 2
     assert old in WORM
     file.write_text(WORM.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ProblemError, match=r"gears\.csv:\d+: "):
-        gears_of(file, drive)
+        drives_with_gears(file, drive)
 
 
 @pytest.mark.parametrize(
@@ -234,4 +234,4 @@ def test_what_is_no_catalogue_is_refused(tmp_path: Path, content: bytes) -> None
     file = tmp_path / "motors.csv"
     file.write_bytes(content)
     with pytest.raises(ProblemError, match=r"motors\.csv"):
-        motors_of(file)
+        read_motors(file)

@@ -11,7 +11,7 @@ import pytest
 
 from ssm_planner import units
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.catalogues import motors_of
+from ssm_planner.loading.catalogues import read_motors
 from ssm_planner.loading.load import load_motor
 from tests.support.paths import PROBLEMS
 
@@ -47,7 +47,7 @@ def written(file: Path, rows: list[list[str]], separator: str = ",") -> Path:
 def fault_of(file: Path) -> ProblemError | None:
     """The error that reading a catalogue raises."""
     try:
-        motors_of(file)
+        read_motors(file)
     except ProblemError as error:
         return error
     return None
@@ -89,7 +89,7 @@ def test_figures_of_two_motors_in_one_row_are_refused(tmp_path: Path) -> None:
                 continue
             row = [*one[:k], other[k], *one[k + 1 :]]
             with pytest.raises(ProblemError, match=r":2: "):
-                motors_of(written(tmp_path / "motors.csv", [row]))
+                read_motors(written(tmp_path / "motors.csv", [row]))
 
 
 def motor_file(folder: Path, **figures: Any) -> Path:

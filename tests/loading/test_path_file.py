@@ -11,7 +11,7 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.problem.motion import Follow, Joints, Task, Tip
-from ssm_planner.problem.serialization import plain, problem_from_plain
+from ssm_planner.problem.serialization import problem_from_plain, to_plain
 
 PROBLEM = """robot: vitreoretinal
 start: {roll: 0 deg, tilt: -95 deg, spin: 0 deg, depth: 5 mm}
@@ -119,7 +119,7 @@ points: {there: {tilt: -105 deg}}
     assert [(entry.name, entry.curve) for entry in found.motion] == [
         ("path", "samples"), ("line", "line"), ("arc", "arc"), ("spline", "spline")]  # fmt: skip
     assert [type(entry.to) for entry in found.motion] == [Task, Tip, Task, Joints]
-    again = problem_from_plain(plain(found))
+    again = problem_from_plain(to_plain(found))
     assert again == found
     assert again.motion[0].file == found.motion[0].file
     (tmp_path / "below").mkdir()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.loading.robots import possible, principal_moments, rotation
+from ssm_planner.loading.robots import chain_rotation, is_possible_inertia, principal_moments
 
 ROBOT = "robots/vitreoretinal.yaml"
 
@@ -32,7 +32,7 @@ def test_every_cloud_of_masses_is_a_possible_body(seed: int) -> None:
     moments = principal_moments(
         masses.sum(), masses @ points / masses.sum(), inertia_of(points, masses)
     )
-    assert possible(moments)
+    assert is_possible_inertia(moments)
     # the same body turned and moved has the same principal moments
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     moved = points @ turn.T + rng.normal(size=3)
@@ -51,16 +51,16 @@ def test_flipped_products_are_judged_by_their_own_moments(seed: int) -> None:
     flipped = 2 * np.diag(np.diag(inertia)) - inertia
     com = masses @ points / masses.sum()
     # far from the origin the parallel-axis term dominates the products: flipping their sign cannot be physical
-    assert not possible(principal_moments(masses.sum(), com, flipped))
+    assert not is_possible_inertia(principal_moments(masses.sum(), com, flipped))
 
 
 @pytest.mark.parametrize("moments", [(-1, 2, 2), (0, 1, 1), (1, 1, 2.1), (1, 2, math.nan)])
 def test_impossible_moments(moments: tuple[float, ...]) -> None:
-    assert not possible(np.array(moments))
+    assert not is_possible_inertia(np.array(moments))
 
 
 def test_flat_body_is_possible() -> None:
-    assert possible(np.array([1.0, 2.0, 3.0]))
+    assert is_possible_inertia(np.array([1.0, 2.0, 3.0]))
 
 
 class TestShippedBodies:
@@ -68,7 +68,7 @@ class TestShippedBodies:
         for body in files.load(ROBOT).bodies:
             assert body.inertia == pytest.approx(body.inertia.T)
             if body.mass > 0:
-                assert possible(principal_moments(body.mass, body.com, body.inertia))
+                assert is_possible_inertia(principal_moments(body.mass, body.com, body.inertia))
 
     def test_wrong_convention_is_explained(self, files: Any) -> None:
         message = files.rejection(
@@ -151,7 +151,7 @@ class TestShippedGeometry:
         files.edit(ROBOT, "insertion: negative", f"tool_home: {chain}\n  insertion: negative")
         g = files.load(ROBOT).geometry
         assert math.acos(g.omega2 @ g.omega3) == pytest.approx(beta, abs=1e-9)
-        assert g.omega3 == pytest.approx(rotation((("x", p), ("y", t)))[:, 0], abs=1e-9)
+        assert g.omega3 == pytest.approx(chain_rotation((("x", p), ("y", t)))[:, 0], abs=1e-9)
 
     def test_rounded_beta_is_taken_as_a_check(self, files: Any) -> None:
         files.edit(ROBOT, "insertion: negative", "beta: 110 deg\n  insertion: negative")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from ssm_planner.loading.files import read
+from ssm_planner.loading.files import read_section
 from ssm_planner.loading.load import file_keys, json_schema, load_drive, load_motor, load_robot
 from tests.support.cli import python
 from tests.support.paths import PROBLEMS
@@ -74,7 +74,7 @@ def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
         schema = json_schema(kind)
         known = _properties(schema)
         for path in (SHIPPED / folder).glob("*.yaml"):
-            assert _keys(read(path).value) <= known, path
+            assert _keys(read_section(path).value) <= known, path
 
 
 @pytest.mark.slow
@@ -99,7 +99,7 @@ def test_every_key_of_the_shipped_files_is_listed() -> None:
             part.removesuffix("[]") for key in file_keys(kind) for part in key.path.split(".")
         }
         for path in (SHIPPED / folder).glob("*.yaml"):
-            assert _keys(read(path).value) - free <= listed, path
+            assert _keys(read_section(path).value) - free <= listed, path
 
 
 @pytest.mark.slow

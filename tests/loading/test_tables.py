@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.csv import read_csv
 from ssm_planner.identification.torque_map import TABLE, read_figures
-from ssm_planner.loading.catalogues import gears_of, motors_of
+from ssm_planner.loading.catalogues import drives_with_gears, read_motors
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.loading.tables import DECIMAL_COMMA, SEPARATORS, table_rows
 from tests.support.paths import PROBLEMS
@@ -35,12 +35,12 @@ def rewritten(text: str, separator: str) -> str:
 def test_a_catalogue_means_the_same_with_every_separator(tmp_path: Path, separator: str) -> None:
     file = tmp_path / MOTORS.name
     file.write_text(rewritten(MOTORS.read_text(encoding="utf-8"), separator), encoding="utf-8")
-    assert motors_of(file) == motors_of(MOTORS)
+    assert read_motors(file) == read_motors(MOTORS)
     drive = load_robot("vitreoretinal").joints[3].drive
     screws = PROBLEMS / "catalogues/screws.csv"
     file = tmp_path / screws.name
     file.write_text(rewritten(screws.read_text(encoding="utf-8"), separator), encoding="utf-8")
-    assert gears_of(file, drive) == gears_of(screws, drive)
+    assert drives_with_gears(file, drive) == drives_with_gears(screws, drive)
 
 
 @pytest.mark.parametrize("separator", SEPARATORS)

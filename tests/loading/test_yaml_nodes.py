@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.files import read
-from ssm_planner.loading.yaml_nodes import parse
+from ssm_planner.loading.files import read_section
+from ssm_planner.loading.yaml_nodes import parse_yaml
 
 
 def write(folder: Path, text: str | bytes) -> Path:
@@ -20,7 +20,9 @@ def write(folder: Path, text: str | bytes) -> Path:
 
 
 def test_values_and_lines(tmp_path: Path) -> None:
-    section = read(write(tmp_path, "# comment\na: 1\nb:\n  - c: 2 mm\n  -\n    d: {e: 1e-5}\n"))
+    section = read_section(
+        write(tmp_path, "# comment\na: 1\nb:\n  - c: 2 mm\n  -\n    d: {e: 1e-5}\n")
+    )
     assert section.value == {"a": 1, "b": [{"c": "2 mm"}, {"d": {"e": 1e-5}}]}
     assert section.line("a") == 2
     assert section.line("b", 0, "c") == 4
@@ -56,7 +58,7 @@ def test_values_and_lines(tmp_path: Path) -> None:
     ],
 )
 def test_scalars(tmp_path: Path, text: str, value: object) -> None:
-    result = read(write(tmp_path, f"key: {text}\n")).value["key"]
+    result = read_section(write(tmp_path, f"key: {text}\n")).value["key"]
     assert result == value
     assert type(result) is type(value)
 
@@ -97,7 +99,7 @@ BOMB = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
 def test_unreadable(tmp_path: Path, text: str | bytes, line: int, part: str) -> None:
     path = write(tmp_path, text)
     with pytest.raises(ProblemError) as caught:
-        read(path)
+        read_section(path)
     message = str(caught.value)
     assert message.startswith(f"{path}:{line}: ")
     assert part in message
@@ -106,12 +108,12 @@ def test_unreadable(tmp_path: Path, text: str | bytes, line: int, part: str) -> 
 
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=r"nowhere\.yaml: no such file"):
-        read(tmp_path / "nowhere.yaml")
+        read_section(tmp_path / "nowhere.yaml")
 
 
 def test_directory(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="a directory"):
-        read(tmp_path)
+        read_section(tmp_path)
 
 
 def test_huge_file(tmp_path: Path) -> None:
@@ -119,30 +121,30 @@ def test_huge_file(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(10_000_001)
     with pytest.raises(ProblemError, match=r"too large.*at most 10 MB"):
-        read(path)
+        read_section(path)
 
 
 def test_impossible_names(tmp_path: Path) -> None:
     for name in ("x" * 5000, "a\0b"):
         with pytest.raises(ProblemError):
-            read(tmp_path / name)
+            read_section(tmp_path / name)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no FIFOs on this system")
 def test_fifo(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(ProblemError, match="not a regular file"):
-        read(tmp_path / "pipe")
+        read_section(tmp_path / "pipe")
 
 
 def test_byte_order_mark_and_crlf(tmp_path: Path) -> None:
-    section = read(write(tmp_path, b"\xef\xbb\xbfa: 1\r\nb: 2 mm\r\n"))
+    section = read_section(write(tmp_path, b"\xef\xbb\xbfa: 1\r\nb: 2 mm\r\n"))
     assert section.value == {"a": 1, "b": "2 mm"}
     assert section.line("b") == 2
 
 
 def test_aliases_that_stay_small_are_fine(tmp_path: Path) -> None:
-    section = read(write(tmp_path, "a: &a {x: 1}\nb: *a\n"))
+    section = read_section(write(tmp_path, "a: &a {x: 1}\nb: *a\n"))
     assert section.value == {"a": {"x": 1}, "b": {"x": 1}}
     assert section.error("wrong", "b", "x").key == "b.x"
 
@@ -154,7 +156,7 @@ def test_without_its_tree_a_long_file_takes_a_third_of_the_memory() -> None:
         text = "points:\n" + point * count
         tracemalloc.start()
         try:
-            found = parse(None, text, tree=tree)
+            found = parse_yaml(None, text, tree=tree)
             assert found.size == 2 + 9 * count
             assert found.value["points"][-1] == {
                 "positions": [0.1, -0.0015, 0.2, 3],

@@ -28,7 +28,7 @@ from ssm_planner.problem.limits import (
 )
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.units import display_unit
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from tests.support.paths import PROBLEMS
@@ -278,10 +278,12 @@ def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
     there, enough = joint.motor.max_torque, 1e-3 * typed_in(reason.relaxation)
 
     def passes(torque: float) -> bool:
-        motor = unchecked(joint.motor, max_torque=torque)
-        changed = tuple(unchecked(each, motor=motor) if each is joint else each for each in joints)
-        robot = unchecked(problem.robot, joints=changed)
-        return plan(unchecked(problem, robot=robot), relaxations=False).passed
+        motor = unchecked_copy(joint.motor, max_torque=torque)
+        changed = tuple(
+            unchecked_copy(each, motor=motor) if each is joint else each for each in joints
+        )
+        robot = unchecked_copy(problem.robot, joints=changed)
+        return plan(unchecked_copy(problem, robot=robot), relaxations=False).passed
 
     assert passes(enough)
     assert not passes(there + 0.9 * (enough - there))
@@ -315,9 +317,11 @@ def test_lost_contact_of_the_nuts_names_the_preload_that_plans(preload: float) -
     """The contact force grows by as much as the preload, so the missing force is added to it."""
     problem = load_problem("tilt_insert")
     *others, insertion = problem.robot.joints
-    drive = unchecked(insertion.drive, kind="antibacklash_screw", preload=preload)
-    joints = (*others, unchecked(insertion, drive=drive))
-    loose = unchecked(problem, robot=unchecked(problem.robot, joints=joints), planner="fast")
+    drive = unchecked_copy(insertion.drive, kind="antibacklash_screw", preload=preload)
+    joints = (*others, unchecked_copy(insertion, drive=drive))
+    loose = unchecked_copy(
+        problem, robot=unchecked_copy(problem.robot, joints=joints), planner="fast"
+    )
     reason = plan(loose).reason
     assert reason is not None
     assert reason.constraint == "nut contact"
@@ -326,6 +330,6 @@ def test_lost_contact_of_the_nuts_names_the_preload_that_plans(preload: float) -
     needed = float(found[1])
     assert needed == pytest.approx(preload - reason.available, rel=1e-3)
     for value, passes in ((needed, True), (0.99 * needed, False)):
-        stiffer = unchecked(insertion, drive=unchecked(drive, preload=value))
-        robot = unchecked(problem.robot, joints=(*others, stiffer))
-        assert plan(unchecked(loose, robot=robot), relaxations=False).passed == passes
+        stiffer = unchecked_copy(insertion, drive=unchecked_copy(drive, preload=value))
+        robot = unchecked_copy(problem.robot, joints=(*others, stiffer))
+        assert plan(unchecked_copy(loose, robot=robot), relaxations=False).passed == passes

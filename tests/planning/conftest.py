@@ -9,7 +9,7 @@ import pytest
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]
@@ -20,7 +20,7 @@ def weaker() -> Weaker:
     """The same robot with the largest torque of every motor scaled."""
 
     def motor(original: Motor, factor: float) -> Motor:
-        return unchecked(original, max_torque=factor * original.max_torque)
+        return unchecked_copy(original, max_torque=factor * original.max_torque)
 
     def joint(original: Joint, factor: float) -> Joint:
         if original.motor is None:

@@ -14,7 +14,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TASK, TaskRange
+from ssm_planner.problem.limits import TASK_COORDINATES, TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
@@ -61,7 +61,7 @@ def end_rates(result: Plan) -> tuple[Array, Array]:
 
 
 def as_array(rates: dict[str, float]) -> Array:
-    return np.array([rates.get(name, 0.0) for name in TASK])
+    return np.array([rates.get(name, 0.0) for name in TASK_COORDINATES])
 
 
 @pytest.mark.parametrize("jerk", [False, True])

@@ -13,7 +13,7 @@ from ssm_planner.pipeline import certified
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.serialization import plain, problem_from_plain
+from ssm_planner.problem.serialization import problem_from_plain, to_plain
 from ssm_planner.reporting.text import summary_lines
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.check import check
@@ -202,4 +202,4 @@ def test_a_file_states_the_duty(tilt_insert: Problem) -> None:
     with pytest.raises(ProblemError, match="duty"):
         Problem.from_yaml(text.format("-1 s"))
     for problem in (Problem.from_yaml(text.format("once")), Problem.from_yaml(text.format("3 s"))):
-        assert problem_from_plain(plain(problem)).duty == problem.duty
+        assert problem_from_plain(to_plain(problem)).duty == problem.duty

@@ -19,7 +19,7 @@ from ssm_planner.planning.lower_bound import (
     minimum_times,
     rest_to_rest,
 )
-from ssm_planner.problem.limits import TASK, TaskRate, TipSpeed
+from ssm_planner.problem.limits import TASK_COORDINATES, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem, TaskLimits
 
@@ -72,7 +72,7 @@ def test_a_free_speed_costs_no_time(
 def test_no_coordinate_accelerates_more_than_the_bound_says(
     tilt_insert: Problem, name: str
 ) -> None:
-    robot, rng, k = tilt_insert.robot, np.random.default_rng(3), TASK.index(name)
+    robot, rng, k = tilt_insert.robot, np.random.default_rng(3), TASK_COORDINATES.index(name)
     mechanism, most = (
         Mechanism.from_geometry(robot.geometry),
         [joint.velocity for joint in robot.joints],

@@ -25,7 +25,7 @@ from ssm_planner.problem.limits import MotorTorque, TaskRange
 from ssm_planner.problem.motion import Free, Joints, Motion, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Robot, read_only_array
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 
 Weaker = Callable[[Robot, float], Robot]
 
@@ -48,7 +48,7 @@ def with_joint(problem: Problem, i: int, **changes: Any) -> Problem:
 def weak(problem: Problem, i: int, factor: float) -> Problem:
     motor = problem.robot.joints[i].motor
     assert motor is not None
-    return with_joint(problem, i, motor=unchecked(motor, max_torque=factor * motor.max_torque))
+    return with_joint(problem, i, motor=unchecked_copy(motor, max_torque=factor * motor.max_torque))
 
 
 def narrow(problem: Problem) -> Problem:

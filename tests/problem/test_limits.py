@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.limits import (
-    TASK,
+    TASK_COORDINATES,
     ContinuousTorque,
     Duration,
     JointAcceleration,
@@ -35,7 +35,7 @@ from ssm_planner.problem.limits import (
     TipSpeed,
 )
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.serialization import plain, robot_from_plain, task_limits_from_plain
+from ssm_planner.problem.serialization import robot_from_plain, task_limits_from_plain, to_plain
 from tests.support.paths import ROOT
 
 bounds = st.floats(1e-3, 1e3)
@@ -55,8 +55,10 @@ limits = st.one_of(
         )
     ),
     ordered.map(lambda ends: JointPosition("tilt", *ends)),
-    st.builds(lambda name, ends: TaskRange(name, *ends), st.sampled_from(TASK), ordered),
-    st.builds(TaskRate, st.sampled_from(TASK), bounds),
+    st.builds(
+        lambda name, ends: TaskRange(name, *ends), st.sampled_from(TASK_COORDINATES), ordered
+    ),
+    st.builds(TaskRate, st.sampled_from(TASK_COORDINATES), bounds),
     st.builds(TipSpeed, bounds),
     st.builds(lambda clearance, more: RetinaClearance(clearance, clearance + more), bounds, bounds),
     st.builds(LensClearance, st.floats(0, 1), bounds),
@@ -274,7 +276,7 @@ def test_a_problem_refuses_limits_of_joints_among_its_own_and_one_given_twice(
 
 def test_limits_survive_plan_json(laser_scan: Problem) -> None:
     problem = TaskRate("roll", 0.5).on(TipSpeed(0.02).on(laser_scan))
-    document = json.loads(json.dumps(plain(problem)))
+    document = json.loads(json.dumps(to_plain(problem)))
     assert {"limits", "tip_speed", "rates", "eye"} <= set(document)
     assert set(task_limits_from_plain(document).all_limits) == set(problem.task_limits.all_limits)
     robot = robot_from_plain(document["robot"])
@@ -285,13 +287,15 @@ def test_limits_survive_plan_json(laser_scan: Problem) -> None:
 
 
 def test_names_are_those_of_results() -> None:
-    assert [TaskRate(name, 1.0).name for name in TASK] == [
+    assert [TaskRate(name, 1.0).name for name in TASK_COORDINATES] == [
         "roll rate",
         "tilt rate",
         "spin rate",
         "insertion speed",
     ]
-    assert [TaskRange(name, 0.0, 1.0).name for name in TASK] == [f"{name} range" for name in TASK]
+    assert [TaskRange(name, 0.0, 1.0).name for name in TASK_COORDINATES] == [
+        f"{name} range" for name in TASK_COORDINATES
+    ]
     assert [Jump("roll", 1.0, derivative=k).name for k in range(3)] == [
         "position jump",
         "velocity jump",

@@ -13,7 +13,7 @@ from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Dwell, Free, Joints, Scan, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.serialization import plain, problem_from_plain
+from ssm_planner.problem.serialization import problem_from_plain, to_plain
 from ssm_planner.units import deg, mm
 
 TEXT = """\
@@ -43,7 +43,7 @@ def test_the_same_problem_in_python_as_text_and_as_a_mapping() -> None:
     )
     assert [motion.name for motion in written.motion] == ["tilt", "dwell", "insert"]
     assert isinstance(written.limits, tuple)
-    assert plain(written.start)["task"] == pytest.approx(
+    assert to_plain(written.start)["task"] == pytest.approx(
         {"roll": 0, "tilt": math.radians(-85), "spin": 0, "depth": 0}
     )
     text, data = Problem.from_yaml(TEXT), Problem.from_dict(DATA)
@@ -91,9 +91,9 @@ def test_messages_name_the_key_or_the_line() -> None:
 @pytest.mark.parametrize("name", ["tilt_insert", "laser_scan", "waypoints", "eye_approach"])
 def test_every_motion_survives_plan_json(name: str) -> None:
     problem = load_problem(name)
-    back = problem_from_plain(json.loads(json.dumps(plain(problem), allow_nan=False)))
+    back = problem_from_plain(json.loads(json.dumps(to_plain(problem), allow_nan=False)))
     assert back == problem
-    assert plain(back) == plain(problem)
+    assert to_plain(back) == to_plain(problem)
 
 
 def test_every_form_of_a_point_survives_plan_json() -> None:
@@ -101,7 +101,7 @@ def test_every_form_of_a_point_survives_plan_json() -> None:
     problem = dataclasses.replace(
         load_problem("tilt_insert"), start=points[0], motion=(Free(points[2], points[:2], 9.0),)
     )
-    document = plain(problem)
+    document = to_plain(problem)
     keys = {"task", "joints", "tip", "spin", "line"}
     assert set(document["start"]) == set(document["motion"][0]["target"]) == keys
     assert set(document["motion"][0]) == {

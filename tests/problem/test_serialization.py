@@ -10,7 +10,7 @@ import pytest
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_robot
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain, robot_from_plain
+from ssm_planner.problem.serialization import robot_from_plain, to_plain
 from tests.support.paths import ROOT
 
 
@@ -38,7 +38,7 @@ def same(a: object, b: object) -> None:
 
 
 def through_json(robot: Robot) -> dict:
-    return json.loads(json.dumps(plain(robot), allow_nan=False))
+    return json.loads(json.dumps(to_plain(robot), allow_nan=False))
 
 
 def test_a_robot_survives_json_bit_for_bit(robot: Robot) -> None:

@@ -20,7 +20,7 @@ from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Dwell, Free, Joints, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import Value, unchecked
+from ssm_planner.problem.value import Value, unchecked_copy
 from tests.support.paths import PROBLEMS
 
 EDITS = 200
@@ -336,6 +336,6 @@ def test_two_loads_of_one_file_are_equal() -> None:
 
 
 def test_a_trial_value_is_not_checked_and_leaves_the_original() -> None:
-    free_of_friction = unchecked(DRIVE.friction, mu=np.zeros((3, 1)))
+    free_of_friction = unchecked_copy(DRIVE.friction, mu=np.zeros((3, 1)))
     assert free_of_friction.mu.shape == (3, 1)
     assert isinstance(DRIVE.friction.mu, float)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.dynamics.robot_dynamics import motor_torque
-from ssm_planner.formats.epos4_setup import axes_of
+from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.problem.controller import Controller, JointCompliance
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation import playback as module
@@ -34,7 +34,7 @@ WITH_OFFSETS, WITHOUT_OFFSETS = Controller(), Controller(torque_offset=False)
 
 
 def arm(robot: Robot, controller: Controller) -> ControlledArm:
-    axes = axes_of(robot, COUNTS)
+    axes = drive_axes(robot, COUNTS)
     return ControlledArm(robot, controller, axes, dict.fromkeys(axes, 1.0))
 
 
@@ -157,7 +157,7 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
     robot: Robot, period: float
 ) -> None:
     """Offsets are those of the set point at the end of the period, as drives take them."""
-    axis = replace(axes_of(robot, 1000)["tilt"], direction=-1)
+    axis = replace(drive_axes(robot, 1000)["tilt"], direction=-1)
     sent = np.arange(6.0)
     stream = {
         "target_position_inc": 1000 * sent**2,

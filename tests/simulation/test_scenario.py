@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.errors import ProblemError
-from ssm_planner.formats.epos4_setup import axes_of
+from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.problem.controller import Controller, JointCompliance
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation import simulate as module
@@ -100,7 +100,7 @@ def result(robot: Robot, **changes: Any) -> SimulationResult:
         losses=losses,
         scenario=Scenario(),
         reasons=(),
-        axes=axes_of(robot, 4096),
+        axes=drive_axes(robot, 4096),
     )
     return replace(made, **changes)
 
@@ -213,7 +213,7 @@ def test_increments_come_from_the_motor_then_the_controller(robot: Robot) -> Non
 
 def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None:
     """Positions in between are interpolated; offsets are those of the coming set point."""
-    axes = {name: axis for name, axis in axes_of(robot, 4096).items() if name == "tilt"}
+    axes = {name: axis for name, axis in drive_axes(robot, 4096).items() if name == "tilt"}
     axis = axes["tilt"]
     stream = {
         "target_position_inc": np.array([0.0, 10.0, 30.0]),

@@ -16,7 +16,7 @@ import pytest
 
 import ssm_planner as ssm
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading import Part, gearheads_of, motors_of
+from ssm_planner.loading import CatalogueEntry, read_gearheads, read_motors
 from ssm_planner.problem import Drive, Gearhead, Motor
 from ssm_planner.sizing import Conditions, JointLoad
 from ssm_planner.sizing.selection import select_joint
@@ -29,8 +29,8 @@ EXACT = Conditions(spread=0.0)
 
 
 @cache
-def motors() -> tuple[Part[Motor], ...]:
-    return tuple(motors_of(Path("motors_24v")))
+def motors() -> tuple[CatalogueEntry[Motor], ...]:
+    return tuple(read_motors(Path("motors_24v")))
 
 
 def random_drive(rng: np.random.Generator) -> Drive:
@@ -149,10 +149,10 @@ def test_chains_equal_a_brute_force_oracle():
     answers = []
     for _ in range(-(-CHAINS // (heads * chosen))):
         load = random_load(rng)
-        gearheads = [Part(f"head {k}", random_gearhead(rng)) for k in range(heads)]
+        gearheads = [CatalogueEntry(f"head {k}", random_gearhead(rng)) for k in range(heads)]
         picked = [motors()[k] for k in rng.choice(len(motors()), chosen, replace=False)]
         selection = select_joint(
-            load, picked, [Part("worm", load.drive)], EXACT, gearheads=gearheads
+            load, picked, [CatalogueEntry("worm", load.drive)], EXACT, gearheads=gearheads
         )
         for g, m in np.ndindex(heads, chosen):
             adequate = selection.adequate[g + 1, m]
@@ -179,10 +179,14 @@ def test_a_selection_gives_the_answers_of_each_chain(mu: float | None):
     if mu is not None:
         friction = replace(load.drive.friction, mu=mu, mu_lowest=mu, mu_static=mu)
         load = replace(load, drive=replace(load.drive, friction=friction, self_locking=False))
-    gearheads = [Part(f"head {k}", random_gearhead(rng)) for k in range(4)]
-    gearheads.append(Part("computed", replace(gearheads[0].of, placeholder=True)))
+    gearheads = [CatalogueEntry(f"head {k}", random_gearhead(rng)) for k in range(4)]
+    gearheads.append(CatalogueEntry("computed", replace(gearheads[0].of, placeholder=True)))
     selection = select_joint(
-        load, motors()[::8], [Part("worm", load.drive)], Conditions(spread=0.1), gearheads=gearheads
+        load,
+        motors()[::8],
+        [CatalogueEntry("worm", load.drive)],
+        Conditions(spread=0.1),
+        gearheads=gearheads,
     )
     for g, m in np.ndindex(selection.adequate.shape):
         verdict = selection.verdict(g, m)
@@ -194,9 +198,13 @@ def test_a_selection_gives_the_answers_of_each_chain(mu: float | None):
 
 def test_a_light_chain_suffices_for_roll():
     load = ssm.size("results/tilt_insert").joints[0].load
-    gearheads = gearheads_of(Path("gearheads"))
+    gearheads = read_gearheads(Path("gearheads"))
     selection = select_joint(
-        load, motors(), [Part("worm", load.drive)], Conditions(spread=0.2), gearheads=gearheads[:9]
+        load,
+        motors(),
+        [CatalogueEntry("worm", load.drive)],
+        Conditions(spread=0.2),
+        gearheads=gearheads[:9],
     )
     g, m = selection.ranked("mass")[0]
     chain = selection.gears[g]
@@ -240,9 +248,9 @@ def written(folder: Path, cells: dict[str, str], separator: str = ",") -> Path:
 
 
 def test_a_gearhead_is_read_in_either_notation(tmp_path: Path):
-    (comma,) = gearheads_of(written(tmp_path, GOOD))
+    (comma,) = read_gearheads(written(tmp_path, GOOD))
     cells = {name: cell.replace(".", ",") for name, cell in GOOD.items()}
-    (semicolon,) = gearheads_of(written(tmp_path, cells, ";"))
+    (semicolon,) = read_gearheads(written(tmp_path, cells, ";"))
     assert comma.of == semicolon.of
     assert comma.of.inertia == pytest.approx(4e-8)
     assert comma.of.ratings.peak_output == pytest.approx(0.5)
@@ -253,13 +261,13 @@ def test_a_gearhead_is_read_in_either_notation(tmp_path: Path):
 )
 def test_a_faulty_gearhead_is_refused(tmp_path: Path, column: str, cell: str):
     with pytest.raises(ProblemError) as caught:
-        gearheads_of(written(tmp_path, {**GOOD, column: cell}))
+        read_gearheads(written(tmp_path, {**GOOD, column: cell}))
     assert caught.value.file is not None
 
 
 def test_a_joint_has_one_gearhead(tmp_path: Path):
     load = random_load(np.random.default_rng(1))
-    head = Part("head", random_gearhead(np.random.default_rng(2)))
+    head = CatalogueEntry("head", random_gearhead(np.random.default_rng(2)))
     own = replace(load.drive, gearhead=replace(head.of, inertia=0.0))
     with pytest.raises(ProblemError, match="without gearhead"):
-        select_joint(load, motors()[:1], [Part("worm", own)], EXACT, gearheads=[head])
+        select_joint(load, motors()[:1], [CatalogueEntry("worm", own)], EXACT, gearheads=[head])

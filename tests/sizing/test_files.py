@@ -12,7 +12,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_drive, load_motor
 from ssm_planner.problem.drive import Ratings
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain, robot_from_plain
+from ssm_planner.problem.serialization import robot_from_plain, to_plain
 from tests.support.paths import PROBLEMS
 from tests.support.sizing_cases import equipped
 
@@ -156,7 +156,7 @@ def test_real_motors_are_shipped_with_their_order_numbers(robot: Robot, tmp_path
     )
     with pytest.raises(ProblemError, match=r"stall_torque.*contradicts .* 28.44 mN\*m"):
         load_motor(path)
-    again = robot_from_plain(json.loads(json.dumps(plain(robot))))
+    again = robot_from_plain(json.loads(json.dumps(to_plain(robot))))
     assert again.joints[3].alternatives == insertion.alternatives
 
 
@@ -241,11 +241,11 @@ def test_ratings_and_ranges_survive_plan_json(robot: Robot) -> None:
     full = equipped(robot)
     drive = replace(full.joints[0].drive, friction_ranges={"mu": (0.1, 0.2)})
     full = replace(full, joints=(replace(full.joints[0], drive=drive), *full.joints[1:]))
-    again = robot_from_plain(json.loads(json.dumps(plain(full))))
+    again = robot_from_plain(json.loads(json.dumps(to_plain(full))))
     assert isinstance(again.joints[0].drive.ratings, Ratings)
     assert again.joints[0].drive.friction_ranges["mu"] == (0.1, 0.2)
-    assert plain(again) == plain(full)
-    older = plain(full)
+    assert to_plain(again) == to_plain(full)
+    older = to_plain(full)
     for joint in older["joints"]:
         if joint["drive"]:
             del joint["drive"]["ratings"], joint["drive"]["friction_ranges"]

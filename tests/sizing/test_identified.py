@@ -10,11 +10,11 @@ import pytest
 
 from ssm_planner import identify
 from ssm_planner.dynamics.spread import spread_of
-from ssm_planner.loading.files import shipped_names
+from ssm_planner.loading.files import shipped_files
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation, Stroke
 from ssm_planner.problem.motor import Motor
-from ssm_planner.problem.posterior import LAW, LAWS, Posterior, Ripple
+from ssm_planner.problem.posterior import FRICTION_LAWS, LAW_COLUMN, Posterior, Ripple
 from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
@@ -76,7 +76,7 @@ def torque(
     """(n,) motor torque; the static coefficient keeps its ratio to that just after the start."""
     friction, w = drive.friction, drive.ratio * qd
     mu = np.full(len(w), values["mu"])
-    law = LAWS[int(values[LAW])] if LAW in values else friction.law
+    law = FRICTION_LAWS[int(values[LAW_COLUMN])] if LAW_COLUMN in values else friction.law
     if law != "coulomb":
         x = np.abs(w) / values["stribeck_speed"]
         mu = mu + values["mu_stribeck"] * (
@@ -107,7 +107,7 @@ def beyond(ripple: Ripple, peaks: Array, rng: np.random.Generator) -> Array:
 @pytest.mark.usefixtures("few_points")
 def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
     joint = RIGS[rig]
-    drive = identify(shipped_names("drives")[rig]).drive
+    drive = identify(shipped_files("drives")[rig]).drive
     posterior = drive.friction.posterior
     assert posterior is not None
     i = JOINTS.index(joint)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.loading.catalogues import gears_of, motors_of
+from ssm_planner.loading.catalogues import drives_with_gears, read_motors
 from ssm_planner.loading.load import load_robot
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
@@ -221,8 +221,8 @@ def compared(
     conditions = Conditions(spread=SPREAD, supply_voltage=None, pause=PAUSE)
     selection = select_joint(
         load,
-        motors_of(written(tmp_path / "motors.csv", MOTOR, motors)),
-        gears_of(written(tmp_path / "gears.csv", GEAR, gears), load.drive),
+        read_motors(written(tmp_path / "motors.csv", MOTOR, motors)),
+        drives_with_gears(written(tmp_path / "gears.csv", GEAR, gears), load.drive),
         conditions,
         inertia=0.01,
     )

@@ -9,7 +9,7 @@ import pytest
 
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain, robot_from_plain, robot_text
+from ssm_planner.problem.serialization import robot_from_plain, robot_text, to_plain
 from ssm_planner.sizing.assess import MotorVerdict, assess
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
@@ -122,5 +122,5 @@ def test_plans_store_the_figure_and_certificates_without_it_stay_valid(robot: Ro
     ]
     stated = replace(robot, joints=tuple(joints))
     assert "no_load_current" in robot_text(stated)
-    assert robot_from_plain(plain(stated)) == stated
-    assert robot_from_plain(plain(robot)) == robot
+    assert robot_from_plain(to_plain(stated)) == stated
+    assert robot_from_plain(to_plain(robot)) == robot

@@ -12,7 +12,7 @@ import pytest
 from ssm_planner.cli import main
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
-from ssm_planner.loading.catalogues import Part, gears_of, motors_of
+from ssm_planner.loading.catalogues import CatalogueEntry, drives_with_gears, read_motors
 from ssm_planner.loading.load import load_robot
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
@@ -32,7 +32,7 @@ def duty():
 @pytest.fixture(scope="module")
 def motors():
     """Of the shipped catalogue some, one of them without its rotor's inertia and one without its thermal figures."""
-    some = motors_of(MOTORS)[::9]
+    some = read_motors(MOTORS)[::9]
     first, second, *rest = some
     return [
         replace(first, of=replace(first.of, rotor_inertia=None)),
@@ -47,10 +47,12 @@ def gears(duty, covariance=False):
     found = {}
     for joint in duty.robot.joints:
         if joint.drive is not None:
-            parts = [part for file in (WORMS, SCREWS) for part in gears_of(file, joint.drive)]
-            found[joint.name] = [*parts[::6], Part("own", joint.drive)]
+            parts = [
+                part for file in (WORMS, SCREWS) for part in drives_with_gears(file, joint.drive)
+            ]
+            found[joint.name] = [*parts[::6], CatalogueEntry("own", joint.drive)]
             if covariance:
-                found[joint.name] = [Part("own", with_covariance(joint.drive))]
+                found[joint.name] = [CatalogueEntry("own", with_covariance(joint.drive))]
     return found
 
 
@@ -123,7 +125,7 @@ def test_a_mass_that_no_gear_states_leaves_the_rank_to_the_motors(duty, motors):
 def test_energy_to_the_bus_and_inertia_ratio_follow_from_their_definitions(duty):
     """A motor driven by its load with little resistance gives back almost all the mechanical energy that it takes up."""
     motor = replace(COMPLETE, terminal_resistance=1e-9)
-    for joint in select(duty, [Part("complete", motor)], {}):
+    for joint in select(duty, [CatalogueEntry("complete", motor)], {}):
         verdict = joint.verdict(0, 0)
         assert energy_to_bus(verdict.load, motor) == pytest.approx(
             verdict.requirement.returned_energy, abs=1e-9
@@ -148,13 +150,13 @@ def test_a_gear_replaces_geometry_and_ratings_and_keeps_the_friction(tmp_path):
         "small,60,8 mm,1.25664,4000 rpm,12\n",
         encoding="utf-8",
     )
-    (part,) = gears_of(file, own)
+    (part,) = drives_with_gears(file, own)
     assert part.of.ratio == pytest.approx(60)
     assert part.of.gamma == pytest.approx(np.pi * 8 / (60 * 1.25664), rel=1e-5)
     assert part.of.friction.mu == own.friction.mu
     assert part.of.ratings.input_speed == pytest.approx(4000 * np.pi / 30)
     assert part.mass == pytest.approx(0.012)
-    assert gears_of(file, load_robot("vitreoretinal").joints[3].drive) == []
+    assert drives_with_gears(file, load_robot("vitreoretinal").joints[3].drive) == []
 
 
 @pytest.mark.parametrize(
@@ -170,7 +172,7 @@ def test_a_fault_in_a_row_is_named_with_its_line(tmp_path, old, new, message):
     shipped = PROBLEMS / "catalogues" / "motors_24v.csv"
     file.write_text(shipped.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ProblemError, match=message):
-        motors_of(file)
+        read_motors(file)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from ssm_planner import Plan, fk, load_plan
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.problem import Gearhead, Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.sizing.tip_error import tip_error
 from tests.support.paths import ROOT
 
@@ -34,15 +34,15 @@ def accurate(**changes: float) -> Robot:
     joints = []
     for joint in made().robot.joints:
         backlash, homing, tracking, stiffness = FIGURES[joint.name]
-        motor = joint.motor and unchecked(joint.motor, encoder_counts=500, placeholders=())
+        motor = joint.motor and unchecked_copy(joint.motor, encoder_counts=500, placeholders=())
         values = {
             "backlash": backlash,
             "homing_error": homing,
             "tracking_error": tracking,
             "stiffness": stiffness,
         }
-        joints.append(unchecked(joint, motor=motor, **{**values, **changes}))
-    return unchecked(made().robot, joints=tuple(joints))
+        joints.append(unchecked_copy(joint, motor=motor, **{**values, **changes}))
+    return unchecked_copy(made().robot, joints=tuple(joints))
 
 
 def monte_carlo(robot: Robot, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -84,11 +84,13 @@ def test_99_of_100_errors_are_below_the_bound_and_the_bound_is_close() -> None:
 def test_a_homing_error_of_the_sliding_joint_is_the_tip_error() -> None:
     robot = accurate(backlash=0.0, homing_error=0.0, tracking_error=0.0, stiffness=1e12)
     joints = [
-        unchecked(joint, motor=joint.motor and unchecked(joint.motor, encoder_counts=10**9))
+        unchecked_copy(
+            joint, motor=joint.motor and unchecked_copy(joint.motor, encoder_counts=10**9)
+        )
         for joint in robot.joints
     ]
-    joints[3] = unchecked(joints[3], homing_error=1e-4)
-    result = tip_error(made().motion, unchecked(robot, joints=tuple(joints)))
+    joints[3] = unchecked_copy(joints[3], homing_error=1e-4)
+    result = tip_error(made().motion, unchecked_copy(robot, joints=tuple(joints)))
     assert result.sources[0].name == "homing error"
     assert result.sources[0].tip == pytest.approx(1e-4, rel=1e-9)
     assert result.bound == pytest.approx(1e-4, rel=0.02)
@@ -99,19 +101,19 @@ def test_a_homing_error_of_the_sliding_joint_is_the_tip_error() -> None:
 def test_the_bound_is_proportional_to_the_errors(factor: float) -> None:
     base, scaled = accurate(), accurate()
     joints = tuple(
-        unchecked(
+        unchecked_copy(
             joint,
             backlash=factor * joint.backlash,
             homing_error=factor * joint.homing_error,
             tracking_error=factor * joint.tracking_error,
             stiffness=joint.stiffness / factor,
             motor=joint.motor
-            and unchecked(joint.motor, encoder_counts=joint.motor.encoder_counts / factor),
+            and unchecked_copy(joint.motor, encoder_counts=joint.motor.encoder_counts / factor),
         )
         for joint in scaled.joints
     )
     results = [
-        tip_error(made().motion, robot) for robot in (base, unchecked(scaled, joints=joints))
+        tip_error(made().motion, robot) for robot in (base, unchecked_copy(scaled, joints=joints))
     ]
     assert results[1].bound == pytest.approx(factor * results[0].bound, rel=1e-9)
 
@@ -119,8 +121,8 @@ def test_the_bound_is_proportional_to_the_errors(factor: float) -> None:
 @pytest.mark.parametrize("figure", ["backlash", "homing_error", "tracking_error", "stiffness"])
 def test_a_missing_figure_makes_the_bound_unknown(figure: str) -> None:
     robot = accurate()
-    joints = (robot.joints[0], unchecked(robot.joints[1], **{figure: None}), *robot.joints[2:])
-    result = tip_error(made().motion, unchecked(robot, joints=joints))
+    joints = (robot.joints[0], unchecked_copy(robot.joints[1], **{figure: None}), *robot.joints[2:])
+    result = tip_error(made().motion, unchecked_copy(robot, joints=joints))
     assert result.missing == (f"tilt: {figure.replace('_', ' ')}",)
     assert result.bound is None
     assert result.stated > 0
@@ -135,7 +137,7 @@ def test_a_placeholder_of_the_encoder_counts_as_missing() -> None:
 
 
 def test_the_plan_states_the_tip_error() -> None:
-    plan = replace(made(), problem=unchecked(made().problem, robot=accurate()))
+    plan = replace(made(), problem=unchecked_copy(made().problem, robot=accurate()))
     entry = plan.summary()["tip_error"]
     assert entry["bound"] == plan.tip_error.bound
     assert entry["sources"][0]["tip"] >= entry["sources"][-1]["tip"]
@@ -145,14 +147,14 @@ def test_the_backlash_of_a_gearhead_counts_at_the_joint():
     robot = accurate()
     drive = robot.joints[0].drive
     head = Gearhead("head", 5.0, 0.8, backlash=0.2)
-    staged = unchecked(drive, gearhead=head, ratio=5.0 * drive.ratio)
-    joints = (unchecked(robot.joints[0], drive=staged), *robot.joints[1:])
-    error = tip_error(made().motion, unchecked(robot, joints=joints))
+    staged = unchecked_copy(drive, gearhead=head, ratio=5.0 * drive.ratio)
+    joints = (unchecked_copy(robot.joints[0], drive=staged), *robot.joints[1:])
+    error = tip_error(made().motion, unchecked_copy(robot, joints=joints))
     (source,) = (source for source in error.sources if source.name == "gearhead backlash")
     assert source.error == pytest.approx(0.1 / drive.ratio)
     assert error.bound > tip_error(made().motion, robot).bound
-    unknown = unchecked(staged, gearhead=replace(head, backlash=None))
-    joints = (unchecked(robot.joints[0], drive=unknown), *robot.joints[1:])
-    error = tip_error(made().motion, unchecked(robot, joints=joints))
+    unknown = unchecked_copy(staged, gearhead=replace(head, backlash=None))
+    joints = (unchecked_copy(robot.joints[0], drive=unknown), *robot.joints[1:])
+    error = tip_error(made().motion, unchecked_copy(robot, joints=joints))
     assert error.bound is None
     assert error.missing == ("roll: gearhead backlash",)

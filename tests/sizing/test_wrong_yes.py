@@ -12,7 +12,7 @@ import pytest
 
 from ssm_planner.cli import main
 from ssm_planner.errors import ProblemError, TrajectoryError
-from ssm_planner.loading.catalogues import Part, gears_of, motors_of
+from ssm_planner.loading.catalogues import CatalogueEntry, drives_with_gears, read_motors
 from ssm_planner.loading.load import load_robot
 from ssm_planner.plans import load_plan
 from ssm_planner.sizing.duty import DutyCycle
@@ -101,8 +101,8 @@ def test_every_figure_is_refused_or_assessed(
     for text in (*(f"{number} {unit}".strip() for number in ODD), *ALSO):
         motor, gear = ({**MOTOR, key: text}, WORM) if row is MOTOR else (MOTOR, {**row, key: text})
         try:
-            motors = motors_of(written(tmp_path / "motors.csv", motor))
-            gears = gears_of(written(tmp_path / "gears.csv", gear), joint.drive, 0.03)
+            motors = read_motors(written(tmp_path / "motors.csv", motor))
+            gears = drives_with_gears(written(tmp_path / "gears.csv", gear), joint.drive, 0.03)
         except ProblemError as error:
             faults.append(error)
             continue
@@ -124,9 +124,9 @@ def test_an_impossible_screw_is_one_clear_error(
 ) -> None:
     joint = load_robot("vitreoretinal").joints[3]
     file = tmp_path / "screws.csv"
-    assert len(gears_of(written(file, SCREW), joint.drive, 0.03)) == 1
+    assert len(drives_with_gears(written(file, SCREW), joint.drive, 0.03)) == 1
     with pytest.raises(ProblemError) as caught:
-        gears_of(written(file, {**SCREW, key: text}), joint.drive, 0.03)
+        drives_with_gears(written(file, {**SCREW, key: text}), joint.drive, 0.03)
     assert re.fullmatch(
         rf".*screws\.csv:2: {key} = {text}: .* \(allowed: {allowed}\)", str(caught.value)
     )
@@ -134,7 +134,7 @@ def test_an_impossible_screw_is_one_clear_error(
 
 def test_a_joint_longer_than_its_screw_is_refused(tmp_path: Path) -> None:
     joint = load_robot("vitreoretinal").joints[3]
-    (part,) = gears_of(written(tmp_path / "screws.csv", SCREW), joint.drive)
+    (part,) = drives_with_gears(written(tmp_path / "screws.csv", SCREW), joint.drive)
     with pytest.raises(ProblemError, match=r"free_length.*shorter than the travel"):
         replace(joint, drive=part.of, position=(-0.07, 0.0))
 
@@ -148,8 +148,8 @@ def test_the_joint_decides_on_self_locking(tmp_path: Path, duty: DutyCycle) -> N
     (tmp_path / "worm.yaml").write_text(slippery, encoding="utf-8")
     joint = duty.robot.joints[0]
     for required in (True, False):
-        (part,) = gears_of(tmp_path, replace(joint.drive, self_locking=required))
-        selection = select(duty, motors_of(Path("motors_24v.csv"))[:1], {"roll": [part]})[0]
+        (part,) = drives_with_gears(tmp_path, replace(joint.drive, self_locking=required))
+        selection = select(duty, read_motors(Path("motors_24v.csv"))[:1], {"roll": [part]})[0]
         names = [check.name for check in selection.of_gear[0]]
         assert ("self_locking" in names) is required
 
@@ -158,13 +158,13 @@ def test_a_placeholder_is_named_and_never_a_yes(tmp_path: Path, duty: DutyCycle)
     """A motor or gear with an assumed figure has the answer of the stated one, but never yes."""
     motors = [
         replace(part, of=replace(part.of, placeholders=placeholders))
-        for part in motors_of(Path("motors_24v.csv"))[::6]
+        for part in read_motors(Path("motors_24v.csv"))[::6]
         for placeholders in ((), ("max_torque",), ("encoder_counts",))
     ]
     drive = duty.robot.joints[0].drive
-    (gear,) = gears_of(written(tmp_path / "gears.csv", WORM), drive)
+    (gear,) = drives_with_gears(written(tmp_path / "gears.csv", WORM), drive)
     assumed = replace(gear.of, placeholders=("mu",))
-    gears = {"roll": [gear, Part("assumed", assumed)]}
+    gears = {"roll": [gear, CatalogueEntry("assumed", assumed)]}
     selection = select(duty, motors, gears, Conditions(spread=0.2))[0]
     stated, placeholder, counts = (selection.adequate[0, k::3] for k in range(3))
     assert stated.max() == 1
@@ -178,7 +178,7 @@ def test_a_placeholder_is_named_and_never_a_yes(tmp_path: Path, duty: DutyCycle)
 
 def test_a_gear_inherits_assumed_friction(tmp_path: Path, duty: DutyCycle) -> None:
     drive = replace(duty.robot.joints[0].drive, placeholders=("b_c", "identified_speed", "ratio"))
-    (part,) = gears_of(written(tmp_path / "gears.csv", WORM), drive)
+    (part,) = drives_with_gears(written(tmp_path / "gears.csv", WORM), drive)
     assert part.of.placeholders == ("identified_speed",)
 
 
@@ -231,7 +231,7 @@ def test_a_plan_without_a_certificate_says_so(
 
 def test_counts_of_an_impossible_encoder_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=r"encoder_counts = 1e\+?30"):
-        motors_of(written(tmp_path / "motors.csv", {**MOTOR, "encoder_counts": "1e30"}))
+        read_motors(written(tmp_path / "motors.csv", {**MOTOR, "encoder_counts": "1e30"}))
 
 
 def test_a_bare_number_of_percent_gets_a_hint(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ssm_planner.loading.files import of_data
+from ssm_planner.loading.files import section_from_data
 from ssm_planner.studies.evaluation import Evaluation
 from ssm_planner.studies.store import Candidate, hash_contents
 from ssm_planner.studies.study_file import study_from
@@ -35,7 +35,7 @@ def pids(workers: Workers) -> list[int]:
 
 
 def study(**changes):
-    return study_from(of_data({**FILE, **changes}))
+    return study_from(section_from_data({**FILE, **changes}))
 
 
 class Here(Executor):

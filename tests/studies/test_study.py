@@ -22,7 +22,7 @@ import pytest
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.loading.files import of_data
+from ssm_planner.loading.files import section_from_data
 from ssm_planner.studies import run as driver
 from ssm_planner.studies.evaluation import Evaluation, candidate_problems, evaluate_batch
 from ssm_planner.studies.page import correlation_ratio, write_study_page
@@ -54,7 +54,7 @@ FILE = {
 
 
 def study(**changes):
-    return study_from(of_data({**FILE, **changes}))
+    return study_from(section_from_data({**FILE, **changes}))
 
 
 @pytest.fixture(scope="session")

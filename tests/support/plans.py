@@ -15,7 +15,7 @@ from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem.serialization import to_plain
 from ssm_planner.trajectory import Span, Trajectory, hermite
 from ssm_planner.typing import Range
 from ssm_planner.verification.check import check
@@ -114,7 +114,7 @@ def write_plan(
         "format": FORMAT,
         "version": VERSION,
         "status": "solved",
-        "problem": plain(problem),
+        "problem": to_plain(problem),
         "certificate": check(trajectory, robot, problem.task_limits, seal=True).to_dict(),
         "trajectory": trajectory.to_dict(),
         **changes,

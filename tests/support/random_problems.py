@@ -15,11 +15,11 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.kinematics.workspace import tilt_interval
 from ssm_planner.planning.reason import Reason
 from ssm_planner.plans import Plan
-from ssm_planner.problem.limits import TASK, TaskRange, TaskRate, TipSpeed
+from ssm_planner.problem.limits import TASK_COORDINATES, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Dwell, Free, Motion, Scan, Straight, Task
 from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import Body, Geometry, Joint, Robot, read_only_array
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.typing import Array
 
 NAMED = {
@@ -53,7 +53,7 @@ def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
         limits=(
             TaskRange("depth", *DEPTH),
             *([TipSpeed(0.02)] if rng.random() < 0.2 else []),
-            *(TaskRate(name, _rate(name, rng)) for name in TASK if rng.random() < 0.12),
+            *(TaskRate(name, _rate(name, rng)) for name in TASK_COORDINATES if rng.random() < 0.12),
         ),
         eye=eye,
         objective="time" if rng.random() < 0.35 else "time then heat",
@@ -202,7 +202,7 @@ def _joint(joint: Joint, jerk: bool, rng: np.random.Generator) -> Joint:
     acceleration = joint.acceleration * 10 ** rng.uniform(-0.7, 0.5)
     motor = joint.motor
     if motor is not None:
-        motor = unchecked(motor, max_torque=motor.max_torque * 10 ** rng.uniform(-0.5, 0.2))
+        motor = unchecked_copy(motor, max_torque=motor.max_torque * 10 ** rng.uniform(-0.5, 0.2))
     return dataclasses.replace(
         joint,
         position=(-6.5, 6.5) if joint.kind == "revolute" else joint.position,
@@ -255,13 +255,13 @@ def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:
     found = []
     start = task_from_joints(mechanism, first.q)[0]
     for name, value in problem.start.set_coordinates.items():
-        if abs(np.sin((start[TASK.index(name)] - value) / 2)) > 1e-9:
+        if abs(np.sin((start[TASK_COORDINATES.index(name)] - value) / 2)) > 1e-9:
             found.append(f"begins at another {name}")
     end = task_from_joints(mechanism, last.q)[0]
     last_motion = problem.motion[-1]
     goal = last_motion.to.set_coordinates if isinstance(last_motion, (Straight, Free)) else {}
     for name, value in goal.items():
-        if abs(np.sin((end[TASK.index(name)] - value) / 2)) > 1e-9:
+        if abs(np.sin((end[TASK_COORDINATES.index(name)] - value) / 2)) > 1e-9:
             found.append(f"ends at another {name}")
     if not problem.start_rate and np.abs(first.qd).max() > 1e-9:
         found.append("does not begin at rest")

@@ -14,10 +14,10 @@ from ssm_planner.kinematics.eye import lens_ratio
 from ssm_planner.kinematics.forward import space_jacobian, tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints, task_rates
-from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.limits import TASK_COORDINATES
 from ssm_planner.problem.problem import Eye, Lens, TaskLimits
 from ssm_planner.problem.robot import Robot, read_only_array
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Samples, Trajectory, hermite
 from tests.support.plans import of_task
 
@@ -119,13 +119,13 @@ def _eye(kind: str, high: float) -> Eye:
         read_only_array(CENTRE, (3,)), float(np.linalg.norm(CENTRE)), clearance, port=2 * clearance
     )
     if kind == "retina clearance":
-        return unchecked(any_eye, radius=high + clearance, port=1e-9)
+        return unchecked_copy(any_eye, radius=high + clearance, port=1e-9)
     lens = Lens(
         read_only_array(PLACE, (3,)),
         read_only_array(SEMI_AXES / high, (3,)),
         read_only_array(np.eye(3), (3, 3)),
     )
-    return unchecked(any_eye, radius=LOOSE, port=1e-9, lens=lens)
+    return unchecked_copy(any_eye, radius=LOOSE, port=1e-9, lens=lens)
 
 
 def seeded(rng: np.random.Generator, robot: Robot, kind: str) -> Case:
@@ -252,7 +252,9 @@ def _values(trajectory: Trajectory, robot: Robot, kind: str, joint: int) -> np.n
     elif kind == "tilt range":
         values = task_from_joints(mechanism, s.q)[:, 1]
     elif kind in TASK_RATES:
-        values = np.abs(task_rates(mechanism, s.q, s.qd)[:, TASK.index(TASK_RATES[kind])])
+        values = np.abs(
+            task_rates(mechanism, s.q, s.qd)[:, TASK_COORDINATES.index(TASK_RATES[kind])]
+        )
     elif kind.endswith("clearance"):
         values = _about_eye(tip_position(mechanism, s.q), kind)
     else:

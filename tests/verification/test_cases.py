@@ -12,7 +12,7 @@ from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
 from ssm_planner.dynamics.spread import drive_with
 from ssm_planner.errors import ProblemError
-from ssm_planner.problem.posterior import LAW, LAWS
+from ssm_planner.problem.posterior import FRICTION_LAWS, LAW_COLUMN
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
@@ -97,8 +97,8 @@ def test_friction_at_a_start_with_a_small_jump_is_a_case(robot: Robot) -> None:
 
 def test_cases_are_named_by_their_parameters() -> None:
     assert cases._parameter_text("mu", 0.123456) == "mu 0.1235"
-    for k, law in enumerate(LAWS):
-        assert cases._parameter_text(LAW, float(k)) == f"{LAW} {law}"
+    for k, law in enumerate(FRICTION_LAWS):
+        assert cases._parameter_text(LAW_COLUMN, float(k)) == f"{LAW_COLUMN} {law}"
 
 
 def test_without_a_range_there_are_no_cases(robot: Robot) -> None:

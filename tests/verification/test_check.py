@@ -15,7 +15,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.limits import TASK_COORDINATES
 from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.sizing.joint_load import joint_loads
@@ -88,7 +88,7 @@ def dense(
         task_from_joints(mechanism, samples.q + side * 1e-6 * samples.qd, near=task)
         for side in (1, -1)
     )
-    for k, name in enumerate(TASK):
+    for k, name in enumerate(TASK_COORDINATES):
         values[f"{name} range", None] = task[:, k]
         values[f"{name} rate", None] = (ahead - behind)[:, k] / 2e-6
     tip = tip_position(mechanism, samples.q)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import ssm_planner as ssm
 from ssm_planner import Plan, Problem, Robot, Trajectory
 from ssm_planner.cli import main
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Samples
 from ssm_planner.verification import check_stops, quickest_stops
 from ssm_planner.verification.joint_stops import _stops
@@ -36,7 +36,7 @@ def with_jerk(robot: Robot, ratio: float) -> Robot:
 @pytest.fixture(scope="module")
 def plan(tilt_insert: Problem) -> Plan:
     robot = with_jerk(tilt_insert.robot, 20.0)
-    return ssm.plan(unchecked(tilt_insert, robot=robot, planner="fast"), relaxations=False)
+    return ssm.plan(unchecked_copy(tilt_insert, robot=robot, planner="fast"), relaxations=False)
 
 
 def state(velocity: np.ndarray, acceleration: np.ndarray) -> Samples:
@@ -88,7 +88,7 @@ def test_stops_are_as_short_as_by_ruckig(
 def test_every_stop_of_a_random_motion_is_certified(seed: int, tilt_insert: Problem) -> None:
     problem = random_problem(tilt_insert, seed)
     ratio = float(np.random.default_rng(seed).choice([5, 20, 60]))
-    problem = unchecked(problem, robot=with_jerk(problem.robot, ratio), planner="fast")
+    problem = unchecked_copy(problem, robot=with_jerk(problem.robot, ratio), planner="fast")
     stops = ssm.controlled_stops(ssm.plan(problem, relaxations=False), instants=200)
     assert stops.passed
     assert stops.duration.max() > 0.0
@@ -107,7 +107,7 @@ def test_the_motion_continues_where_no_stop_is_possible(plan: Plan) -> None:
     # Motors this weak cannot brake harder than the motion does.
     limit = ssm.TaskLimits(plan.limits.limits, eye=plan.limits.eye)
     weak = [
-        replace(joint, motor=joint.motor and unchecked(joint.motor, max_torque=1e-6))
+        replace(joint, motor=joint.motor and unchecked_copy(joint.motor, max_torque=1e-6))
         for joint in plan.robot.joints
     ]
     robot = replace(plan.robot, joints=tuple(weak))

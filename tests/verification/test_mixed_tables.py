@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssm_planner.formats.points import Points, join_points
+from ssm_planner.formats.points import Points, interpolate_points
 from ssm_planner.problem.robot import Robot
 from ssm_planner.verification.check import check
 
@@ -35,7 +35,7 @@ def test_linear_pieces_do_not_excuse_the_smooth_ones(robot: Robot, lacking: list
     def limits(
         share: float, missing: list[int]
     ) -> dict[tuple[str, str | None], tuple[float, float, bool]]:
-        reading = join_points(roll_sine(robot, share, missing), robot)
+        reading = interpolate_points(roll_sine(robot, share, missing), robot)
         certificate = check(reading.trajectory, robot, resolution=reading.resolution)
         return {
             (limit.name, limit.joint): (limit.worst, limit.time, limit.passed)
@@ -57,7 +57,7 @@ def test_linear_pieces_do_not_excuse_the_smooth_ones(robot: Robot, lacking: list
 
 def test_a_table_of_positions_alone_has_no_dynamics(robot: Robot) -> None:
     points = roll_sine(robot, 0.5, [])
-    reading = join_points(Points(points.t, points.q), robot)
+    reading = interpolate_points(Points(points.t, points.q), robot)
     certificate = check(reading.trajectory, robot, resolution=reading.resolution)
     assert not any(limit.name == "acceleration" for limit in certificate.limits)
     assert "acceleration" in {line.name for line in certificate.unjudged}

@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 
 from ssm_planner import load_plan, load_problem, plan
 from ssm_planner.problem import Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.verification import path_rows
 from ssm_planner.verification.path_bound import _smallest_values, path_bound
@@ -86,8 +86,8 @@ def test_the_bound_scales_with_the_acceleration_limits(factor: float) -> None:
 
 def with_acceleration(robot: Robot, factor: float) -> Robot:
     """Return the robot with other acceleration limits."""
-    joints = (unchecked(j, acceleration=factor * j.acceleration) for j in robot.joints)
-    return unchecked(robot, joints=tuple(joints))
+    joints = (unchecked_copy(j, acceleration=factor * j.acceleration) for j in robot.joints)
+    return unchecked_copy(robot, joints=tuple(joints))
 
 
 def test_a_motion_faster_than_its_bound_breaks_a_torque_limit() -> None:
@@ -131,7 +131,7 @@ def test_the_smallest_value_is_exact() -> None:
 def test_random_motions_where_the_limits_alternate(seed: int) -> None:
     """These motions touch a speed limit briefly, stay at a torque limit, or begin to brake early."""
     problem: Any = random_problem(load_problem("tilt_insert"), 94000 + seed)
-    made = plan(unchecked(problem, planner="fast"), relaxations=False)
+    made = plan(unchecked_copy(problem, planner="fast"), relaxations=False)
     assert made.trajectory is not None
     phase = next(p for p in made.phases if p.name in ("straight", "free"))
     span = made.trajectory.phases[made.phases.index(phase)]
@@ -206,7 +206,7 @@ def test_sensitivities_satisfy_the_scaling_of_time(name: str) -> None:
 
 
 def test_a_torque_that_binds_has_a_sensitivity_that_planning_again_confirms() -> None:
-    problem = unchecked(weakened(0.9), planner="fast")
+    problem = unchecked_copy(weakened(0.9), planner="fast")
     base = plan(problem, relaxations=False)
     span = base.motion.phases[0]
     ends = span.start, span.end
@@ -216,13 +216,14 @@ def test_a_torque_that_binds_has_a_sensitivity_that_planning_again_confirms() ->
         key=lambda item: item[1],
     )
     stronger = tuple(
-        unchecked(j, motor=unchecked(j.motor, max_torque=1.001 * j.motor.max_torque))
+        unchecked_copy(j, motor=unchecked_copy(j.motor, max_torque=1.001 * j.motor.max_torque))
         if j.name == joint
         else j
         for j in problem.robot.joints
     )
     again = plan(
-        unchecked(problem, robot=unchecked(problem.robot, joints=stronger)), relaxations=False
+        unchecked_copy(problem, robot=unchecked_copy(problem.robot, joints=stronger)),
+        relaxations=False,
     )
     gained = again.motion.phases[0].end - base.motion.phases[0].end
     assert gained < -1e-3

@@ -19,7 +19,7 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import Plan, load_plan
-from ssm_planner.problem.limits import PROMISES
+from ssm_planner.problem.limits import PATH_REQUIREMENTS
 from ssm_planner.problem.motion import (
     Dwell,
     Follow,
@@ -88,7 +88,9 @@ def test_healthy_plans_hold_their_promises(planned: Callable[..., Plan]) -> None
         certificate = check(made.motion, made.robot, made.limits, seal=True)
         assert certificate.passed
         assert certificate.limits == made.certificate.limits  # type: ignore[union-attr]
-        assert [found.name for found in certificate.limits if found.name in PROMISES] == names
+        assert [
+            found.name for found in certificate.limits if found.name in PATH_REQUIREMENTS
+        ] == names
         again = Plan.from_json(made.to_json().encode(), Path("plan.json"))
         assert (again.certificate, again.uncertified_reason) == (made.certificate, None)
 
@@ -106,7 +108,9 @@ def test_a_motion_that_departs_further_is_refused(planned: Callable[..., Plan]) 
         (planned(line(constant_speed=4e-3)), planned(line(constant_speed=3.99e-3)), "constant speed"),
     ]  # fmt: skip
     for promise, other, name in cases:
-        assert name in exceeded(other.motion, promise.robot, promise.limits) <= set(PROMISES)
+        assert (
+            name in exceeded(other.motion, promise.robot, promise.limits) <= set(PATH_REQUIREMENTS)
+        )
 
 
 def test_phases_that_are_moved_or_renamed_are_refused(planned: Callable[..., Plan]) -> None:
@@ -171,7 +175,7 @@ def test_check_refuses_changed_plans_and_passes_others(
         assert load_plan(file).uncertified_reason is not None
         assert main(["check", str(file), "--json"]) == 1
         found = json.loads(capsys.readouterr().out)["limits"]
-        assert min(found, key=lambda each: each["margin"])["name"] in PROMISES
+        assert min(found, key=lambda each: each["margin"])["name"] in PATH_REQUIREMENTS
     document["trajectory"]["phases"] = []
     file.write_text(json.dumps(document), encoding="utf-8")
     assert main(["check", str(file)]) == 2
@@ -181,7 +185,7 @@ def test_a_table_says_nothing_of_phases(planned: Callable[..., Plan]) -> None:
     made = planned(line())
     bare = Trajectory(made.motion.breaks, made.motion.coefficients, ())
     found = check(bare, made.robot, made.limits)
-    assert not {each.name for each in found.limits} & set(PROMISES)
+    assert not {each.name for each in found.limits} & set(PATH_REQUIREMENTS)
     assert any("path of line" in text for text in found.unchecked)
 
 

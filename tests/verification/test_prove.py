@@ -23,7 +23,7 @@ from ssm_planner.cli import main
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.pipeline.run import plan as plan_of
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.verification.proof import prove_motion
 from tests.mutation.of_proof import survivors
 from tests.support.exact_points import Instant
@@ -377,7 +377,7 @@ SEEDS = sorted({*range(110 if os.environ.get("EVERY_CASE") else 30)} - WITHOUT_P
 @pytest.mark.parametrize("seed", SEEDS)
 def test_plans_of_random_problems_are_proven(seed: int, tilt_insert: Problem) -> None:
     problem = random_problem(tilt_insert, seed)
-    result = plan_of(unchecked(problem, planner="fast"), relaxations=False)
+    result = plan_of(unchecked_copy(problem, planner="fast"), relaxations=False)
     assert result.passed
     for claim in proven(json.loads(result.to_json())).values():
         assert claim.verdict == "PROVEN", claim
@@ -400,7 +400,7 @@ def test_a_refuted_limit_fails_the_plan(tilt_insert: Problem) -> None:
     plan = ssm_planner.load_plan(ROOT / "results/tilt_insert")
     slow = replace(plan.robot.joints[0], velocity=0.9 * plan.robot.joints[0].velocity)
     robot = replace(plan.robot, joints=(slow, *plan.robot.joints[1:]))
-    proof = prove_motion(plan.motion, unchecked(plan.problem, robot=robot))
+    proof = prove_motion(plan.motion, unchecked_copy(plan.problem, robot=robot))
     assert [item.name for item in proof if item.verdict == "REFUTED"] == ["velocity"]
     refuted = replace(plan, proof=proof)
     assert not refuted.passed

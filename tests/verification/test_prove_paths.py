@@ -18,7 +18,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan as plan_of
 from ssm_planner.problem.motion import Follow, Free, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.units import deg, mm
 from tests.support.random_paths import path_problem
 
@@ -53,11 +53,11 @@ def planned(kind: str) -> Document:
     }
     base, eye = ssm.load_problem("rounded_corners"), eye_problem()
     problem = (
-        unchecked(eye, motion=(*eye.motion, *motions[kind]))
+        unchecked_copy(eye, motion=(*eye.motion, *motions[kind]))
         if kind == "retina"
-        else unchecked(base, motion=(Free(tip(6, -3, -13)), *motions[kind]))
+        else unchecked_copy(base, motion=(Free(tip(6, -3, -13)), *motions[kind]))
     )
-    result = plan_of(unchecked(problem, planner="fast"), relaxations=False)
+    result = plan_of(unchecked_copy(problem, planner="fast"), relaxations=False)
     assert result.passed
     return json.loads(result.to_json())
 
@@ -97,7 +97,7 @@ def test_promises_along_paths_are_proven(kind: str, names: set[str]) -> None:
 @pytest.mark.parametrize("seed", range(0, 40, 4))
 def test_random_paths_are_proven(seed: int) -> None:
     problem = path_problem(eye_problem(), seed)
-    result = plan_of(unchecked(problem, planner="fast"), relaxations=False)
+    result = plan_of(unchecked_copy(problem, planner="fast"), relaxations=False)
     if result.passed:
         for claim in prove.prove(json.loads(result.to_json())):
             assert claim.verdict == "PROVEN", claim

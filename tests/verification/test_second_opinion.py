@@ -16,7 +16,7 @@ import pytest
 from ssm_planner import Plan, Problem, load_plan, load_problem, plan
 from ssm_planner.plans import FASTER, NOT_IN_PATH, TRADED
 from ssm_planner.problem import Dwell, Free, Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.verification.second_opinion import judge_path, second_opinions
 from tests.campaign.opinions import judged, weakened, with_friction
@@ -63,7 +63,7 @@ def test_shipped_plans_are_as_fast_as_their_paths_allow(name: str) -> None:
 )
 def test_other_shipped_problems(name: str) -> None:
     """Free motions of a requested duration are not judged."""
-    made = plan(unchecked(load_problem(name), planner="fast"))
+    made = plan(unchecked_copy(load_problem(name), planner="fast"))
     timed = sum(isinstance(entry, Free) and bool(entry.duration) for entry in made.problem.motion)
     assert assert_agreement(made) == sum(bool(phase.solver) for phase in made.phases) - timed
 
@@ -75,7 +75,7 @@ def test_random_plans(first: int) -> None:
     base = load_problem("tilt_insert")
     count = 0
     for seed in range(first, first + 6 + first // 2):
-        problem = unchecked(random_problem(base, 94000 + seed), planner="fast")
+        problem = unchecked_copy(random_problem(base, 94000 + seed), planner="fast")
         if problem.duration is None and not problem.robot.jerk_limited:
             made = plan(problem, relaxations=False)
             count += assert_agreement(made) if made.passed else 0
@@ -152,7 +152,7 @@ def test_it_says_why_it_cannot_judge() -> None:
         ({"motion": (tilt, replace(insert, duration=2.0))}, [None, "a duration is requested"]),
         ({"motion": (tilt, Dwell(1.2))}, [None, None]),
     ):
-        opinions = second_opinions(made.motion, unchecked(problem, **changes))
+        opinions = second_opinions(made.motion, unchecked_copy(problem, **changes))
         assert [opinion.not_judged for opinion in opinions] == reasons
 
 

@@ -11,7 +11,7 @@ import pytest
 from ssm_planner.problem.limits import MotorTorque
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Joint, Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
@@ -41,7 +41,7 @@ def with_torques(robot: Robot, largest: dict[str, float]) -> Robot:
             return joint
         torque = max(largest[joint.name], 1e-6)  # A motor must have a torque.
         nominal = min(joint.motor.nominal_torque, torque)
-        motor = unchecked(joint.motor, max_torque=torque, nominal_torque=nominal)
+        motor = unchecked_copy(joint.motor, max_torque=torque, nominal_torque=nominal)
         return dataclasses.replace(joint, motor=motor)
 
     return dataclasses.replace(robot, joints=tuple(map(weaker, robot.joints)), limits=())

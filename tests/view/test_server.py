@@ -28,7 +28,7 @@ from ssm_planner.loading.load import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import Problem
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem.serialization import to_plain
 from ssm_planner.view.jobs import PlanningJob, PlanningOutcome
 from ssm_planner.view.page import ViewedProblem
 from ssm_planner.view.server import MAX_REQUEST_SIZE, ViewServer
@@ -453,12 +453,12 @@ def without_files(value: Any) -> Any:
             return {key: cleaned(each) for key, each in tree.items() if key != "file"}
         return [cleaned(each) for each in tree] if isinstance(tree, list) else tree
 
-    return {**cleaned(plain(value)), "name": None}
+    return {**cleaned(to_plain(value)), "name": None}
 
 
 def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) -> None:
     """The page and `study` resolve the same design to the same robot."""
-    from ssm_planner.loading.files import of_data
+    from ssm_planner.loading.files import section_from_data
     from ssm_planner.studies.evaluation import candidate_problems
     from ssm_planner.studies.study_file import study_from
 
@@ -470,7 +470,7 @@ def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) ->
         "joints.insertion.motor": {"choices": ["rig_motor"]},
     }
     study = study_from(
-        of_data(
+        section_from_data(
             {
                 "robot": "vitreoretinal",
                 "motions": ["tilt_insert"],
@@ -559,9 +559,11 @@ def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
             "tilt_range": list(problem.ranges["tilt"]),
         }
     )
-    ours, theirs = (sorted(map(str, plain(each.task_limits)["limits"])) for each in (made, problem))
+    ours, theirs = (
+        sorted(map(str, to_plain(each.task_limits)["limits"])) for each in (made, problem)
+    )
     assert len(ours) == len(theirs)
-    assert plain(made.eye) == plain(problem.eye)
+    assert to_plain(made.eye) == to_plain(problem.eye)
     assert dict(made.rates) == dict(problem.rates)
     for name, ends in problem.ranges.items():
         assert made.ranges[name] == pytest.approx(ends)
@@ -570,7 +572,7 @@ def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
 def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> None:
     request = {**ANGLES, "tilt_range": [-2.0, -1.5]}
     problem = load_problem(APPROACH)
-    assert ViewedProblem(problem).workspace(request)["scene"]["eye"] == plain(problem.eye)
+    assert ViewedProblem(problem).workspace(request)["scene"]["eye"] == to_plain(problem.eye)
     assert ViewedProblem(tilt_insert).workspace(request)["scene"]["eye"] is None
 
 

@@ -20,7 +20,7 @@ from ssm_planner.planning.reason import Reason, duration_too_short
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import SAME
-from ssm_planner.problem import MotorTorque, unchecked
+from ssm_planner.problem import MotorTorque, unchecked_copy
 from ssm_planner.trajectory import join
 from ssm_planner.typing import Array, record
 
@@ -42,7 +42,7 @@ class InParts(InsteadOfDirect):
         The candidates are direct motions, detours and `others`.
         """
         kinds: list[type[PhaseCandidate]] = [Direct, Detour, *others]
-        untimed = replace(phase, motion=unchecked(phase.motion, duration=None))
+        untimed = replace(phase, motion=unchecked_copy(phase.motion, duration=None))
         return find_fastest(kinds, replace(self.planner, phase=untimed), self.planner.work)[0]
 
     def _followed(
@@ -85,7 +85,7 @@ class InParts(InsteadOfDirect):
             ),
             directions=np.vstack([first.directions, second.directions]),
         )
-        labelled = unchecked(phase.motion, name=f"{phase.motion.name}, {self.label}")
+        labelled = unchecked_copy(phase.motion, name=f"{phase.motion.name}, {self.label}")
         return PlannedPhase(replace(phase, motion=labelled), motion, phase.lower_bound)
 
 

@@ -22,7 +22,7 @@ from ssm_planner.planning.planner import estimated_duration
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
 from ssm_planner.planning.work import Work
-from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked
+from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked_copy
 from ssm_planner.typing import Array, record
 
 RESCUES = 3
@@ -198,7 +198,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         Phases that are already planned count with their duration.
         """
         start = Joints.from_array(planner.phases[0].q_start)
-        problem = _with_target(unchecked(planner.problem, start=start), *planner.target, q)
+        problem = _with_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
         try:
             phases, _ = feasible_phases(problem)
         except ProblemError:  # A straight motion cannot begin at these joints.
@@ -207,7 +207,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         bound = max(sum(map(planner.known_duration, phases)), requested)
         in_time = not requested or bound <= requested * (1 + SAME)
         if phases and in_time and bound < planner.cutoff:
-            problem = unchecked(planner.problem, motion=problem.motion)
+            problem = unchecked_copy(planner.problem, motion=problem.motion)
             yield cls(planner, problem, q, bound, spun)
 
     @classmethod
@@ -231,7 +231,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     def estimate(self, cutoff: float) -> MissionMotion | Reason | None:
         """Return the duration by the structured solver alone, without reversals."""
         self.planner.report()
-        nominal = unchecked(self.problem, friction=None, payload=None)
+        nominal = unchecked_copy(self.problem, friction=None, payload=None)
         duration = estimated_duration(nominal, cutoff, self.planner.work)
         if duration < cutoff:
             return MissionMotion(duration)
@@ -249,9 +249,9 @@ def _with_target(problem: Problem, entry: int, index: int, q: Array) -> Problem:
     targets = [*motion.through, motion.to]
     targets[index] = replace(Joints.from_array(q), line=targets[index].line)
     spin_free = motion.spin_free and index < len(motion.through)
-    changed: Motion = unchecked(
+    changed: Motion = unchecked_copy(
         motion, through=tuple(targets[:-1]), to=targets[-1], spin_free=spin_free
     )
-    return unchecked(
+    return unchecked_copy(
         problem, motion=(*problem.motion[:entry], changed, *problem.motion[entry + 1 :])
     )

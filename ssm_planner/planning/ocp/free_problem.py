@@ -48,7 +48,7 @@ from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest
 from ssm_planner.planning.ocp.segments import SegmentChain
 from ssm_planner.planning.phases import Phase, reversal_ranges
 from ssm_planner.planning.tolerances import ROUNDING, SAME
-from ssm_planner.problem import TASK, RetinaClearance, TaskRange, TaskRate
+from ssm_planner.problem import TASK_COORDINATES, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
@@ -274,7 +274,7 @@ class FreeProblem(OcpProblem):
         return np.array(
             [
                 float(unwrapped[k]) - wrapped[0, k]
-                for k in map(TASK.index, RANGE_LIMITED_COORDINATES)
+                for k in map(TASK_COORDINATES.index, RANGE_LIMITED_COORDINATES)
             ]
         )
 

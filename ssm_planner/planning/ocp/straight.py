@@ -43,7 +43,7 @@ from ssm_planner.planning.retiming.retime import Retiming
 from ssm_planner.planning.tolerances import SAMPLES
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
-    TASK,
+    TASK_COORDINATES,
     JointAcceleration,
     JointJerk,
     JointVelocity,
@@ -312,7 +312,7 @@ def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
     samples = path.sample(s.ravel())
     slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
     for name, rate in rates.items():
-        steepest = slopes[:, :, TASK.index(name)].max(axis=1)
+        steepest = slopes[:, :, TASK_COORDINATES.index(name)].max(axis=1)
         ceiling = np.minimum(ceiling, rate / np.maximum(steepest, rate / UNLIMITED))
     return ceiling
 

@@ -29,7 +29,7 @@ from ssm_planner.dynamics import (
 from ssm_planner.elements.rows import joint_limits
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples
-from ssm_planner.problem import TASK, Drive, Robot, TaskLimits, TipSpeed
+from ssm_planner.problem import TASK_COORDINATES, Drive, Robot, TaskLimits, TipSpeed
 from ssm_planner.typing import Array, Indices, Mask, record
 
 ACTIVE = 0.998
@@ -343,5 +343,8 @@ def _speed_ceiling(
             speeds.append(np.sqrt(limits.stop_travel.largest / travel))
         if limits.rates:
             slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq))
-            speeds += [rate / slopes[:, TASK.index(name)] for name, rate in limits.rates.items()]
+            speeds += [
+                rate / slopes[:, TASK_COORDINATES.index(name)]
+                for name, rate in limits.rates.items()
+            ]
     return np.asarray(np.min(speeds, axis=0) ** 2)

@@ -18,7 +18,7 @@ from ssm_planner.kinematics import (
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
     JOINTS,
-    TASK,
+    TASK_COORDINATES,
     LensClearance,
     RetinaClearance,
     SpeedLimit,
@@ -143,7 +143,9 @@ def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -
     }
     channels |= {f"tip{i}": tip[:, i] for i in range(3)}
     channels |= {f"task{i}": task[:, i] for i in range(4)}
-    channels |= {f"task_rate{i}": rates[:, i] for i in range(4) if TASK[i] in limits.rates}
+    channels |= {
+        f"task_rate{i}": rates[:, i] for i in range(4) if TASK_COORDINATES[i] in limits.rates
+    }
     if limits.eye is not None:
         for name, (clearance, _) in eye_limits(NUMPY, limits.eye, tip.T).items():
             channels[EYE_CHANNELS[name]] = clearance

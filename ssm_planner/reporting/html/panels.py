@@ -13,7 +13,7 @@ from ssm_planner.identification import runs
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
     JOINTS,
-    TASK,
+    TASK_COORDINATES,
     Eye,
     Joint,
     JointAcceleration,
@@ -468,20 +468,23 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
     eye.
     """
     for indices, unit, title in COORDINATE_GROUPS:
-        series = [(f"task{i}", TASK[i], i) for i in indices]
+        series = [(f"task{i}", TASK_COORDINATES[i], i) for i in indices]
         panel = new_panel("Task coordinates", title, unit, series)
         for limit in _ordered_limits(limits, TaskRange, indices):
-            i = TASK.index(limit.coordinate)
+            i = TASK_COORDINATES.index(limit.coordinate)
             panel["limits"].append(limit_entry(limit, i, f"task{i}"))
         yield panel
     for indices, unit, _ in COORDINATE_GROUPS:
-        rates = {TASK.index(r.coordinate): r for r in _ordered_limits(limits, TaskRate, indices)}
+        rates = {
+            TASK_COORDINATES.index(r.coordinate): r
+            for r in _ordered_limits(limits, TaskRate, indices)
+        }
         if not rates:
             continue
-        title = "Rate: " + ", ".join(TASK[i] for i in rates)
+        title = "Rate: " + ", ".join(TASK_COORDINATES[i] for i in rates)
         if indices == [3]:
             title = rates[3].name.capitalize()
-        series = [(f"task_rate{i}", TASK[i], i) for i in rates]
+        series = [(f"task_rate{i}", TASK_COORDINATES[i], i) for i in rates]
         panel = new_panel("Task coordinates", title, f"{unit}/s", series)
         panel["limits"] = [limit_entry(rate, i, f"task_rate{i}") for i, rate in rates.items()]
         yield panel
@@ -499,11 +502,13 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
 def _ordered_limits(
     limits: TaskLimits, limit_type: type[CoordinateLimit], indices: list[int]
 ) -> list[CoordinateLimit]:
-    """Return the limits of one class on the selected coordinates, in the order of `TASK`."""
+    """Return the limits of one class on selected coordinates, in the order `TASK_COORDINATES`."""
     by_coordinate = {
         limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
     }
-    return [by_coordinate[TASK[i]] for i in indices if TASK[i] in by_coordinate]
+    return [
+        by_coordinate[TASK_COORDINATES[i]] for i in indices if TASK_COORDINATES[i] in by_coordinate
+    ]
 
 
 def _eye_panels(eye: Eye) -> Iterator[Panel]:

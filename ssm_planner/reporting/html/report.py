@@ -12,15 +12,15 @@ import numpy as np
 from ssm_planner.display import NOTHING, format_fixed, number
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
-    JUMPS,
-    TASK,
+    JUMP_NAMES,
+    TASK_COORDINATES,
     Joint,
     JointAcceleration,
     JointJerk,
     JointVelocity,
     MotorSpeed,
     MotorTorque,
-    plain,
+    to_plain,
 )
 from ssm_planner.reporting.figures.film import mechanism_still
 from ssm_planner.reporting.figures.style import COLOURS, FIFTH_COLOUR
@@ -256,7 +256,7 @@ def motion_sentence(plan: Plan, panels: list[Panel]) -> str:
 
 def _coordinate_clauses(phase: PhaseSummary) -> Iterator[str]:
     """Yield a clause for each task coordinate that a phase changes, such as “inserts 20 mm”."""
-    for name, start, end in zip(TASK, phase.task_start, phase.task_end, strict=True):
+    for name, start, end in zip(TASK_COORDINATES, phase.task_start, phase.task_end, strict=True):
         change = abs(end - start)
         if change <= COORDINATE_TOLERANCE:
             continue
@@ -360,7 +360,7 @@ def _limit_groups(certificate: Certificate | None) -> list[tuple[str, list[Limit
     rows: list[LimitRow] = [
         (check, limit_cells(check, "°")) for check in sorted(limits, key=lambda check: check.margin)
     ]
-    numerical = [row for row in rows if row[0].name in JUMPS and row[0].passed]
+    numerical = [row for row in rows if row[0].name in JUMP_NAMES and row[0].passed]
     main_rows = [row for row in rows if row not in numerical]
     count = max(MIN_SHOWN_LIMITS, sum(not check.passed for check, _ in main_rows))
     return [
@@ -424,7 +424,7 @@ def _controlled_stops_summary(plan: Plan) -> JsonObject | None:
 
 def _motion_table(plan: Plan) -> Table:
     """Build the table of a problem's motion: its start, every entry, and rates at both ends."""
-    problem = plain(plan.problem)
+    problem = to_plain(plan.problem)
     rows = [("start", "", _target_text({"target": problem.get("start")}))]
     for entry in problem.get("motion") or []:
         rows.append((str(entry["name"]), str(entry["kind"]), _target_text(entry)))

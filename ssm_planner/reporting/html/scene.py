@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, pose_from_task, tilt_interval
-from ssm_planner.problem import JOINTS, Eye, Robot, TaskLimits, plain
+from ssm_planner.problem import JOINTS, Eye, Robot, TaskLimits, to_plain
 from ssm_planner.typing import Array, JsonObject, Range
 
 LINK_RADIUS = 0.11
@@ -62,7 +62,7 @@ def mechanism_scene(
         "link": LINK_RADIUS,
         "insertion_sign": mechanism.insertion_sign,
         "bands": bands,
-        "eye": None if eye is None else plain(eye),
+        "eye": None if eye is None else to_plain(eye),
     }
 
 

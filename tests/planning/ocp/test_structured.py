@@ -26,7 +26,7 @@ from ssm_planner.planning.search import GAP
 from ssm_planner.problem.limits import TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Planner, Problem
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.reporting.text import solver_and_condition_lines
 from tests.support.random_problems import random_problem
 
@@ -53,7 +53,7 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
 
 
 def fast(problem: Problem) -> Problem:
-    return unchecked(problem, planner="fast")
+    return unchecked_copy(problem, planner="fast")
 
 
 def gives_up(structure: Any, element: Any, data: Any, start: Any, **options: Any) -> NlpSolution:
@@ -93,7 +93,7 @@ def test_shipped_problems(
 ) -> None:
     problem = dataclasses.replace(load_problem(f"problems/{name}.yaml"), objective="time")
     if jerk is not None:
-        problem = unchecked(problem, robot=with_jerk(problem.robot, jerk, jerk / 10))
+        problem = unchecked_copy(problem, robot=with_jerk(problem.robot, jerk, jerk / 10))
     planned = plan_motion(
         fast(problem), may_reverse=False
     )  # with turning points Ipopt solves alone
@@ -366,7 +366,7 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
 def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
     """Where the tip passes the port the retina's row begins: at a border between two segments."""
     problem = load_problem("eye_approach")
-    quick, long = plan(fast(problem)), plan(unchecked(problem, planner="ipopt"))
+    quick, long = plan(fast(problem)), plan(unchecked_copy(problem, planner="ipopt"))
     assert quick.passed
     assert quick.duration <= (1 + 1e-4) * long.duration
     assert quick.duration == pytest.approx(long.duration, rel=5e-4)  # meshes differ
@@ -389,7 +389,7 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
         joint
         if joint.motor is None
         else dataclasses.replace(
-            joint, motor=unchecked(joint.motor, max_torque=strength * joint.motor.max_torque)
+            joint, motor=unchecked_copy(joint.motor, max_torque=strength * joint.motor.max_torque)
         )
         for joint in problem.robot.joints
     )
@@ -412,10 +412,10 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
 def faster_starting(problem: Problem, times: float, **to: float) -> Problem:
     """One straight motion, with jerk limits that let every joint reach its acceleration in 1/times s."""
     joints = tuple(
-        unchecked(joint, jerk=times * joint.acceleration) for joint in problem.robot.joints
+        unchecked_copy(joint, jerk=times * joint.acceleration) for joint in problem.robot.joints
     )
     start = Task(tilt=np.radians(-85.0), depth=0.0)
-    robot = unchecked(problem.robot, joints=joints)
+    robot = unchecked_copy(problem.robot, joints=joints)
     return dataclasses.replace(
         problem, robot=robot, start=start, motion=(Straight(**to),), objective="time"
     )

@@ -24,11 +24,11 @@ from ssm_planner.planning import phase_planner, planner
 from ssm_planner.planning.ocp.guesses import guess_between
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.plans import Plan, load_plan
-from ssm_planner.problem.limits import TASK
+from ssm_planner.problem.limits import TASK_COORDINATES
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.problem.value import unchecked
+from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.reporting.text import solver_and_condition_lines
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
@@ -177,7 +177,9 @@ def test_points_are_passed_after_turning(tilt_insert: Problem) -> None:
     rates = task_rates(mechanism, [start.values], qd)[0]
     problem = dataclasses.replace(tilt_insert, objective="time", start=start, motion=motion)
     found = plan(
-        dataclasses.replace(problem, start_rate=dict(zip(TASK, rates.tolist(), strict=True)))
+        dataclasses.replace(
+            problem, start_rate=dict(zip(TASK_COORDINATES, rates.tolist(), strict=True))
+        )
     )
     assert found.passed, found.reason
     q = found.motion.uniform(2000).q
@@ -356,8 +358,8 @@ def reaches(
 def test_under_a_jerk_limit_it_is_as_fast_as_the_slowest_joint() -> None:
     """Three joints overshoot, and their accelerations end within a hundredth of the time."""
     base = load_problem(ROOT / "problems/direct_reach.yaml")
-    joints = [unchecked(joint, jerk=100 * joint.acceleration) for joint in base.robot.joints]
-    robot = unchecked(base.robot, joints=tuple(joints))
+    joints = [unchecked_copy(joint, jerk=100 * joint.acceleration) for joint in base.robot.joints]
+    robot = unchecked_copy(base.robot, joints=tuple(joints))
     speed, pull = (
         (2.735333, -3.141592, 4.195394, 0.02533739),
         (-11.73423, 0.0, -8.723335, -0.03827418),
@@ -369,7 +371,7 @@ def test_under_a_jerk_limit_it_is_as_fast_as_the_slowest_joint() -> None:
         base,
         robot=robot,
         start=Joints(start),
-        start_rate=dict(zip(TASK, rates.tolist(), strict=True)),
+        start_rate=dict(zip(TASK_COORDINATES, rates.tolist(), strict=True)),
         start_acceleration=pull,
         motion=(Free(Joints(to)),),
         objective="time",

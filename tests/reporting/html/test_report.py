@@ -20,7 +20,7 @@ from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.loading.load import load_problem
 from ssm_planner.plans import load_plan
 from ssm_planner.problem import JOINTS
-from ssm_planner.problem.serialization import plain
+from ssm_planner.problem.serialization import to_plain
 from ssm_planner.reporting.html.channels import (
     MIN_SAMPLES,
     encode_channels,
@@ -175,12 +175,12 @@ def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) ->
     """What the page plots of them is what the check judges."""
     document = stretched(1.0)
     problem = load_problem(APPROACH)
-    document["problem"] |= {"eye": plain(problem.eye), "rates": {"tilt": 0.3, "depth": 0.01}}
+    document["problem"] |= {"eye": to_plain(problem.eye), "rates": {"tilt": 0.3, "depth": 0.01}}
     path = tmp_path / "plan.json"
     path.write_text(json.dumps(document), encoding="utf-8")
     plan = load_plan(path)
     data = report_data(plan)
-    assert data["scene"]["eye"] == plain(problem.eye)
+    assert data["scene"]["eye"] == to_plain(problem.eye)
     found = {limit.name: limit for limit in check(plan.trajectory, plan.robot, plan.limits).limits}
     panels = {
         limit["name"]: (panel, limit) for panel in data["panels"] for limit in panel["limits"]
@@ -206,7 +206,7 @@ def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) ->
 
 def test_plans_with_and_without_an_eye_are_compared(tmp_path: Path) -> None:
     document = stretched(1.2)
-    document["problem"] |= {"eye": plain(load_problem(APPROACH).eye), "rates": {"tilt": 0.3}}
+    document["problem"] |= {"eye": to_plain(load_problem(APPROACH).eye), "rates": {"tilt": 0.3}}
     other = tmp_path / "plan.json"
     other.write_text(json.dumps(document), encoding="utf-8")
     for pair in ((PLAN, other), (other, PLAN)):

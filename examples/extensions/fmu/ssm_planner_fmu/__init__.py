@@ -17,7 +17,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ssm_planner import ExportError, Format, Plan
-from ssm_planner.formats.c import ROBOT, TRAJECTORY, export_c
+from ssm_planner.formats.c import ROBOT_FILE, TRAJECTORY_FILE, export_c
 from ssm_planner.publishing import one_line
 
 IDENTIFIER = "ssm"
@@ -55,10 +55,10 @@ def write(plan: Plan, certificate: Any, folder: Path, suffix: str) -> dict[str, 
         sources = unit / "sources"
         sources.mkdir()
         details = export_c(plan, certificate, sources, suffix)
-        header = f'#define SSM_TOKEN "{plan.sha256}"\n#include "{TRAJECTORY}{suffix}.h"\n'
+        header = f'#define SSM_TOKEN "{plan.sha256}"\n#include "{TRAJECTORY_FILE}{suffix}.h"\n'
         (sources / "ssm_unit.h").write_text(header, encoding="utf-8")
         shutil.copyfile(Path(__file__).parent / "ssm_fmu.c", sources / "ssm_fmu.c")
-        names = ["ssm_fmu.c", f"{ROBOT}{suffix}.c", f"{TRAJECTORY}{suffix}.c"]
+        names = ["ssm_fmu.c", f"{ROBOT_FILE}{suffix}.c", f"{TRAJECTORY_FILE}{suffix}.c"]
         _write_xml(model_description(plan, suffix), unit / "modelDescription.xml")
         _write_xml(build_description(names), sources / "buildDescription.xml")
         notes = [*details["notes"], *compile_unit(unit, names)]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ssm_planner.codegen import c_literal
 from ssm_planner.display import environment, render_template
-from ssm_planner.formats.c import ROBOT, c_text, export_c
+from ssm_planner.formats.c import ROBOT_FILE, comment_safe_text, export_c
 from ssm_planner.plans import Plan
 from ssm_planner.typing import JsonObject
 from ssm_planner.verification import Certificate
@@ -41,7 +41,7 @@ def write(
     """
     entries = export_c(plan, certificate, folder, suffix)
     thresholds = thresholds_of(plan, 1 / rate)
-    remark = f"Exported with {c_text(plan.path.name)}, SHA-256 {plan.sha256}."
+    remark = f"Exported with {comment_safe_text(plan.path.name)}, SHA-256 {plan.sha256}."
     for ending, text in zip("hc", c_guard(thresholds, remark, suffix), strict=True):
         (folder / f"{FILE}{suffix}.{ending}").write_text(text, encoding="utf-8")
     return {**entries, "guard": {"rate_hz": rate, "thresholds": _plain(thresholds)}}
@@ -54,7 +54,7 @@ def c_guard(limits: Thresholds, remark: str, suffix: str = "") -> tuple[str, str
     values = {
         "comment": f"/*\n * Guard of a motion. {remark}\n"
         " * The code allocates no memory. Its state is in the struct ssm_guard.\n */",
-        "robot": f"{ROBOT}{suffix}.h",
+        "robot": f"{ROBOT_FILE}{suffix}.h",
         "header": f"{FILE}{suffix}.h",
         "limits": limits,
         "causes": list(Cause),

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.c import ROBOT, c_code
+from ssm_planner.formats.c import ROBOT_FILE, robot_code
 from ssm_planner.plans import Plan
 from ssm_planner.typing import Array
 from ssm_planner_guard.export import FILE, c_guard
@@ -120,7 +120,10 @@ def _compiled(plan: Plan, thresholds: Thresholds, compiler: str | None) -> ctype
         raise ExportError(f"no C compiler {command!r} on this machine")
     with TemporaryDirectory() as name:
         folder = Path(name)
-        pairs = {ROBOT: c_code(plan.robot), FILE: c_guard(thresholds, f"Plan {plan.sha256}.")}
+        pairs = {
+            ROBOT_FILE: robot_code(plan.robot),
+            FILE: c_guard(thresholds, f"Plan {plan.sha256}."),
+        }
         for stem, texts in pairs.items():
             for ending, text in zip("hc", texts, strict=True):
                 (folder / f"{stem}.{ending}").write_text(text, encoding="utf-8")

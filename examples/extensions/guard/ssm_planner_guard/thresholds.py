@@ -10,7 +10,7 @@ import numpy as np
 from ssm_planner.comparison.compare import LAG
 from ssm_planner.comparison.predicted import SPREAD, predict_axes
 from ssm_planner.errors import ExportError
-from ssm_planner.formats.epos4_setup import axes_of
+from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Controller, Joint
 from ssm_planner.simulation.cascade import FILTER, electrics_of, gains_of
@@ -84,7 +84,7 @@ def thresholds_of(
     period : float
         Time between two ticks, s.
     counts_per_turn : int or mapping from joint to int, optional
-        Increments per motor turn, see `ssm_planner.formats.epos4_setup.axes_of`.
+        Increments per motor turn, see `ssm_planner.formats.epos4_setup.drive_axes`.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def thresholds_of(
             f"a drive may follow {1000 * LAG:g} ms late)"
         )
     joints = plan.robot.joints
-    axes = axes_of(plan.robot, counts_per_turn)
+    axes = drive_axes(plan.robot, counts_per_turn)
     driven = np.array([joint.name in axes for joint in joints])
     increment = np.zeros(4)
     torque_max, noise, margin, spread = (np.zeros(4) for _ in range(4))

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ssm_planner import ExportError, Format, Plan, fk, motor_torque
-from ssm_planner.formats.ros2 import LARGEST_RATE, link_poses, quaternion, state_times
-from ssm_planner.formats.urdf import urdf
+from ssm_planner.formats.ros2 import LARGEST_STATE_RATE, link_poses, quaternion, state_times
+from ssm_planner.formats.urdf import robot_urdf
 
 NANO = 1_000_000_000
 """Nanoseconds per second."""
@@ -45,11 +45,11 @@ def write(
     """
     from mcap.writer import Writer
 
-    if not 0 < rate <= LARGEST_RATE:
-        raise ExportError(f"rate = {rate:g} Hz (allowed: above 0, up to {LARGEST_RATE:g} Hz)")
+    if not 0 < rate <= LARGEST_STATE_RATE:
+        raise ExportError(f"rate = {rate:g} Hz (allowed: above 0, up to {LARGEST_STATE_RATE:g} Hz)")
     robot, motion = plan.robot, plan.motion
     mark = "UNVERIFIED: the exported plan has no passed certificate." if suffix else ""
-    (folder / f"robot{suffix}.urdf").write_text(urdf(robot, mark), encoding="utf-8")
+    (folder / f"robot{suffix}.urdf").write_text(robot_urdf(robot, mark), encoding="utf-8")
     times = state_times(motion.duration, rate)
     s = motion.sample(motion.breaks[0] + times, clamp=True)
     values = {"q": s.q, "qd": s.qd, "qdd": s.qdd}

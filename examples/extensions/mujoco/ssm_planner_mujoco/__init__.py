@@ -20,9 +20,9 @@ import numpy as np
 from ssm_planner import Controller, ExportError, Format, Joint, Plan, Robot
 from ssm_planner.codegen import SIGN_FUNCTION, Argument, c_literal, dense_function, write_function
 from ssm_planner.dynamics import inertia_about_com
-from ssm_planner.formats.c import ROBOT, export_c
+from ssm_planner.formats.c import ROBOT_FILE, export_c
 from ssm_planner.formats.ros2 import link_poses, quaternion
-from ssm_planner.formats.urdf import SIZES, SMALLEST_INERTIA, SMALLEST_MASS, TOOL
+from ssm_planner.formats.urdf import LINK_CYLINDERS, SMALLEST_INERTIA, SMALLEST_MASS, TOOL_FRAME
 from ssm_planner.laws import drive_step
 from ssm_planner.simulation.playback import compliance_of
 
@@ -134,7 +134,7 @@ def drives_header(robot: Robot, suffix: str = "") -> str:
     return f"""\
 /* {_mark(suffix)}Law of the drives in SI units, joints as in ssm_robot.h.
    A ratio of 0 means no drive. */
-#include "{ROBOT}{suffix}.h"
+#include "{ROBOT_FILE}{suffix}.h"
 #include <math.h>
 static const char *const ssm_joint_name[4] = {_strings([joint.name for joint in robot.joints])};
 static const char *const ssm_shaft_name[4] = {_strings(shafts(robot))};
@@ -173,7 +173,7 @@ def mjcf(robot: Robot, timestep: float, suffix: str = "") -> str:
     for k, (_, name, turn, _) in enumerate(link_poses(robot, np.zeros(4))):
         x, y, z, w = quaternion(turn)
         parent = ElementTree.SubElement(parent, "body", name=name, quat=_text([w, x, y, z]))
-        if name == TOOL:
+        if name == TOOL_FRAME:
             _inertial(parent, SMALLEST_MASS, np.zeros(3), SMALLEST_INERTIA * np.eye(3))
             continue
         body, joint = robot.bodies[k], robot.joints[k]
@@ -190,7 +190,7 @@ def mjcf(robot: Robot, timestep: float, suffix: str = "") -> str:
             _inertial(parent, body.mass, body.com, inertia_about_com(body))
         else:
             _inertial(parent, SMALLEST_MASS, np.zeros(3), SMALLEST_INERTIA * np.eye(3))
-        length, radius = SIZES[joint.slides]
+        length, radius = LINK_CYLINDERS[joint.slides]
         shape = {"type": "cylinder", "size": _text([radius, length / 2])}
         shape |= {"pos": _text([0, 0, length / 2]), "contype": "0", "conaffinity": "0"}
         ElementTree.SubElement(parent, "geom", shape)

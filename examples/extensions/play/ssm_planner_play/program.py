@@ -11,9 +11,9 @@ import numpy as np
 
 import ssm_planner as ssm
 from ssm_planner.errors import SsmPlannerError
-from ssm_planner.formats.export import slower
+from ssm_planner.formats.export import slowed_plan
 from ssm_planner.formats.read import read_manifest
-from ssm_planner.formats.spline_points import REST
+from ssm_planner.formats.spline_points import REST_SPEED
 from ssm_planner.plans import Plan
 from ssm_planner.publishing import MANIFEST
 from ssm_planner.typing import Array
@@ -139,10 +139,10 @@ def prepare(folder: Path, plan: Path | None = None) -> Program:
     certificate = ssm.check(loaded)
     if not certificate.passed or loaded.certificate is None:
         raise PlayError(f"{path}: the plan does not pass its check")
-    played = slower(loaded, float(speed), True) if speed != 1 else loaded
+    played = slowed_plan(loaded, float(speed), True) if speed != 1 else loaded
     if played.certificate is None or not played.certificate.passed:
         raise PlayError(f"{path}: the plan does not pass its check at {100 * speed:g} % speed")
-    if np.abs(np.concatenate(end_velocities(played.motion))).max() > REST:
+    if np.abs(np.concatenate(end_velocities(played.motion))).max() > REST_SPEED:
         raise PlayError(f"{path}: the motion must start and end at rest")
     _require_kept(folder, played)
     program = _read(folder, manifest, played)

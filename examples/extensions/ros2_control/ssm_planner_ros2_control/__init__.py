@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from ssm_planner import ExportError, Format, Plan
 from ssm_planner.display import environment, render_template
 from ssm_planner.formats.ros2 import export_ros2
-from ssm_planner.formats.urdf import PLUGIN, export_urdf
+from ssm_planner.formats.urdf import HARDWARE_PLUGIN, export_urdf
 from ssm_planner.publishing import one_line
 
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -37,7 +37,7 @@ ROS2_CONTROL = Format(
     "ROS 2 package that plays the plan with joint_trajectory_controller",
     {
         "package": "name of the package (default ssm_robot)",
-        "hardware": f"plugin of the hardware (default {PLUGIN})",
+        "hardware": f"plugin of the hardware (default {HARDWARE_PLUGIN})",
         "effort": "command efforts too: motor torque with friction, times ratio",
     },
 )
@@ -49,7 +49,7 @@ def write(
     folder: Path,
     suffix: str,
     package: str = "ssm_robot",
-    hardware: str = PLUGIN,
+    hardware: str = HARDWARE_PLUGIN,
     effort: bool = False,
 ) -> dict[str, Any]:
     """Write the package and return the entries of the manifest.
