@@ -375,7 +375,7 @@ def check_derivatives(
 
 
 def _columns_agree(factor: float, residual: float) -> bool:
-    """Return True if a factor and a residual show that two columns agree."""
+    """Return True if a factor and a residual of `_fit_factor` show that two columns agree."""
     return residual < AGREEMENT_TOLERANCE and abs(factor - 1) < AGREEMENT_TOLERANCE
 
 

@@ -99,17 +99,13 @@ def catalogue_sizes(path: Path) -> dict[str, dict[str, float]]:
 
 def read_motors(path: Path) -> list[CatalogueEntry[Motor]]:
     """Read the motors of a catalogue. Raises ProblemError if it is missing or invalid."""
-    file = find_catalogue(path)
-    if file.is_dir():
-        motors = {
-            label: motor_from(section) for label, section in _sections(file, _motor_content).items()
-        }
-        return [CatalogueEntry(label, motor, motor.mass) for label, motor in motors.items()]
-    entries = []
-    for row in read_rows(file):
-        motor = motor_from(_section(row, _motor_content(row)))
-        entries.append(CatalogueEntry(row.label, motor, motor.mass, _mass_or_length(row, "length")))
-    return entries
+    sections = _sections(path, _motor_content)
+    motors = {label: motor_from(section) for label, section in sections.items()}
+    sizes = catalogue_sizes(path)
+    return [
+        CatalogueEntry(label, motor, motor.mass, sizes.get(label, {}).get("length"))
+        for label, motor in motors.items()
+    ]
 
 
 def drives_with_gears(path: Path, drive: Drive, travel: float = 0.0) -> list[CatalogueEntry[Drive]]:
@@ -151,17 +147,15 @@ def read_gearheads(path: Path) -> list[CatalogueEntry[Gearhead]]:
 
     Raises ProblemError if the catalogue is missing or invalid.
     """
-    sections = _sections(path, _gearhead_content)
-    gearheads = {label: gearhead_from(section) for label, section in sections.items()}
-    for label, gearhead in gearheads.items():
+    entries = []
+    for label, section in _sections(path, _gearhead_content).items():
+        gearhead = gearhead_from(section)
         if gearhead.inertia is None:
-            raise sections[label].error(
+            raise section.error(
                 "missing", "inertia", allowed="the inertia at the input", show=False
             )
-    return [
-        CatalogueEntry(label, gearhead, gearhead.mass, gearhead.length)
-        for label, gearhead in gearheads.items()
-    ]
+        entries.append(CatalogueEntry(label, gearhead, gearhead.mass, gearhead.length))
+    return entries
 
 
 def _nest_keys(cells: JsonObject, values: JsonObject) -> JsonObject:
