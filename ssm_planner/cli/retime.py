@@ -16,12 +16,12 @@ def run_retime(options: Namespace) -> int:
     import numpy as np
 
     from ssm_planner.formats import read_trajectory
-    from ssm_planner.pipeline.retime import limits_of, retiming_problem
+    from ssm_planner.pipeline.retime import retiming_problem, robot_with_limits
     from ssm_planner.pipeline.run import plan_to_folder
     from ssm_planner.publishing import file_name
     from ssm_planner.reporting import summary_lines
 
-    robot, base = limits_of(options.robot, options.problem)
+    robot, base = robot_with_limits(options.robot, options.problem)
     reading = read_trajectory(options.path, robot)
     problem, deviation = retiming_problem(reading, robot, base, f"{options.path.stem}_retimed")
     folder = options.output or Path("results") / file_name(problem.name)

@@ -1,7 +1,7 @@
 """Planning with an independent check of the motion.
 
 After a failed check, the exceeded limits are tightened by their excess and the problem is planned
-again, up to `PLANNING_ROUNDS` times.
+again, up to `MAX_PLANNING_ROUNDS` times.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from ssm_planner.typing import Array, record
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
 
-PLANNING_ROUNDS = 4
+MAX_PLANNING_ROUNDS = 4
 """Largest number of rounds of planning and checking.
 
 In all known problems, a fourth round failed if the third one failed.
@@ -89,7 +89,7 @@ def plan_and_check(
     """Plan a motion for a problem and check it independently.
 
     If the check finds that the motion exceeds a limit, the limit is tightened by the excess, and
-    the problem is planned again, up to `PLANNING_ROUNDS` times.
+    the problem is planned again, up to `MAX_PLANNING_ROUNDS` times.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def plan_and_check(
         The last motion, with its certificate, and with the reason if it failed.
     """
     strict = problem
-    for round_number in range(1, PLANNING_ROUNDS + 1):
+    for round_number in range(1, MAX_PLANNING_ROUNDS + 1):
         # The planner gets both the robot itself and the robot with stricter limits.
         result = plan_motion(
             unchecked_copy(strict, robot=problem.robot),
@@ -126,17 +126,17 @@ def plan_and_check(
             on_motion(result.trajectory)
             attempt = f", attempt {round_number}" if round_number > 1 else ""
             progress(Step(f"independent check{attempt}"))
-        outcome = checked(problem, result)
+        outcome = check_result(problem, result)
         certificate = outcome.certificate
         # Further rounds only help if a limit that the motion exceeds can be tightened.
-        stricter = None if certificate is None else tightened(strict, certificate)
+        stricter = None if certificate is None else tighten_limits(strict, certificate)
         if stricter is None:
             break
         strict = stricter
     return outcome
 
 
-def checked(problem: Problem, result: PlannerResult) -> Outcome:
+def check_result(problem: Problem, result: PlannerResult) -> Outcome:
     """Check a planned motion independently.
 
     Parameters
@@ -154,11 +154,11 @@ def checked(problem: Problem, result: PlannerResult) -> Outcome:
     if result.trajectory is None:
         return Outcome(result, None, result.reason)
     certificate = check(result.trajectory, problem.robot, problem.task_limits, seal=True)
-    reason = None if certificate.passed else exceeded(problem, certificate)
+    reason = None if certificate.passed else violation_reason(problem, certificate)
     return Outcome(result, certificate, reason)
 
 
-def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
+def tighten_limits(problem: Problem, certificate: Certificate) -> Problem | None:
     """Return the problem with stricter limits, after a check has found limits exceeded.
 
     The planner evaluates most limits at fewer instants than the check. Each exceeded limit is
@@ -190,7 +190,7 @@ def tightened(problem: Problem, certificate: Certificate) -> Problem | None:
     return None if strict is problem else strict
 
 
-def exceeded(problem: Problem, certificate: Certificate) -> Reason:
+def violation_reason(problem: Problem, certificate: Certificate) -> Reason:
     """Return the reason for a failed check: the limit that the motion exceeds most.
 
     Stricter limits in further rounds of planning did not prevent it.

@@ -11,11 +11,11 @@ from itertools import count
 
 from ssm_planner.atomic import first_interruption
 from ssm_planner.pipeline.certified import Outcome
-from ssm_planner.pipeline.thermal import quickly
+from ssm_planner.pipeline.thermal import with_fast_planner
 from ssm_planner.planning.candidates.candidate import CandidateEntry
 from ssm_planner.planning.candidates.other_joints import JointsPlanner, MissionMotion, OtherJoints
 from ssm_planner.planning.feasibility import eye_forbids_target, feasible_phases
-from ssm_planner.planning.phases import Phase, phases_from, start_configurations
+from ssm_planner.planning.phases import Phase, build_phases, start_configurations
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import GAP
@@ -119,7 +119,7 @@ class _Search:
         the end.
         """
         problem, limit = self.problem, self.work.spent + SEARCH_BUDGET
-        for target in [] if eye_forbids_target(problem) else targets(problem):
+        for target in [] if eye_forbids_target(problem) else open_targets(problem):
             if self.first_suffices and self.best.passed:
                 return
             self._search(target, limit)
@@ -131,7 +131,7 @@ class _Search:
     def _search(self, target: tuple[int, int], limit: float) -> None:
         """Search over the joints at one target until the work reaches a limit."""
         problem, best = self.best_problem, self.best
-        phases = _phases(problem)
+        phases = _phases_to_search(problem)
         name, number = problem.motion[target[0]].name, count(1)
 
         def report() -> None:
@@ -139,7 +139,7 @@ class _Search:
             self.progress(Step(f"other joints for {name}, attempt {next(number)}{found}"))
 
         def plan(alternative: Problem) -> MissionMotion | Reason:
-            outcome = self.plan(quickly(alternative))
+            outcome = self.plan(with_fast_planner(alternative))
             if outcome.reason is not None:
                 return outcome.reason
             if outcome.duration < self.best.duration * (1 - GAP):
@@ -163,7 +163,7 @@ class _Search:
         )
 
 
-def targets(problem: Problem) -> list[tuple[int, int]]:
+def open_targets(problem: Problem) -> list[tuple[int, int]]:
     """Return the targets with open joints, as index of the motion and index among its targets.
 
     The list is empty if there are more than `MAX_TARGETS`.
@@ -178,7 +178,7 @@ def targets(problem: Problem) -> list[tuple[int, int]]:
     return result if len(result) <= MAX_TARGETS else []
 
 
-def _phases(problem: Problem) -> tuple[Phase, ...]:
+def _phases_to_search(problem: Problem) -> tuple[Phase, ...]:
     """Return the planned phases, or those of the first start configuration."""
     phases, _ = feasible_phases(problem)
-    return phases or phases_from(problem, start_configurations(problem)[0])
+    return phases or build_phases(problem, start_configurations(problem)[0])

@@ -12,7 +12,7 @@ from typing import Any, Literal, get_args
 from ssm_planner.errors import ProblemError
 from ssm_planner.planning.feasibility import eye_forbids_target
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
     ContinuousTorque,
@@ -28,17 +28,17 @@ from ssm_planner.problem.limit import replace_fields
 from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
-GROWTH = (1.0, 1.1, 1.5, 3.0)
+CHANGE_FACTORS = (1.0, 1.1, 1.5, 3.0)
 """Factors on the smallest possible change, tried in turn until there is a motion."""
-SHARP = 0.9
+BISECTION_ACCURACY = 0.9
 """The bisection ends when this share of the reported change gives no motion."""
-CHANGES = (0.1, 1.0)
+TRIAL_SHARES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
-RELAXATION_BUDGET, TRIAL = 4.0, 0.1
+RELAXATION_BUDGET, TRIAL_WORK = 4.0, 0.1
 """Work after which no further change is tried, and the work of a trial without its solves."""
-SHARES = (1.0, 1.5, 2.0, 3.0)
+OFFERED_SHARES = (1.0, 1.5, 2.0, 3.0)
 """Multiples of a relaxation that pages offer."""
-OF_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
+LIMITS_OF_END_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
 """Limits that rates at the ends can exceed."""
 
 End = Literal["start_rate", "end_rate"]
@@ -76,9 +76,9 @@ class Relaxation:
             raise ValueError(f"no {self.limit.name} of {value}")
         return relaxed.on(self.base)
 
-    def described(self, value: float) -> str:
+    def describe(self, value: float) -> str:
         """Describe the change in words."""
-        return self.limit.described(value)
+        return self.limit.describe(value)
 
 
 class Pause(Relaxation):
@@ -88,7 +88,7 @@ class Pause(Relaxation):
 
     def value(self, share: float) -> float:
         """Return the duration, rounded up to three digits."""
-        return -_down(-share * self.needed)
+        return -_round_down(-share * self.needed)
 
     def problem(self, value: float) -> Problem:
         """Return the problem with a dwell at the end."""
@@ -97,13 +97,13 @@ class Pause(Relaxation):
             self.base, motion=(*self.base.motion, Dwell(value, "pause")), duration=duration
         )
 
-    def described(self, value: float) -> str:
+    def describe(self, value: float) -> str:
         """Describe the dwell."""
         return f"a dwell of {value:.6g} s at the end"
 
 
 @record
-class LessRate(Relaxation):
+class ReducedRates(Relaxation):
     """Rates at one end of the motion, reduced by a common factor. The factor is the value."""
 
     end: End = "start_rate"
@@ -111,7 +111,7 @@ class LessRate(Relaxation):
 
     def value(self, share: float) -> float:
         """Return the factor, rounded down to three digits."""
-        return _down(1 - share)
+        return _round_down(1 - share)
 
     @property
     def rates(self) -> Mapping[str, float]:
@@ -123,7 +123,7 @@ class LessRate(Relaxation):
         reduced = {name: value * rate for name, rate in self.rates.items()}
         return replace_fields(self.base, **{self.end: reduced})
 
-    def described(self, value: float) -> str:
+    def describe(self, value: float) -> str:
         """Describe the rates."""
         return f"{self.end} of {self._text(value)} instead of {self._text(1.0)}"
 
@@ -136,7 +136,7 @@ class LessRate(Relaxation):
 
 
 @record
-class Cure:
+class TriedRelaxation:
     """A relaxation that was tried at one value.
 
     `outcome` is the duration of the motion that it gives, or the reason of the failure.
@@ -147,7 +147,7 @@ class Cure:
     outcome: float | Reason
     combined: tuple[str, ...] = ()
     """Descriptions of the limits that are relaxed together with it."""
-    alternatives: "tuple[Cure, ...]" = ()
+    alternatives: "tuple[TriedRelaxation, ...]" = ()
     """Other cures, each of which works alone."""
 
     @property
@@ -169,7 +169,7 @@ class Cure:
     @property
     def description(self) -> str:
         """Description of the change."""
-        return self.relaxation.described(self.value)
+        return self.relaxation.describe(self.value)
 
     @property
     def text(self) -> str:
@@ -192,7 +192,7 @@ def find_relaxation(
     feasible: Planner | None = None,
     work: Work | None = None,
     budget: float = RELAXATION_BUDGET,
-) -> Cure | None:
+) -> TriedRelaxation | None:
     """Find the smallest change of one limit, or of several together, that gives a motion.
 
     Values are rounded as printed before they are tried, and planned by `plan` before they are
@@ -217,7 +217,7 @@ def find_relaxation(
 
     Returns
     -------
-    Cure or None
+    TriedRelaxation or None
         The change and other cures. If no change gives a motion, the change of the limit in the
         reason, with the reason why it does not suffice. None if nothing was found.
     """
@@ -225,29 +225,33 @@ def find_relaxation(
     if relaxation is None and eye_forbids_target(problem):
         return None
     work = work or Work()
-    trials = _Trials(plan, feasible or plan, work, work.spent + budget)
+    trials = _RelaxationSearch(plan, feasible or plan, work, work.spent + budget)
     # These need few trials, whereas the search for the smallest change may take all remaining
     # work.
     others = [
-        trials.smallest(*other)
+        trials.smallest_share(*other)
         for other in _other_relaxations(problem, reason, duration)
         if trials.has_budget
     ]
-    cure = trials.one_by_one(problem) if relaxation is None else trials.together(relaxation)
+    cure = (
+        trials.first_change_that_helps(problem)
+        if relaxation is None
+        else trials.smallest_joint_change(relaxation)
+    )
     working = [item for item in (cure, *others) if item is not None and item.works]
     return replace(working[0], alternatives=tuple(working[1:])) if working else cure
 
 
 def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[str, Problem]]:
-    """Return changes of the limits in which a relaxed problem differs, by their share in `SHARES`.
+    """Return changes of the limits in which a relaxed problem differs, by share.
 
-    Each change is described in words, with the problem that it gives. Shares that a limit cannot
-    follow are left out. Durations are not changed.
+    The shares are those of `OFFERED_SHARES`. Each change is described in words, with the problem
+    that it gives. Shares that a limit cannot follow are left out. Durations are not changed.
     """
     pairs = zip(problem.all_limits, relaxed.all_limits, strict=False)
     moved = [(a, b) for a, b in pairs if a != b and a.key == b.key]
     changes: dict[float, tuple[str, Problem]] = {}
-    for share in SHARES if moved else ():
+    for share in OFFERED_SHARES if moved else ():
         changed, words = problem, []
         for limit, looser in moved:
             needed = looser.low if looser.high == limit.high else looser.high
@@ -256,13 +260,13 @@ def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[s
             if limit.relaxed(value) is None:
                 return changes
             changed = relaxation.problem(value)
-            words.append(relaxation.described(value))
+            words.append(relaxation.describe(value))
         changes[share] = " and ".join(words), changed
     return changes
 
 
 @record
-class _Trials:
+class _RelaxationSearch:
     """Search for the smallest values of relaxations that give a motion."""
 
     plan: Planner
@@ -278,14 +282,14 @@ class _Trials:
         """True if another trial may begin."""
         return self.work.spent < self.limit
 
-    def smallest(
+    def smallest_share(
         self,
         relaxation: Relaxation,
         shares: Sequence[float],
         lower: float = 0.0,
         *,
-        stop_if: Callable[[Cure], bool] = lambda _: False,
-    ) -> Cure:
+        stop_if: Callable[[TriedRelaxation], bool] = lambda _: False,
+    ) -> TriedRelaxation:
         """Return the smallest share of a relaxation that gives a complete plan.
 
         Parameters
@@ -301,27 +305,28 @@ class _Trials:
 
         Returns
         -------
-        Cure
+        TriedRelaxation
             The smallest change that gives a motion, or the last one that was tried.
         """
-        lower, upper, cure = self._bisected(relaxation, shares, lower, self.feasible, stop_if)
+        lower, upper, cure = self._bisect_share(relaxation, shares, lower, self.feasible, stop_if)
         if cure.works and self.plan is not self.feasible:
             remaining = [upper, *(share for share in shares if share > upper)]
-            _, _, cure = self._bisected(relaxation, remaining, lower, self.plan, stop_if)
+            _, _, cure = self._bisect_share(relaxation, remaining, lower, self.plan, stop_if)
         return cure
 
-    def _bisected(
+    def _bisect_share(
         self,
         relaxation: Relaxation,
         shares: Sequence[float],
         lower: float,
         plan: Planner,
-        stop_if: Callable[[Cure], bool],
-    ) -> tuple[float, float, Cure]:
+        stop_if: Callable[[TriedRelaxation], bool],
+    ) -> tuple[float, float, TriedRelaxation]:
         """Find the smallest share of a relaxation with which a motion exists, by bisection.
 
         A share is the part of the full change of the limit. The bisection ends when the largest
-        share without a motion is at least `SHARP` times the smallest share with a motion.
+        share without a motion is at least `BISECTION_ACCURACY` times the smallest share with a
+        motion.
 
         Returns
         -------
@@ -329,21 +334,21 @@ class _Trials:
             The largest share without a motion.
         upper : float
             The smallest share with a motion, or the last one that was tried.
-        cure : Cure
+        cure : TriedRelaxation
             The relaxation by the share `upper`.
         """
 
-        def cure(share: float) -> Cure:
-            self.work.spent += TRIAL
-            return _try_cure(relaxation, relaxation.value(share), plan)
+        def cure(share: float) -> TriedRelaxation:
+            self.work.spent += TRIAL_WORK
+            return _try_relaxation(relaxation, relaxation.value(share), plan)
 
         for upper in shares:
             result = cure(upper)
             if result.works or not self.has_budget or stop_if(result):
                 break
             lower = upper
-        while result.works and self.has_budget and lower < SHARP * upper:
-            middle = (lower + upper) / 2 if lower else SHARP * upper
+        while result.works and self.has_budget and lower < BISECTION_ACCURACY * upper:
+            middle = (lower + upper) / 2 if lower else BISECTION_ACCURACY * upper
             trial = cure(middle)
             if trial.works:
                 result, upper = trial, middle
@@ -351,44 +356,51 @@ class _Trials:
                 lower = middle
         return lower, upper, result
 
-    def grown(self, relaxation: Relaxation) -> Cure | None:
+    def smallest_change_of_limit(self, relaxation: Relaxation) -> TriedRelaxation | None:
         """Return the smallest change of one limit that gives a motion. None if it cannot change.
 
         The search begins at the change that the reason of the failure asks for.
         """
-        limit, growth = relaxation.limit, [factor * (1 + SAME) for factor in GROWTH]
+        limit, growth = (
+            relaxation.limit,
+            [factor * (1 + EQUALITY_TOLERANCE) for factor in CHANGE_FACTORS],
+        )
         shares = [share for share in growth if limit.relaxed(relaxation.value(share)) is not None]
-        return self.smallest(relaxation, shares, stop_if=_is_enough) if shares else None
+        return (
+            self.smallest_share(relaxation, shares, stop_if=_is_other_limit_to_blame)
+            if shares
+            else None
+        )
 
-    def together(self, relaxation: Relaxation) -> Cure | None:
+    def smallest_joint_change(self, relaxation: Relaxation) -> TriedRelaxation | None:
         """Return the smallest change of one limit that gives a motion.
 
         If another limit prevents the motion after this change, that limit is changed as well.
         """
-        initial = cure = self.grown(relaxation)
+        initial = cure = self.smallest_change_of_limit(relaxation)
         descriptions: dict[tuple[Any, ...], str] = {}
         while cure is not None and isinstance(cure.outcome, Reason) and self.has_budget:
             descriptions[cure.key] = cure.description
             following = relaxation_for(cure.problem, cure.outcome)
-            cure = None if following is None else self.grown(following)
+            cure = None if following is None else self.smallest_change_of_limit(following)
         if cure is None or not cure.works:
             return initial
         descriptions.pop(cure.key, None)
         return replace(cure, combined=tuple(descriptions.values()))
 
-    def one_by_one(self, problem: Problem) -> Cure | None:
+    def first_change_that_helps(self, problem: Problem) -> TriedRelaxation | None:
         """Return the relaxation by the smallest share, trying all limits one by one."""
-        for short, share in pairwise((0.0, *CHANGES)):
+        for short, share in pairwise((0.0, *TRIAL_SHARES)):
             for relaxation in all_relaxations(problem):
                 if not self.has_budget:
                     return None
-                result = self.smallest(relaxation, [share], short)
+                result = self.smallest_share(relaxation, [share], short)
                 if result.works:
                     return result
         return None
 
 
-def _try_cure(relaxation: Relaxation, value: float, plan: Planner) -> Cure:
+def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> TriedRelaxation:
     """Return a cure with the outcome of the changed problem.
 
     The problem may forbid the change. TOPP-RA, for example, supports no duration.
@@ -397,7 +409,7 @@ def _try_cure(relaxation: Relaxation, value: float, plan: Planner) -> Cure:
         outcome = plan(relaxation.problem(value))
     except ProblemError as error:
         outcome = Reason(message=str(error))
-    return Cure(relaxation, value, outcome)
+    return TriedRelaxation(relaxation, value, outcome)
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
@@ -419,7 +431,7 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
             yield Relaxation(problem, limit, value)
 
 
-def _is_enough(cure: Cure) -> bool:
+def _is_other_limit_to_blame(cure: TriedRelaxation) -> bool:
     """Return True if more of this change cannot help, since another limit is to blame."""
     if not isinstance(cure.outcome, Reason) or cure.outcome.limit is None:
         return False
@@ -439,10 +451,10 @@ def _other_relaxations(
         return
     if isinstance(limit, ContinuousTorque) and duration is not None:
         yield from _more_time(problem, limit, duration, (required / available) ** 2 - 1)
-    if limit.name in OF_RATES:
+    if limit.name in LIMITS_OF_END_RATES:
         possible = available / required if required > available > 0 else 0.0
         shares = sorted({1 - possible, 1.0})
-        ends = (LessRate(problem, limit, 0.0, end) for end in get_args(End))
+        ends = (ReducedRates(problem, limit, 0.0, end) for end in get_args(End))
         yield from ((relaxation, shares) for relaxation in ends if relaxation.rates)
 
 
@@ -451,12 +463,12 @@ def _more_time(
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
     """Yield a pause and a longer duration for a motion with an excess of heat."""
     if not problem.end_rate:
-        yield Pause(problem, limit, duration * excess), GROWTH
+        yield Pause(problem, limit, duration * excess), CHANGE_FACTORS
     if any(entry.duration is None for entry in problem.motion):
-        yield Relaxation(problem, Duration(duration), 2 * duration), GROWTH
+        yield Relaxation(problem, Duration(duration), 2 * duration), CHANGE_FACTORS
 
 
-def _down(value: float) -> float:
+def _round_down(value: float) -> float:
     """Round down to three digits."""
     if value == 0.0:
         return 0.0

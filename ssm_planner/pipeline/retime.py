@@ -15,8 +15,8 @@ from ssm_planner.formats.read import read_trajectory
 from ssm_planner.kinematics import Mechanism, batch
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.retiming.paths import MANY, SplinePath, smooth_runs
-from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.retiming.paths import MAX_GRID_INTERVALS, SplinePath, split_at_corners
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Follow, Joints, Problem, Robot
 from ssm_planner.trajectory import Trajectory
@@ -67,7 +67,7 @@ def retime(
     >>> ssm_planner.retime(q, "vitreoretinal").passed
     True
     """
-    robot, base = limits_of(robot, problem)
+    robot, base = robot_with_limits(robot, problem)
     if isinstance(path, (str, Path)):
         reading = read_trajectory(path, robot)
         name = f"{Path(path).stem}_retimed"
@@ -76,7 +76,7 @@ def retime(
     return plan(retiming_problem(points, robot, base, "retimed")[0])
 
 
-def limits_of(
+def robot_with_limits(
     robot: Robot | str | Path | None, problem: Problem | str | Path | None
 ) -> tuple[Robot, Problem | None]:
     """Return the robot and the problem whose limits apply. Exactly one argument must be given.
@@ -142,18 +142,20 @@ def retiming_problem(
         If the path does not move or has too many points.
     """
     q = _points(path) if isinstance(path, Reading) else batch("path", path, 4)
-    if len(q) > MANY:
-        raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MANY}")
+    if len(q) > MAX_GRID_INTERVALS:
+        raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MAX_GRID_INTERVALS}")
     low, high = np.array([joint.position for joint in robot.joints]).T
     clipped = np.clip(q, low, high)
     # Recorded points may lie outside the range by rounding.
-    q = np.where(np.abs(q - clipped) <= SAME, clipped, q)
+    q = np.where(np.abs(q - clipped) <= EQUALITY_TOLERANCE, clipped, q)
     velocities = robot.velocities
-    smooth_parts = smooth_runs(q, velocities)
+    smooth_parts = split_at_corners(q, velocities)
     if not smooth_parts:
         raise ProblemError("this path goes nowhere", key="path")
     mechanism = Mechanism.from_robot(robot)
-    deviations = [SplinePath(mechanism, part, velocities).off_lines for part in smooth_parts]
+    deviations = [
+        SplinePath(mechanism, part, velocities).deviation_from_lines for part in smooth_parts
+    ]
     points = [list(map(Joints.from_array, part)) for part in smooth_parts]
     motion = tuple(
         Follow(part[-1], tuple(part[1:-1]), f"path {k}") for k, part in enumerate(points, 1)
@@ -177,10 +179,11 @@ def _points(reading: Reading) -> Array:
     """Sample joint positions along a motion that was read from a file, (n, 4).
 
     If the file contains smooth polynomials, `POINTS_PER_PIECE` points of each are taken. If it
-    contains points, or more pieces than `MANY` allows, the ends of the pieces suffice.
+    contains points, or more pieces than `MAX_GRID_INTERVALS` allows, the ends of the pieces
+    suffice.
     """
     breaks = reading.trajectory.breaks
-    has_pieces = reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MANY
+    has_pieces = reading.resolution is None and POINTS_PER_PIECE * len(breaks) <= MAX_GRID_INTERVALS
     count = POINTS_PER_PIECE if has_pieces else 1
     piece_position = np.arange(count * (len(breaks) - 1) + 1) / count
     return reading.trajectory.positions(np.interp(piece_position, np.arange(len(breaks)), breaks))

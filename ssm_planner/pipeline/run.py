@@ -26,13 +26,13 @@ from ssm_planner.pipeline.certified import Outcome, plan_and_check
 from ssm_planner.pipeline.folder import NO_PLAN, write_folder
 from ssm_planner.pipeline.mission import plan_mission
 from ssm_planner.pipeline.relaxation import changes_of_limits, find_relaxation
-from ssm_planner.pipeline.thermal import ThermalSearch, quickly
+from ssm_planner.pipeline.thermal import ThermalSearch, with_fast_planner
 from ssm_planner.planning.candidates.stop_first import stopping_point
-from ssm_planner.planning.motor_strength import exceeds_thermal_bound
+from ssm_planner.planning.motor_strength import check_thermal_bound
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import PlannerResult, plan_motion
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.tolerances import GAP, ROUNDING
+from ssm_planner.planning.tolerances import GAP, ROUNDING_TOLERANCE
 from ssm_planner.planning.work import Work
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
@@ -142,7 +142,7 @@ def plan(
 
     # Some cures follow from the motion that gets too warm. Without relaxations it is not needed.
     def _plan_candidate(candidate: Problem) -> Outcome:
-        return _attempt(candidate, work, _report, _show, may_overheat=relaxations)
+        return _plan_check_and_cool(candidate, work, _report, _show, may_overheat=relaxations)
 
     with _ONE_AT_A_TIME:
         start = time.perf_counter()
@@ -162,7 +162,7 @@ def plan(
             phases=_summaries(problem, result),
             certificate=outcome.certificate,
             reason=reason,
-            nominal_duration=_nominal(final_problem, _report) if reason is None else None,
+            nominal_duration=_nominal_duration(final_problem, _report) if reason is None else None,
             solve_time=time.perf_counter() - start,
             stopped=stopped,
             candidates=result.candidates,
@@ -185,7 +185,7 @@ def _with_relaxation(
         reason,
         partial(_duration_or_reason, work=work),
         None if trajectory is None else trajectory.duration,
-        feasible=partial(_feasible, work=work, any_suffices=any_suffices),
+        feasible=partial(_find_any_motion, work=work, any_suffices=any_suffices),
         work=work,
     )
     if cure is None:
@@ -235,11 +235,13 @@ class Replanner:
             If a point is impossible, if no motion has a target, or if the target must be given in
             task coordinates.
         """
-        origin = self.problem.start if start is None else _merged(self.problem.start, start)
-        motion = self.problem.motion if target is None else self._to(target)
+        origin = self.problem.start if start is None else _complete_point(self.problem.start, start)
+        motion = self.problem.motion if target is None else self._motions_to(target)
         begins = self.problem.start_rate if rates is None else rates
         return plan(
-            quickly(replace(self.problem, start=origin, start_rate=begins, motion=motion)),
+            with_fast_planner(
+                replace(self.problem, start=origin, start_rate=begins, motion=motion)
+            ),
             relaxations=False,
         )
 
@@ -249,11 +251,13 @@ class Replanner:
         The other rules are those of `plan`.
         """
         there = starting_from(
-            replace(self.problem, motion=self._to(target)) if target else self.problem, motion, at
+            replace(self.problem, motion=self._motions_to(target)) if target else self.problem,
+            motion,
+            at,
         )
-        return plan(quickly(there), relaxations=False)
+        return plan(with_fast_planner(there), relaxations=False)
 
-    def _to(self, target: Point) -> tuple[Motion, ...]:
+    def _motions_to(self, target: Point) -> tuple[Motion, ...]:
         """Return the motion list with another target."""
         motions = list(self.problem.motion)
         has_target = [isinstance(entry, (Straight, Free)) for entry in motions]
@@ -262,7 +266,7 @@ class Replanner:
         last = int(np.flatnonzero(has_target)[-1])
         entry = motions[last]
         if isinstance(entry, Free):
-            motions[last] = replace(entry, to=_merged(entry.to, target))
+            motions[last] = replace(entry, to=_complete_point(entry.to, target))
         elif isinstance(target, Task):
             motions[last] = unchecked_copy(entry, **target.set_coordinates)
         else:
@@ -312,7 +316,7 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     start_rate = {
         name: float(rate)
         for name, rate in zip(TASK_COORDINATES, rates, strict=True)
-        if abs(rate) > ROUNDING * largest_rate
+        if abs(rate) > ROUNDING_TOLERANCE * largest_rate
     }
     a, b, c, d = qdd.tolist()
     start = Joints.from_array(q)
@@ -328,14 +332,14 @@ def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
     return all(low <= task[TASK_COORDINATES.index(name)] <= high for name, (low, high) in ranges)
 
 
-def _merged(base: Point, point: Point) -> Point:
+def _complete_point(base: Point, point: Point) -> Point:
     """Return `point`, with missing task coordinates taken from `base`."""
     if isinstance(base, Task) and isinstance(point, Task):
         return unchecked_copy(base, **point.set_coordinates)
     return point
 
 
-def _nominal(problem: Problem, progress: Progress) -> float | None:
+def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
     """Return the duration without ranges of friction and payload, if there are any, s."""
     if problem.friction is None and problem.payload is None:
         return None
@@ -386,7 +390,7 @@ def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> Phase
     )
 
 
-def _attempt(
+def _plan_check_and_cool(
     problem: Problem,
     work: Work,
     progress: Progress = silent,
@@ -404,7 +408,7 @@ def _attempt(
 
     outcome = plan_and_check(problem, work, progress, on_motion, may_overheat=may_overheat)
     too_hot = outcome.hot_joints and outcome.excess_heat is not None
-    if not too_hot or exceeds_thermal_bound(problem) is not None:
+    if not too_hot or check_thermal_bound(problem) is not None:
         return outcome
     progress(Step("slowing down because a motor gets too hot"))
     return ThermalSearch(problem, outcome, plan_cooler).run() or outcome
@@ -417,19 +421,19 @@ def _duration_or_reason(
 
     `first_suffices` ends with the first motion.
     """
-    attempt = partial(_attempt, work=work)
+    attempt = partial(_plan_check_and_cool, work=work)
     outcome, _, _ = plan_mission(problem, attempt, work, first_suffices=first_suffices)
     return outcome.reason or outcome.duration
 
 
-def _feasible(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
+def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
     """Return the duration of a motion that is found soon, or the reason of the failure.
 
     `any_suffices` ignores the heat of the objective.
     """
     if any_suffices and problem.objective == "time then heat":
         problem = unchecked_copy(problem, objective="time")
-    return _duration_or_reason(quickly(problem), work, first_suffices=True)
+    return _duration_or_reason(with_fast_planner(problem), work, first_suffices=True)
 
 
 def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:
@@ -439,7 +443,7 @@ def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, f
     """
     shortest = math.inf
     for words, changed in changes_of_limits(problem, relaxed).values():
-        outcome = _feasible(changed, Work(), any_suffices=True)
+        outcome = _find_any_motion(changed, Work(), any_suffices=True)
         if isinstance(outcome, float):
             yield words, outcome
             if outcome > (1 - GAP) * shortest:

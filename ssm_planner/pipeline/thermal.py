@@ -22,20 +22,20 @@ from functools import partial
 
 import numpy as np
 
-from ssm_planner.pipeline.certified import Outcome, checked
+from ssm_planner.pipeline.certified import Outcome, check_result
 from ssm_planner.planning.planned_phase import PlannedPhase
-from ssm_planner.planning.planner import joined, with_duration
-from ssm_planner.planning.tolerances import GAP, SAME
+from ssm_planner.planning.planner import join_phases, with_duration
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP
 from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked_copy
 from ssm_planner.typing import Array
 
-MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
+HEAT_MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
 """Values of λ that are tried in turn until the motors are cool enough."""
-STRETCHES: tuple[float, ...] = (0.2, 1.0, 4.0)
+SLOWDOWN_SHARES: tuple[float, ...] = (0.2, 1.0, 4.0)
 """Shares by which all phases take longer, tried in turn until the motors are cool enough."""
 
 
-def quickly(problem: Problem) -> Problem:
+def with_fast_planner(problem: Problem) -> Problem:
     """Return the problem for the structured solver alone, without Ipopt's confirmation."""
     return unchecked_copy(problem, planner="fast") if problem.planner == "optimal" else problem
 
@@ -61,18 +61,18 @@ class ThermalSearch:
 
         Only the last motion is confirmed by Ipopt.
         """
-        problem, quick = self.problem, quickly(self.problem)
+        problem, quick = self.problem, with_fast_planner(self.problem)
         if problem.duration is not None or all(motion.duration for motion in problem.motion):
             # Weights of any size only shift heat from one instant to another.
-            outcome = self._weighted(problem, MULTIPLIERS[0])
+            outcome = self._plan_with_multiplier(problem, HEAT_MULTIPLIERS[0])
             return outcome if outcome.passed else None
         families = (
-            (self._weighted, MULTIPLIERS),
-            (self._rested, (1.0,)),
-            (self._slower, STRETCHES),
+            (self._plan_with_multiplier, HEAT_MULTIPLIERS),
+            (self._extend_rests, (1.0,)),
+            (self._plan_for_least_heat, SLOWDOWN_SHARES),
         )
         for family, numbers in families:
-            result = _smallest_cool(partial(family, quick), numbers, self.best[1])
+            result = _find_smallest_cool(partial(family, quick), numbers, self.best[1])
             if result is not None:
                 number, outcome = result
                 confirmed = outcome if problem is quick else family(problem, number)
@@ -81,23 +81,23 @@ class ThermalSearch:
                 return outcome if longer else confirmed
         return None
 
-    def _weighted(self, problem: Problem, multiplier: float) -> Outcome:
+    def _plan_with_multiplier(self, problem: Problem, multiplier: float) -> Outcome:
         """Plan with a multiplier λ of the heat of the hot motors."""
         outcome = self.plan(problem, self._hot_weights(multiplier / (1 - multiplier)))
         self.hot |= outcome.hot_joints
         candidates = (self.best, (multiplier, outcome))
-        self.best = min(candidates, key=lambda item: self._rested_duration(item[1]))
+        self.best = min(candidates, key=lambda item: self._duration_with_rest(item[1]))
         return outcome
 
-    def _rested(self, problem: Problem, share: float) -> Outcome:
+    def _extend_rests(self, problem: Problem, share: float) -> Outcome:
         """Return the best motion with a share of the necessary rest.
 
         The rest extends the phases in which the hot motors rest. Without such phases, the motion
         is returned unchanged.
         """
         multiplier, base = self.best
-        if problem is not quickly(problem):
-            base = self._weighted(problem, multiplier)
+        if problem is not with_fast_planner(problem):
+            base = self._plan_with_multiplier(problem, multiplier)
         hot = self._hot_weights(1.0) > 0
         resting = [
             _may_take_longer(phase) and not phase.motion.coefficients[:, 1:, hot].any()
@@ -107,16 +107,16 @@ class ThermalSearch:
         duration = float(np.dot(durations, resting))
         if not duration:
             return base
-        rest = self._rested_duration(base) - sum(durations)
-        return self._stretched(base, resting, 1 + share * rest / duration)
+        rest = self._duration_with_rest(base) - sum(durations)
+        return self._check_slower_phases(base, resting, 1 + share * rest / duration)
 
-    def _slower(self, problem: Problem, share: float) -> Outcome:
+    def _plan_for_least_heat(self, problem: Problem, share: float) -> Outcome:
         """Plan for the least heat, with the durations of the best motion longer by a share."""
         base = self.best[1]
         phases = base.planned.phases
         replannable = all(isinstance(entry, (Free, Straight, Dwell)) for entry in problem.motion)
         if not replannable or len(phases) != len(problem.motion):  # Corners join phases.
-            return self._stretched(base, list(map(_may_take_longer, phases)), 1 + share)
+            return self._check_slower_phases(base, list(map(_may_take_longer, phases)), 1 + share)
         durations = [(1 + share) * phase.duration for phase in phases]
         motion = tuple(map(with_duration, problem.motion, durations))
         outcome = self.plan(unchecked_copy(problem, motion=motion), self._hot_weights(1.0))
@@ -125,30 +125,30 @@ class ThermalSearch:
         slower = tuple(replace(new, lower_bound=old.lower_bound) for new, old in bounds)
         return replace(outcome, planned=replace(outcome.planned, phases=slower))
 
-    def _stretched(self, base: Outcome, longer: list[bool], factor: float) -> Outcome:
+    def _check_slower_phases(self, base: Outcome, longer: list[bool], factor: float) -> Outcome:
         """Check a motion in which some phases take `factor` times as long."""
         phases = tuple(
             replace(phase, motion=phase.motion.slower(factor)) if stretched else phase
             for phase, stretched in zip(base.planned.phases, longer, strict=True)
         )
-        return checked(
-            self.problem, replace(base.planned, phases=phases, trajectory=joined(phases))
+        return check_result(
+            self.problem, replace(base.planned, phases=phases, trajectory=join_phases(phases))
         )
 
     def _hot_weights(self, weight: float) -> Array:
         """Return `weight` for every hot motor and 0 for the others, (4,)."""
         return weight * np.array([joint.name in self.hot for joint in self.problem.robot.joints])
 
-    def _rested_duration(self, outcome: Outcome) -> float:
+    def _duration_with_rest(self, outcome: Outcome) -> float:
         """Return the duration with the rest after which the hottest motor is cool, s."""
         if outcome.excess_heat is None:
             return np.inf
         duration = sum(phase.duration for phase in outcome.planned.phases)
-        excess = max(outcome.excess_heat, 0.0) + SAME
+        excess = max(outcome.excess_heat, 0.0) + EQUALITY_TOLERANCE
         return duration + excess * (duration + (self.problem.duty or 0.0))
 
 
-def _smallest_cool(
+def _find_smallest_cool(
     motion: Callable[[float], Outcome], numbers: tuple[float, ...], hottest: Outcome
 ) -> tuple[float, Outcome] | None:
     """Return the smallest number that gives a cool motion, and that motion.

@@ -8,7 +8,7 @@ grows with the friction coefficient μ, with both bearing parameters and with th
 - The load is linear in a mass at the tip, so one of the two limits of the mass is the worst case.
 - Many sets of friction parameters span the range (`FrictionSpread.within`), but few of them need
   the largest torque anywhere. They are selected one after the other on a grid of speeds and efforts
-  that the motor can meet, until no other set needs more than they do by more than `EASE` of the
+  that the motor can meet, until no other set needs more than they do by more than `ENVELOPE_TOLERANCE` of the
   largest torque. The remaining excess is added to their bearing friction.
 - If the motor brakes, the smallest value of every parameter together is the worst case.
 """
@@ -37,11 +37,11 @@ from ssm_planner.problem import (
 )
 from ssm_planner.typing import Array
 
-EASE = 0.01
+ENVELOPE_TOLERANCE = 0.01
 """Share of the motor's largest torque by which a set may exceed the selected sets."""
-STRIBECK_SPEEDS = 60
+STRIBECK_SPEED_COUNT = 60
 """Number of motor speeds at which Stribeck friction is evaluated."""
-EFFORTS = 1.6 * np.linspace(-1.0, 1.0, 41) ** 3
+RELATIVE_EFFORTS = 1.6 * np.linspace(-1.0, 1.0, 41) ** 3
 """Grid of efforts at the output. It is dense at 0, where the torques have kinks.
 
 They are divided by the effort at which the motor reaches its largest torque with the least
@@ -72,7 +72,7 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
         joints = tuple(unchecked_copy(joint, drive=drive) for joint, drive in pairs)
         return tuple(unchecked_copy(load, joints=joints) for load in loaded)
 
-    drives_by_joint = [_drives(joint, problem.friction) for joint in robot.joints]
+    drives_by_joint = [_bounding_drives_of_joint(joint, problem.friction) for joint in robot.joints]
     corners: tuple[Robot, ...] = ()
     for k in range(max(map(len, drives_by_joint)) - 1):
         # Joints with fewer drives repeat their last bounding drive.
@@ -82,7 +82,7 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
     )
 
 
-def _drives(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
+def _bounding_drives_of_joint(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
     """Return drives that bound the motor torque of a joint in a range of friction.
 
     Parameters
@@ -129,12 +129,12 @@ def bounding_drives(
     friction = friction_of(drive)
     without_spread = unchecked_copy(friction, posterior=None, covariance=None)
     plain_drive = unchecked_copy(drive, friction=without_spread, friction_ranges={})
-    torques = np.minimum(_torques(plain_drive, sets, speed, torque), torque)
+    torques = np.minimum(_torque_table(plain_drive, sets, speed, torque), torque)
     envelope = torques.max(axis=0)
     bound = np.full(len(envelope), -np.inf)
     selected: list[int] = []
     # Add the set with the largest torque at the grid point where the selected ones fall short most.
-    while np.max(envelope - bound) > EASE * torque:
+    while np.max(envelope - bound) > ENVELOPE_TOLERANCE * torque:
         worst = np.argmax(envelope - bound)
         selected.append(int(np.argmax(torques[:, worst])))
         bound = np.maximum(bound, torques[selected[-1]])
@@ -152,7 +152,7 @@ def bounding_drives(
     return (*drives, drive_with(plain_drive, smallest))
 
 
-def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
+def _torque_table(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
     """Compute the motor torques σ τ of all parameter sets on a grid, (sets, grid points), N·m.
 
     The grid contains motor speeds, efforts and both directions, in motion and at breakaway. The
@@ -172,12 +172,12 @@ def _torques(drive: Drive, sets: dict[str, Array], speed: float, torque: float) 
         drive, sets.get("mu", np.array([friction_of(drive).mu]))
     )
     # The coefficient is the torque per effort of a load that opposes the motion.
-    efforts = torque / float(np.min(raising_coefficients)) * EFFORTS
+    efforts = torque / float(np.min(raising_coefficients)) * RELATIVE_EFFORTS
     speeds = np.linspace(0.0, speed, 5)
     if "stribeck_speed" in sets:
         stribeck = sets["stribeck_speed"]
         lowest, highest = stribeck.min() / 10, 3 * stribeck.max()
-        speeds = np.append(speeds, np.geomspace(lowest, highest, STRIBECK_SPEEDS))
+        speeds = np.append(speeds, np.geomspace(lowest, highest, STRIBECK_SPEED_COUNT))
     # A state is a motor speed, and True at breakaway.
     states = [(0.0, True), *((w, False) for w in speeds.tolist())]
     grid = [(*state, effort, sign) for state, effort, sign in product(states, efforts, (-1.0, 1.0))]

@@ -20,19 +20,19 @@ from ssm_planner.kinematics import (
     tip_position,
 )
 from ssm_planner.planning.retiming.paths import TipPath
-from ssm_planner.planning.scan_pattern import task_of, tips_over_retina, tool_axis
-from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
+from ssm_planner.planning.scan_pattern import complete_task, tips_over_retina, tool_axis
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, PATH_SAMPLES, ROUNDING_TOLERANCE
 from ssm_planner.problem import Follow, Joints, Point, Problem, Task, Tip
 from ssm_planner.typing import Array, Mask, record
 
-Curve = tuple[Array, float]
+CurveTerms = tuple[Array, float]
 """Terms (4, 3) and angle of a `TipPath`."""
-NEAR_CENTRE = 1e-5
+MIN_CENTRE_DISTANCE = 1e-5
 """Smallest distance of a line or arc from the remote centre, m.
 
 The joints would have to turn too fast closer to it.
 """
-AT_START = np.array([1e-4, 1e-4, 1e-4, 1e-5])
+START_TOLERANCES = np.array([1e-4, 1e-4, 1e-4, 1e-5])
 """Distances of the joints (rad, m) within which the first point of a table is the present position.
 """
 
@@ -89,11 +89,13 @@ class CurveFollower:
         """
         if self.motion.distance is not None:
             tip = tip_position(self.mechanism, self.q[None])
-            target = self._over_retina(self.task)
-            if np.linalg.norm(target - tip) <= SAME:
+            target = self._tip_over_retina(self.task)
+            if np.linalg.norm(target - tip) <= EQUALITY_TOLERANCE:
                 return self.q
             return np.append(self.q[:3], self.mechanism.insertion_sign * np.linalg.norm(target))
-        if self.motion.curve != "samples" or np.all(np.abs(self.joints[1] - self.q) <= AT_START):
+        if self.motion.curve != "samples" or np.all(
+            np.abs(self.joints[1] - self.q) <= START_TOLERANCES
+        ):
             return self.q
         return np.asarray(self.joints[1])
 
@@ -103,7 +105,7 @@ class CurveFollower:
         # Row 0 is the present position, and `beginning` is the first point of a table.
         first_row = 1 if self.motion.curve == "spline" else 2
         points = np.vstack([self.beginning, self.joints[first_row:]])
-        differs = np.abs(np.diff(points, axis=0)).max(axis=1) > ROUNDING
+        differs = np.abs(np.diff(points, axis=0)).max(axis=1) > ROUNDING_TOLERANCE
         return np.asarray(points[np.append(True, differs)])
 
     def tip_path(self) -> TipPath | Array:
@@ -125,17 +127,21 @@ class CurveFollower:
             points of an arc lie on one line.
         """
         motion, q = self.motion, self.q
-        joints, tips, spins = self._tip_points()
-        tip_stands = np.abs(tips - tips[0]).max() < ROUNDING
-        if tip_stands and np.abs(joints - q).max() < ROUNDING and np.ptp(spins) < ROUNDING:
+        joints, tips, spins = self._points_of_curve()
+        tip_stands = np.abs(tips - tips[0]).max() < ROUNDING_TOLERANCE
+        if (
+            tip_stands
+            and np.abs(joints - q).max() < ROUNDING_TOLERANCE
+            and np.ptp(spins) < ROUNDING_TOLERANCE
+        ):
             return q
         # No arc passes through three points on one line. All other motions have a curve.
         curve = self._curve_through(tips)
         if curve is None:
             reason = "the three points of this arc lie on one line"
-            raise self._refused(reason, "points that a circle passes")
+            raise self._curve_error(reason, "points that a circle passes")
         if motion.constant_speed is not None and tip_stands:
-            raise self._refused(
+            raise self._curve_error(
                 "the tip does not move, so it cannot keep a speed",
                 "a motion of the tip, or no constant_speed",
                 key="constant_speed",
@@ -147,22 +153,22 @@ class CurveFollower:
             (spins[0], spins[-1]),
             branch=int(self.mechanism.branch_of(q)),
             first=q,
-            watched=driven_joints(self.problem),
+            driven=driven_joints(self.problem),
         )
         # The mechanism must reach the whole curve, and the tip must stay away from the remote
         # centre.
-        samples = path.tips(np.linspace(0.0, 1.0, SAMPLES))
+        samples = path.tips(np.linspace(0.0, 1.0, PATH_SAMPLES))
         reason = f"the mechanism cannot bring the tip along all of this {motion.curve}"
-        if _of_tips(self.mechanism, samples, spins[0], q)[1].all():
-            if np.linalg.norm(samples, axis=1).min() >= NEAR_CENTRE:
+        if _joints_of_tips(self.mechanism, samples, spins[0], q)[1].all():
+            if np.linalg.norm(samples, axis=1).min() >= MIN_CENTRE_DISTANCE:
                 return path
             reason = f"the tip would pass the remote centre along this {motion.curve}"
             # Joints 1 and 2 are at rest, so the tip moves on a radius through the remote centre.
-            if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < ROUNDING:
+            if motion.curve == "line" and np.abs((joints[-1] - q)[:2]).max() < ROUNDING_TOLERANCE:
                 return np.asarray(joints[-1])
-        raise self._refused(reason, "a curve within the workspace, away from the remote centre")
+        raise self._curve_error(reason, "a curve within the workspace, away from the remote centre")
 
-    def _refused(self, reason: str, allowed: str, **place: str) -> ProblemError:
+    def _curve_error(self, reason: str, allowed: str, **place: str) -> ProblemError:
         """Create the error for a curve that the tip cannot follow.
 
         `place` contains a key and a value of the problem file, if one of them is the cause.
@@ -170,7 +176,7 @@ class CurveFollower:
         file, line = self.problem.file, self.motion.line
         return ProblemError(reason, file=file, line=line, allowed=allowed, **place)
 
-    def _key(self, k: int, name: str) -> str:
+    def _key_of_point(self, k: int, name: str) -> str:
         """Return how an error message names a coordinate of point k.
 
         The name is the key in the problem file, such as `through[0].depth`. For the points of a
@@ -199,7 +205,9 @@ class CurveFollower:
             If the mechanism cannot reach a position.
         """
         positions = np.array([tip.position for tip in tips])
-        joints, reaches = _of_tips(self.mechanism, positions, [tip.spin for tip in tips], previous)
+        joints, reaches = _joints_of_tips(
+            self.mechanism, positions, [tip.spin for tip in tips], previous
+        )
         if reaches.all():
             return joints
         k = int(np.argmin(reaches))
@@ -207,7 +215,7 @@ class CurveFollower:
             "the mechanism cannot bring the tip there",
             file=self.motion.file or self.problem.file,
             line=tips[k].line,
-            key=self._key(index + k, "tip"),
+            key=self._key_of_point(index + k, "tip"),
             value=", ".join(f"{1e3 * x:.4g} mm" for x in tips[k].position),
         )
 
@@ -236,25 +244,29 @@ class CurveFollower:
         rows = [task]
         for k, point in enumerate(points, index):
             assert isinstance(point, Task)
-            key, file = self._key(k, "tilt"), self.motion.file
+            key, file = self._key_of_point(k, "tilt"), self.motion.file
             # Omitted coordinates are those of the previous point.
-            rows.append(task_of(self.problem, self.mechanism, point, rows[-1], key=key, file=file))
+            rows.append(
+                complete_task(self.problem, self.mechanism, point, rows[-1], key=key, file=file)
+            )
         return np.array(rows)
 
-    def _curve_through(self, tips: Array) -> Curve | None:
+    def _curve_through(self, tips: Array) -> CurveTerms | None:
         """Return the curve of the tip through points (n, 3), m.
 
         Returns None if the points of an arc lie on one line.
         """
         if self.motion.curve == "arc":
-            return _arc(tips)
+            return _arc_through_points(tips)
         if self.motion.curve == "retina" and self.problem.eye is not None:
             start, end = tips - self.problem.eye.centre
             normal = np.cross(start, end)
-            return _circle(tips, self.problem.eye.centre, normal / (np.linalg.norm(normal) or 1.0))
+            return _arc_about_axis(
+                tips, self.problem.eye.centre, normal / (np.linalg.norm(normal) or 1.0)
+            )
         return np.array([tips[0], tips[1] - tips[0], 0 * tips[0], 0 * tips[0]]), 0.0
 
-    def _tip_points(self) -> tuple[Array, Array, Array]:
+    def _points_of_curve(self) -> tuple[Array, Array, Array]:
         """Return the points of a line or arc as joint positions (n, 4), tips (n, 3) and spins (n,).
 
         If the motion keeps its distance from the retina, the joint positions are not needed: both
@@ -263,12 +275,12 @@ class CurveFollower:
         if self.motion.distance is not None:
             tasks = self._complete_tasks([self.motion.to], self.task)
             start = tip_position(self.mechanism, self.q[None])
-            tips = np.vstack([start, self._over_retina(tasks[-1])])
+            tips = np.vstack([start, self._tip_over_retina(tasks[-1])])
             return np.vstack([self.q, self.q]), tips, tasks[:, 2]
         spins = np.append(self.task[2], task_from_joints(self.mechanism, self.joints[1:])[:, 2])
         return self.joints, tip_position(self.mechanism, self.joints), np.unwrap(spins)
 
-    def _over_retina(self, task: Array) -> Array:
+    def _tip_over_retina(self, task: Array) -> Array:
         """Return the position (1, 3) of a tip that points in the direction of a task.
 
         Its distance from the retina is the one that the motion keeps.
@@ -282,7 +294,7 @@ class CurveFollower:
         return tips_over_retina(self.problem, self.motion, axis, self.motion.distance or 0.0)
 
 
-def _of_tips(
+def _joints_of_tips(
     mechanism: Mechanism, tips: Array, spins: ArrayLike, previous: Array
 ) -> tuple[Array, Mask]:
     """Compute joint positions for consecutive positions of the tip beyond the remote centre.
@@ -318,7 +330,7 @@ def driven_joints(problem: Problem) -> tuple[int, ...]:
     return tuple(i for i, joint in enumerate(problem.robot.joints) if joint.drive is not None)
 
 
-def _circle(tips: Array, centre: Array, normal: Array) -> Curve:
+def _arc_about_axis(tips: Array, centre: Array, normal: Array) -> CurveTerms:
     """Return the arc about a given axis from the first to the last of its points.
 
     Parameters
@@ -337,7 +349,7 @@ def _circle(tips: Array, centre: Array, normal: Array) -> Curve:
     )
 
 
-def _arc(tips: Array) -> Curve | None:
+def _arc_through_points(tips: Array) -> CurveTerms | None:
     """Return the circular arc through three points (3, 3), or None if they lie on one line.
 
     With u and v from the first point to the others and n = u × v, its centre lies at (|u|² v × n +
@@ -346,10 +358,10 @@ def _arc(tips: Array) -> Curve | None:
     u, v = tips[1] - tips[0], tips[2] - tips[0]
     normal = np.cross(u, v)
     normal_squared = float(normal @ normal)
-    if normal_squared <= (SAME * np.linalg.norm(u) * np.linalg.norm(v)) ** 2:
+    if normal_squared <= (EQUALITY_TOLERANCE * np.linalg.norm(u) * np.linalg.norm(v)) ** 2:
         return None
     centre = tips[0] + ((u @ u) * np.cross(v, normal) + (v @ v) * np.cross(normal, u)) / (
         2 * normal_squared
     )
-    terms, angle = _circle(tips, centre, normal / np.sqrt(normal_squared))
+    terms, angle = _arc_about_axis(tips, centre, normal / np.sqrt(normal_squared))
     return terms, angle % (2 * np.pi)

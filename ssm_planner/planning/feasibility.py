@@ -1,7 +1,7 @@
 """Tests of a problem by geometry and kinematics, before any solver runs.
 
-They cover ranges, the eye, velocities, and distances to stop. `infeasible_place` tests given paths,
-and the points of other motions. `with_boundary_rates` tests the velocities at both ends of the
+They cover ranges, the eye, velocities, and distances to stop. `check_places` tests given paths,
+and the points of other motions. `with_end_velocities` tests the velocities at both ends of the
 whole motion. A failed test returns a `Reason`.
 """
 
@@ -23,15 +23,15 @@ from ssm_planner.kinematics import (
 )
 from ssm_planner.planning.phases import (
     Phase,
-    phases_from,
+    build_phases,
     reversal_ranges,
     start_configurations,
     straight_path,
 )
-from ssm_planner.planning.reason import Reason, exceeded
+from ssm_planner.planning.reason import Reason, check_limit
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import PolylinePath
-from ssm_planner.planning.tolerances import ROUNDING, SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, ROUNDING_TOLERANCE
 from ssm_planner.problem import (
     TASK_COORDINATES,
     Free,
@@ -47,12 +47,12 @@ from ssm_planner.problem import (
 )
 from ssm_planner.typing import Array, record
 
-RATES = ("start_rate", "end_rate")
+RATE_KEYS = ("start_rate", "end_rate")
 """Keys in the problem file for the velocities at the start and at the end."""
 
 
 @record
-class _Places:
+class _PhaseSamples:
     """Joint positions along a phase at which limits are tested."""
 
     phase: Phase
@@ -64,11 +64,11 @@ class _Places:
     """
 
     @classmethod
-    def of_phase(cls, phase: Phase) -> "_Places":
+    def of_phase(cls, phase: Phase) -> "_PhaseSamples":
         """Return samples of the given path of a phase, or its points if it has no path."""
         if phase.path is None:
             return cls(phase, np.linspace(0.0, 1.0, len(phase.points)), phase.points)
-        return cls(phase, phase.path.overview.s, phase.path.overview.q)
+        return cls(phase, phase.path.coarse_samples.s, phase.path.coarse_samples.q)
 
     def location(self, k: int) -> str:
         """Describe the place of sample k in words, for messages."""
@@ -79,7 +79,7 @@ class _Places:
             return f"{name}, at point {k} on its way"
         return f"{name}, {100 * s:.0f} % of the way"
 
-    def refined(self, k: int) -> "_Places":
+    def refined(self, k: int) -> "_PhaseSamples":
         """Return samples of the path between the neighbours of sample k.
 
         Without a path there are no places between the points, so the result is unchanged.
@@ -88,7 +88,7 @@ class _Places:
             return self
         neighbours = self.s[max(k - 1, 0) : k + 2]
         s = np.linspace(neighbours[0], neighbours[-1], len(self.s))
-        return _Places(self.phase, s, self.phase.path.sample(s).q)
+        return _PhaseSamples(self.phase, s, self.phase.path.sample(s).q)
 
 
 def _largest_excess(limit: Limit, values: Array) -> tuple[int, float]:
@@ -100,14 +100,18 @@ def _largest_excess(limit: Limit, values: Array) -> tuple[int, float]:
     return k, float(values[k])
 
 
-def _excess(
-    places: _Places, limit: Limit, values: Array, template: str, tolerance: float = ROUNDING
+def _check_samples(
+    places: _PhaseSamples,
+    limit: Limit,
+    values: Array,
+    template: str,
+    tolerance: float = ROUNDING_TOLERANCE,
 ) -> Reason | None:
     """Return the reason for the largest excess over a limit, or None if it is kept everywhere.
 
     Parameters
     ----------
-    places : _Places
+    places : _PhaseSamples
         Places along a phase.
     limit : Limit
         The limit.
@@ -119,7 +123,7 @@ def _excess(
         Excess that is allowed, in SI units.
     """
     k, worst = _largest_excess(limit, values)
-    return exceeded(limit, worst, places.location(k), template, tolerance)
+    return check_limit(limit, worst, places.location(k), template, tolerance)
 
 
 def feasible_phases(
@@ -145,10 +149,10 @@ def feasible_phases(
     """
     reasons = []
     for q in start_configurations(problem):
-        phases = phases_from(problem, q)
-        reason = infeasible_place(phases)
+        phases = build_phases(problem, q)
+        reason = check_places(phases)
         if reason is None:
-            return with_boundary_rates(phases)
+            return with_end_velocities(phases)
         reasons.append(reason)
         if isinstance(reason.limit, (RetinaClearance, LensClearance)):
             # All start configurations have the tip at the same places, so others do not help.
@@ -165,7 +169,7 @@ def eye_forbids_target(problem: Problem) -> bool:
     return reason is not None and isinstance(reason.limit, (RetinaClearance, LensClearance))
 
 
-def infeasible_place(phases: Sequence[Phase]) -> Reason | None:
+def check_places(phases: Sequence[Phase]) -> Reason | None:
     """Return the reason for the first place along the phases that a limit forbids, or None.
 
     The limits are the ranges of joints and task coordinates, the distance to the retina, and the
@@ -174,9 +178,9 @@ def infeasible_place(phases: Sequence[Phase]) -> Reason | None:
 
     def reasons(phase: Phase) -> Iterator[Reason | None]:
         """Yield the reasons of all tests of a phase."""
-        yield from _beyond_ranges(phase)
-        yield from _past_boundary(phase)
-        yield blocked_by_eye(phase)
+        yield from _check_ranges(phase)
+        yield from _check_tilt_extremes(phase)
+        yield check_eye_clearance(phase)
 
     return _first_reason(chain.from_iterable(map(reasons, phases)))
 
@@ -186,16 +190,16 @@ def _first_reason(reasons: Iterable[Reason | None]) -> Reason | None:
     return next(filter(None, reasons), None)
 
 
-def _beyond_ranges(phase: Phase) -> Iterator[Reason | None]:
+def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each range of a joint or task coordinate that a phase leaves.
 
     None is yielded for each range that it keeps.
     """
-    places = _Places.of_phase(phase)
+    places = _PhaseSamples.of_phase(phase)
     phrase = "{value}, but its range ends at {bound}"
     for joint, values in zip(phase.problem.robot.joints, places.q.T, strict=True):
         template = f"joint {joint.name} would have to reach {phrase}"
-        yield _excess(places, joint.limit(JointPosition), values, template)
+        yield _check_samples(places, joint.limit(JointPosition), values, template)
     wrapped = task_from_joints(phase.mechanism, places.q)
     task = np.stack(task_of_joints(NUMPY, phase.mechanism, places.q.T), axis=1)
     continuous = task + 2 * np.pi * np.round((phase.start - task[0]) / (2 * np.pi)) * (1, 0, 1, 0)
@@ -207,10 +211,10 @@ def _beyond_ranges(phase: Phase) -> Iterator[Reason | None]:
                 :, TASK_COORDINATES.index(limit.coordinate)
             ]
             template = f"{limit.coordinate} would have to be {phrase}"
-            yield _excess(places, limit, values, template, SAME)
+            yield _check_samples(places, limit, values, template, EQUALITY_TOLERANCE)
 
 
-def _past_boundary(phase: Phase) -> Iterator[Reason | None]:
+def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason if joint 2 passes the workspace boundary and tilt leaves its range there.
 
     Tilt depends on joint 2 alone. It has its extremes where the branches of the inverse kinematics
@@ -235,10 +239,10 @@ def _past_boundary(phase: Phase) -> Iterator[Reason | None]:
         joints[:, 1] = extremes
         if len(extremes):
             tilt = _largest_excess(limit, task_from_joints(mechanism, joints)[:, 1])[1]
-            yield exceeded(limit, tilt, location, template, SAME)
+            yield check_limit(limit, tilt, location, template, EQUALITY_TOLERANCE)
 
 
-def blocked_by_eye(phase: Phase) -> Reason | None:
+def check_eye_clearance(phase: Phase) -> Reason | None:
     """Return the reason if the tip comes too close to the retina, or the shaft to the lens.
 
     A given path is sampled again about its worst sample, because the distance has a sharp minimum
@@ -254,50 +258,50 @@ def blocked_by_eye(phase: Phase) -> Reason | None:
             else "the shaft would touch the lens: it would pass at {value} times the size of the "
             "lens from its centre, but at least {bound} is required"
         )
-        places = _Places.of_phase(phase)
+        places = _PhaseSamples.of_phase(phase)
         # The second round samples the neighbourhood of the worst sample.
         for _ in range(2):
             tips = tip_position(phase.mechanism, places.q)
             values, _ = eye_limits(NUMPY, eye, tips.T)[limit.name]
-            reason = _excess(places, limit, values, template)
+            reason = _check_samples(places, limit, values, template)
             if reason is not None:
                 return reason
             places = places.refined(int(np.argmin(values)))
     return None
 
 
-def nearest_to_eye(phase: Phase) -> Array:
+def joints_nearest_to_eye(phase: Phase) -> Array:
     """Return the joint positions (4,) of a straight joint motion nearest to retina or lens.
 
     They may also lie in the retina or lens. The joints move along straight lines between the points
     of the phase.
     """
     path = PolylinePath(phase.mechanism, phase.points)
-    q = path.overview.q
+    q = path.coarse_samples.q
     assert phase.problem.eye is not None
     limits = eye_limits(NUMPY, phase.problem.eye, tip_position(phase.mechanism, q).T).values()
     ratios = [values / smallest for values, smallest in limits if smallest > 0]
     return np.asarray(q[int(np.argmin(np.min(ratios, axis=0)))])
 
 
-def straight_instead(phase: Phase) -> Phase | None:
+def replace_by_task_line(phase: Phase) -> Phase | None:
     """Return a free phase with a straight line in task coordinates as its given path.
 
     Returns None if the phase has via points or begins or ends at speed, if the line is the same in
     joint coordinates or does not end at the target joints, or if a limit forbids a place on it.
     """
     # The line in task coordinates must differ from the one in the joints.
-    lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING
+    lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING_TOLERANCE
     if len(phase.points) != 2 or not phase.begins_and_ends_at_rest or not lines_differ:
         return None
     path = straight_path(phase.problem, phase.mechanism, phase.start, phase.end, phase.q_start)
-    if np.abs(path.overview.q[-1] - phase.points[-1]).max() > ROUNDING:
+    if np.abs(path.coarse_samples.q[-1] - phase.points[-1]).max() > ROUNDING_TOLERANCE:
         return None
     line_phase = replace(phase, path=path)
-    return line_phase if infeasible_place((line_phase,)) is None else None
+    return line_phase if check_places((line_phase,)) is None else None
 
 
-def with_boundary_rates(
+def with_end_velocities(
     phases: tuple[Phase, ...],
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """Return the phases with the joint velocities at the start and at the end of the motion.
@@ -316,7 +320,10 @@ def with_boundary_rates(
     ProblemError
         If the velocity would make a motion leave its given path.
     """
-    first, last = _phase_with_rates(phases), len(phases) - 1 - _phase_with_rates(phases[::-1])
+    first, last = (
+        _index_of_phase_with_rates(phases),
+        len(phases) - 1 - _index_of_phase_with_rates(phases[::-1]),
+    )
     result = list(phases)
     qd = _end_velocity(result[first], 0)
     acceleration = np.array(phases[0].problem.start_acceleration)
@@ -324,24 +331,24 @@ def with_boundary_rates(
     qd = _end_velocity(result[last], -1)
     result[last] = replace(result[last], qd_end=qd)
     reasons = chain(
-        _too_fast(result[first], 0),
-        _too_fast(result[last], -1),
-        _too_near(result[first]),
-        _too_near(result[last]),
+        _check_end_velocity(result[first], 0),
+        _check_end_velocity(result[last], -1),
+        _check_velocity_change(result[first]),
+        _check_velocity_change(result[last]),
     )
     return tuple(result), _first_reason(reasons)
 
 
-def _phase_with_rates(phases: Sequence[Phase]) -> int:
+def _index_of_phase_with_rates(phases: Sequence[Phase]) -> int:
     """Return the index of the phase whose start has the rates that the problem gives.
 
     It is the first phase that takes time. If this phase is a dwell, or if all phases take no time,
     it is the first free motion, which leaves its position and returns to it.
     """
-    lasting = (k for k, phase in enumerate(phases) if phase.motion.duration or not phase.stands)
+    lasting = (k for k, phase in enumerate(phases) if phase.motion.duration or not phase.is_at_rest)
     index = next(lasting, len(phases) - 1)
     free = (k for k in range(index + 1) if isinstance(phases[k].motion, Free))
-    return next(free, index) if phases[index].stands else index
+    return next(free, index) if phases[index].is_at_rest else index
 
 
 def _end_velocity(phase: Phase, side: int) -> Array:
@@ -359,12 +366,12 @@ def _end_velocity(phase: Phase, side: int) -> Array:
     ProblemError
         If the phase is a dwell, or if the rates do not point along its given path.
     """
-    key = RATES[side]
+    key = RATE_KEYS[side]
     problem, mechanism = phase.problem, phase.mechanism
     rate = np.array([getattr(problem, key).get(name, 0.0) for name in TASK_COORDINATES])
     if not rate.any():
         return np.zeros(4)
-    if phase.stands and not isinstance(phase.motion, Free):
+    if phase.is_at_rest and not isinstance(phase.motion, Free):
         raise ProblemError(
             "a dwell has no speed", file=problem.file, line=phase.motion.line, key=key
         )
@@ -372,7 +379,7 @@ def _end_velocity(phase: Phase, side: int) -> Array:
         sample = phase.path.sample(np.array([-float(side)]))  # s = 0 or 1
         direction = task_rates(mechanism, sample.q, sample.dq)[0]
         projection = direction * (direction @ rate) / (direction @ direction)
-        off_line = np.abs(rate - projection).max() > ROUNDING * np.abs(rate).max()
+        off_line = np.abs(rate - projection).max() > ROUNDING_TOLERANCE * np.abs(rate).max()
         if direction @ rate < 0 or off_line:
             raise ProblemError(
                 f"a straight motion ({phase.motion.name}) keeps to its line, towards its target",
@@ -381,11 +388,11 @@ def _end_velocity(phase: Phase, side: int) -> Array:
                 allowed="rates along the line, in the direction of the motion",
             )
     qd = joint_rates(mechanism, phase.points[side], rate)
-    at_rest = np.abs(qd) < ROUNDING * problem.robot.velocities
+    at_rest = np.abs(qd) < ROUNDING_TOLERANCE * problem.robot.velocities
     return np.where(at_rest, 0.0, qd)
 
 
-def _too_fast(phase: Phase, side: int) -> Iterator[Reason | None]:
+def _check_end_velocity(phase: Phase, side: int) -> Iterator[Reason | None]:
     """Yield a reason for each limit that the velocities at one end of a phase exceed.
 
     The limits are the velocities of the joints, and the distance in which the tip must be able to
@@ -399,32 +406,34 @@ def _too_fast(phase: Phase, side: int) -> Iterator[Reason | None]:
         0 for its start, −1 for its end.
     """
     qd = (phase.qd_start, phase.qd_end)[side]
-    location = f"{phase.motion.name}, {RATES[side].replace('_', ' ')}"
+    location = f"{phase.motion.name}, {RATE_KEYS[side].replace('_', ' ')}"
     for joint, speed in zip(phase.problem.robot.joints, np.abs(qd).tolist(), strict=True):
         template = f"joint {joint.name} would move at {{value}}, but its limit is {{bound}}"
         limit = joint.limit(JointVelocity)
-        yield exceeded(limit, speed, location, template, ROUNDING * limit.largest)
+        yield check_limit(limit, speed, location, template, ROUNDING_TOLERANCE * limit.largest)
     stop = phase.problem.stop_travel
     if stop is not None:
         travel = braking_travel(
             phase.mechanism, phase.problem.robot, phase.points[[side]], qd[None]
         )
         template = "the tip needs {value} to stop, but only {bound} are allowed"
-        yield exceeded(stop, float(travel[0]), location, template, ROUNDING * stop.largest)
+        yield check_limit(
+            stop, float(travel[0]), location, template, ROUNDING_TOLERANCE * stop.largest
+        )
 
 
-def _too_near(phase: Phase) -> Iterator[Reason | None]:
+def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each joint that would need too much acceleration between both ends.
 
     On a given path, a joint needs |q̇₁² − q̇₀²| / (2 |Δq|), with the velocities q̇₀ and q̇₁ at the
     ends and the length Δq of its way. Without a given path, a joint may overshoot, for which it
-    needs a part of its range (`_ranges_exceeded`).
+    needs a part of its range (`_check_stopping_ranges`).
     """
     if phase.path is None:
-        yield from _ranges_exceeded(phase)
+        yield from _check_stopping_ranges(phase)
         return
     # The joints may reverse on the path, so the lengths of all samples' steps are added.
-    distances = np.abs(np.diff(phase.path.overview.q, axis=0)).sum(axis=0)
+    distances = np.abs(np.diff(phase.path.coarse_samples.q, axis=0)).sum(axis=0)
     changes = np.abs(phase.qd_start**2 - phase.qd_end**2)
     for i in np.flatnonzero(changes):
         joint = phase.problem.robot.joints[i]
@@ -439,10 +448,12 @@ def _too_near(phase: Phase) -> Iterator[Reason | None]:
             "This requires {value}, but its limit is {bound}"
         )
         needed = float(changes[i] / (2 * distances[i]))
-        yield exceeded(limit, needed, phase.motion.name, template, ROUNDING * limit.largest)
+        yield check_limit(
+            limit, needed, phase.motion.name, template, ROUNDING_TOLERANCE * limit.largest
+        )
 
 
-def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
+def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each range that a joint must leave in order to stop or to start.
 
     A joint that begins at speed covers q̇²/(2 q̈_max) until it stops, and it needs the same
@@ -458,7 +469,7 @@ def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
     for (qd, side, phrase), (i, joint) in product(ends, enumerate(problem.robot.joints)):
         turning_q = phase.points[side].copy()
         turning_q[i] += qd[i] * abs(qd[i]) / (2 * joint.acceleration)
-        if ranges[0, i] - SAME <= turning_q[i] <= ranges[1, i] + SAME:
+        if ranges[0, i] - EQUALITY_TOLERANCE <= turning_q[i] <= ranges[1, i] + EQUALITY_TOLERANCE:
             continue
         limit: Limit = joint.limit(JointPosition)
         value, name = float(turning_q[i]), f"joint {joint.name}"
@@ -476,4 +487,4 @@ def _ranges_exceeded(phase: Phase) -> Iterator[Reason | None]:
             f"{name} {phrase} {{value}}, because joint {joint.name} moves at {speed} and "
             f"accelerates by at most {acceleration}, but its range ends at {{bound}}"
         )
-        yield exceeded(limit, value, phase.motion.name, template, -np.inf)
+        yield check_limit(limit, value, phase.motion.name, template, -np.inf)

@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.kinematics import Mechanism, tip_position
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.problem import TASK_COORDINATES, Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, record
 
-BISECTIONS = 60
+BISECTION_STEPS = 60
 """Number of bisections in a search for a velocity or an acceleration."""
 
 
@@ -46,7 +46,7 @@ def lower_bound(
     velocity, acceleration, jerk = _joint_limits(robot, limits)
     ends = np.zeros((2, 4)) if speeds is None else speeds
     through_all = max(
-        _time_alone(*joint)
+        _single_joint_time(*joint)
         for joint in zip(points.T, ends.T, velocity, acceleration, jerk, strict=True)
     )
     at_points = np.insert(ends, 1, np.full((len(points) - 2, 4), np.nan), axis=0)
@@ -58,7 +58,9 @@ def lower_bound(
     return max(through_all, float(np.maximum(segments.max(axis=1), tip_times).sum()))
 
 
-def least_times(robot: Robot, displacements: Array, distances: Array, limits: TaskLimits) -> Array:
+def slowest_joint_times(
+    robot: Robot, displacements: Array, distances: Array, limits: TaskLimits
+) -> Array:
     """Return the shortest times of motions from rest to rest, as if each joint moved alone, s.
 
     Parameters
@@ -77,7 +79,7 @@ def least_times(robot: Robot, displacements: Array, distances: Array, limits: Ta
     (...) array
         Time of the slowest joint (`rest_to_rest`), or of the tip at its largest speed.
     """
-    times = rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=-1)
+    times = rest_to_rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=-1)
     return np.maximum(times, distances / _tip_speed(limits))
 
 
@@ -100,7 +102,7 @@ def _joint_limits(robot: Robot, limits: TaskLimits) -> Array:
     return result
 
 
-def _time_alone(
+def _single_joint_time(
     positions: Array, speeds: Array, velocity: float, acceleration: float, jerk: float
 ) -> float:
     """Return the shortest time in which one joint passes through positions, s.
@@ -119,11 +121,11 @@ def _time_alone(
         Limits of the joint.
     """
     steps = np.diff(positions)
-    steps = steps[np.abs(steps) > ROUNDING]
+    steps = steps[np.abs(steps) > ROUNDING_TOLERANCE]
     reversals = np.flatnonzero(steps[1:] * steps[:-1] < 0) + 1
     runs = np.add.reduceat(steps, np.append(0, reversals)) if len(steps) else np.zeros(1)
     if len(runs) == 1 and not speeds.any():
-        return float(rest_times(np.abs(runs), velocity, acceleration, jerk)[0])
+        return float(rest_to_rest_times(np.abs(runs), velocity, acceleration, jerk)[0])
     starts, ends = np.zeros((2, len(runs)))
     starts[0], ends[-1] = speeds
     if len(runs) > 1:
@@ -155,7 +157,9 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
     for name, rate in limits.rates.items():
         k = TASK_COORDINATES.index(name)
         distance = float(ends[1, k] - ends[0, k])
-        acceleration = math.inf if name == "depth" else angular_acceleration(robot, name, limits)
+        acceleration = (
+            math.inf if name == "depth" else angular_acceleration_bound(robot, name, limits)
+        )
         if math.isinf(acceleration):
             times.append(abs(distance) / rate)
         else:
@@ -164,7 +168,7 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
     return max(times)
 
 
-def angular_acceleration(robot: Robot, name: str, limits: TaskLimits) -> float:
+def angular_acceleration_bound(robot: Robot, name: str, limits: TaskLimits) -> float:
     """Return an upper bound on the angular acceleration of a task coordinate, rad/s².
 
     The bound holds for all joint positions in the range of tilt, and for all velocities and
@@ -240,7 +244,9 @@ def minimum_times(
     free_speed = np.fmin(reachable, np.fmax(velocity, np.abs(known)))
     start, end = (np.where(np.isnan(speed), free_speed, speed) for speed in (start, end))
     direct_distance = (start + end) / 2 * np.abs(end - start) / acceleration
-    is_direct = np.abs(distance - direct_distance) <= ROUNDING * (1 + np.abs(direct_distance))
+    is_direct = np.abs(distance - direct_distance) <= ROUNDING_TOLERANCE * (
+        1 + np.abs(direct_distance)
+    )
     # A joint whose direct change of velocity takes more than the distance overshoots and returns.
     direction = np.where(distance < direct_distance, -1.0, 1.0)
     distance, start, end = (direction * values for values in (distance, start, end))
@@ -266,7 +272,7 @@ class SCurve:
     """Initial velocity."""
 
     @classmethod
-    def of_pieces(cls, lengths: Array, start: Array, end: Array, speed: float = 0.0) -> "SCurve":
+    def from_pieces(cls, lengths: Array, start: Array, end: Array, speed: float = 0.0) -> "SCurve":
         """Return the motion without the pieces that are shorter than rounding."""
         lasting = lengths > 1e-13 * lengths.sum()
         return cls(lengths[lasting], start[lasting], end[lasting], speed)
@@ -282,14 +288,14 @@ class SCurve:
         return float(self._cubics.end[0][-1])
 
     @property
-    def switches(self) -> Array:
+    def switching_times(self) -> Array:
         """Instants at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
-        return _sums(self.lengths)
+        return _cumulative_sums(self.lengths)
 
     def followed_by_rest(self, duration: float) -> "SCurve":
         """Return the motion with a rest at its end, so that the total duration is `duration` (s)."""
         pause = duration - self.duration
-        if pause <= ROUNDING:
+        if pause <= ROUNDING_TOLERANCE:
             return self
         lengths, start, end = (
             np.append(values, added)
@@ -316,7 +322,7 @@ class SCurve:
         index = self._piece_index(t)
         cubics = self._cubics
         pieces = (cubics.u, cubics.v, cubics.a0, cubics.a1, cubics.h)
-        return Cubic(*(values[index] for values in pieces)).at_time(t - self.switches[index])
+        return Cubic(*(values[index] for values in pieces)).at_time(t - self.switching_times[index])
 
     def jerk_at(self, t: Array) -> Array:
         """Return the jerk at times t (n,), in s. At a jump it is the value after the jump."""
@@ -326,19 +332,21 @@ class SCurve:
     def _cubics(self) -> Cubic:
         """Cubic polynomials of all pieces, as one value with fields of shape (m,)."""
         velocity_changes = self.lengths * (self.start + self.end) / 2
-        velocity = self.speed + _sums(velocity_changes)[:-1]
+        velocity = self.speed + _cumulative_sums(velocity_changes)[:-1]
         # Pieces that start at position 0 give the displacements, whose sums are the positions.
         from_zero = Cubic(0.0, velocity, self.start, self.end, self.lengths)
-        return Cubic(_sums(from_zero.end[0])[:-1], velocity, self.start, self.end, self.lengths)
+        return Cubic(
+            _cumulative_sums(from_zero.end[0])[:-1], velocity, self.start, self.end, self.lengths
+        )
 
     def _piece_index(self, t: Array) -> Indices:
         """Return the index of the piece that contains each of the times (n,)."""
         return np.clip(
-            np.searchsorted(self.switches, t, side="right") - 1, 0, len(self.lengths) - 1
+            np.searchsorted(self.switching_times, t, side="right") - 1, 0, len(self.lengths) - 1
         )
 
 
-def _sums(values: Array) -> Array:
+def _cumulative_sums(values: Array) -> Array:
     """Return the cumulative sums of values (m,), with a leading 0, (m + 1,)."""
     return np.append(0.0, np.cumsum(values))
 
@@ -361,7 +369,9 @@ def rest_to_rest(
         Limit. None: the acceleration may jump.
     """
     limit = math.inf if jerk is None else jerk
-    speed = min(velocity, float(_reachable_speed(np.array(distance), acceleration, limit)))
+    speed = min(
+        velocity, float(_peak_speed_without_cruise(np.array(distance), acceleration, limit))
+    )
     ramp = min(acceleration / limit, math.sqrt(speed / limit))
     peak = min(acceleration, math.sqrt(speed * limit))
     constant_time = max(speed / peak - ramp, 0.0)
@@ -370,7 +380,7 @@ def rest_to_rest(
     cruise = [max(distance / speed - speed_up[:, 0].sum(), 0.0), 0.0, 0.0]
     slow_down = speed_up[::-1, [0, 2, 1]] * (1, -1, -1)
     lengths, start, end = np.vstack([speed_up, cruise, slow_down]).T
-    return SCurve.of_pieces(lengths, start, end)
+    return SCurve.from_pieces(lengths, start, end)
 
 
 def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) -> SCurve:
@@ -410,7 +420,7 @@ def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) 
         ]
     )
     lengths, start, end = (pieces * (1, sign, sign)).T
-    return SCurve.of_pieces(lengths, start, end, speed)
+    return SCurve.from_pieces(lengths, start, end, speed)
 
 
 def stopping_curves(
@@ -446,7 +456,7 @@ def stopping_curves(
     curves = [curve(k, limits[k]) for k in range(4)]
     longest = max((stop.duration for stop in curves if stop is not None), default=0.0)
     low, high = np.zeros(4), limits
-    for _ in range(BISECTIONS * together):
+    for _ in range(BISECTION_STEPS * together):
         middle = (low + high) / 2
         curves = [curve(k, middle[k]) for k in range(4)]
         is_late = np.array([stop is not None and stop.duration > longest for stop in curves])
@@ -454,7 +464,7 @@ def stopping_curves(
     return [stop and stop.followed_by_rest(longest) for stop in curves]
 
 
-def rest_times(
+def rest_to_rest_times(
     distance: Array,
     velocity: Array | float,
     acceleration: Array | float,
@@ -472,15 +482,17 @@ def rest_times(
         Limits. An infinite jerk stands for no limit.
     """
     # With the peak velocity v and the time T of a ramp, the duration is T + distance / v.
-    speed = np.minimum(velocity, _reachable_speed(distance, acceleration, jerk))
+    speed = np.minimum(velocity, _peak_speed_without_cruise(distance, acceleration, jerk))
     reaches_limit = speed >= acceleration**2 / jerk
     ramp_times = np.where(
         reaches_limit, speed / acceleration + acceleration / jerk, 2 * np.sqrt(speed / jerk)
     )
-    return np.asarray(ramp_times + distance / np.maximum(speed, ROUNDING))
+    return np.asarray(ramp_times + distance / np.maximum(speed, ROUNDING_TOLERANCE))
 
 
-def _reachable_speed(distance: Array, acceleration: Array | float, jerk: Array | float) -> Array:
+def _peak_speed_without_cruise(
+    distance: Array, acceleration: Array | float, jerk: Array | float
+) -> Array:
     """Return the peak velocity v of the motion from rest to rest that does not cruise.
 
     The distance d is v T, with the time T in which the velocity rises to v. If the acceleration

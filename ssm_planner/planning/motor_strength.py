@@ -1,7 +1,7 @@
 """Tests that reject motors with which no motion is possible.
 
 Such a motor is too weak to move, to brake or to hold a speed, or every motion makes it too hot.
-`no_motion` looks for the cause after a solver has not found a motion.
+`explain_failure` looks for the cause after a solver has not found a motion.
 """
 
 import math
@@ -21,16 +21,16 @@ from ssm_planner.dynamics import (
     motor_torque_rows,
     motorised,
 )
-from ssm_planner.planning.feasibility import blocked_by_eye, feasible_phases
+from ssm_planner.planning.feasibility import check_eye_clearance, feasible_phases
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.reason import Reason, exceeded
+from ssm_planner.planning.reason import Reason, check_limit
 from ssm_planner.planning.retiming.paths import JointPath, PathSamples, joint_starts
-from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
+from ssm_planner.planning.tolerances import PATH_SAMPLES, ROUNDING_TOLERANCE
 from ssm_planner.problem import ContinuousTorque, Drive, MotorTorque, Problem, Robot
 from ssm_planner.typing import Array, record
 
 
-def no_motion(phase: Phase, path: JointPath, message: str) -> Reason:
+def explain_failure(phase: Phase, path: JointPath, message: str) -> Reason:
     """Return the reason why a solver found no motion of a phase.
 
     It is a motor that is too weak, or a place that the eye forbids, or else the solver's message.
@@ -44,10 +44,10 @@ def no_motion(phase: Phase, path: JointPath, message: str) -> Reason:
     message : str
         Message of the solver.
     """
-    reason = motor_too_weak(phase, path, SAMPLES)
+    reason = check_motor_torque(phase, path, PATH_SAMPLES)
     if reason is not None:
         return reason
-    blocked = blocked_by_eye(replace(phase, path=path))
+    blocked = check_eye_clearance(replace(phase, path=path))
     if blocked is not None:
         text = f"{blocked.message}, so the direct motion is blocked ({message})"
         return replace(blocked, message=text)
@@ -55,7 +55,7 @@ def no_motion(phase: Phase, path: JointPath, message: str) -> Reason:
     return Reason(None, phase.motion.name, None, None, text)
 
 
-def _overloaded(
+def _most_overloaded_motor(
     robot: Robot,
     kind: type[MotorTorque | ContinuousTorque],
     needs: Iterable[tuple[int, float, str | None]],
@@ -79,13 +79,13 @@ def _overloaded(
     for i, needed, location in needs:
         limit = robot.joints[i].limit(kind)
         text = f"the motor of joint {robot.joints[i].name} {template}"
-        reason = exceeded(limit, needed, location, text, ROUNDING * limit.largest)
+        reason = check_limit(limit, needed, location, text, ROUNDING_TOLERANCE * limit.largest)
         if reason is not None and needed / limit.largest > largest_factor:
             largest_factor, result = needed / limit.largest, reason
     return result
 
 
-def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:
+def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:
     """Return a reason if a motor cannot move its joint against gravity and friction, or None.
 
     Friction is static where the joint starts or reverses, and that of slow motion elsewhere. The
@@ -128,7 +128,7 @@ def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | 
 
     # On a free motion, other joints may move first and relieve the motor.
     task = "move at all" if phase.path is path else "move with the other joints there"
-    return _overloaded(
+    return _most_overloaded_motor(
         robot,
         MotorTorque,
         needs(),
@@ -137,7 +137,7 @@ def motor_too_weak(phase: Phase, path: JointPath, samples: int = 0) -> Reason | 
     )
 
 
-def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
+def check_braking_torque(phase: Phase) -> Reason | None:
     """Return a reason if a motor is too weak for the velocity at which a phase begins, or None.
 
     The motor is then too weak for all joint accelerations within the limits. The test includes a
@@ -164,7 +164,7 @@ def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
         for i, drive, _ in motorised(robot.joints):
             sign = float(np.sign(qd[i]))
             if sign:
-                efforts = load[0, i] + np.linspace(-reach[i], reach[i], SAMPLES)
+                efforts = load[0, i] + np.linspace(-reach[i], reach[i], PATH_SAMPLES)
                 motor_torque, _ = drive_torque(
                     drive, efforts, qd[i], -sign * deceleration_limits[i], sign, breakaway=False
                 )
@@ -172,7 +172,7 @@ def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
                 needed = float(torque.min() - np.abs(np.diff(torque)).max())
                 yield i, needed, f"{phase.motion.name}, at its start"
 
-    return _overloaded(
+    return _most_overloaded_motor(
         robot,
         MotorTorque,
         needs(),
@@ -181,7 +181,7 @@ def motor_too_weak_to_brake(phase: Phase) -> Reason | None:
     )
 
 
-def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
+def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
     """Return a reason if every motion of the phases exceeds a motor's continuous torque, or None.
 
     In a straight phase from rest to rest in which a joint moves in one direction, the mean motor
@@ -220,7 +220,7 @@ def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
             # All durations are at their lower bounds, or a free duration is infinite.
             yield i, min([math.sqrt(mean_square), *compress(means, has_free_duration)]), None
 
-    return _overloaded(
+    return _most_overloaded_motor(
         robot,
         ContinuousTorque,
         needs(),
@@ -229,13 +229,13 @@ def motor_too_hot(phases: Sequence[Phase]) -> Reason | None:
     )
 
 
-def exceeds_thermal_bound(problem: Problem) -> Reason | None:
+def check_thermal_bound(problem: Problem) -> Reason | None:
     """Return a reason if every motion of a problem exceeds a motor's continuous torque, or None.
 
     No motion is planned. None means that the result is not certain without planning.
     """
     phases, reason = feasible_phases(problem)
-    return None if reason is not None else motor_too_hot(phases)
+    return None if reason is not None else check_motor_heat(phases)
 
 
 @record
@@ -259,7 +259,7 @@ class _SlowMotion:
         """
         if phase.path is None or not phase.begins_and_ends_at_rest:
             return None
-        samples = phase.path.overview
+        samples = phase.path.coarse_samples
         load = RigidBody.from_robot(robot).path_load(samples.q, samples.dq, samples.ddq)
         velocity = robot.velocities
         with np.errstate(divide="ignore", over="ignore"):

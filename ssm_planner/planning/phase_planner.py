@@ -13,18 +13,18 @@ import numpy as np
 
 from ssm_planner.elements.compiled import compiled_library
 from ssm_planner.elements.rows import limits_jerk, with_margin
-from ssm_planner.planning.motor_strength import motor_too_weak, no_motion
+from ssm_planner.planning.motor_strength import check_motor_torque, explain_failure
 from ssm_planner.planning.ocp.free import find_best_free, solve_free
 from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.straight import solve_straight
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase
-from ssm_planner.planning.postprocess import BETWEEN, retimed, slowed_to_stop
-from ssm_planner.planning.reason import Reason, duration_too_short, not_constant
+from ssm_planner.planning.postprocess import GRID_MARGIN, limit_stop_travel, plan_by_toppra
+from ssm_planner.planning.reason import Reason, constant_speed_reason, short_duration_reason
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
-from ssm_planner.planning.retiming.retime import retime, stays_at
-from ssm_planner.planning.tolerances import GAP, SAME
+from ssm_planner.planning.retiming.retime import holds_tip_speed, retime
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Follow, Problem, Robot, TipSpeed, unchecked_copy
 from ssm_planner.typing import Array, record
@@ -67,7 +67,7 @@ class PhasePlanner:
         return replace(self, phase=replace(self.phase, problem=problem))
 
     @property
-    def for_time(self) -> "PhasePlanner":
+    def without_duration(self) -> "PhasePlanner":
         """Copy that looks for the fastest motion, without a requested duration.
 
         Ipopt does not confirm it.
@@ -86,8 +86,8 @@ class PhasePlanner:
         rated = bool(self.problem.rates) and self._may_be_retimed(path)
         samples = isinstance(path, SplinePath) and not path.pieces
         if self.problem.planner == "toppra" or samples or rated:
-            return retimed(self.phase, self.strict, path)
-        return self._optimal(path)
+            return plan_by_toppra(self.phase, self.strict, path)
+        return self._by_optimal_control(path)
 
     def free(
         self,
@@ -113,7 +113,7 @@ class PhasePlanner:
         phase = self.phase
         # Joints that already move need not break away, and may come from the other side.
         if phase.begins_and_ends_at_rest:
-            reason = motor_too_weak(phase, self._direct)
+            reason = check_motor_torque(phase, self._direct_path)
             if reason is not None:
                 return reason
         solve = partial(
@@ -128,7 +128,7 @@ class PhasePlanner:
             work=self.work,
         )
         guessed = borders is not None and borders.guess is not None
-        motion = self._solved(solve, by_ipopt=not guessed)
+        motion = self._solve(solve, by_ipopt=not guessed)
         return self._free_result(motion)
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
@@ -137,10 +137,12 @@ class PhasePlanner:
 
     def _free_result(self, motion: PhaseSolution) -> PlannedPhase | Reason:
         """Return the phase with a free motion, from which the tip can always stop in time."""
-        return self.phase_result(self._direct, slowed_to_stop(self.phase, self.strict, motion))
+        return self.phase_result(
+            self._direct_path, limit_stop_travel(self.phase, self.strict, motion)
+        )
 
     @property
-    def _direct(self) -> JointPath:
+    def _direct_path(self) -> JointPath:
         """Straight lines from point to point."""
         return PolylinePath(self.phase.mechanism, self.phase.points)
 
@@ -153,13 +155,13 @@ class PhasePlanner:
         if not motion.solved:
             if self.approximate:
                 return Reason(message=motion.message)
-            return no_motion(self.phase, path, motion.message)
+            return explain_failure(self.phase, path, motion.message)
         duration = self.phase.motion.duration
-        if duration is not None and motion.duration > duration * (1 + SAME):
-            return duration_too_short(self.phase.motion.name, duration, motion.duration)
+        if duration is not None and motion.duration > duration * (1 + EQUALITY_TOLERANCE):
+            return short_duration_reason(self.phase.motion.name, duration, motion.duration)
         return PlannedPhase(self.phase, motion, duration or self.phase.lower_bound)
 
-    def _solved(
+    def _solve(
         self, solve: Callable[..., PhaseSolution], *, by_ipopt: bool = True
     ) -> PhaseSolution:
         """Solve by the structured solver, with the confirmation that the planner asks for.
@@ -182,25 +184,25 @@ class PhasePlanner:
 
         def is_feasible(limit_speed: float) -> bool:
             limits = with_tip_speed(limit_speed).problem.task_limits
-            robot = with_margin(self.strict, BETWEEN)
+            robot = with_margin(self.strict, GRID_MARGIN)
             retiming = retime(path, robot, limits)
-            return retiming.solved and stays_at(retiming, path, limit_speed)
+            return retiming.solved and holds_tip_speed(retiming, path, limit_speed)
 
         if is_feasible(speed):
-            return retimed(with_tip_speed(speed).phase, self.strict, path)
+            return plan_by_toppra(with_tip_speed(speed).phase, self.strict, path)
         slow, fast = 0.0, speed
         while fast - slow > GAP * speed:
             middle = (slow + fast) / 2
             slow, fast = (middle, fast) if is_feasible(middle) else (slow, middle)
-        return not_constant(self.phase.motion.name, speed, slow)
+        return constant_speed_reason(self.phase.motion.name, speed, slow)
 
-    def _optimal(self, path: JointPath) -> PlannedPhase | Reason:
+    def _by_optimal_control(self, path: JointPath) -> PlannedPhase | Reason:
         """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA."""
         problem = self.problem
         speeds = self.phase.speeds_along(path)
         retiming = retime(path, problem.robot, problem.task_limits, speeds)
         if not retiming.solved:
-            return no_motion(self.phase, path, retiming.message)
+            return explain_failure(self.phase, path, retiming.message)
         solve = partial(
             solve_straight,
             self.phase,
@@ -210,9 +212,9 @@ class PhasePlanner:
             cooling=self.cooling,
             work=self.work,
         )
-        result = self.phase_result(path, self._solved(solve))
+        result = self.phase_result(path, self._solve(solve))
         if isinstance(result, Reason) and self._may_be_retimed(path):
-            return retimed(self.phase, self.strict, path)
+            return plan_by_toppra(self.phase, self.strict, path)
         return result
 
     def _may_be_retimed(self, path: JointPath) -> bool:

@@ -22,16 +22,16 @@ from ssm_planner.kinematics import (
 )
 from ssm_planner.planning.curves import CurveFollower, driven_joints
 from ssm_planner.planning.lower_bound import lower_bound, rate_bound, stopping_curves
-from ssm_planner.planning.retiming.blends import BlendedPath, rounded
+from ssm_planner.planning.retiming.blends import BlendedPath, blend_pieces
 from ssm_planner.planning.retiming.paths import (
     ClosedPath,
     JointPath,
     SplinePath,
     StraightPath,
-    smooth_runs,
+    split_at_corners,
 )
-from ssm_planner.planning.scan_pattern import task_of, visits_of
-from ssm_planner.planning.tolerances import ROUNDING, SAME
+from ssm_planner.planning.scan_pattern import complete_task, scan_motions
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, ROUNDING_TOLERANCE
 from ssm_planner.problem import (
     SINGLE_COORDINATE_MOTIONS,
     TIP_CURVES,
@@ -92,17 +92,17 @@ class Phase:
         return max(bounds)
 
     @property
-    def least_duration(self) -> float:
+    def minimum_duration(self) -> float:
         """Requested duration, or else the lower bound on the duration, s.
 
         It is infinite if the requested duration is shorter than the lower bound.
         """
         duration = self.motion.duration
-        if self.stands:
+        if self.is_at_rest:
             return duration or 0.0
         if duration is None:
             return self.lower_bound
-        return duration if self.lower_bound <= duration * (1 + SAME) else np.inf
+        return duration if self.lower_bound <= duration * (1 + EQUALITY_TOLERANCE) else np.inf
 
     @property
     def q_start(self) -> Array:
@@ -110,7 +110,7 @@ class Phase:
         return np.asarray(self.points[0])
 
     @property
-    def stands(self) -> bool:
+    def is_at_rest(self) -> bool:
         """True if the robot rests during the phase.
 
         The phase is a dwell, or a motion from rest whose target is the present position. The latter
@@ -124,7 +124,7 @@ class Phase:
         """True if all joints are at rest at both ends."""
         return not (self.qd_start.any() or self.qd_end.any())
 
-    def part(self, points: Array, *, to_end: bool = True) -> "Phase":
+    def from_rest(self, points: Array, *, to_end: bool = True) -> "Phase":
         """Return a part of this phase, which starts from rest and passes other points.
 
         Parameters
@@ -191,13 +191,13 @@ def start_configurations(problem: Problem) -> list[Array]:
         return [np.array(target.values)]
     with within("start"):
         mechanism = Mechanism.from_robot(problem.robot)
-        solutions = _solutions(problem, mechanism, target, np.zeros(4), None)
+        solutions = _inverse_solutions(problem, mechanism, target, np.zeros(4), None)
     reaching = np.flatnonzero(solutions.reaches[0])
     order = sorted(reaching, key=lambda k: bool(solutions.branch[0, k] != mechanism.home_branch))
-    return [q for k in order for q in _with_turns(solutions.joints[0, k])]
+    return [q for k in order for q in _with_whole_turns(solutions.joints[0, k])]
 
 
-def _with_turns(q: Array) -> list[Array]:
+def _with_whole_turns(q: Array) -> list[Array]:
     """Return all combinations of whole turns of the revolute joints that are close to zero.
 
     Each angle is taken within half a turn of zero, and once more with a turn to the other side of
@@ -221,7 +221,7 @@ def _with_turns(q: Array) -> list[Array]:
     return sorted(grid, key=lambda joints: float(np.abs(joints[:3]).sum()))
 
 
-def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
+def build_phases(problem: Problem, q: Array) -> tuple[Phase, ...]:
     """Return the consecutive phases of a problem from a start configuration.
 
     Roll and spin are continuous from phase to phase.
@@ -242,7 +242,7 @@ def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
     phases: list[Phase] = []
     reference = None
     if isinstance(problem.start, Task):
-        reference = task_of(problem, mechanism, problem.start, np.zeros(4), key="start.tilt")
+        reference = complete_task(problem, mechanism, problem.start, np.zeros(4), key="start.tilt")
     task = task_from_joints(mechanism, q[None, :], near=reference)[0]
     keys: list[str] = []
     for k, entry in enumerate(problem.motion):
@@ -250,16 +250,16 @@ def phases_from(problem: Problem, q: Array) -> tuple[Phase, ...]:
         with within(key):
             motions: list[Motion] = [entry]
             if isinstance(entry, Scan):
-                motions = visits_of(problem, mechanism, entry, q)
+                motions = scan_motions(problem, mechanism, entry, q)
             for motion in motions:
                 phases += _PhaseBuilder(problem, mechanism, task, q).phases(motion)
                 task, q = phases[-1].end, phases[-1].points[-1]
         # All phases of an entry have the key of the entry.
         keys += [key] * (len(phases) - len(keys))
-    phases = _without_stops(problem, phases, keys)
+    phases = _join_blended_phases(problem, phases, keys)
     at_speed = problem.start_rate or problem.end_rate
     may_return = at_speed and any(isinstance(phase.motion, Free) for phase in phases)
-    if not may_return and all(phase.stands and not phase.motion.duration for phase in phases):
+    if not may_return and all(phase.is_at_rest and not phase.motion.duration for phase in phases):
         nowhere = phases[0].motion
         reason = "this motion goes nowhere: its start and target are the same"
         raise ProblemError(reason, file=problem.file, line=nowhere.line, key=keys[0])
@@ -279,15 +279,15 @@ class _PhaseBuilder:
     def phases(self, motion: Motion) -> list[Phase]:
         """Build the phases of one entry of the motion list. Most entries have a single phase."""
         if isinstance(motion, Dwell):
-            return [self._standing(motion)]
+            return [self._rest_phase(motion)]
         if isinstance(motion, Straight):
-            return [self._straight(motion)]
+            return [self._straight_phase(motion)]
         if isinstance(motion, Follow):
-            return self._curved(motion)
+            return self._curve_phases(motion)
         assert isinstance(motion, Free)
-        return [self._free(motion)]
+        return [self._free_phase(motion)]
 
-    def _standing(self, motion: Motion) -> Phase:
+    def _rest_phase(self, motion: Motion) -> Phase:
         """Build a phase in which the robot rests."""
         points = np.stack([self.q, self.q])
         return Phase(self.problem, motion, self.start, self.start, points)
@@ -303,24 +303,24 @@ class _PhaseBuilder:
         end = task_from_joints(self.mechanism, q[None], near=self.start)[0]
         return replace(self, start=end, q=q)
 
-    def _straight(self, motion: Straight) -> Phase:
+    def _straight_phase(self, motion: Straight) -> Phase:
         """Build the phase of a straight line in task coordinates."""
         key = "to" if motion_key(motion) in SINGLE_COORDINATE_MOTIONS else "to.tilt"
-        end = task_of(self.problem, self.mechanism, motion.to, self.start, key=key)
-        if np.abs(end - self.start).max() < ROUNDING:
-            return self._standing(motion)
+        end = complete_task(self.problem, self.mechanism, motion.to, self.start, key=key)
+        if np.abs(end - self.start).max() < ROUNDING_TOLERANCE:
+            return self._rest_phase(motion)
         path = straight_path(self.problem, self.mechanism, self.start, end, self.q)
         points = path.sample(np.array([0.0, 1.0])).q
         return Phase(self.problem, motion, self.start, end, points, path=path)
 
-    def _free(self, motion: Free) -> Phase:
+    def _free_phase(self, motion: Free) -> Phase:
         """Build the phase of a free motion through its points. Repeated points are left out."""
         points, at_target = [self.q], self
         for _, _, at_target in self.targets(motion):
-            if np.abs(at_target.q - points[-1]).max() >= ROUNDING:
+            if np.abs(at_target.q - points[-1]).max() >= ROUNDING_TOLERANCE:
                 points.append(at_target.q)
         if len(points) == 1:
-            return self._standing(motion)
+            return self._rest_phase(motion)
         return Phase(self.problem, motion, self.start, at_target.start, np.stack(points))
 
     def targets(self, motion: Free) -> "Iterator[tuple[Point, _PhaseBuilder, _PhaseBuilder]]":
@@ -334,11 +334,11 @@ class _PhaseBuilder:
             if is_last and motion.spin_free and not isinstance(target, Joints):
                 target = replace(target, spin=float(before.start[2]))
             with within("to" if is_last else f"through[{k}]"):
-                at_target = before._builder_at(before._free_end(target))
+                at_target = before._builder_at(before._joints_at_target(target))
             yield target, before, at_target
             before = at_target
 
-    def _free_end(self, target: Point) -> Array:
+    def _joints_at_target(self, target: Point) -> Array:
         """Return the joint positions (4,) at a target of a free motion.
 
         They are the given ones, or the solution of the inverse kinematics that is nearest to q.
@@ -355,9 +355,9 @@ class _PhaseBuilder:
 
     def solutions(self, target: Point) -> Solutions:
         """Return all inverse-kinematics solutions of a target, those nearest to `q` first."""
-        return _solutions(self.problem, self.mechanism, target, self.start, self.q)
+        return _inverse_solutions(self.problem, self.mechanism, target, self.start, self.q)
 
-    def _curved(self, motion: Follow) -> list[Phase]:
+    def _curve_phases(self, motion: Follow) -> list[Phase]:
         """Build the phases of a motion along a curve.
 
         If the robot is not at the beginning of the curve, a free motion there comes first.
@@ -373,10 +373,10 @@ class _PhaseBuilder:
             points = np.stack([self.q, beginning])
             phases = [Phase(self.problem, approach, self.start, builder.start, points)]
         if motion.curve in TIP_CURVES:
-            return [*phases, builder._of_tip(motion)]
-        return [*phases, *builder._through(motion, curve.points)]
+            return [*phases, builder._tip_phase(motion)]
+        return [*phases, *builder._spline_phases(motion, curve.points)]
 
-    def _through(self, motion: Follow, points: Array) -> list[Phase]:
+    def _spline_phases(self, motion: Follow, points: Array) -> list[Phase]:
         """Build the phases through points (n, 4) of a spline or table.
 
         A table whose polyline has corners is divided into smooth curves, and the robot stops
@@ -384,8 +384,8 @@ class _PhaseBuilder:
         """
         scale = self.problem.robot.velocities
         if len(points) == 1:
-            return [self._standing(motion)]
-        runs = smooth_runs(points, scale) if motion.curve == "samples" else [points]
+            return [self._rest_phase(motion)]
+        runs = split_at_corners(points, scale) if motion.curve == "samples" else [points]
         pieces = self.problem.by_optimal_control(motion)
         phases: list[Phase] = []
         builder = self
@@ -396,19 +396,19 @@ class _PhaseBuilder:
             builder = replace(self, start=phases[-1].end)
         return phases
 
-    def _of_tip(self, motion: Follow) -> Phase:
+    def _tip_phase(self, motion: Follow) -> Phase:
         """Build the phase in which the tip follows a line or an arc."""
         path = CurveFollower(self.problem, self.mechanism, motion, self.start, self.q).tip_path()
         if isinstance(path, JointPath):
             return self._phase_along(motion, path)
-        if np.abs(path - self.q).max() < ROUNDING:
-            return self._standing(motion)
+        if np.abs(path - self.q).max() < ROUNDING_TOLERANCE:
+            return self._rest_phase(motion)
         end = self._builder_at(path).start
         straight = straight_path(self.problem, self.mechanism, self.start, end, self.q)
         return self._phase_along(motion, straight)
 
 
-def _without_stops(problem: Problem, phases: list[Phase], keys: list[str]) -> list[Phase]:
+def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str]) -> list[Phase]:
     """Join consecutive phases to one phase where the problem asks for rounded corners between them.
 
     `keys` are the keys of the phases' motions in the problem file.
@@ -418,12 +418,12 @@ def _without_stops(problem: Problem, phases: list[Phase], keys: list[str]) -> li
     for k, phase in enumerate(phases, 1):
         chain.append(phase)
         if not isinstance(phase.motion, (Straight, Follow)) or phase.motion.blend is None:
-            merged.append(_rounded_phase(problem, chain, keys[k - len(chain) : k]))
+            merged.append(_blend_phases(problem, chain, keys[k - len(chain) : k]))
             chain = []
     return merged
 
 
-def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Phase:
+def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phase:
     """Join the paths of several phases to one phase, and round the corners between them.
 
     Parameters
@@ -453,7 +453,7 @@ def _rounded_phase(problem: Problem, chain: list[Phase], keys: list[str]) -> Pha
                     allowed="motions that go somewhere, or no blend",
                 )
             pieces.append(phase.path)
-        path = rounded(pieces[0].mechanism, pieces, distances)
+        path = blend_pieces(pieces[0].mechanism, pieces, distances)
     except ProblemError as error:
         # The key of the error is the index of the corner.
         k = int(error.key or 0)
@@ -477,7 +477,7 @@ def straight_path(
     """
     branch = int(mechanism.branch_of(q))
     driven = driven_joints(problem)
-    return StraightPath(mechanism, start=start, end=end, branch=branch, first=q, watched=driven)
+    return StraightPath(mechanism, start=start, end=end, branch=branch, first=q, driven=driven)
 
 
 def reversal_ranges(phase: Phase, points: Array) -> Array:
@@ -514,7 +514,7 @@ def reversal_ranges(phase: Phase, points: Array) -> Array:
     )
 
 
-def other_ends(phase: Phase, index: int) -> list[Array]:
+def alternative_joints(phase: Phase, index: int) -> list[Array]:
     """Return other joint positions within their ranges that reach a target of a free phase.
 
     They differ from the present ones by the branch of the inverse kinematics, and by whole turns.
@@ -542,15 +542,15 @@ def other_ends(phase: Phase, index: int) -> list[Array]:
     for q in solutions.joints[0, solutions.valid[0]]:
         # Each angle with a whole turn less and more.
         with_turns = q[:3, None] + 2 * np.pi * np.array([0, -1, 1])
-        in_range = (with_turns >= ranges[:, :1] - ROUNDING) & (
-            with_turns <= ranges[:, 1:] + ROUNDING
+        in_range = (with_turns >= ranges[:, :1] - ROUNDING_TOLERANCE) & (
+            with_turns <= ranges[:, 1:] + ROUNDING_TOLERANCE
         )
         usable_angles = [angles[mask] for angles, mask in zip(with_turns, in_range, strict=True)]
         ends += [np.array([*angles, q[3]]) for angles in product(*usable_angles)]
-    return [q for q in ends if np.abs(q - at_target.q).max() > ROUNDING]
+    return [q for q in ends if np.abs(q - at_target.q).max() > ROUNDING_TOLERANCE]
 
 
-def _solutions(
+def _inverse_solutions(
     problem: Problem, mechanism: Mechanism, target: Point, defaults: Array, reference: Array | None
 ) -> Solutions:
     """Return all joint solutions of a target in task coordinates, or of a position of the tip.
@@ -583,7 +583,9 @@ def _solutions(
         depth = mechanism.insertion_sign * solutions.joints[0, :, 3]
         low, high = problem.ranges.get("depth", (-np.inf, np.inf))
         # The mechanism may reach a depth that the problem does not allow.
-        solutions.reaches[0] &= (depth >= low - ROUNDING) & (depth <= high + ROUNDING)
+        solutions.reaches[0] &= (depth >= low - ROUNDING_TOLERANCE) & (
+            depth <= high + ROUNDING_TOLERANCE
+        )
         if not solutions.reaches[0].any():
             raise ProblemError(
                 "the mechanism cannot bring the tip there within the depth range",
@@ -594,13 +596,13 @@ def _solutions(
             )
         return solutions
     assert isinstance(target, Task)
-    task = task_of(problem, mechanism, target, defaults)
+    task = complete_task(problem, mechanism, target, defaults)
     near = None if reference is None else tuple(reference.tolist())
-    return _inverse(mechanism, tuple(task.tolist()), limits, near)
+    return _cached_inverse_task(mechanism, tuple(task.tolist()), limits, near)
 
 
 @lru_cache(maxsize=256)
-def _inverse(
+def _cached_inverse_task(
     mechanism: Mechanism,
     task: tuple[float, ...],
     limits: tuple[Range, ...] | None,

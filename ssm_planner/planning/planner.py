@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.planning.candidates.candidate import CandidateEntry, PhaseEvaluation
-from ssm_planner.planning.candidates.listed import KINDS
+from ssm_planner.planning.candidates.listed import CANDIDATE_KINDS
 from ssm_planner.planning.corners import with_corners
 from ssm_planner.planning.feasibility import feasible_phases
-from ssm_planner.planning.motor_strength import motor_too_hot, motor_too_weak_to_brake
+from ssm_planner.planning.motor_strength import check_braking_torque, check_motor_heat
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase, planned_rest
-from ssm_planner.planning.reason import Reason, duration_too_short, durations_disagree
+from ssm_planner.planning.reason import Reason, duration_sum_reason, short_duration_reason
 from ssm_planner.planning.search import find_fastest
-from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Motion, Problem, Robot, Scan, unchecked_copy
 from ssm_planner.progress import Progress, Step, silent
@@ -91,7 +91,7 @@ def plan_motion(
 
     phases, reason = feasible_phases(problem)
     if reason is None and not may_overheat:
-        reason = motor_too_hot(phases)
+        reason = check_motor_heat(phases)
     if reason is None and problem.duration is not None:
         phases, reason = _with_durations(phases, problem.duration, planner, progress)
     if reason is not None:
@@ -112,19 +112,21 @@ def _planned(planners: list[PhasePlanner], progress: Progress) -> PlannerResult:
             status = "not converged" if solution.limit is None else "infeasible"
             return PlannerResult(status, None, tuple(solutions), solution, tuple(entries))
         solutions.append(solution)
-    return PlannerResult("solved", joined(solutions), tuple(solutions), None, tuple(entries))
+    return PlannerResult("solved", join_phases(solutions), tuple(solutions), None, tuple(entries))
 
 
 def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[PhaseEvaluation]]:
     """Return the fastest motion of a phase, or the reason of the failure, and its candidates."""
     phase = planner.phase
-    if phase.stands:
+    if phase.is_at_rest:
         return planned_rest(phase), []
-    reason = motor_too_weak_to_brake(phase) if phase.path is None else None
-    return (reason, []) if reason is not None else find_fastest(KINDS, planner, planner.work)
+    reason = check_braking_torque(phase) if phase.path is None else None
+    return (
+        (reason, []) if reason is not None else find_fastest(CANDIDATE_KINDS, planner, planner.work)
+    )
 
 
-def joined(phases: Sequence[PlannedPhase]) -> Trajectory:
+def join_phases(phases: Sequence[PlannedPhase]) -> Trajectory:
     """Return the trajectory in which the phases follow each other."""
     return join(
         [(item.phase.motion.name, item.motion.breaks, item.motion.coefficients) for item in phases]
@@ -143,9 +145,9 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
     if reason is not None:
         return np.inf
     if problem.duration is not None:
-        cutoff = min(cutoff, problem.duration * (1 + SAME))
+        cutoff = min(cutoff, problem.duration * (1 + EQUALITY_TOLERANCE))
     work = work or Work()
-    takes = [phase.least_duration for phase in phases]
+    takes = [phase.minimum_duration for phase in phases]
     # Whether there is a motion along a line is known soon, so paths come first.
     for k in sorted(range(len(phases)), key=lambda k: phases[k].path is None):
         if sum(takes) >= cutoff:
@@ -174,16 +176,16 @@ def _with_durations(
         progress(Step(f"{phase.motion.name}, fastest"))
         result: PlannedPhase | Reason | None = None
         if phase.motion.duration is None:
-            result, _ = plan_phase(planner(phase).for_time)
+            result, _ = plan_phase(planner(phase).without_duration)
         if isinstance(result, Reason):
             return phases, result
         fastest.append(0.0 if result is None else result.duration)
     free, needed = duration - given, sum(fastest)
     if needed == 0.0:
-        agrees = abs(free) <= SAME * duration
-        return phases, None if agrees else durations_disagree(duration, given)
+        agrees = abs(free) <= EQUALITY_TOLERANCE * duration
+        return phases, None if agrees else duration_sum_reason(duration, given)
     if free < needed:
-        return phases, duration_too_short("the whole motion", duration, given + needed)
+        return phases, short_duration_reason("the whole motion", duration, given + needed)
     timed = (
         replace(phase, motion=with_duration(phase.motion, minimum * free / needed))
         for phase, minimum in zip(phases, fastest, strict=True)

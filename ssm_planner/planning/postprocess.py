@@ -5,40 +5,40 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.elements.rows import with_margin
-from ssm_planner.planning.motor_strength import no_motion
+from ssm_planner.planning.motor_strength import explain_failure
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.ocp.straight import retimed_polynomials
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
-from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
-from ssm_planner.planning.retiming.retime import motion_along, retime, retime_motion
+from ssm_planner.planning.retiming.paths import MIN_GRID_INTERVALS, JointPath, MotionPath
+from ssm_planner.planning.retiming.retime import retime, retime_motion, retimed_trajectory
 from ssm_planner.problem import Robot
 
-TOPPRA = "TOPP-RA"
+TOPPRA_SOLVER = "TOPP-RA"
 """Name of the solver of a motion whose timing is TOPP-RA's."""
-BETWEEN = 2e-5
+GRID_MARGIN = 2e-5
 """Relative margin that TOPP-RA's motion keeps from the limits for the time between its grid points.
 """
 
 
-def retimed(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reason:
+def plan_by_toppra(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reason:
     """Return a motion along a path that TOPP-RA alone has timed.
 
     `strict` is the robot with the limits that the motion must keep.
     """
-    robot = with_margin(strict, BETWEEN)
+    robot = with_margin(strict, GRID_MARGIN)
     speeds = phase.speeds_along(path)
     retiming = retime(path, robot, phase.problem.task_limits, speeds)
     if not retiming.solved:
-        return no_motion(phase, path, retiming.message)
+        return explain_failure(phase, path, retiming.message)
     pieces = retimed_polynomials(path, retiming, speeds[1])
-    motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA)
+    motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA_SOLVER)
     return PlannedPhase(phase, motion, phase.lower_bound)
 
 
-def slowed_to_stop(phase: Phase, strict: Robot, motion: PhaseSolution) -> PhaseSolution:
+def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> PhaseSolution:
     """Return a free motion from which the tip can always stop within the allowed distance.
 
     If the tip would travel too far, TOPP-RA times the same path again with a bound on the braking
@@ -50,18 +50,18 @@ def slowed_to_stop(phase: Phase, strict: Robot, motion: PhaseSolution) -> PhaseS
     trajectory = motion.trajectory
     knots = motion.border_instants / trajectory.duration
     path = MotionPath(mechanism, trajectory, knots, motion.directions)
-    samples = path.trajectory.sample(np.linspace(0.0, motion.duration, FEW))
+    samples = path.trajectory.sample(np.linspace(0.0, motion.duration, MIN_GRID_INTERVALS))
     travel = braking_travel(mechanism, phase.problem.robot, samples.q, samples.qd)
     if travel.max() <= limit.largest:
         return motion
     # At rest, both ends stay at rest for every ṡ. The motion's own ṡ would leave no margin
     # to the limits.
-    speed_ratio = 1.0 if phase.qd_start.any() else 1 - 2 * BETWEEN
-    robot = with_margin(strict, BETWEEN)
+    speed_ratio = 1.0 if phase.qd_start.any() else 1 - 2 * GRID_MARGIN
+    robot = with_margin(strict, GRID_MARGIN)
     retiming = retime_motion(path, robot, phase.problem.task_limits, speed_ratio=speed_ratio)
     if not retiming.solved:
         return replace(motion, status=retiming.status, message=retiming.message)
-    trajectory = motion_along(path, retiming)
+    trajectory = retimed_trajectory(path, retiming)
     duration = phase.motion.duration
     if duration is not None:
         trajectory = trajectory.slower(min(trajectory.duration / duration, 1.0))

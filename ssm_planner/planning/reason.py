@@ -58,7 +58,7 @@ class Reason:
         }
 
 
-def exceeded(
+def check_limit(
     limit: Limit, value: float, where: str | None, template: str, tolerance: float
 ) -> Reason | None:
     """Return a reason if a value exceeds a limit by more than a tolerance, else None.
@@ -89,7 +89,7 @@ def exceeded(
     return Reason(limit, where, required, available, text)
 
 
-def duration_too_short(name: str, requested: float, needed: float) -> Reason:
+def short_duration_reason(name: str, requested: float, needed: float) -> Reason:
     """Return the reason for a requested duration that is shorter than the fastest motion.
 
     Parameters
@@ -106,7 +106,7 @@ def duration_too_short(name: str, requested: float, needed: float) -> Reason:
     return Reason(Duration(requested, name), name, needed, requested, text)
 
 
-def not_constant(name: str, requested: float, feasible: float) -> Reason:
+def constant_speed_reason(name: str, requested: float, feasible: float) -> Reason:
     """Return the reason for a constant speed of the tip that other limits do not allow.
 
     Parameters
@@ -128,7 +128,7 @@ def not_constant(name: str, requested: float, feasible: float) -> Reason:
     return Reason(ConstantSpeed(feasible or requested), name, requested, feasible, text)
 
 
-def durations_disagree(requested: float, total: float) -> Reason:
+def duration_sum_reason(requested: float, total: float) -> Reason:
     """Return the reason for a total duration that differs from the sum of all durations.
 
     `requested` is the total duration and `total` the sum, in s.

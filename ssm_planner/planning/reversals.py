@@ -6,7 +6,7 @@ show in which time intervals a joint should move the other way. The reduced cost
 joints at rest (`DirectionMultipliers`). A joint that moves out and back, or that takes a run-up,
 can relieve a limit that binds. The search reverses the directions there, makes the instants of
 reversal borders with free positions, and solves the motion again. It ends when no sum of
-multipliers exceeds `MULTIPLIER`, when a round saves less than GAP, or when a solve fails.
+multipliers exceeds `MULTIPLIER_TOLERANCE`, when a round saves less than GAP, or when a solve fails.
 """
 
 from collections.abc import Callable
@@ -20,15 +20,15 @@ from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.typing import Array
 
-MULTIPLIER = 1e-3
+MULTIPLIER_TOLERANCE = 1e-3
 """Sum of the multipliers of one joint above which its direction is reversed.
 
 The multipliers are summed over consecutive elements in which they have the same sign (a stretch).
 No stretch is examined if the sum over the whole motion is smaller for every joint.
 """
-THRESHOLD = 0.2
+REVERSAL_SHARE = 0.2
 """Share of the largest sum above which other stretches are reversed in the same round."""
-NEGLIGIBLE = 1e-3
+NEGLIGIBLE_SHARE = 1e-3
 """Share of the largest sum of multipliers that counts as 0."""
 
 
@@ -78,15 +78,17 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
         Points and reversals between which no joint reverses, with the motion as guess.
     """
     multipliers = motion.direction_multipliers
-    if multipliers is None or multipliers.largest_joint_sum <= MULTIPLIER:
+    if multipliers is None or multipliers.largest_joint_sum <= MULTIPLIER_TOLERANCE:
         return None
     directions = _reversed_directions(multipliers)
     if np.array_equal(directions, multipliers.directions):
         return None
-    return reversals_of(phase, motion, directions)
+    return borders_at_reversals(phase, motion, directions)
 
 
-def reversals_of(phase: Phase, motion: PhaseSolution, directions: Array | None = None) -> Borders:
+def borders_at_reversals(
+    phase: Phase, motion: PhaseSolution, directions: Array | None = None
+) -> Borders:
     """Return the reversals of a free motion as borders, with the motion as guess.
 
     Parameters
@@ -108,7 +110,7 @@ def reversals_of(phase: Phase, motion: PhaseSolution, directions: Array | None =
     assert multipliers is not None
     if directions is None:
         directions = multipliers.directions
-    instants = _borders(multipliers, directions)
+    instants = _reversal_instants(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
     middles = np.searchsorted(multipliers.instants, (instants[1:] + instants[:-1]) / 2) - 1
     points = guess.sample(instants).q
@@ -129,15 +131,15 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
         Directions and multipliers of the n elements.
     """
     directions = multipliers.directions.copy()
-    counts = np.abs(multipliers.values) > NEGLIGIBLE * multipliers.largest_joint_sum
+    counts = np.abs(multipliers.values) > NEGLIGIBLE_SHARE * multipliers.largest_joint_sum
     signs = np.where(counts, np.sign(multipliers.values), 0.0)
     stretches = [
         (joint, start, stop, float(np.abs(values[start:stop]).sum()))
         for joint, values in enumerate(multipliers.values.T)
-        for start, stop in _stretches(signs[:, joint])
+        for start, stop in _runs_of_equal_sign(signs[:, joint])
     ]
     largest = max((size for *_, size in stretches), default=0.0)
-    threshold = max(MULTIPLIER, THRESHOLD * largest)
+    threshold = max(MULTIPLIER_TOLERANCE, REVERSAL_SHARE * largest)
     for joint, start, stop, size in stretches:
         if size >= threshold:
             directions[start:stop, joint] = signs[start, joint]
@@ -148,7 +150,7 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
     return directions
 
 
-def _stretches(signs: Array) -> list[tuple[int, int]]:
+def _runs_of_equal_sign(signs: Array) -> list[tuple[int, int]]:
     """Return the first index and the end index of each run of equal nonzero signs (n,)."""
     borders = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(start, end) for start, end in pairwise(borders) if signs[start]]
@@ -166,7 +168,7 @@ def _fill_zeros(directions: Array) -> Array:
     return np.asarray(directions[nonzero[following]])
 
 
-def _borders(multipliers: DirectionMultipliers, directions: Array) -> Array:
+def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no direction changes, (k + 1,), s.
 
     They include the instants at which the motion passes its points. A change of direction that is

@@ -18,16 +18,16 @@ from ssm_planner.kinematics import (
     tilt_interval,
     tip_position,
 )
-from ssm_planner.planning.lower_bound import least_times
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.lower_bound import slowest_joint_times
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.problem import TASK_COORDINATES, Dwell, Eye, Free, Motion, Problem, Scan, Task, Tip
 from ssm_planner.typing import Array, Indices
 
-STARTS = 8
+TOUR_STARTS = 8
 """Number of different first spots from which the search for a short order begins."""
 
 
-def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> list[Motion]:
+def scan_motions(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> list[Motion]:
     """Return the motions of a scan, with a stop at each spot or passing through all spots.
 
     Parameters
@@ -49,31 +49,31 @@ def visits_of(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> l
     """
     eye, middle = problem.eye, replace(scan.at, line=scan.line)
     assert eye is not None  # A Problem with a scan has an eye.
-    task = task_of(problem, mechanism, middle, np.zeros(4), key="at.tilt")
+    task = complete_task(problem, mechanism, middle, np.zeros(4), key="at.tilt")
     (axis,) = tool_axis(mechanism, task)
     # Rows run in the direction in which roll turns the tool.
     side = np.cross(mechanism.omega1, axis)
-    spots_by_run = (spots_on_retina(eye, axis, side, plane) for plane in pattern(scan))
+    spots_by_run = (spots_on_retina(eye, axis, side, plane) for plane in spots_in_plane(scan))
     runs = [tips_over_retina(problem, scan, spots, scan.distance) for spots in spots_by_run]
     spin = float(task[2])
     if scan.order == "fastest":
         tips = np.concatenate(runs)
-        runs = [tips[_fast_order(problem, mechanism, tips, spin, q)]]
+        runs = [tips[_fast_spot_order(problem, mechanism, tips, spin, q)]]
     result: list[Motion] = []
     for k, tips in enumerate(runs, 1):
         name = scan.name if len(runs) == 1 else f"{scan.name} {k}"
         spots = [Tip((x, y, z), spin, scan.line) for x, y, z in tips.tolist()]
-        result += _visits(scan, name, spots)
+        result += _run_motions(scan, name, spots)
     return result
 
 
-def pattern(scan: Scan) -> list[Array]:
+def spots_in_plane(scan: Scan) -> list[Array]:
     """Return the spots of a scan in the tangent plane, m, in the order of the motion.
 
     There is one array (n, 2) for each ring, or one for a raster.
     """
     if scan.diameters:
-        return [_ring(diameter, scan.spacing) for diameter in scan.diameters]
+        return [_ring_spots(diameter, scan.spacing) for diameter in scan.diameters]
     x = (np.arange(scan.columns) - (scan.columns - 1) / 2) * scan.spacing
     y = (np.arange(scan.rows) - (scan.rows - 1) / 2) * scan.spacing
     # Every other row runs backwards, so that no motion crosses the whole pattern.
@@ -114,7 +114,7 @@ def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
     )
 
 
-def _ring(diameter: float, spacing: float) -> Array:
+def _ring_spots(diameter: float, spacing: float) -> Array:
     """Return evenly spaced spots (n, 2) in m on a circle.
 
     `diameter` and `spacing` are in m. The spacing is rounded so that a whole number of spots fits.
@@ -141,7 +141,7 @@ def _exit_depths(eye: Eye, axis: Array, radius: float) -> Array:
         return np.asarray(projection + np.sqrt(projection**2 - eye.centre @ eye.centre + radius**2))
 
 
-def task_of(
+def complete_task(
     problem: Problem,
     mechanism: Mechanism,
     target: Task,
@@ -224,7 +224,7 @@ def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: f
     return np.asarray(direction * depth[:, None])
 
 
-def _visits(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
+def _run_motions(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
     """Return the motions that visit the spots of one run, with dwells if the scan has any.
 
     Without dwells, the tip passes through the spots in one motion. A ring in its given order ends
@@ -249,7 +249,7 @@ def tool_axis(mechanism: Mechanism, task: Array) -> Array:
     return pose_from_task(mechanism, [[*task[:3], 1.0]])[1]
 
 
-def _fast_order(
+def _fast_spot_order(
     problem: Problem, mechanism: Mechanism, tips: Array, spin: float, q: Array
 ) -> Indices:
     """Return the order in which the tip visits all given positions in a short time.
@@ -283,14 +283,16 @@ def _fast_order(
     positions = np.vstack([tip_position(mechanism, q[None]), tips])
     displacements = joints[:, None] - joints
     distances = np.linalg.norm(positions[:, None] - positions, axis=2)
-    return shortest_order(least_times(problem.robot, displacements, distances, problem.task_limits))
+    return search_short_tour(
+        slowest_joint_times(problem.robot, displacements, distances, problem.task_limits)
+    )
 
 
-def shortest_order(times: Array) -> Indices:
+def search_short_tour(times: Array) -> Indices:
     """Search for a short tour from place 0 through all others (travelling salesman problem).
 
     The search improves several tours: the places in their given order, and nearest-neighbour tours
-    that begin at one of the `STARTS` places nearest to place 0. It applies 2-opt (a part of the
+    that begin at one of the `TOUR_STARTS` places nearest to place 0. It applies 2-opt (a part of the
     tour is reversed) and Or-opt (up to three consecutive places are moved) until neither helps, and
     returns the shortest tour.
 
@@ -307,14 +309,14 @@ def shortest_order(times: Array) -> Indices:
     (n − 1,) int array
         Order in which the tour visits the places 1 … n − 1. Their indices are counted from 0.
     """
-    nearest = np.argsort(times[0, 1:])[:STARTS] + 1
-    tours = [np.arange(len(times)), *(_nearest_neighbours(times, int(k)) for k in nearest)]
-    improved = [_improved(tour, times) for tour in tours]
+    nearest = np.argsort(times[0, 1:])[:TOUR_STARTS] + 1
+    tours = [np.arange(len(times)), *(_nearest_neighbour_tour(times, int(k)) for k in nearest)]
+    improved = [_improve_tour(tour, times) for tour in tours]
     durations = [float(times[tour[:-1], tour[1:]].sum()) for tour in improved]
     return np.asarray(improved[int(np.argmin(durations))][1:] - 1)
 
 
-def _nearest_neighbours(times: Array, first: int) -> Indices:
+def _nearest_neighbour_tour(times: Array, first: int) -> Indices:
     """Return the tour that always continues to the nearest place which it has not visited.
 
     It begins at place 0 and visits `first` next. `times` (n, n) contains the times between places.
@@ -328,7 +330,7 @@ def _nearest_neighbours(times: Array, first: int) -> Indices:
     return np.array(tour)
 
 
-def _improved(tour: Indices, times: Array) -> Indices:
+def _improve_tour(tour: Indices, times: Array) -> Indices:
     """Improve an open tour (n,) by 2-opt and Or-opt until neither helps. Its first place is fixed.
 
     `times` (n, n) contains the times between places.
@@ -345,7 +347,7 @@ def _improved(tour: Indices, times: Array) -> Indices:
             j = np.arange(i + 1, n)
             gain = times[tour[i - 1], tour[i]] + times[tour[j], tour[j + 1]]
             gain = gain - times[tour[i - 1], tour[j]] - times[tour[i], tour[j + 1]]
-            if gain.max() > ROUNDING:
+            if gain.max() > ROUNDING_TOLERANCE:
                 end = int(j[np.argmax(gain)])
                 tour = np.concatenate([tour[:i], tour[i : end + 1][::-1], tour[end + 1 :]])
         for length in (1, 2, 3):
@@ -390,6 +392,6 @@ def _move_run(tour: Indices, i: int, length: int, times: Array) -> Indices:
     # The run is inserted in the direction that costs less.
     reverse = int(np.min(costs[1]) < np.min(costs[0]))
     k = int(np.argmin(costs[reverse]))
-    if saved - costs[reverse][k] <= ROUNDING:
+    if saved - costs[reverse][k] <= ROUNDING_TOLERANCE:
         return tour
     return np.concatenate([remaining[: k + 1], run[::-1] if reverse else run, remaining[k + 1 :]])

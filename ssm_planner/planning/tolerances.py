@@ -1,8 +1,8 @@
 """Tolerances that several modules of planning and pipeline share."""
 
-ROUNDING = 1e-9
+ROUNDING_TOLERANCE = 1e-9
 """Distance (rad, m), or share of a value, that counts as rounding."""
-SAME = 1e-6
+EQUALITY_TOLERANCE = 1e-6
 """Relative difference below which two durations count as equal.
 
 Points of a problem that are less than this distance (rad, m) apart count as equal too.
@@ -12,5 +12,5 @@ GAP = 1e-4
 
 Iterations also end when they change a duration, a speed, an amount of heat or its weight by less.
 """
-SAMPLES = 401
+PATH_SAMPLES = 401
 """Number of samples of a path in a search for its extremes and reversals."""

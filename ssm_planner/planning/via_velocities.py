@@ -11,18 +11,18 @@ import numpy as np
 from ssm_planner.planning.lower_bound import minimum_times
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.typing import Array, record
 
-PAYS = 2e-3
+MIN_SAVING = 2e-3
 """Share of the duration that velocities at via points must save."""
-ITERATIONS = 60
+MAX_SLSQP_ITERATIONS = 60
 """Largest number of iterations of the optimisation."""
-IDLE = 5e-4
+IDLE_TOLERANCE = 5e-4
 """Share of the duration below whose saving a velocity at a via point is dropped."""
 
 
-def passing_turns(phase: Phase) -> Borders | None:
+def suggest_via_velocities(phase: Phase) -> Borders | None:
     """Suggest reversals for joints that should pass a via point at speed where they could rest.
 
     With the displacements d_jk of the joints j in the segments k and the unknown velocities v_jk at
@@ -42,22 +42,26 @@ def passing_turns(phase: Phase) -> Borders | None:
     -------
     Borders or None
         The points with the velocities there. None if reversals elsewhere save less than a share
-        `PAYS`.
+        `MIN_SAVING`.
     """
     problem = phase.problem
     velocity, acceleration = problem.robot.velocities, problem.robot.accelerations
     velocity[3] = min(velocity[3], problem.rates.get("depth", np.inf))
     displacements = np.diff(phase.points, axis=0)
-    joints = _Passing(displacements, (phase.qd_start, phase.qd_end), velocity, acceleration)
-    fixed_speeds = joints.minimise(np.zeros((len(displacements) - 1, 4)), may_reverse=False)
-    free_speeds = joints.minimise(fixed_speeds, may_reverse=True)
-    if joints.duration(free_speeds) > (1 - PAYS) * joints.duration(fixed_speeds):
+    joints = _ViaVelocityProblem(
+        displacements, (phase.qd_start, phase.qd_end), velocity, acceleration
+    )
+    fixed_speeds = joints.minimise_duration(
+        np.zeros((len(displacements) - 1, 4)), may_reverse=False
+    )
+    free_speeds = joints.minimise_duration(fixed_speeds, may_reverse=True)
+    if joints.duration(free_speeds) > (1 - MIN_SAVING) * joints.duration(fixed_speeds):
         return None
-    return Borders(phase.points, via_velocity=joints.without_idle(free_speeds))
+    return Borders(phase.points, via_velocity=joints.without_idle_velocities(free_speeds))
 
 
 @record
-class _Passing:
+class _ViaVelocityProblem:
     """Joints that pass the via points at the same instants, each limited as if it were alone.
 
     The motion has n segments between points.
@@ -85,7 +89,7 @@ class _Passing:
         """Return the total duration for joint velocities (n − 1, 4) at the via points, s."""
         return float(self.times(speeds).max(axis=1).sum())
 
-    def minimise(self, speeds: Array, *, may_reverse: bool) -> Array:
+    def minimise_duration(self, speeds: Array, *, may_reverse: bool) -> Array:
         """Minimise the total duration over the joint velocities at the via points.
 
         The unknowns are the duration T_k of each segment and the velocities. SLSQP minimises Σ T_k
@@ -141,8 +145,8 @@ class _Passing:
             ],
             f_ieqcons=margins,
             fprime_ieqcons=margin_gradients,
-            iter=ITERATIONS,
-            acc=SAME,
+            iter=MAX_SLSQP_ITERATIONS,
+            acc=EQUALITY_TOLERANCE,
             iprint=0,
         )
         result = np.clip(solution[segments:].reshape(-1, 4) * limits, low, high)
@@ -174,21 +178,21 @@ class _Passing:
         # other point can therefore be varied together.
         for parity in (0, 1):
             varied = shares.copy()
-            varied[parity::2] += SAME
-            change = (times - self.times(varied * self.velocity)) / (SAME * unit)
+            varied[parity::2] += EQUALITY_TOLERANCE
+            change = (times - self.times(varied * self.velocity)) / (EQUALITY_TOLERANCE * unit)
             for k in range(parity, n - 1, 2):
                 for j in range(4):
                     gradients[[k, k + 1], j, n + 4 * k + j] = change[[k, k + 1], j]
         return gradients.reshape(4 * n, -1)
 
-    def without_idle(self, speeds: Array) -> Array:
+    def without_idle_velocities(self, speeds: Array) -> Array:
         """Return the velocities (n − 1, 4) at via points without those that save almost no time.
 
         Each velocity forces a reversal. They are set to 0 one after the other, the smallest ones
-        first, if the duration then grows by less than the share `IDLE` in all.
+        first, if the duration then grows by less than the share `IDLE_TOLERANCE` in all.
         """
         result = speeds.copy()
-        longest = (1 + IDLE) * self.duration(speeds)
+        longest = (1 + IDLE_TOLERANCE) * self.duration(speeds)
         order = np.argsort(np.abs(speeds / self.velocity), axis=None)
         for k, j in zip(*np.unravel_index(order, speeds.shape), strict=True):
             trial = result.copy()

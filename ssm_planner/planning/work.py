@@ -5,9 +5,9 @@ Unlike time, work does not depend on the machine or its load, so neither of them
 
 from dataclasses import dataclass
 
-SOLVE = 0.02
+SOLVE_WORK = 0.02
 """Work of one solve without its iterations, about 1 for each second."""
-PRICES = {
+ITERATION_WORK = {
     ("structured", False): 6e-6,
     ("structured", True): 8e-6,
     ("Ipopt", False): 1e-4,
@@ -40,4 +40,4 @@ class Work:
         costs : bool
             True if the objective contains heat or effort.
         """
-        self.spent += PRICES[solver, costs] * iterations * elements
+        self.spent += ITERATION_WORK[solver, costs] * iterations * elements

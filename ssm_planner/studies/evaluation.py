@@ -22,7 +22,7 @@ from ssm_planner.loading import (
     section_from_data,
 )
 from ssm_planner.pipeline.run import plan
-from ssm_planner.pipeline.thermal import quickly
+from ssm_planner.pipeline.thermal import with_fast_planner
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Joint, Problem, unchecked_copy
 from ssm_planner.sizing import (
@@ -246,7 +246,7 @@ def plan_candidate(study: Study, row: Candidate) -> dict[str, Plan]:
     """
     plans = {}
     for name, problem in candidate_problems(study, study.complete_design(row.design, row.figures)):
-        result = plan(quickly(derate_motors(problem, study.require.motor_margin)))
+        result = plan(with_fast_planner(derate_motors(problem, study.require.motor_margin)))
         if result.trajectory is not None:
             certificate = check(result.trajectory, problem.robot, problem.task_limits, seal=True)
             result = replace(result, problem=problem, certificate=certificate)
@@ -264,7 +264,7 @@ def _plan_motions(problems: ProblemByMotion, previous: TrajectoryByMotion) -> Tr
         if name in previous and _passes_check(previous[name], problem):
             motions[name] = previous[name]
             continue
-        result = plan(quickly(problem), relaxations=False)
+        result = plan(with_fast_planner(problem), relaxations=False)
         if not result.passed or result.trajectory is None:
             reason = "no motion found" if result.reason is None else result.reason.message
             raise CandidateRejected("plan", f"{name}: {reason}")

@@ -251,17 +251,17 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Plann
     progress(Step("loading the planner"))
     from ssm_planner.pipeline.relaxation import changes_of_limits
     from ssm_planner.pipeline.run import plan
-    from ssm_planner.pipeline.thermal import quickly
+    from ssm_planner.pipeline.thermal import with_fast_planner
     from ssm_planner.reporting import answer_lines, comparison_data
 
     plans: dict[str, Plan] = {}
     for name, problem, share in requests:
         relaxed: list[Problem] = []
-        result = plan(quickly(problem), progress, on_relaxation=relaxed.append)
+        result = plan(with_fast_planner(problem), progress, on_relaxation=relaxed.append)
         changes = changes_of_limits(problem, relaxed[-1]) if relaxed else {}
         if share and result.trajectory is None and relaxed:
             _, easier = changes.get(share, ("", relaxed[-1]))
-            result = plan(quickly(easier), progress)
+            result = plan(with_fast_planner(easier), progress)
         if result.trajectory is not None:
             plans[name] = result
     descriptions = {share: description for share, (description, _) in changes.items()}

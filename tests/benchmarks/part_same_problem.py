@@ -74,7 +74,7 @@ class FirstSolves:
     found: list[tuple[float, int]] = field(default_factory=list)
 
     @contextmanager
-    def watched(self) -> Iterator[None]:
+    def driven(self) -> Iterator[None]:
         solve = refinement.solve_structured
         optimise = straight_ocp.find_fastest_motion
 
@@ -218,7 +218,7 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
     cases = problems(motion, "fast")
     for k in range(changes):
         round_times, found = in_turns({name: again(name) for name in ways}, 1, first=k)
-        with alone.watched():
+        with alone.driven():
             plan_motion(cases[k + 1])
         del alone.found[k + 1 :]  # the first of every plan
         for name, way in ways.items():

@@ -15,7 +15,7 @@ from PIL import Image
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
-from ssm_planner.pipeline.thermal import quickly
+from ssm_planner.pipeline.thermal import with_fast_planner
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.html.compare import write_comparison
@@ -684,7 +684,7 @@ def test_no_label_of_a_random_result_is_clipped(
 ) -> None:
     """The reports of random problems, among them some with an eye, fit at both widths."""
     for seed in range(6):
-        result = plan(quickly(random_problem(tilt_insert, seed)), relaxations=False)
+        result = plan(with_fast_planner(random_problem(tilt_insert, seed)), relaxations=False)
         if result.passed:
             report = write_report(result, tmp_path / f"{seed}.html")
             for width in (1280, 390):

@@ -300,7 +300,7 @@ def healthy_case(rng: np.random.Generator, form: str) -> Case:
         made = make(robot, tuple(steps * rng.choice((1.0, 0.3, 0.05))))
         motion = Motion(made.breaks, made.coefficients)
         assert np.allclose(motion.coefficients[0, 0], start)
-    played = oracle.of_pieces(*motion)
+    played = oracle.from_pieces(*motion)
     found = oracle.violations(played, robot, ranges={"tilt": (-3.0, 0.0)}, tip=1.0)
     slack = {key: 1 + log(rng.random(), *SLACKS) for key in ("torque", "tilt", "tip")}
     joints = []
@@ -717,7 +717,7 @@ def write_plan_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> W
     pieces = {"breaks_s": motion.breaks.tolist(), "coefficients": motion.coefficients.tolist()}
     path = folder / "plan.json"
     path.write_text(json.dumps({**document, "trajectory": {**pieces, "phases": phases}}))
-    return path, oracle.of_pieces(*motion), {}
+    return path, oracle.from_pieces(*motion), {}
 
 
 _latest: list[Any] = [None, {}]

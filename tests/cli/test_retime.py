@@ -13,7 +13,7 @@ from ssm_planner.cli import main
 from ssm_planner.errors import ProblemError, SsmPlannerError
 from ssm_planner.formats.export import export
 from ssm_planner.pipeline.retime import retime
-from ssm_planner.planning.retiming.paths import smooth_runs
+from ssm_planner.planning.retiming.paths import split_at_corners
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.motion import Follow, Joints
 from ssm_planner.problem.problem import Problem
@@ -104,14 +104,16 @@ def test_points_alone_are_a_curve_with_rests_at_its_corners(
 def test_paths_are_cut_at_corners_and_reversals_alone() -> None:
     angle = np.linspace(0, 2 * np.pi, 100)
     circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle, 0 * angle])
-    assert len(smooth_runs(circle, np.ones(4))) == 1
+    assert len(split_at_corners(circle, np.ones(4))) == 1
     there_and_back = np.concatenate([circle, circle[-2::-1]])
-    assert [len(run) for run in smooth_runs(there_and_back, np.ones(4))] == [100, 100]
-    assert [len(run) for run in smooth_runs(np.repeat(there_and_back, 3, axis=0), np.ones(4))] == [
+    assert [len(run) for run in split_at_corners(there_and_back, np.ones(4))] == [100, 100]
+    assert [
+        len(run) for run in split_at_corners(np.repeat(there_and_back, 3, axis=0), np.ones(4))
+    ] == [
         100,
         100,
     ]
-    assert smooth_runs(np.ones((5, 4)), np.ones(4)) == []
+    assert split_at_corners(np.ones((5, 4)), np.ones(4)) == []
 
 
 @pytest.mark.parametrize(

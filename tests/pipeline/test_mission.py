@@ -131,7 +131,7 @@ def test_nothing_more_is_planned_where_no_other_joints_can_be_faster(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned = []
-    attempt = run._attempt
+    attempt = run._plan_check_and_cool
     monkeypatch.setattr(
         run,
         "_attempt",

@@ -10,9 +10,9 @@ import pytest
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
-from ssm_planner.pipeline.certified import exceeded
+from ssm_planner.pipeline.certified import violation_reason
 from ssm_planner.pipeline.relaxation import (
-    SHARES,
+    OFFERED_SHARES,
     changes_of_limits,
     find_relaxation,
     relaxation_for,
@@ -59,7 +59,7 @@ def certificate(limit: Limit, worst: float, bound: float) -> Certificate:
 def test_an_exceeded_limit_is_moved_so_that_what_was_found_is_allowed(limit: Limit) -> None:
     bound = limit.low if limit.is_floor else limit.high
     worst = bound + (-0.1 if limit.is_floor else 0.1) * (abs(bound) or 1.0)
-    reason = exceeded(PROBLEM, certificate(limit, worst, bound))
+    reason = violation_reason(PROBLEM, certificate(limit, worst, bound))
     found = relaxation_for(PROBLEM, reason)
     if found is None:
         return
@@ -73,7 +73,7 @@ def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
     clearance = next(limit for limit in PROBLEM.all_limits if isinstance(limit, RetinaClearance))
     kept = 0.9 * clearance.clearance
     found = relaxation_for(
-        PROBLEM, exceeded(PROBLEM, certificate(clearance, kept, clearance.clearance))
+        PROBLEM, violation_reason(PROBLEM, certificate(clearance, kept, clearance.clearance))
     )
     assert found is not None
     assert (found.needed, found.present) == (kept, clearance.clearance)
@@ -300,7 +300,7 @@ def test_a_share_of_a_change_moves_the_limit_by_this_share(limit: Limit) -> None
     except ProblemError:
         return  # no problem holds another limit of this kind
     changes = changes_of_limits(PROBLEM, relaxed)
-    assert set(changes) <= set(SHARES)
+    assert set(changes) <= set(OFFERED_SHARES)
     for share, (words, changed) in changes.items():
         present = next(item for item in changed.all_limits if item.key == limit.key)
         bounds = [present.low, present.high]

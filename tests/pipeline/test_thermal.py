@@ -13,7 +13,7 @@ import pytest
 from ssm_planner.pipeline import thermal
 from ssm_planner.pipeline.retime import retime
 from ssm_planner.pipeline.run import plan
-from ssm_planner.pipeline.thermal import MULTIPLIERS, ThermalSearch
+from ssm_planner.pipeline.thermal import HEAT_MULTIPLIERS, ThermalSearch
 from ssm_planner.planning.tolerances import GAP
 from ssm_planner.plans import Plan
 from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Motion, Task
@@ -53,7 +53,7 @@ def test_the_search_for_the_multiplier_ends_within_the_gap(
         heat = excess(number)
         return SimpleNamespace(passed=heat <= 0, excess_heat=heat)
 
-    result = thermal._smallest_cool(motion, MULTIPLIERS, motion(0.0))
+    result = thermal._find_smallest_cool(motion, HEAT_MULTIPLIERS, motion(0.0))
     assert result is not None
     number, outcome = result
     cool = -GAP <= outcome.excess_heat <= 0
@@ -68,7 +68,7 @@ def test_a_jump_of_the_heat_ends_the_search() -> None:
         heat = 0.2 if number < 0.6173 else -0.3
         return SimpleNamespace(passed=heat <= 0, excess_heat=heat)
 
-    result = thermal._smallest_cool(motion, MULTIPLIERS, motion(0.0))
+    result = thermal._find_smallest_cool(motion, HEAT_MULTIPLIERS, motion(0.0))
     assert result is not None
     assert 0.6173 <= result[0] <= 0.6173 + GAP
 

@@ -14,10 +14,10 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.lower_bound import (
-    angular_acceleration,
-    least_times,
+    angular_acceleration_bound,
     minimum_times,
     rest_to_rest,
+    slowest_joint_times,
 )
 from ssm_planner.problem.limits import TASK_COORDINATES, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Task
@@ -91,7 +91,7 @@ def test_no_coordinate_accelerates_more_than_the_bound_says(
         task_rates(mechanism, q + s * qd + s**2 / 2 * qdd, qd + s * qdd) for s in (step, -step)
     )
     found = np.abs(ahead - behind)[:, k] / (2 * step)
-    bound = angular_acceleration(robot, name, tilt_insert.task_limits)
+    bound = angular_acceleration_bound(robot, name, tilt_insert.task_limits)
     assert bound / 5 < found.max() < bound
 
 
@@ -143,6 +143,6 @@ def test_many_motions_at_a_time_take_what_each_takes_alone(tilt_insert: Problem)
             )
             for row in ways.tolist()
         ]
-        assert least_times(robot, ways, np.zeros(60), TaskLimits()) == pytest.approx(
+        assert slowest_joint_times(robot, ways, np.zeros(60), TaskLimits()) == pytest.approx(
             alone, rel=1e-9
         )

@@ -10,7 +10,7 @@ import pytest
 from ssm_planner import load_problem
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning import phase_planner
-from ssm_planner.planning.motor_strength import exceeds_thermal_bound
+from ssm_planner.planning.motor_strength import check_thermal_bound
 from ssm_planner.problem.motion import Dwell
 from ssm_planner.problem.problem import Problem
 from ssm_planner.sizing.size import size_motion
@@ -29,7 +29,7 @@ def tilting(nominal: float = 1e-4, **changes: object) -> Problem:
 @pytest.mark.parametrize("pause", [0.0, 5.0])
 @pytest.mark.parametrize("duration", [None, 4.0, 30.0, 300.0])
 def test_no_motion_has_less_than_the_bound(duration, pause):
-    bound = exceeds_thermal_bound(tilting(duty=pause)).required
+    bound = check_thermal_bound(tilting(duty=pause)).required
     strong = tilting(36e-3, duty=pause)
     made = plan(replace(strong, motion=(replace(strong.motion[0], duration=duration),)))
     found = size_motion(made.trajectory, made.problem.robot).verdicts[0].requirement.rms_torque
@@ -49,16 +49,16 @@ def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_n
     assert made.status == "infeasible"
     assert made.reason.limit.key == ("continuous torque", "roll")
     assert "however slowly" in made.reason.message
-    assert exceeds_thermal_bound(tilting(8e-3, duty=None)) is None  # done once
+    assert check_thermal_bound(tilting(8e-3, duty=None)) is None  # done once
     whole = tilting(8e-3)
     rested = replace(whole, motion=(*whole.motion, Dwell(60.0, "rest")))
-    assert exceeds_thermal_bound(rested) is None
+    assert check_thermal_bound(rested) is None
     insertion = load_problem("problems/tilt_insert.yaml").motion[1]
     assert (
-        exceeds_thermal_bound(replace(whole, motion=(*whole.motion, insertion))) is None
+        check_thermal_bound(replace(whole, motion=(*whole.motion, insertion))) is None
     )  # as slow as it takes
     assert (
-        exceeds_thermal_bound(
+        check_thermal_bound(
             replace(whole, motion=(*whole.motion, replace(insertion, duration=0.5)))
         )
         is not None

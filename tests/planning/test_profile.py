@@ -32,7 +32,7 @@ def test_the_profile_arrives_at_rest_within_its_limits(
     profile = rest_to_rest(distance, velocity, acceleration, jerk)
     position, speed, _ = profile.evaluate(np.array([0.0, profile.duration]))
     assert position == pytest.approx([0.0, distance], rel=1e-6)
-    _, largest, _ = profile.evaluate(profile.switches)
+    _, largest, _ = profile.evaluate(profile.switching_times)
     assert np.abs(speed).max() <= 1e-6 * np.abs(largest).max()
     assert np.abs(largest).max() <= velocity * (1 + 1e-6)
     assert np.abs([profile.start, profile.end]).max() <= acceleration * (1 + 1e-6)

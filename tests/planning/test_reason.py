@@ -15,7 +15,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline import run
-from ssm_planner.pipeline.relaxation import Cure, find_relaxation
+from ssm_planner.pipeline.relaxation import TriedRelaxation, find_relaxation
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.planner import plan_motion
 from ssm_planner.planning.reason import Reason
@@ -193,7 +193,7 @@ CASES = {
 @dataclass(frozen=True)
 class Outcome:
     plan: Plan
-    cure: Cure | None
+    cure: TriedRelaxation | None
 
 
 Unplanned = Callable[[str], Outcome]
@@ -203,9 +203,9 @@ Unplanned = Callable[[str], Outcome]
 def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
     """The outcome of a case by its name, with the relaxation that was tried; each planned once."""
     outcomes: dict[str, Outcome] = {}
-    cures: list[Cure | None] = []
+    cures: list[TriedRelaxation | None] = []
 
-    def recording(*arguments: Any, **named: Any) -> Cure | None:
+    def recording(*arguments: Any, **named: Any) -> TriedRelaxation | None:
         cures.append(find_relaxation(*arguments, **named))
         return cures[-1]
 

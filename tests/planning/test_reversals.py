@@ -13,7 +13,7 @@ from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.nlp import NlpSolution
 from ssm_planner.planning.ocp.transcription import Transcription
 from ssm_planner.planning.planner import plan_motion
-from ssm_planner.planning.reversals import MULTIPLIER, suggest_reversals
+from ssm_planner.planning.reversals import MULTIPLIER_TOLERANCE, suggest_reversals
 from ssm_planner.problem.limits import TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
@@ -61,7 +61,7 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
     kept = plan_motion(problem, may_reverse=False).phases[0].motion.reversal_multiplier
     assert left is not None
     assert kept is not None
-    assert max(left, MULTIPLIER) < kept
+    assert max(left, MULTIPLIER_TOLERANCE) < kept
     assert without(problem) > arc
     assert result.duration < 0.935 * without(problem)
     q = result.trajectory.uniform(200.0).q
@@ -181,8 +181,8 @@ def test_a_direction_is_opened_where_its_multiplier_says_so(
     multipliers = planned.motion.direction_multipliers
     assert multipliers is not None
     roll, tilt, spin, depth = np.abs(multipliers.values).sum(axis=0)
-    assert max(roll, spin) < MULTIPLIER
-    assert min(tilt, depth) > 100 * MULTIPLIER
+    assert max(roll, spin) < MULTIPLIER_TOLERANCE
+    assert min(tilt, depth) > 100 * MULTIPLIER_TOLERANCE
     # a joint that stands returns to where it stood, so the mean of its steepest descent is 0, but for the averaging
     assert np.abs(multipliers.values.sum(axis=0))[[1, 3]] == pytest.approx([0, 0], abs=0.1 * tilt)
     reversals = suggest_reversals(planned.phase, planned.motion)

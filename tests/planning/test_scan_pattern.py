@@ -17,7 +17,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.scan_pattern import shortest_order
+from ssm_planner.planning.scan_pattern import search_short_tour
 from ssm_planner.plans import Plan
 from ssm_planner.problem.motion import Scan, Task
 from ssm_planner.problem.problem import Problem
@@ -191,7 +191,7 @@ def test_the_fastest_order_of_few_places_is_the_best_of_all_orders() -> None:
         def total(order: Any, times: Array = times) -> float:
             return float(times[[0, *order[:-1]], order].sum())
 
-        found = shortest_order(times) + 1
+        found = search_short_tour(times) + 1
         assert sorted(found) == list(range(1, len(places)))
         assert total(found) == pytest.approx(min(map(total, permutations(range(1, len(places))))))
 

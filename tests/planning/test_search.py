@@ -51,11 +51,11 @@ def swing(problem: Problem) -> Problem:
 
 
 def test_a_new_way_to_move_is_a_class_and_a_line(tilt_insert: Problem) -> None:
-    listed.KINDS.append(Halfway)
+    listed.CANDIDATE_KINDS.append(Halfway)
     try:
         made = plan(swing(tilt_insert))
     finally:
-        listed.KINDS.remove(Halfway)
+        listed.CANDIDATE_KINDS.remove(Halfway)
     assert made.passed
     text = (Path(__file__).parents[2] / "docs/architecture.md").read_text("utf-8")
     assert inspect.getsource(Halfway) in text

@@ -12,7 +12,7 @@ import pytest
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.elements.rows import directed_torques
-from ssm_planner.planning.motor_strength import motor_too_weak
+from ssm_planner.planning.motor_strength import check_motor_torque
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.problem import Problem
 
@@ -64,7 +64,7 @@ def test_a_motor_too_weak_for_it_is_named(tilt_insert: Problem) -> None:
         problem=SimpleNamespace(robot=weak),
         path=path,
     )
-    reason = motor_too_weak(phase, path)
+    reason = check_motor_torque(phase, path)
     assert reason is not None
     assert reason.joint == joint.name
     assert reason.required == pytest.approx(needed, rel=1e-12)

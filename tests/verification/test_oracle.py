@@ -89,7 +89,7 @@ def test_rows_are_joined_as_the_client_joins_them() -> None:
     for orders, join in ((2, cubics), (3, quintics)):
         rows = (q, qd, qdd)[:orders]
         pieces = join(h, *(tuple(x[side] for x in rows) for side in (slice(-1), slice(1, None))))
-        expected = oracle.of_pieces(t, pieces)
+        expected = oracle.from_pieces(t, pieces)
         assert oracle.through(t, *rows).powers == pytest.approx(expected.powers, abs=1e-12)
     left_out = qd.copy()
     left_out[3] = np.nan
@@ -107,7 +107,7 @@ def test_the_worst_values_are_those_of_the_certificate(robot: Robot, name: str) 
         motion = (trapezoids if name == "trapezoids" else smooth)(robot)
     limits = TaskLimits((TaskRange("tilt", -2.4, -1.42), TipSpeed(TIP)))
     certificate = check(motion, robot, limits)
-    played = oracle.of_pieces(motion.breaks, motion.coefficients)
+    played = oracle.from_pieces(motion.breaks, motion.coefficients)
     found = oracle.violations(played, robot, ranges={"tilt": (-2.4, -1.42)}, tip=TIP)
     common = [line for line in certificate.limits if (line.name, line.joint) in found]
     assert {"position", "velocity", "acceleration", "motor speed", "motor torque"} <= {
@@ -129,17 +129,17 @@ def test_steps_count_as_speed(robot: Robot, size: float, broken: bool) -> None:
         coefficients[2:, 0, 0] += size
         if times > 1:
             coefficients[3:, 0, 0] += 9 * size
-        found = oracle.violations(oracle.of_pieces(motion.breaks, coefficients), robot)
+        found = oracle.violations(oracle.from_pieces(motion.breaks, coefficients), robot)
         assert (found["steps of position", "roll"] > 1e-3) is (broken or times > 1)
     coefficients = motion.coefficients.copy()
     coefficients[0, 1, 0] += size * robot.joints[0].velocity
-    found = oracle.violations(oracle.of_pieces(motion.breaks, coefficients), robot)
+    found = oracle.violations(oracle.from_pieces(motion.breaks, coefficients), robot)
     assert (found["steps of velocity", "roll"] > 1e-3) is broken
 
 
 def test_a_target_is_missed_beyond_its_tolerance(robot: Robot) -> None:
     motion = trapezoids(robot)
-    played = oracle.of_pieces(motion.breaks, motion.coefficients)
+    played = oracle.from_pieces(motion.breaks, motion.coefficients)
     middle, end = motion.sample(motion.breaks[[3, -1]], "left").q
     way = np.array([0.6, 0.0, 0.0, 0.8]) * oracle.TARGET
     assert oracle.missed(played, [middle, end]) == pytest.approx(-1, abs=0.1)
@@ -152,7 +152,7 @@ def test_a_small_excess_of_every_limit_is_seen(robot: Robot) -> None:
     """The oracle finds a motion that exceeds a limit by 0.3 %, with the right excess."""
     motion = trapezoids(robot, share=1.0)
     quicker = motion.slower(1.003)
-    played = oracle.of_pieces(quicker.breaks, quicker.coefficients)
+    played = oracle.from_pieces(quicker.breaks, quicker.coefficients)
     found = oracle.violations(played, robot)
     assert found["velocity", "tilt"] == pytest.approx(3e-3, rel=1e-6)
     assert found["acceleration", "tilt"] == pytest.approx(1.003**2 - 1, rel=1e-6)

@@ -25,7 +25,7 @@ TORQUE = MotorTorque.name
 
 def peaks(motion: Trajectory, robot: Robot) -> dict[str, float]:
     """Return the largest motor torques of a smooth motion by joint, N·m."""
-    found = oracle.violations(oracle.of_pieces(motion.breaks, motion.coefficients), robot)
+    found = oracle.violations(oracle.from_pieces(motion.breaks, motion.coefficients), robot)
     return {
         joint.name: (1 + found[TORQUE, joint.name]) * joint.motor.max_torque
         for joint in robot.joints

@@ -1,8 +1,8 @@
 """Base class of all candidates, and the record of how far a candidate was computed.
 
 A candidate is one way to move a phase, or the whole problem. To add one for phases, derive a class
-from `PhaseCandidate` in a new file and add it to `listed.KINDS`. The class says when it is worth
-trying (`suggested`), which duration it cannot beat (`bound`), how long it takes approximately
+from `PhaseCandidate` in a new file and add it to `listed.CANDIDATE_KINDS`. The class says when it
+is worth trying (`suggested`), which duration it cannot beat (`bound`), how long it takes approximately
 (`estimate`) and which motion it gives (`solution`). The search calls these methods in this order
 and stops as soon as another candidate is known to be faster.
 """
@@ -160,18 +160,20 @@ class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
 PhaseEvaluation = Evaluation[PhasePlanner, PlannedPhase]
 
 
-class InsteadOfDirect(PhaseCandidate):
+class FallbackCandidate(PhaseCandidate):
     """A candidate that the failure of the direct motion may suggest."""
 
     @classmethod
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidates of `instead` after the direct motion has failed."""
+        """Yield the candidates of `suggested_after_failure` after the direct motion has failed."""
         if latest is not None and latest.candidate.kind == "direct" and latest.failed is not None:
-            yield from cls.instead(planner, latest.failed)
+            yield from cls.suggested_after_failure(planner, latest.failed)
 
     @classmethod
     @abstractmethod
-    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+    def suggested_after_failure(
+        cls, planner: PhasePlanner, reason: Reason
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidates, in view of the reason why there is no direct motion."""

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import InsteadOfDirect, PhaseCandidate
-from ssm_planner.planning.feasibility import nearest_to_eye
+from ssm_planner.planning.candidates.candidate import FallbackCandidate, PhaseCandidate
+from ssm_planner.planning.feasibility import joints_nearest_to_eye
 from ssm_planner.planning.ocp.motion import Borders
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.planned_phase import PlannedPhase
@@ -14,7 +14,7 @@ from ssm_planner.planning.reason import Reason
 from ssm_planner.problem import LensClearance, RetinaClearance
 from ssm_planner.typing import record
 
-DEPTHS = (0.7, 0.55, 0.4, 0.85, 0.25)
+RETRACTION_SHARES = (0.7, 0.55, 0.4, 0.85, 0.25)
 """Depths to which the guess draws the tool back, divided by the smaller depth of both ends.
 
 They are tried in this order.
@@ -22,13 +22,15 @@ They are tried in this order.
 
 
 @record
-class Detour(InsteadOfDirect):
+class Detour(FallbackCandidate):
     """A free motion on which the joints reverse once, so that the tool passes retina or lens."""
 
     kind: ClassVar[str] = "detour"
 
     @classmethod
-    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+    def suggested_after_failure(
+        cls, planner: PhasePlanner, reason: Reason
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the eye blocks the direct motion between two points."""
         phase = planner.phase
         between_two_points = phase.path is None and len(phase.points) == 2
@@ -43,8 +45,8 @@ class Detour(InsteadOfDirect):
         drawn back.
         """
         start, end = self.planner.phase.points
-        over = nearest_to_eye(self.planner.phase)
-        for share in DEPTHS:
+        over = joints_nearest_to_eye(self.planner.phase)
+        for share in RETRACTION_SHARES:
             depth = share * min(start[3], end[3], key=abs)
             over_eye = Borders(np.stack([start, np.append(over[:3], depth), end]), (1,))
             result = self.planner.free(over_eye)

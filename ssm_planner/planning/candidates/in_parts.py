@@ -7,36 +7,36 @@ from typing import ClassVar
 
 import numpy as np
 
-from ssm_planner.planning.candidates.candidate import InsteadOfDirect, PhaseCandidate
+from ssm_planner.planning.candidates.candidate import FallbackCandidate, PhaseCandidate
 from ssm_planner.planning.candidates.detour import Detour
 from ssm_planner.planning.candidates.direct import Direct
-from ssm_planner.planning.feasibility import infeasible_place
-from ssm_planner.planning.motor_strength import motor_too_weak
+from ssm_planner.planning.feasibility import check_places
+from ssm_planner.planning.motor_strength import check_motor_torque
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase, planned_rest
-from ssm_planner.planning.reason import Reason, duration_too_short
+from ssm_planner.planning.reason import Reason, short_duration_reason
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.search import find_fastest
-from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.problem import MotorTorque, unchecked_copy
 from ssm_planner.trajectory import join
 from ssm_planner.typing import Array, record
 
-SHARES = (1.0, 0.5)
+DISPLACEMENT_SHARES = (1.0, 0.5)
 """Shares of their displacement that the joints of the first part move before the rest."""
-MOST = 4
+MAX_ORDERS = 4
 """Largest number of orders of the joints that are tried."""
 
 
-class InParts(InsteadOfDirect):
+class InParts(FallbackCandidate):
     """A free motion in two parts."""
 
     label: ClassVar[str]
     """End of the name of the phase."""
 
-    def _fastest(self, phase: Phase, *others: type[PhaseCandidate]) -> PlannedPhase | Reason:
+    def _plan_part(self, phase: Phase, *others: type[PhaseCandidate]) -> PlannedPhase | Reason:
         """Return the fastest motion of a part. A requested duration of the phase is ignored.
 
         The candidates are direct motions, detours and `others`.
@@ -45,7 +45,7 @@ class InParts(InsteadOfDirect):
         untimed = replace(phase, motion=unchecked_copy(phase.motion, duration=None))
         return find_fastest(kinds, replace(self.planner, phase=untimed), self.planner.work)[0]
 
-    def _followed(
+    def _append_part(
         self, first: PhaseSolution, onward: Phase, *others: type[PhaseCandidate]
     ) -> PlannedPhase | Reason:
         """Append the fastest motion of the second part to the first part.
@@ -66,14 +66,18 @@ class InParts(InsteadOfDirect):
             slowed down to reach it. The reason states why there is no second part.
         """
         phase = self.planner.phase
-        result = planned_rest(onward) if onward.stands else self._fastest(onward, *others)
+        result = planned_rest(onward) if onward.is_at_rest else self._plan_part(onward, *others)
         if isinstance(result, Reason):
             return result
         second, duration = result.motion, phase.motion.duration
         if duration is not None:
             needed = first.duration + second.duration
-            if needed > duration * (1 + SAME) or not second.duration or phase.qd_end.any():
-                return duration_too_short(phase.motion.name, duration, needed)
+            if (
+                needed > duration * (1 + EQUALITY_TOLERANCE)
+                or not second.duration
+                or phase.qd_end.any()
+            ):
+                return short_duration_reason(phase.motion.name, duration, needed)
             second = second.slower((duration - first.duration) / second.duration)
         trajectory = join([("", motion.breaks, motion.coefficients) for motion in (first, second)])
         motion = replace(
@@ -100,7 +104,9 @@ class InTurn(InParts):
     label: ClassVar[str] = "in turn"
 
     @classmethod
-    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+    def suggested_after_failure(
+        cls, planner: PhasePlanner, reason: Reason
+    ) -> Iterator[PhaseCandidate]:
         """Yield the orders with the smallest bounds, if a motor is too weak for the direct motion.
 
         In each of them, every motor is strong enough at the ends of both parts.
@@ -112,32 +118,36 @@ class InTurn(InParts):
             return
         start, end = phase.points
         displacements = np.array(list(product((0.0, 1.0), repeat=4))) * (end - start)
-        points = np.unique(np.vstack([start + share * displacements for share in SHARES]), axis=0)
-        orders = [cls(planner, point) for point in points if _relieves(_parts(phase, point))]
-        yield from sorted(orders, key=lambda order: order.bound)[:MOST]
+        points = np.unique(
+            np.vstack([start + share * displacements for share in DISPLACEMENT_SHARES]), axis=0
+        )
+        orders = [
+            cls(planner, point) for point in points if _are_feasible(_split_phase(phase, point))
+        ]
+        yield from sorted(orders, key=lambda order: order.bound)[:MAX_ORDERS]
 
     @property
     def bound(self) -> float:
         """Duration that no motion with this rest can beat, s."""
-        return sum(part.lower_bound for part in _parts(self.planner.phase, self.between))
+        return sum(part.lower_bound for part in _split_phase(self.planner.phase, self.between))
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return both motions joined into one, or the reason why one of them was not found."""
-        first, last = _parts(self.planner.phase, self.between)
-        result = self._fastest(first)
-        return result if isinstance(result, Reason) else self._followed(result.motion, last)
+        first, last = _split_phase(self.planner.phase, self.between)
+        result = self._plan_part(first)
+        return result if isinstance(result, Reason) else self._append_part(result.motion, last)
 
 
-def _parts(phase: Phase, between: Array) -> tuple[Phase, Phase]:
+def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
     """Split a phase at joint positions (4,) in rad and m, at which the robot rests."""
     start, end = phase.points
-    first = phase.part(np.stack([start, between]), to_end=False)
-    return first, phase.part(np.stack([between, end]))
+    first = phase.from_rest(np.stack([start, between]), to_end=False)
+    return first, phase.from_rest(np.stack([between, end]))
 
 
-def _relieves(parts: tuple[Phase, Phase]) -> bool:
+def _are_feasible(parts: tuple[Phase, Phase]) -> bool:
     """Return True if both parts move, their places are permitted, and every motor is strong enough."""
-    if any(part.stands for part in parts) or infeasible_place(parts) is not None:
+    if any(part.is_at_rest for part in parts) or check_places(parts) is not None:
         return False
     paths = (PolylinePath(part.mechanism, part.points) for part in parts)
-    return not any(map(motor_too_weak, parts, paths))
+    return not any(map(check_motor_torque, parts, paths))

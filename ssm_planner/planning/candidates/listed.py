@@ -31,4 +31,11 @@ from ssm_planner.planning.candidates.reversing import Reversing
 from ssm_planner.planning.candidates.stop_first import StopFirst
 from ssm_planner.planning.candidates.task_line import TaskLine
 
-KINDS: list[type[PhaseCandidate]] = [Direct, Reversing, StopFirst, InTurn, Detour, TaskLine]
+CANDIDATE_KINDS: list[type[PhaseCandidate]] = [
+    Direct,
+    Reversing,
+    StopFirst,
+    InTurn,
+    Detour,
+    TaskLine,
+]

@@ -16,16 +16,16 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import task_from_joints
 from ssm_planner.planning.candidates.candidate import Candidate, Evaluation
 from ssm_planner.planning.feasibility import feasible_phases
-from ssm_planner.planning.phases import Phase, other_ends
+from ssm_planner.planning.phases import Phase, alternative_joints
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.planner import estimated_duration
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP, ROUNDING_TOLERANCE
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked_copy
 from ssm_planner.typing import Array, record
 
-RESCUES = 3
+MAX_RESCUES = 3
 """Number of alternatives that are planned for a target if the planner's joints give no motion."""
 
 
@@ -78,8 +78,8 @@ class JointsPlanner:
 
     def known_duration(self, phase: Phase) -> float:
         """Return the duration of a phase if the best motion contains it, else its bound, s."""
-        bound = phase.least_duration
-        if self.best is None or phase.motion.duration is not None or phase.stands:
+        bound = phase.minimum_duration
+        if self.best is None or phase.motion.duration is not None or phase.is_at_rest:
             return bound
         same = (
             item.duration
@@ -91,13 +91,13 @@ class JointsPlanner:
     def joints(self) -> list[Array]:
         """Return all joint positions (4,) that reach the target, except those of the phase."""
         present = self.phase.points[-1]
-        ends = other_ends(self.phase, self.target[1])
+        ends = alternative_joints(self.phase, self.target[1])
         if not self.spin_free:
             return ends
-        ends = [self._least_spun(q) for q in [present, *ends]]
+        ends = [self._with_best_spin(q) for q in [present, *ends]]
         return [q for q in ends if not np.array_equal(q, present)]
 
-    def spins(self, q: Array) -> tuple[Array, Array]:
+    def spin_alternatives(self, q: Array) -> tuple[Array, Array]:
         """Return joint positions that differ from q (4,) by a free spin, and their lower bounds.
 
         The first three have the angle of joint 3 in q, its angle at the start, and the angle at
@@ -131,10 +131,10 @@ class JointsPlanner:
         ]
         return configurations, np.array(bounds)
 
-    def _least_spun(self, q: Array) -> Array:
+    def _with_best_spin(self, q: Array) -> Array:
         """Return the joints (4,) with the spin nearest to q among those of the smallest bound."""
-        configurations, bounds = self.spins(q)
-        smallest = configurations[bounds <= bounds.min() * (1 + ROUNDING)]
+        configurations, bounds = self.spin_alternatives(q)
+        smallest = configurations[bounds <= bounds.min() * (1 + ROUNDING_TOLERANCE)]
         return np.asarray(smallest[np.argmin(np.abs(smallest[:, 2] - q[2]))])
 
 
@@ -145,16 +145,16 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     problem: Problem
     q: Array
     """The joints (4,)."""
-    least: float
+    duration_bound: float
     """Lower bound of the duration, s."""
-    spun: bool = False
+    only_spin_differs: bool = False
     """True if only the spin differs from joints that were tried before."""
     kind: ClassVar[str] = "other joints"
 
     @property
     def bound(self) -> float:
         """Duration that no motion with these joints can beat, s."""
-        return self.least
+        return self.duration_bound
 
     @classmethod
     def suggested(
@@ -164,17 +164,23 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         if latest is not None:
             if planner.spin_free and isinstance(latest.result, MissionMotion):
                 assert isinstance(latest.candidate, OtherJoints)
-                if not latest.candidate.spun:
-                    yield from cls._spun(planner, latest.candidate.q, latest.result)
+                if not latest.candidate.only_spin_differs:
+                    yield from cls._candidates_with_other_spins(
+                        planner, latest.candidate.q, latest.result
+                    )
             return
-        options = [option for q in planner.joints() for option in cls._allowed(planner, q)]
+        options = [
+            option for q in planner.joints() for option in cls._feasible_candidate(planner, q)
+        ]
         options.sort(key=lambda option: option.bound)
         if planner.best is None:
             yield from cls._rescues(planner, options)
             return
         yield from options
         if planner.spin_free:
-            yield from cls._spun(planner, planner.phase.points[-1], planner.best)
+            yield from cls._candidates_with_other_spins(
+                planner, planner.phase.points[-1], planner.best
+            )
 
     @classmethod
     def _rescues(cls, planner: JointsPlanner, options: "list[OtherJoints]") -> "list[OtherJoints]":
@@ -187,31 +193,31 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
             postures.setdefault(tuple(option.q[:2].round(6)), option)
         if not planner.spin_free:
             postures.pop(tuple(planner.phase.points[-1, :2].round(6)), None)
-        return list(postures.values())[:RESCUES]
+        return list(postures.values())[:MAX_RESCUES]
 
     @classmethod
-    def _allowed(
-        cls, planner: JointsPlanner, q: Array, *, spun: bool = False
+    def _feasible_candidate(
+        cls, planner: JointsPlanner, q: Array, *, only_spin_differs: bool = False
     ) -> "Iterator[OtherJoints]":
         """Yield the candidate with joints q (4,) if it is feasible and may be shorter.
 
         Phases that are already planned count with their duration.
         """
         start = Joints.from_array(planner.phases[0].q_start)
-        problem = _with_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
+        problem = _replace_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
         try:
             phases, _ = feasible_phases(problem)
         except ProblemError:  # A straight motion cannot begin at these joints.
             return
         requested = problem.duration or 0.0
         bound = max(sum(map(planner.known_duration, phases)), requested)
-        in_time = not requested or bound <= requested * (1 + SAME)
+        in_time = not requested or bound <= requested * (1 + EQUALITY_TOLERANCE)
         if phases and in_time and bound < planner.cutoff:
             problem = unchecked_copy(planner.problem, motion=problem.motion)
-            yield cls(planner, problem, q, bound, spun)
+            yield cls(planner, problem, q, bound, only_spin_differs)
 
     @classmethod
-    def _spun(
+    def _candidates_with_other_spins(
         cls, planner: JointsPlanner, q: Array, motion: MissionMotion
     ) -> "Iterator[OtherJoints]":
         """Yield three spins between those at which the motion to joints q (4,) may become faster.
@@ -222,11 +228,13 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         durations = (
             item.duration for item in motion.phases if np.array_equal(item.phase.points[-1], q)
         )
-        configurations, bounds = planner.spins(q)
+        configurations, bounds = planner.spin_alternatives(q)
         spins = configurations[bounds < next(durations, 0.0) * (1 - GAP), 2]
         if planner.motion.duration is None and spins.size:
             for spin in np.linspace(spins.min(), spins.max(), 5)[1:-1]:
-                yield from cls._allowed(planner, np.array([*q[:2], spin, q[3]]), spun=True)
+                yield from cls._feasible_candidate(
+                    planner, np.array([*q[:2], spin, q[3]]), only_spin_differs=True
+                )
 
     def estimate(self, cutoff: float) -> MissionMotion | Reason | None:
         """Return the duration by the structured solver alone, without reversals."""
@@ -242,7 +250,7 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         return self.planner.plan(self.problem)
 
 
-def _with_target(problem: Problem, entry: int, index: int, q: Array) -> Problem:
+def _replace_target(problem: Problem, entry: int, index: int, q: Array) -> Problem:
     """Return the problem whose free motion `entry` has joints q (4,) as its target `index`."""
     motion = problem.motion[entry]
     assert isinstance(motion, Free)

@@ -11,13 +11,13 @@ from ssm_planner.planning.ocp.motion import Borders, PhaseSolution
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
-from ssm_planner.planning.reversals import refine_directions, reversals_of
+from ssm_planner.planning.reversals import borders_at_reversals, refine_directions
 from ssm_planner.planning.tolerances import GAP
-from ssm_planner.planning.via_velocities import PAYS, passing_turns
+from ssm_planner.planning.via_velocities import MIN_SAVING, suggest_via_velocities
 from ssm_planner.problem import Duration, Free
 from ssm_planner.typing import record
 
-NONE_PAYS = Reason(message="no reversal saves time")
+NO_SAVING = Reason(message="no reversal saves time")
 
 
 @record
@@ -41,18 +41,18 @@ class Reversing(PhaseCandidate):
                 yield cls(planner, None)
         elif latest.estimate is not None and latest.result is None:
             estimate = latest.estimate
-            saved = PAYS if len(planner.phase.points) > 2 else GAP
+            saved = MIN_SAVING if len(planner.phase.points) > 2 else GAP
             if (1 - saved) * estimate.duration > estimate.lower_bound:
                 yield cls(planner, estimate.motion)
 
-    def _beside_points(self) -> PlannedPhase | Reason:
+    def _reverse_beside_points(self) -> PlannedPhase | Reason:
         """Return a motion on which joints pass beyond a point, or take a run-up to the next one."""
-        turns = passing_turns(self.planner.phase)
+        turns = suggest_via_velocities(self.planner.phase)
         if turns is None:
-            return NONE_PAYS
-        cutoff = np.inf if self.unreversed is None else (1 - PAYS) * self.unreversed.duration
+            return NO_SAVING
+        cutoff = np.inf if self.unreversed is None else (1 - MIN_SAVING) * self.unreversed.duration
         result = self.planner.free(turns, cutoff=cutoff)
-        return result if isinstance(result, Reason) or result.duration < cutoff else NONE_PAYS
+        return result if isinstance(result, Reason) or result.duration < cutoff else NO_SAVING
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
         """Return a motion from rest to rest with the reversals that the multipliers suggest.
@@ -62,7 +62,7 @@ class Reversing(PhaseCandidate):
         planner = self.planner
         if len(planner.phase.points) > 2:
             return None
-        quick = planner.for_time
+        quick = planner.without_duration
 
         def solve(borders: Borders, limit: float) -> PhaseSolution | None:
             result = quick.free(borders, cutoff=limit, count=DEFAULT_ELEMENTS)
@@ -71,14 +71,14 @@ class Reversing(PhaseCandidate):
         initial = self.unreversed or solve(Borders(planner.phase.points), np.inf)
         faster = initial and refine_directions(planner.phase, initial, solve)
         if faster is None:
-            return NONE_PAYS
+            return NO_SAVING
         return PlannedPhase(planner.phase, faster, planner.phase.lower_bound)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
         """Return the motion with the reversals that save most."""
         if estimate is None:
-            return self._beside_points()
-        borders = reversals_of(self.planner.phase, estimate.motion)
+            return self._reverse_beside_points()
+        borders = borders_at_reversals(self.planner.phase, estimate.motion)
         solution = self.planner.free(borders, count=2 * DEFAULT_ELEMENTS)
         fast = self.planner.problem.planner == "fast" and self.planner.problem.objective == "time"
         if (

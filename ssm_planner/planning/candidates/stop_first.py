@@ -9,7 +9,7 @@ import numpy as np
 from ssm_planner.planning.candidates.candidate import PhaseCandidate
 from ssm_planner.planning.candidates.in_parts import InParts, InTurn
 from ssm_planner.planning.candidates.task_line import TaskLine
-from ssm_planner.planning.feasibility import infeasible_place
+from ssm_planner.planning.feasibility import check_places
 from ssm_planner.planning.lower_bound import stopping_curves
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.ocp.segments import sample_curves
@@ -19,13 +19,13 @@ from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.paths import MotionPath
 from ssm_planner.planning.retiming.retime import keeps_limits
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, record
 
-STOP_MARGIN = 1.1
+STOP_DISTANCE_FACTOR = 1.1
 """Ratio of the planned to the shortest stopping distance of joints without jerk limits."""
-SHARES = (1.0, 0.5, 0.25, 0.1)
+ACCELERATION_SHARES = (1.0, 0.5, 0.25, 0.1)
 """Shares of the acceleration limits with which the joints stop, tried in this order.
 
 Weak motors with heavy rotors cannot brake as hard as the joints may.
@@ -40,7 +40,9 @@ class StopFirst(InParts):
     label: ClassVar[str] = "stops first"
 
     @classmethod
-    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+    def suggested_after_failure(
+        cls, planner: PhasePlanner, reason: Reason
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if the free phase begins at speed."""
         if planner.phase.path is None and planner.phase.qd_start.any():
             yield cls(planner)
@@ -50,7 +52,7 @@ class StopFirst(InParts):
         stop = self._stop()
         if stop is None:
             return Reason(message="no stop within the limits")
-        return self._followed(stop, _onward(self.planner.phase, stop), TaskLine, InTurn)
+        return self._append_part(stop, _remaining_phase(self.planner.phase, stop), TaskLine, InTurn)
 
     def _stop(self) -> PhaseSolution | None:
         """Return the stop after which the lower bound on the complete duration is smallest.
@@ -58,7 +60,7 @@ class StopFirst(InParts):
         None if no stop satisfies the limits.
         """
         robot, phase = self.planner.strict, self.planner.phase
-        for share in SHARES:
+        for share in ACCELERATION_SHARES:
             stops = [
                 _stop_in_closed_form(robot, phase, share, together=together)
                 for together in (False, True)
@@ -66,18 +68,19 @@ class StopFirst(InParts):
             usable = [stop for stop in stops if stop is not None]
             if usable:
                 return min(
-                    usable, key=lambda stop: stop.duration + _onward(phase, stop).lower_bound
+                    usable,
+                    key=lambda stop: stop.duration + _remaining_phase(phase, stop).lower_bound,
                 )
         return None
 
 
-def _onward(phase: Phase, stop: PhaseSolution) -> Phase:
+def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
     """Return the part of a phase that follows a stop."""
     end = stop.trajectory.positions(stop.breaks[-1:])
     points = np.vstack([end, phase.points[1:]])
-    if len(points) == 2 and np.abs(np.diff(points, axis=0)).max() <= ROUNDING:
+    if len(points) == 2 and np.abs(np.diff(points, axis=0)).max() <= ROUNDING_TOLERANCE:
         points[1] = points[0]
-    return phase.part(points)
+    return phase.from_rest(points)
 
 
 def _stop_in_closed_form(
@@ -88,8 +91,10 @@ def _stop_in_closed_form(
     None if a limit forbids the stop or a place between its end and the target.
     """
     curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share, together=together)
-    switches = np.unique(np.concatenate([curve.switches for curve in curves if curve is not None]))
-    instants = switches[np.append(True, np.diff(switches) > ROUNDING)]
+    switches = np.unique(
+        np.concatenate([curve.switching_times for curve in curves if curve is not None])
+    )
+    instants = switches[np.append(True, np.diff(switches) > ROUNDING_TOLERANCE)]
     guess = sample_curves(phase.q_start, curves, instants.tolist(), density=0.0, least_count=1)
     motion, middle = guess.motion, guess.elements.evaluate(0.5)
     # Rounding gives joints at rest a small velocity.
@@ -103,9 +108,9 @@ def _stop_in_closed_form(
         border_instants=motion.breaks,
         directions=signs,
     )
-    parts = replace(phase, path=path), _onward(phase, stop)
+    parts = replace(phase, path=path), _remaining_phase(phase, stop)
     is_permitted = keeps_limits(path, robot, phase.problem.task_limits)
-    return stop if is_permitted and infeasible_place(parts) is None else None
+    return stop if is_permitted and check_places(parts) is None else None
 
 
 def stopping_point(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
@@ -120,6 +125,6 @@ def stopping_point(robot: Robot, q: Array, qd: Array, qdd: Array) -> Array:
     """
     curves = stopping_curves(robot, qd, qdd)
     distances = [0.0 if curve is None else curve.distance for curve in curves]
-    margins = [STOP_MARGIN if joint.jerk is None else 1.0 for joint in robot.joints]
+    margins = [STOP_DISTANCE_FACTOR if joint.jerk is None else 1.0 for joint in robot.joints]
     low, high = np.array([joint.position for joint in robot.joints]).T
     return np.asarray(np.clip(q + np.multiply(margins, distances), low, high))

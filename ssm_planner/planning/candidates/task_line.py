@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 
-from ssm_planner.planning.candidates.candidate import InsteadOfDirect, PhaseCandidate
-from ssm_planner.planning.feasibility import straight_instead
+from ssm_planner.planning.candidates.candidate import FallbackCandidate, PhaseCandidate
+from ssm_planner.planning.feasibility import replace_by_task_line
 from ssm_planner.planning.phase_planner import PhasePlanner
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.planned_phase import PlannedPhase
@@ -14,7 +14,7 @@ from ssm_planner.typing import record
 
 
 @record
-class TaskLine(InsteadOfDirect):
+class TaskLine(FallbackCandidate):
     """The straight motion to the target of a free motion."""
 
     line: Phase
@@ -22,11 +22,13 @@ class TaskLine(InsteadOfDirect):
     kind: ClassVar[str] = "task line"
 
     @classmethod
-    def instead(cls, planner: PhasePlanner, reason: Reason) -> Iterator[PhaseCandidate]:
+    def suggested_after_failure(
+        cls, planner: PhasePlanner, reason: Reason
+    ) -> Iterator[PhaseCandidate]:
         """Yield the candidate if all of the line is allowed."""
         phase = planner.phase
-        if phase.path is None and not phase.stands:
-            line = straight_instead(phase)
+        if phase.path is None and not phase.is_at_rest:
+            line = replace_by_task_line(phase)
             if line is not None:
                 yield cls(planner, line)
 

@@ -22,7 +22,7 @@ from ssm_planner.planning.ocp.nlp import Method
 from ssm_planner.planning.ocp.objectives import find_best_motion, find_fastest_motion
 from ssm_planner.planning.ocp.segments import SegmentChain
 from ssm_planner.planning.phases import Phase
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, keyword_record
@@ -80,7 +80,7 @@ def solve_free(
     problem = phase.problem
     borders = borders or Borders(phase.points)
     displacements = np.diff(borders.points, axis=0)
-    displacements[np.abs(displacements) <= ROUNDING] = 0.0
+    displacements[np.abs(displacements) <= ROUNDING_TOLERANCE] = 0.0
     limits = joint_limits(strict or problem.robot, cooling)
     if "depth" in problem.rates:  # The rate of depth is the velocity of joint 4.
         limits["velocity"][3] = min(limits["velocity"][3], problem.rates["depth"])

@@ -47,7 +47,7 @@ from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.reduced_costs import constraint_gradient, steepest_descent
 from ssm_planner.planning.ocp.segments import SegmentChain
 from ssm_planner.planning.phases import Phase, reversal_ranges
-from ssm_planner.planning.tolerances import ROUNDING, SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, ROUNDING_TOLERANCE
 from ssm_planner.problem import TASK_COORDINATES, RetinaClearance, TaskRange, TaskRate
 from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
@@ -160,7 +160,7 @@ class FreeProblem(OcpProblem):
         )
         for velocity, at_end in ends:
             if velocity.any():
-                at_end[np.isfinite(at_end)] = 1 + SAME
+                at_end[np.isfinite(at_end)] = 1 + EQUALITY_TOLERANCE
         # The robot can stop first instead.
         brief = self.phase.problem.planner == "fast" and bool(self.phase.qd_start.any())
         return replace(base, path_bound=bound, brief=brief)
@@ -286,7 +286,7 @@ class FreeProblem(OcpProblem):
         """
         if self.phase.problem.eye is None:
             return 0.0
-        in_eye = np.abs(self.chain.points[:, 3]) > self.phase.problem.eye.port + ROUNDING
+        in_eye = np.abs(self.chain.points[:, 3]) > self.phase.problem.eye.port + ROUNDING_TOLERANCE
         points = self.chain.points[self.chain.fixed.all(axis=1) & in_eye]
         constraint_values = retina_row(
             NUMPY, self.phase.problem.eye, tip_position(self.phase.mechanism, points).T

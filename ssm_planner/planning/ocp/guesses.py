@@ -81,7 +81,7 @@ def guess_between(
         profile.with_duration(duration) if profile.is_moving else None for profile in profiles
     ]
     borders, directions = _reversals_in_order(profiles, duration)
-    switches = slowest.with_duration(duration).switches.tolist()
+    switches = slowest.with_duration(duration).switching_times.tolist()
     # The solver determines the instants of the reversals, so it needs no elements close to them.
     gap = MIN_SEGMENT_SHARE * duration if speeds.any() else 0.0
     guesses = []

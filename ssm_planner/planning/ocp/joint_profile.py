@@ -10,13 +10,13 @@ import math
 import numpy as np
 
 from ssm_planner.planning.lower_bound import (
-    BISECTIONS,
+    BISECTION_STEPS,
     SCurve,
     minimum_times,
     quickest_stop,
     rest_to_rest,
 )
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.typing import Array, record
 
 
@@ -76,7 +76,7 @@ class JointProfile:
     @property
     def is_moving(self) -> bool:
         """True if the joint moves."""
-        return abs(self.displacement) > ROUNDING or any(self.speeds)
+        return abs(self.displacement) > ROUNDING_TOLERANCE or any(self.speeds)
 
     @property
     def reversal_times(self) -> tuple[float, float]:
@@ -134,16 +134,16 @@ class JointProfile:
             return ramps[0], max(distance - travelled, 0.0) / peak if peak > 0 else 0.0, ramps[1]
 
         # A higher peak velocity gives a shorter motion.
-        for _ in range(BISECTIONS):
+        for _ in range(BISECTION_STEPS):
             middle = (low + high) / 2
             low, high = (low, middle) if sum(phase_lengths(middle)) < duration else (middle, high)
         ramp_up, cruise, ramp_down = phase_lengths(high)
-        if distance - squares <= ROUNDING:
+        if distance - squares <= ROUNDING_TOLERANCE:
             cruise = max(duration - ramp_up - ramp_down, 0.0)
         times = np.array([ramp_up, cruise, ramp_down])
         directions = [math.copysign(1.0, high - start), 0.0, math.copysign(1.0, end - high)]
         accelerations = self.sign * acceleration * np.array(directions)
-        return SCurve.of_pieces(times, accelerations, accelerations, self.speeds[0])
+        return SCurve.from_pieces(times, accelerations, accelerations, self.speeds[0])
 
     def _fastest_from_rest(self) -> SCurve:
         """Return the fastest motion from rest to rest."""
@@ -170,7 +170,7 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
         # reverses if the displacement is shorter than a direct change of velocity needs.
         shortest = (start + end) / 2 * abs(end - start) / acceleration
         return math.copysign(1.0, start if (displacement - shortest) * start >= 0 else -start)
-    return math.copysign(1.0, remaining if abs(remaining) > ROUNDING else end or start)
+    return math.copysign(1.0, remaining if abs(remaining) > ROUNDING_TOLERANCE else end or start)
 
 
 def _braking_acceleration(speed: float, acceleration: float, limit: float, jerk: float) -> float:

@@ -7,7 +7,7 @@ one.
 import numpy as np
 
 from ssm_planner.planning.retiming.retime import Retiming
-from ssm_planner.planning.tolerances import SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.typing import Array, Indices, record
 
 MIN_ARC_SHARE = 0.01
@@ -125,7 +125,9 @@ def _element_ends(borders: Array, count: int) -> Array:
     """
     lengths = np.diff(borders)
     extra = max(count - MIN_ELEMENTS_PER_ARC * len(lengths), 0)
-    extra_before = np.round(np.cumsum(lengths / lengths.sum()) * extra - SAME).astype(int)
+    extra_before = np.round(np.cumsum(lengths / lengths.sum()) * extra - EQUALITY_TOLERANCE).astype(
+        int
+    )
     sizes = MIN_ELEMENTS_PER_ARC + np.diff(extra_before, prepend=0)
     starts = [
         start + length * np.arange(size) / size

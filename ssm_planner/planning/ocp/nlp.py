@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from ssm_planner.interior.solve import State
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, Mask, frozen, record
 
@@ -220,7 +220,7 @@ class NlpData:
     @property
     def is_fixed(self) -> Mask:
         """True for entries of `lower` and `upper` that leave a single value, (n, 4 m)."""
-        return np.asarray(self.upper - self.lower <= ROUNDING)
+        return np.asarray(self.upper - self.lower <= ROUNDING_TOLERANCE)
 
     def needs_position_bounds(self, structure: NlpStructure) -> Mask:
         """Return a mask (n, m) of the bounds of u that do not follow from other constraints.

@@ -19,7 +19,7 @@ from ssm_planner.planning.ocp.refinement import (
 )
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
-from ssm_planner.planning.tolerances import GAP, SAME
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP
 from ssm_planner.problem import Objective
 from ssm_planner.typing import Array
 
@@ -236,7 +236,7 @@ def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
     )
     difference = ipopt_value / structured_value - 1 if structured_value else 0.0
     # Ipopt's better motion is only useful if it keeps the limits between collocation points too.
-    better = difference < -SAME
+    better = difference < -EQUALITY_TOLERANCE
     if (
         better
         and problem.row_maxima(ipopt_solution.elements).max(initial=0.0) > 1 + LIMIT_TOLERANCE

@@ -22,7 +22,7 @@ from ssm_planner.planning.ocp.nlp import (
 from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.ocp.structured import solve_structured
 from ssm_planner.planning.ocp.transcription import Transcription
-from ssm_planner.planning.work import SOLVE
+from ssm_planner.planning.work import SOLVE_WORK
 from ssm_planner.problem import LensClearance, MotorTorque
 from ssm_planner.typing import Array, record
 
@@ -215,7 +215,7 @@ def solve_to_tolerance(
         program = state.program(aim, duration)
         solution = state.solve(program)
         iterations += solution.iterations
-        work.spent += SOLVE
+        work.spent += SOLVE_WORK
         work.add_iterations(
             solution.solver, solution.iterations, len(solution.elements), costs=aim != "time"
         )

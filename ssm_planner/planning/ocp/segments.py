@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.planning.lower_bound import SCurve
 from ssm_planner.planning.ocp.mesh import MIN_ARC_SHARE
 from ssm_planner.planning.ocp.nlp import NlpStructure, divide_into_blocks
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.trajectory import Cubic, Trajectory
 from ssm_planner.typing import Array, Mask, record
 
@@ -315,11 +315,11 @@ class SegmentChain:
         ends, directions = self.points[k : k + 2], self.directions[k : k + 1]
         depth_inside = np.abs(ends[:, 3]) - port
         shallow_end = int(depth_inside.argmin())
-        at_edge = bool(abs(depth_inside[shallow_end]) <= ROUNDING)
+        at_edge = bool(abs(depth_inside[shallow_end]) <= ROUNDING_TOLERANCE)
         waits_or_passes = (
             is_outside(ends[shallow_end]) if at_edge else bool(depth_inside[shallow_end] < 0)
         )
-        if depth_inside.max() <= ROUNDING or not waits_or_passes:
+        if depth_inside.max() <= ROUNDING_TOLERANCE or not waits_or_passes:
             return directions
         side_directions = np.tile(directions, (2, 1))
         side_directions[shallow_end, 3] *= not at_edge
@@ -341,4 +341,6 @@ class SegmentChain:
                 upper_bounds[k] = min(upper_bounds[k : k + 2])
             if increase[k] <= 0:
                 upper_bounds[k + 1] = min(upper_bounds[k : k + 2])
-        return np.asarray(np.maximum(upper_bounds[:-1], upper_bounds[1:]) <= port + ROUNDING)
+        return np.asarray(
+            np.maximum(upper_bounds[:-1], upper_bounds[1:]) <= port + ROUNDING_TOLERANCE
+        )

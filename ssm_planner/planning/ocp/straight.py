@@ -40,7 +40,7 @@ from ssm_planner.planning.ocp.problem import OcpProblem
 from ssm_planner.planning.phases import Phase
 from ssm_planner.planning.retiming.paths import JointPath, SplinePath
 from ssm_planner.planning.retiming.retime import Retiming
-from ssm_planner.planning.tolerances import SAMPLES
+from ssm_planner.planning.tolerances import PATH_SAMPLES
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import (
     TASK_COORDINATES,
@@ -250,7 +250,7 @@ class _StraightProblem(OcpProblem):
     @cached_property
     def complete_element(self) -> StraightElement:
         """Element model with the path constraints of all limits of moving joints and of the tool."""
-        moving = np.abs(self.path.overview.dq).max(axis=0) > 0
+        moving = np.abs(self.path.coarse_samples.dq).max(axis=0) > 0
         rows: set[RowName] = set().union(*(torque_row_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
             rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}
@@ -308,7 +308,7 @@ def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
     ceiling = np.full(len(knots) - 1, UNLIMITED)
     if not rates:
         return ceiling
-    s = knots[:-1, None] + np.linspace(0.0, 1.0, SAMPLES) * np.diff(knots)[:, None]
+    s = knots[:-1, None] + np.linspace(0.0, 1.0, PATH_SAMPLES) * np.diff(knots)[:, None]
     samples = path.sample(s.ravel())
     slopes = np.abs(task_rates(path.mechanism, samples.q, samples.dq)).reshape(*s.shape, 4)
     for name, rate in rates.items():

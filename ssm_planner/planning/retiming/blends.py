@@ -20,19 +20,19 @@ import numpy as np
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.planning.retiming.paths import (
-    FEW,
-    MANY,
+    MAX_GRID_INTERVALS,
+    MIN_GRID_INTERVALS,
     ClosedPath,
     JointPath,
     PathSamples,
+    find_sign_change,
     joint_starts,
-    sign_change,
 )
-from ssm_planner.planning.tolerances import ROUNDING, SAMPLES
+from ssm_planner.planning.tolerances import PATH_SAMPLES, ROUNDING_TOLERANCE
 from ssm_planner.trajectory import quintics
 from ssm_planner.typing import Array, Mask, record
 
-TURNS_BACK = 0.05
+MIN_SLOPE_RATIO = 0.05
 """Smallest ratio of |q'| within a rounding to |q'| at its ends.
 
 The ratio is smaller where the path turns back by more than about 174°. The robot must stop there.
@@ -76,7 +76,7 @@ class BlendedPath(JointPath):
         return rates * breaks[-1], breaks / breaks[-1]
 
     @property
-    def _rates(self) -> Array:
+    def _piece_rates(self) -> Array:
         """Rates (pieces,) at which the parameter of each piece grows with s."""
         return self._rates_and_breaks[0]
 
@@ -87,7 +87,7 @@ class BlendedPath(JointPath):
 
     def _on_piece(self, k: int, s: Array) -> Array:
         """Evaluate q and its derivatives q' and q'' by s, at s (n,) on piece k, (3, n, 4)."""
-        rate, start = self._rates[k], self.cuts[k - 1, 1] if k else 0.0
+        rate, start = self._piece_rates[k], self.cuts[k - 1, 1] if k else 0.0
         samples = self.pieces[k].sample(start + rate * (s - self.breaks[2 * k]))
         return np.stack([samples.q, rate * samples.dq, rate**2 * samples.ddq])
 
@@ -126,7 +126,7 @@ class BlendedPath(JointPath):
 
         The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
         """
-        return self.smooth_directions(self.pieces[0].watched)
+        return self.smooth_directions(self.pieces[0].driven)
 
     def starts(self, samples: PathSamples) -> Mask:
         """Return a mask (n, 4) of the samples at which a joint starts to move.
@@ -136,12 +136,14 @@ class BlendedPath(JointPath):
         return joint_starts(samples, *self.directions)
 
     @property
-    def intervals(self) -> int:
+    def grid_intervals(self) -> int:
         """Number of grid intervals for TOPP-RA."""
-        return int(np.clip(SAMPLES * (len(self.breaks) - 1), FEW, MANY))
+        return int(
+            np.clip(PATH_SAMPLES * (len(self.breaks) - 1), MIN_GRID_INTERVALS, MAX_GRID_INTERVALS)
+        )
 
 
-def rounded(
+def blend_pieces(
     mechanism: Mechanism, pieces: Sequence[ClosedPath], distances: Sequence[float]
 ) -> BlendedPath:
     """Join pieces into one path, and round the corners between them.
@@ -163,25 +165,27 @@ def rounded(
     """
     cuts = []
     for k, distance in enumerate(distances):
-        before, reach_before = _share(pieces[k], distance, from_end=True)
-        after, reach_after = _share(pieces[k + 1], distance, from_end=False)
+        before, reach_before = _cut_share(pieces[k], distance, from_end=True)
+        after, reach_after = _cut_share(pieces[k + 1], distance, from_end=False)
         if not np.isfinite([before, after]).all():
             limit = min(reach_before, reach_after)
             reason = "the rounding of the corner would take more than half of an adjacent motion"
             allowed = f"up to {np.floor(1e7 * limit) / 1e4:g} mm here"
-            if limit <= ROUNDING:
+            if limit <= ROUNDING_TOLERANCE:
                 reason = "an adjacent motion does not move the tip, so the corner cannot be rounded"
                 allowed = "motions that move the tip, or no blend"
             raise ProblemError(reason, key=str(k), allowed=allowed)
         cuts.append([before, after])
     path = BlendedPath(mechanism, tuple(pieces), tuple(distances), np.array(cuts))
     # The joints are divided by their largest |q'|, which makes rad and m comparable.
-    largest_slope = np.abs(path.sample(np.linspace(0.0, 1.0, SAMPLES)).dq).max(axis=0) + ROUNDING
+    largest_slope = (
+        np.abs(path.sample(np.linspace(0.0, 1.0, PATH_SAMPLES)).dq).max(axis=0) + ROUNDING_TOLERANCE
+    )
     for k, (start, end) in enumerate(zip(path.breaks[1:-1:2], path.breaks[2:-1:2], strict=True)):
         slope = np.linalg.norm(
-            path.sample(np.linspace(start, end, SAMPLES)).dq / largest_slope, axis=1
+            path.sample(np.linspace(start, end, PATH_SAMPLES)).dq / largest_slope, axis=1
         )
-        if slope.min() < TURNS_BACK * max(slope[0], slope[-1]):
+        if slope.min() < MIN_SLOPE_RATIO * max(slope[0], slope[-1]):
             reason = (
                 "the second motion goes back along the first, so the robot has to stop between them"
             )
@@ -191,7 +195,7 @@ def rounded(
     return path
 
 
-def _share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float, float]:
+def _cut_share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float, float]:
     """Return the share of a piece that a rounding cuts off.
 
     Parameters
@@ -218,7 +222,7 @@ def _share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float,
         return np.asarray(np.linalg.norm(tips - corner, axis=1))
 
     corner = tip_position(path.mechanism, path.sample(np.array([1.0 if from_end else 0.0])).q)[0]
-    shares = np.linspace(0.0, 0.5, SAMPLES)
+    shares = np.linspace(0.0, 0.5, PATH_SAMPLES)
     distances = distance_from_corner(shares)
     reach = float(distances.max())
     beyond = np.flatnonzero(distances >= distance)
@@ -226,4 +230,4 @@ def _share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float,
         return np.inf, reach
     # Between these two samples, the distance passes the required one.
     low, high = shares[beyond[0] - 1], shares[beyond[0]]
-    return sign_change(lambda s: distance_from_corner(s) - distance, low, high), reach
+    return find_sign_change(lambda s: distance_from_corner(s) - distance, low, high), reach

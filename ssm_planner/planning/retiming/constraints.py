@@ -32,7 +32,7 @@ from ssm_planner.planning.retiming.paths import JointPath, PathSamples
 from ssm_planner.problem import TASK_COORDINATES, Drive, Robot, TaskLimits, TipSpeed
 from ssm_planner.typing import Array, Indices, Mask, record
 
-ACTIVE = 0.998
+BINDING_SHARE = 0.998
 """Share of its limit at which a constraint counts as binding."""
 
 
@@ -87,7 +87,7 @@ class LinearConstraints:
         values = middle(self.a) * acceleration + middle(self.b) * x + middle(self.c)
         values += middle(self.k) * np.sqrt(x)
         values = np.hstack([values, x / middle(self.ceiling)[:, None]])
-        return np.where(values.max(axis=1) > ACTIVE, values.argmax(axis=1), -1)
+        return np.where(values.max(axis=1) > BINDING_SHARE, values.argmax(axis=1), -1)
 
 
 @record
@@ -105,7 +105,7 @@ class PathLimits:
     """Largest ṡ² that the speed limits allow, (n,)."""
     starts: Mask
     """True where a joint starts from rest, (n, 4)."""
-    stops: Array | None
+    braking_slopes: Array | None
     """|J q'| / (2d) at the points, (n,), for a limit d on the tip's distance to stop.
 
     |J q'| ṡ is the speed of the tip. None without such a limit.
@@ -147,7 +147,7 @@ class PathLimits:
             directions=signs[interval],
             ceiling=ceiling,
             starts=path.starts(samples),
-            stops=stops,
+            braking_slopes=stops,
         )
 
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
@@ -166,10 +166,10 @@ class PathLimits:
         rows: list[Array] = []
         for i, joint in enumerate(self.robot.joints):
             dq = self.samples.dq[:, i]
-            acceleration = self._term(a=dq, b=self.samples.ddq[:, i]) / joint.acceleration
+            acceleration = self._linear_term(a=dq, b=self.samples.ddq[:, i]) / joint.acceleration
             rows += [acceleration, -acceleration]
-            if self.stops is not None:
-                braking = self._term(b=self.stops * np.abs(dq)) / joint.acceleration
+            if self.braking_slopes is not None:
+                braking = self._linear_term(b=self.braking_slopes * np.abs(dq)) / joint.acceleration
                 rows.append(braking - np.sign(dq) * acceleration)
         for i, joint in enumerate(self.robot.joints):
             limit = np.inf if joint.motor is None else joint.motor.max_torque
@@ -246,14 +246,14 @@ class PathLimits:
         """
         sigma = self.directions[:, i]
         dq = self.samples.dq[:, i]
-        qd = self._term(k=sigma * np.abs(dq))
-        qdd = self._term(a=dq, b=self.samples.ddq[:, i])
+        qd = self._linear_term(k=sigma * np.abs(dq))
+        qdd = self._linear_term(a=dq, b=self.samples.ddq[:, i])
         a, b, c = (matrix[:, i] for matrix in load)
-        direction = self._term(c=sigma)
-        effort = sigma * output_effort(drive, self._term(a, b, c), qd, qdd, direction)
+        direction = self._linear_term(c=sigma)
+        effort = sigma * output_effort(drive, self._linear_term(a, b, c), qd, qdd, direction)
         rows = motor_torque_rows(drive, sigma, mu)
         inertia, viscous = drive.ratio * rows.inertia, drive.ratio * rows.viscous
-        motor_side = sigma * (inertia * qdd + self._term(c=rows.coulomb) + viscous * qd)
+        motor_side = sigma * (inertia * qdd + self._linear_term(c=rows.coulomb) + viscous * qd)
         driving = [slope * effort + motor_side for slope in rows.slope]
         # Only terms with k ≥ 0 are concave in ṡ². A negative k is replaced by 0, which is stricter.
         for term in driving:
@@ -261,9 +261,9 @@ class PathLimits:
         at_speed = effort[1] * speed_squared + effort[2]
         first, second = (slope * at_speed for slope in rows.slope)
         a, b, c, k = np.where(first > second, driving[0], driving[1])
-        return driving, -self._term(a, b + k / np.sqrt(self.ceiling), c)
+        return driving, -self._linear_term(a, b + k / np.sqrt(self.ceiling), c)
 
-    def _term(
+    def _linear_term(
         self,
         a: Array | float = 0.0,
         b: Array | float = 0.0,

@@ -20,23 +20,23 @@ from ssm_planner.kinematics import (
     roll_of_tip,
     task_of_tip_symbolic,
 )
-from ssm_planner.planning.tolerances import ROUNDING, SAME, SAMPLES
+from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, PATH_SAMPLES, ROUNDING_TOLERANCE
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, record
 
 if TYPE_CHECKING:  # It loads slowly, and few paths are splines.
     from scipy.interpolate import CubicSpline
 
-FEW, MANY = 1000, 20_000
+MIN_GRID_INTERVALS, MAX_GRID_INTERVALS = 1000, 20_000
 """Smallest and largest number of grid intervals of TOPP-RA."""
-PER_POINT = 8
+INTERVALS_PER_POINT = 8
 """Number of grid intervals for each point of a spline."""
-CORNER = np.radians(30)
+CORNER_ANGLE = np.radians(30)
 """Angle between two sides of a polyline above which a spline must not smooth their corner.
 
 The joints are divided by their velocity limits first.
 """
-BESIDE = 1e-4
+BREAK_OFFSET = 1e-4
 """Distance of a grid point from the break of a motion beside it, as a share of the piece."""
 
 
@@ -73,9 +73,9 @@ class JointPath(ABC):
         """
 
     @cached_property
-    def overview(self) -> PathSamples:
-        """Samples at `SAMPLES` evenly spaced values of s."""
-        return self.sample(np.linspace(0.0, 1.0, SAMPLES))
+    def coarse_samples(self) -> PathSamples:
+        """Samples at `PATH_SAMPLES` evenly spaced values of s."""
+        return self.sample(np.linspace(0.0, 1.0, PATH_SAMPLES))
 
     @property
     def breaks(self) -> Array:
@@ -86,9 +86,9 @@ class JointPath(ABC):
         return np.array([0.0, 1.0])
 
     @property
-    def intervals(self) -> int:
+    def grid_intervals(self) -> int:
         """Number of grid intervals for TOPP-RA."""
-        return FEW
+        return MIN_GRID_INTERVALS
 
     def speed_at(self, s: float, qd: Array) -> float:
         """Return ṡ in 1/s with which joints move at velocities qd (4,) along the path, at s."""
@@ -97,12 +97,12 @@ class JointPath(ABC):
         slope = self.sample(np.array([s])).dq[0]
         return float(slope @ qd / (slope @ slope))
 
-    def turning_point(self, joint: int, low: float, high: float) -> float:
+    def find_reversal(self, joint: int, low: float, high: float) -> float:
         """Return the value of s at which a joint reverses.
 
         It lies between `low` and `high`, at which q' of the joint must have different signs.
         """
-        return sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
+        return find_sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
     def smooth_directions(self, watched: tuple[int, ...]) -> tuple[Array, Array]:
         """Find the reversals of a path that is smooth between its breaks, see `directions`.
@@ -113,20 +113,20 @@ class JointPath(ABC):
             Indices of the joints whose reversals matter. The others count as joints at rest.
         """
         s = np.unique(
-            np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(self.breaks)])
+            np.concatenate([np.linspace(a, b, PATH_SAMPLES) for a, b in pairwise(self.breaks)])
         )
         dq = self.sample(s).dq
-        rests = np.abs(dq) <= ROUNDING
+        rests = np.abs(dq) <= ROUNDING_TOLERANCE
         moving = ~rests.all(axis=0) & np.isin(np.arange(4), watched)
         # A joint can only start after a rest at a break of the path, and every break is a knot.
         reverses = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
         roots = (
-            round(self.turning_point(int(i), s[k], s[k + 1]), 12)
+            round(self.find_reversal(int(i), s[k], s[k + 1]), 12)
             for k, i in np.argwhere(reverses & moving)
         )
-        knots = with_knots(self.breaks, roots)
+        knots = add_knots(self.breaks, roots)
         middle = self.sample((knots[1:] + knots[:-1]) / 2).dq
-        return knots, np.where(np.abs(middle) > ROUNDING, np.sign(middle), 0.0) * moving
+        return knots, np.where(np.abs(middle) > ROUNDING_TOLERANCE, np.sign(middle), 0.0) * moving
 
     def starts(self, samples: PathSamples) -> Mask:
         """Return a mask (n, 4) of the samples at which a joint starts from rest.
@@ -147,7 +147,7 @@ class ClosedPath(JointPath):
     """Branch of the inverse kinematics: +1 or −1."""
     first: Array
     """Joint positions at s = 0, (4,). They determine the whole turns of the revolute joints."""
-    watched: tuple[int, ...]
+    driven: tuple[int, ...]
     """Joints whose reversals matter, because they have a drive."""
 
     @abstractmethod
@@ -161,7 +161,7 @@ class ClosedPath(JointPath):
         """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = self._derivatives(s)
-        return PathSamples(s, q + self._turns, dq, ddq)
+        return PathSamples(s, q + self._whole_turns, dq, ddq)
 
     @cached_property
     def directions(self) -> tuple[Array, Array]:
@@ -169,10 +169,10 @@ class ClosedPath(JointPath):
 
         The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
         """
-        return self.smooth_directions(self.watched)
+        return self.smooth_directions(self.driven)
 
     @cached_property
-    def _turns(self) -> Array:
+    def _whole_turns(self) -> Array:
         """Whole turns in rad (1, 4) that are added to the joint positions of the closed form."""
         q = self._derivatives(np.zeros(1))[0]
         turns = 2 * np.pi * np.round((self.first - q) / (2 * np.pi))
@@ -191,19 +191,19 @@ class StraightPath(ClosedPath):
     """Task coordinates roll, tilt, spin (rad) and depth (m) at both ends, (4,) each."""
     branch: int
     first: Array
-    watched: tuple[int, ...] = (0, 1, 2, 3)
+    driven: tuple[int, ...] = (0, 1, 2, 3)
 
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
         """Evaluate q without whole turns, and its derivatives by s, at n values of s.
 
         The results q, q' and q'' have the shape (n, 4).
         """
-        function = _line(self.mechanism, self.branch)
-        return _evaluated(function, s, [*self.start, *(self.end - self.start)])
+        function = _line_function(self.mechanism, self.branch)
+        return _evaluate(function, s, [*self.start, *(self.end - self.start)])
 
 
 @lru_cache(maxsize=16)
-def _line(mechanism: Mechanism, branch: int) -> ca.Function:
+def _line_function(mechanism: Mechanism, branch: int) -> ca.Function:
     """Build the CasADi Function that evaluates a line in task coordinates.
 
     Its arguments are s, and the start and displacement as one vector (8,). It returns the joint
@@ -221,7 +221,7 @@ def _with_derivatives(joints: ca.SX, s: ca.SX, parameters: ca.SX) -> ca.Function
     return ca.Function("path", [s, parameters], ca.cse([joints, slope, ca.jacobian(slope, s)]))
 
 
-def _evaluated(function: ca.Function, s: Array, parameters: list[float]) -> tuple[Array, ...]:
+def _evaluate(function: ca.Function, s: Array, parameters: list[float]) -> tuple[Array, ...]:
     """Evaluate a Function of s and parameters at s (n,) with the same parameters, (n, 4) each."""
     return call(function, s[:, None], np.tile(parameters, (len(s), 1)))
 
@@ -244,7 +244,7 @@ class TipPath(ClosedPath):
     """Spins at both ends, rad."""
     branch: int
     first: Array
-    watched: tuple[int, ...] = (0, 1, 2, 3)
+    driven: tuple[int, ...] = (0, 1, 2, 3)
 
     def tips(self, s: Array) -> Array:
         """Return the tip positions (n, 3) in m at s (n,)."""
@@ -258,9 +258,9 @@ class TipPath(ClosedPath):
 
         The results q, q' and q'' have the shape (n, 4).
         """
-        function = _tip_curve(self.mechanism, self.branch)
+        function = _tip_curve_function(self.mechanism, self.branch)
         parameters = [*self.terms.ravel(), self.angle, *self.spins, self._middle_roll]
-        return _evaluated(function, s, parameters)
+        return _evaluate(function, s, parameters)
 
     @cached_property
     def _middle_roll(self) -> float:
@@ -272,7 +272,7 @@ class TipPath(ClosedPath):
 
 
 @lru_cache(maxsize=16)
-def _tip_curve(mechanism: Mechanism, branch: int) -> ca.Function:
+def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
     """Build the CasADi Function that evaluates a line or an arc of the tip.
 
     Its arguments are s from 0 to 1 and 16 parameters: the 12 numbers of `TipPath.terms`, the angle
@@ -290,7 +290,7 @@ def _tip_curve(mechanism: Mechanism, branch: int) -> ca.Function:
     return _with_derivatives(joints, s, parameters)
 
 
-def sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
+def find_sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
     """Find the root of a function between two points at which it has different signs.
 
     The interval is sampled, and the first part with a change of sign becomes the next interval.
@@ -303,7 +303,7 @@ def sign_change(function: Callable[[Array], Array], low: float, high: float) -> 
         Ends of the interval.
     """
     for _ in range(5):  # Five rounds reduce the interval to 1e-13 of its length.
-        s = np.linspace(low, high, SAMPLES)
+        s = np.linspace(low, high, PATH_SAMPLES)
         values = function(s)
         roots = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
         if not len(roots):  # The root is within rounding of one of the ends.
@@ -312,13 +312,13 @@ def sign_change(function: Callable[[Array], Array], low: float, high: float) -> 
     return float(low + high) / 2
 
 
-def with_knots(knots: Array, candidates: Iterable[float]) -> Array:
-    """Return knots (k,) and further values that are more than `SAME` away from all others, sorted.
+def add_knots(knots: Array, candidates: Iterable[float]) -> Array:
+    """Return knots (k,) and the candidates that are not near any other knot, sorted.
 
-    Joints that reverse together thus give one knot.
+    A candidate is near a knot if it is less than `EQUALITY_TOLERANCE` away. Joints that reverse together thus give one knot.
     """
     for knot in sorted(candidates):
-        if np.abs(knots - knot).min() > SAME:
+        if np.abs(knots - knot).min() > EQUALITY_TOLERANCE:
             knots = np.append(knots, knot)
     return np.sort(knots)
 
@@ -360,7 +360,7 @@ class MotionPath(JointPath):
         grid = [0.0]
         for start, end in pairwise(breaks):
             count = max(round((end - start) * remaining), 1)
-            shares = np.linspace(BESIDE, 1 - BESIDE, count + 1)
+            shares = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, count + 1)
             grid.extend(start + (end - start) * shares)
         return np.append(grid, 1.0)
 
@@ -450,15 +450,17 @@ class SplinePath(JointPath):
         return CubicSpline(self.nodes, self.points, axis=0, bc_type="natural")
 
     @property
-    def intervals(self) -> int:
+    def grid_intervals(self) -> int:
         """Number of grid intervals for TOPP-RA."""
-        return int(np.clip(PER_POINT * len(self.points), FEW, MANY))
+        return int(
+            np.clip(INTERVALS_PER_POINT * len(self.points), MIN_GRID_INTERVALS, MAX_GRID_INTERVALS)
+        )
 
     def sample(self, s: Array) -> PathSamples:
         """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""
         s = np.asarray(s, dtype=float)
         q, dq, ddq = (self._spline(s, order) for order in range(3))
-        at_rest = np.ptp(self.points, axis=0) < ROUNDING
+        at_rest = np.ptp(self.points, axis=0) < ROUNDING_TOLERANCE
         dq[:, at_rest] = ddq[:, at_rest] = 0.0
         return PathSamples(s, q, dq, ddq)
 
@@ -468,27 +470,28 @@ class SplinePath(JointPath):
 
         The knots (m + 1,) include 0 and 1. The directions (m, 4) are the signs of q' = dq/ds.
         """
-        moving = np.flatnonzero(np.ptp(self.points, axis=0) >= ROUNDING)
+        moving = np.flatnonzero(np.ptp(self.points, axis=0) >= ROUNDING_TOLERANCE)
         roots = self._spline.derivative().roots(extrapolate=False)
         reversals = np.concatenate([roots[i] for i in moving])
-        knots = with_knots(self.breaks, reversals[np.isfinite(reversals)])
+        knots = add_knots(self.breaks, reversals[np.isfinite(reversals)])
         return knots, np.sign(self.sample((knots[1:] + knots[:-1]) / 2).dq)
 
     @property
-    def off_lines(self) -> Array:
+    def deviation_from_lines(self) -> Array:
         """Largest deviation of each joint from the lines between the points, (4,), rad and m."""
         count = len(self.points) - 1
-        share = np.linspace(0.0, 1.0, PER_POINT * count + 1)
+        share = np.linspace(0.0, 1.0, INTERVALS_PER_POINT * count + 1)
         s = np.interp(share, np.linspace(0.0, 1.0, count + 1), self.nodes)
         lines = PolylinePath(self.mechanism, self.points).sample(share)
         return np.asarray(np.abs(self.sample(s).q - lines.q).max(axis=0))
 
 
-def smooth_runs(points: Array, scale: Array) -> list[Array]:
+def split_at_corners(points: Array, scale: Array) -> list[Array]:
     """Split a sequence of points at corners that a smooth curve cannot follow.
 
-    The angle at such a corner is larger than `CORNER`. The point at the corner belongs to both
-    parts. Of points that are less than `SAME` apart, one is kept, because their direction is noise.
+    The angle at such a corner is larger than `CORNER_ANGLE`. The point at the corner belongs to
+    both parts. Of points that are less than `EQUALITY_TOLERANCE` apart, one is kept, because their
+    direction is noise.
 
     Parameters
     ----------
@@ -505,7 +508,7 @@ def smooth_runs(points: Array, scale: Array) -> list[Array]:
     scaled = points / scale
     kept = [0]
     for k in range(1, len(scaled)):
-        if np.linalg.norm(scaled[k] - scaled[kept[-1]]) > SAME:
+        if np.linalg.norm(scaled[k] - scaled[kept[-1]]) > EQUALITY_TOLERANCE:
             kept.append(k)
     # The last point replaces an equal one, so that the motion ends exactly there.
     if len(kept) > 1:
@@ -514,7 +517,7 @@ def smooth_runs(points: Array, scale: Array) -> list[Array]:
     steps = np.diff(scaled[kept], axis=0)
     directions = steps / np.linalg.norm(steps, axis=1, keepdims=True)
     cosine = np.einsum("ij,ij->i", directions[1:], directions[:-1])
-    cuts = [0, *(np.flatnonzero(cosine < np.cos(CORNER)) + 1).tolist(), len(points) - 1]
+    cuts = [0, *(np.flatnonzero(cosine < np.cos(CORNER_ANGLE)) + 1).tolist(), len(points) - 1]
     return [points[a : b + 1] for a, b in pairwise(cuts) if b > a]
 
 

@@ -29,7 +29,7 @@ import numpy as np
 
 from ssm_planner.native import library
 from ssm_planner.planning.retiming.constraints import LinearConstraints
-from ssm_planner.planning.tolerances import ROUNDING
+from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.typing import Array
 
@@ -77,10 +77,10 @@ def _fastest_by_toppra(
     The tolerances of toppra are absolute, about 1e-8. ṡ² is therefore expressed in thousandths of
     its typical value.
     """
-    if speeds[1] ** 2 > (1 + ROUNDING) * rows.ceiling[-1]:
+    if speeds[1] ** 2 > (1 + ROUNDING_TOLERANCE) * rows.ceiling[-1]:
         return None
     # Both the speed limit and the largest acceleration bound ṡ². The median of these is typical.
-    steepest = np.abs(rows.a).max(axis=1, initial=ROUNDING)
+    steepest = np.abs(rows.a).max(axis=1, initial=ROUNDING_TOLERANCE)
     unit = 1e-3 * float(np.median(np.minimum(rows.ceiling, 1 / steepest)))
     terms = unit * rows.a, unit * rows.b, rows.c
     at_start, at_end = zip(*((values[:-1], values[1:]) for values in terms), strict=True)

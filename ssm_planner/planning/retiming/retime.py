@@ -15,20 +15,25 @@ import numpy as np
 
 from ssm_planner.kinematics import tool_speed
 from ssm_planner.planning.retiming.constraints import PathLimits
-from ssm_planner.planning.retiming.paths import FEW, JointPath, MotionPath
+from ssm_planner.planning.retiming.paths import MIN_GRID_INTERVALS, JointPath, MotionPath
 from ssm_planner.planning.retiming.reachability import fastest_profile
-from ssm_planner.planning.tolerances import GAP, ROUNDING, SAME, SAMPLES
+from ssm_planner.planning.tolerances import (
+    EQUALITY_TOLERANCE,
+    GAP,
+    PATH_SAMPLES,
+    ROUNDING_TOLERANCE,
+)
 from ssm_planner.problem import Robot, TaskLimits, TipSpeed
 from ssm_planner.trajectory import Samples, Trajectory, hermite
 from ssm_planner.typing import Array, Indices, record
 
-UNIFORM = 0.1
+UNIFORM_WEIGHT = 0.1
 """Weight of uniform steps in s for the grid. The rest of the weight is on uniform steps in time."""
-PASSES = 12
+MAX_PASSES = 12
 """Largest number of passes."""
-FASTER = 10.0
+MAX_SPEED_RATIO = 10.0
 """Largest ratio of ṡ after retiming to ṡ of the existing motion."""
-SLOWER = 1 / 16
+TANGENT_REDUCTION = 1 / 16
 """Factor on the ṡ² of the tangents after a pass without a feasible motion."""
 
 
@@ -61,7 +66,7 @@ class Retiming:
     @property
     def times(self) -> Array:
         """Time at each grid point, (n + 1,), s."""
-        return _times(self.s, self.speed_squared)
+        return _passing_times(self.s, self.speed_squared)
 
     @property
     def acceleration(self) -> Array:
@@ -102,17 +107,17 @@ def retime(
         The motion, or the status "infeasible".
     """
     # A motion on a coarse grid determines where the points of the fine grid lie.
-    points, coarse = points or path.intervals, SAMPLES // 2
+    points, coarse = points or path.grid_intervals, PATH_SAMPLES // 2
     rough = retime(path, robot, limits, speeds, points=coarse) if points > coarse else None
     grid = _grid(path.directions[0], points, rough)
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
     tangent = path_limits.ceiling
     if rough is not None and rough.solved:
         tangent = np.interp(grid, rough.s, rough.speed_squared)
-    return _retimed(grid, path_limits, tangent, speeds, static=speeds[0] == 0.0)
+    return _repeat_passes(grid, path_limits, tangent, speeds, static=speeds[0] == 0.0)
 
 
-def stays_at(retiming: Retiming, path: JointPath, speed: float) -> bool:
+def holds_tip_speed(retiming: Retiming, path: JointPath, speed: float) -> bool:
     """Return True if a motion reaches a speed of the tip and then keeps it until it slows down.
 
     Parameters
@@ -128,7 +133,7 @@ def stays_at(retiming: Retiming, path: JointPath, speed: float) -> bool:
     tip_speed = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) * np.sqrt(
         retiming.speed_squared
     )
-    at_speed = np.flatnonzero(tip_speed >= (1 - ROUNDING) * speed)
+    at_speed = np.flatnonzero(tip_speed >= (1 - ROUNDING_TOLERANCE) * speed)
     return len(at_speed) > 2 and len(at_speed) == at_speed[-1] - at_speed[0] + 1
 
 
@@ -150,14 +155,16 @@ def retime_motion(
     speed_ratio : float
         Ratio of ṡ at both ends to the ṡ of the existing motion.
     """
-    grid = path.grid(FEW)
+    grid = path.grid(MIN_GRID_INTERVALS)
     speed = speed_ratio / path.trajectory.duration
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
     # The joints do not limit ṡ where all of them rest.
     path_limits = replace(
-        path_limits, ceiling=np.minimum(path_limits.ceiling, (FASTER * speed) ** 2)
+        path_limits, ceiling=np.minimum(path_limits.ceiling, (MAX_SPEED_RATIO * speed) ** 2)
     )
-    return _retimed(grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True)
+    return _repeat_passes(
+        grid, path_limits, np.full_like(grid, speed**2), (speed, speed), static=True
+    )
 
 
 def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
@@ -166,16 +173,16 @@ def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
     The limits are those of joint velocity and acceleration, motor speed and torque, and the speeds
     of the tool. Jerk and the distance to stop are not examined.
     """
-    grid = path.grid(FEW)
+    grid = path.grid(MIN_GRID_INTERVALS)
     squares = np.full_like(grid, 1 / path.trajectory.duration**2)
-    path_limits = replace(PathLimits.on_grid(path, grid, robot, limits), stops=None)
+    path_limits = replace(PathLimits.on_grid(path, grid, robot, limits), braking_slopes=None)
     rows = path_limits.constraints(squares, static_start=True).tangent(squares)
     x = squares[:, None]
     peak = max((rows.b * x + rows.c).max(), (squares / rows.ceiling).max())
-    return bool(peak <= 1 + SAME)
+    return bool(peak <= 1 + EQUALITY_TOLERANCE)
 
 
-def motion_along(path: MotionPath, retiming: Retiming) -> Trajectory:
+def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
     """Return a motion with the timing of `retime_motion`, as quintics between grid points.
 
     Two grid points lie beside every break of the path. They become one point on the break, at which
@@ -206,13 +213,13 @@ def motion_along(path: MotionPath, retiming: Retiming) -> Trajectory:
         speed, square = np.sqrt(squares)[:, None], squares[:, None]
         return samples.q, samples.qd * speed, samples.qdd * square + samples.qd * acceleration
 
-    breaks = _times(old_time, rate_squared)
+    breaks = _passing_times(old_time, rate_squared)
     starts = states(motion.sample(old_time[:-1], "right"), rate_squared[:-1])
     ends = states(motion.sample(old_time[1:], "left"), rate_squared[1:])
     return Trajectory(breaks, hermite(breaks, starts, ends), ())
 
 
-def _retimed(
+def _repeat_passes(
     grid: Array,
     path_limits: PathLimits,
     tangent: Array,
@@ -236,7 +243,7 @@ def _retimed(
         True if friction is static where joints start from rest.
     """
     result = Retiming(grid, np.zeros_like(grid), np.zeros(len(grid) - 1, dtype=int))
-    for _ in range(PASSES):
+    for _ in range(MAX_PASSES):
         rows = path_limits.constraints(tangent, static_start=static)
         # The square root has no tangent at 0.
         linear = rows.tangent(np.maximum(tangent, 1e-12 * tangent.max()))
@@ -246,12 +253,12 @@ def _retimed(
         if speed_squared is None:
             # A tangent at high speed overestimates viscous friction at low speed. With tangents
             # at lower speed there may be a motion.
-            tangent = tangent * SLOWER
+            tangent = tangent * TANGENT_REDUCTION
             continue
         # Tangents only overestimate. If no row with a tangent binds, they do not change the motion.
         has_tangent = np.append(rows.k.any(axis=0), [False, False])
         is_exact = not has_tangent[linear.active(grid, speed_squared)].any()
-        duration = float(_times(grid, speed_squared)[-1])
+        duration = float(_passing_times(grid, speed_squared)[-1])
         # Another pass would change the duration by about the square of the last change.
         converged = is_exact or abs(result.duration - duration) <= GAP * duration
         result = Retiming(grid, speed_squared, rows.active(grid, speed_squared))
@@ -261,7 +268,7 @@ def _retimed(
     return result
 
 
-def _times(grid: Array, speed_squared: Array) -> Array:
+def _passing_times(grid: Array, speed_squared: Array) -> Array:
     """Return the times (n + 1,) in s at which a motion passes the grid points.
 
     Parameters
@@ -294,7 +301,7 @@ def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
     """
     grid = np.linspace(0.0, 1.0, points + 1)
     if rough is not None and rough.solved:
-        shares = UNIFORM * rough.s + (1 - UNIFORM) * rough.times / rough.duration
+        shares = UNIFORM_WEIGHT * rough.s + (1 - UNIFORM_WEIGHT) * rough.times / rough.duration
         grid[1:-1] = np.interp(grid, shares, rough.s)[1:-1]
     used = [0, points]
     for knot in knots[1:-1]:

@@ -13,7 +13,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.pipeline.run import plan
-from ssm_planner.planning.phases import Phase, phases_from, start_configurations
+from ssm_planner.planning.phases import Phase, build_phases, start_configurations
 from ssm_planner.planning.retiming.blends import BlendedPath
 from ssm_planner.plans import Plan
 from ssm_planner.problem.limits import TaskRate
@@ -30,7 +30,7 @@ def cornered(problem: Problem, blend: float | None, **changes: Any) -> Problem:
 
 
 def phases(problem: Problem) -> tuple[Phase, ...]:
-    return phases_from(problem, start_configurations(problem)[0])
+    return build_phases(problem, start_configurations(problem)[0])
 
 
 @pytest.mark.parametrize("blend", [1e-4, 1e-3])

@@ -13,14 +13,14 @@ from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.planning.retiming.constraints import (
-    ACTIVE,
+    BINDING_SHARE,
     LinearConstraints,
     PathLimits,
     braking_travel,
 )
 from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.retiming.reachability import fastest_profile
-from ssm_planner.planning.retiming.retime import _grid, _times, retime, stays_at
+from ssm_planner.planning.retiming.retime import _grid, _passing_times, holds_tip_speed, retime
 from ssm_planner.problem.limits import StopTravel, TaskRate, TipSpeed
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
@@ -76,7 +76,7 @@ def test_the_active_row_is_the_largest_in_the_middle() -> None:
     value = value + middle(rows.k) * np.sqrt(mean)
     scaled = LinearConstraints(*(part / value.max() for part in (rows.a, rows.b, rows.c, rows.k)), rows.ceiling)  # fmt: skip
     value = value / value.max()
-    expected = np.where(value.max(axis=1) > ACTIVE, value.argmax(axis=1), -1)
+    expected = np.where(value.max(axis=1) > BINDING_SHARE, value.argmax(axis=1), -1)
     assert np.array_equal(scaled.active(grid, x), expected)
     capped = replace(scaled, ceiling=middle(np.append(x, x[-1])) * 0.5)
     assert (capped.active(grid, x) == 5).all()
@@ -233,8 +233,8 @@ def test_a_motion_within_acceleration_alone_is_the_triangle(
     assert (found.active[half + 1 :] == 2 * slowest + signs[1]).all()
     limits = TaskLimits((TipSpeed(2e-3),))
     steady = retime(path, free, limits, points=300)
-    assert stays_at(steady, path, 2e-3 * 0.99)
-    assert not stays_at(found, path, 10.0)
+    assert holds_tip_speed(steady, path, 2e-3 * 0.99)
+    assert not holds_tip_speed(found, path, 10.0)
     moving = retime(path, free, points=300, speeds=(0.1, 0.2))
     assert moving.speed_squared[[0, -1]] == pytest.approx([0.01, 0.04])
     impossible = retime(path, free, points=60, speeds=(1e4, 0.0))
@@ -243,7 +243,7 @@ def test_a_motion_within_acceleration_alone_is_the_triangle(
 
 def test_times_add_up_evenly_accelerated_intervals() -> None:
     grid, speed = np.array([0.0, 0.5, 2.0]), np.array([0.0, 1.0, 2.0])
-    assert _times(grid, speed**2) == pytest.approx([0.0, 1.0, 2.0])
+    assert _passing_times(grid, speed**2) == pytest.approx([0.0, 1.0, 2.0])
 
 
 def test_a_speed_at_an_end_may_be_rounded_but_not_more() -> None:

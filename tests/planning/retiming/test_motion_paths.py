@@ -9,10 +9,10 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
-from ssm_planner.planning.retiming.blends import BlendedPath, rounded
+from ssm_planner.planning.retiming.blends import BlendedPath, blend_pieces
 from ssm_planner.planning.retiming.paths import MotionPath, StraightPath
-from ssm_planner.planning.retiming.retime import motion_along, retime_motion
-from ssm_planner.planning.tolerances import SAMPLES
+from ssm_planner.planning.retiming.retime import retime_motion, retimed_trajectory
+from ssm_planner.planning.tolerances import PATH_SAMPLES
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory, hermite
@@ -50,7 +50,7 @@ def test_a_slow_motion_is_faster_along_its_own_path(mechanism: Mechanism, robot:
     assert np.sqrt(found.speed_squared.max()) <= 10 / 3 * (1 + 1e-9)
     slower = retime_motion(path, robot, NONE, speed_ratio=0.5)
     assert np.sqrt(slower.speed_squared[[0, -1]]) == pytest.approx([1 / 6, 1 / 6])
-    motion = motion_along(path, found)
+    motion = retimed_trajectory(path, found)
     assert motion.duration == pytest.approx(found.duration, rel=1e-2)
     ends = motion.sample(motion.breaks[[0, -1]]).q
     assert ends == pytest.approx(path.trajectory.sample(np.array([0.0, 3.0])).q)
@@ -83,7 +83,7 @@ def corner(mechanism: Mechanism, distance: float, back: bool = False) -> Blended
     branch = int(mechanism.branch_of(START))
     first = StraightPath(mechanism, task, middle, branch, START)
     at = first.sample(np.ones(1)).q[0]
-    return rounded(
+    return blend_pieces(
         mechanism, (first, StraightPath(mechanism, middle, end, branch, at)), (distance,)
     )
 
@@ -116,8 +116,8 @@ def test_a_corner_is_left_and_joined_at_its_distance(mechanism: Mechanism, dista
         assert np.all(middle * sign >= -1e-7)
         assert np.array_equal(sign != 0, np.abs(middle[5]) > 1e-9)
     assert path.branch == before.branch == behind.branch
-    assert path.intervals == SAMPLES * 3
-    turning = path.turning_point
+    assert path.grid_intervals == PATH_SAMPLES * 3
+    turning = path.find_reversal
     for joint in range(4):
         for k in range(len(knots) - 2):
             if signs[k, joint] * signs[k + 1, joint] < 0:

@@ -19,11 +19,11 @@ from ssm_planner.planning.retiming.paths import (
     SplinePath,
     StraightPath,
     TipPath,
+    add_knots,
     joint_starts,
-    smooth_runs,
-    with_knots,
+    split_at_corners,
 )
-from ssm_planner.planning.tolerances import SAMPLES
+from ssm_planner.planning.tolerances import PATH_SAMPLES
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 
@@ -114,7 +114,7 @@ def test_a_turning_point_that_rounding_hides_is_the_end_with_the_smaller_slope(
     slopes = path.sample(np.array([0.4, 0.6])).dq
     for joint in np.flatnonzero((slopes[0] * slopes[1] > 0) & (slopes[0] != slopes[1])):
         nearer = (0.4, 0.6)[int(np.argmin(np.abs(slopes[:, joint])))]
-        assert path.turning_point(int(joint), 0.4, 0.6) == nearer
+        assert path.find_reversal(int(joint), 0.4, 0.6) == nearer
 
 
 @pytest.fixture(scope="module")
@@ -138,8 +138,8 @@ def test_a_spline_passes_its_points_at_the_share_of_their_way(spline: SplinePath
     s = np.linspace(0.0, 1.0, 4001)
     lines = np.column_stack([np.interp(s, spline.nodes, p) for p in spline.points.T])
     off = np.abs(spline.sample(s).q - lines).max(axis=0)
-    assert np.all(spline.off_lines <= off + 1e-12)
-    assert spline.off_lines == pytest.approx(off, rel=0.05, abs=1e-9)
+    assert np.all(spline.deviation_from_lines <= off + 1e-12)
+    assert spline.deviation_from_lines == pytest.approx(off, rel=0.05, abs=1e-9)
 
 
 def test_pieces_of_a_spline_are_knots_where_they_are_told_apart(spline: SplinePath) -> None:
@@ -150,8 +150,8 @@ def test_pieces_of_a_spline_are_knots_where_they_are_told_apart(spline: SplinePa
     assert len(turning) > 0
     assert knots == pytest.approx(np.sort(np.concatenate([apart.nodes, turning])))
     many = SplinePath(spline.mechanism, np.tile(spline.points, (40, 1)), spline.scale)
-    assert spline.intervals == paths.FEW
-    assert many.intervals == paths.PER_POINT * 280
+    assert spline.grid_intervals == paths.MIN_GRID_INTERVALS
+    assert many.grid_intervals == paths.INTERVALS_PER_POINT * 280
 
 
 def test_a_polyline_is_straight_from_point_to_point(mechanism: Mechanism) -> None:
@@ -174,7 +174,7 @@ def test_curves_are_cut_where_they_turn_by_more_than_thirty_degrees() -> None:
         steps = np.column_stack([np.cos(turned), 2 * np.sin(turned), 0 * turned, 0 * turned])
         points = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
         points = np.insert(points, 2, points[2], axis=0)  # nothing moves: counts once
-        runs = smooth_runs(points, np.array([1.0, 2.0, 1.0, 1.0]))
+        runs = split_at_corners(points, np.array([1.0, 2.0, 1.0, 1.0]))
         for before, after in pairwise(runs):
             assert np.array_equal(before[-1], after[0])
         return [len(part) for part in runs]
@@ -183,13 +183,13 @@ def test_curves_are_cut_where_they_turn_by_more_than_thirty_degrees() -> None:
     assert run(0, 31, 0, 0) == [2, 4]
     assert run(0, 0, 0, -31) == [4, 2]
     assert run(90, 90, 180, 0) == [2, 2, 3]
-    assert smooth_runs(np.tile(START, (3, 1)), ONES) == []
+    assert split_at_corners(np.tile(START, (3, 1)), ONES) == []
 
 
 def test_knots_that_are_close_are_one() -> None:
-    knots = with_knots(np.array([0.0, 0.5, 1.0]), [0.7, 0.5 + 0.9e-6, 0.7 + 0.9e-6, 0.2, 1 - 1e-7])
+    knots = add_knots(np.array([0.0, 0.5, 1.0]), [0.7, 0.5 + 0.9e-6, 0.7 + 0.9e-6, 0.2, 1 - 1e-7])
     assert knots.tolist() == [0.0, 0.2, 0.5, 0.7, 1.0]
-    assert len(with_knots(np.array([0.0, 1.0]), [1.1e-6])) == 3
+    assert len(add_knots(np.array([0.0, 1.0]), [1.1e-6])) == 3
 
 
 def test_joints_begin_where_their_direction_changes() -> None:
@@ -245,14 +245,16 @@ def test_the_rate_along_a_path_follows_from_the_joints_speeds(spline: SplinePath
     assert spline.speed_at(0.4, np.zeros(4)) == 0.0
     starts = JointPath.starts(spline, spline.sample(np.array([0.0, 0.1])))
     assert starts.tolist() == [[True] * 4, [False] * 4]
-    assert spline.overview.q == pytest.approx(spline.sample(np.linspace(0, 1, SAMPLES)).q)
+    assert spline.coarse_samples.q == pytest.approx(
+        spline.sample(np.linspace(0, 1, PATH_SAMPLES)).q
+    )
 
 
 class Waves(paths.ClosedPath):
     """Joints whose slopes are known: cosines of several turns, a constant, and one at rest."""
 
     branch = 1
-    watched = (0, 1, 2)
+    driven = (0, 1, 2)
     first = np.array([4 * np.pi, 0.0, 0.0, 0.0])
     turns = (3.0, 1.0, 0.0, 5.0)
 
@@ -283,9 +285,9 @@ def test_sign_changes_are_found_to_the_last_digits(root: float, swapped: bool) -
     """Whichever end is the lower one; of several roots, the first counts."""
     low, high = (1.0, 0.1) if swapped else (0.1, 1.0)
     for sign in (1.0, -1.0):
-        found = paths.sign_change(lambda s: sign * (s - root), low, high)  # noqa: B023
+        found = paths.find_sign_change(lambda s: sign * (s - root), low, high)  # noqa: B023
         assert found == pytest.approx(root, abs=1e-11)
-    three = paths.sign_change(lambda s: (s - 0.2) * (s - 0.5) * (s - 0.8), low, high)
+    three = paths.find_sign_change(lambda s: (s - 0.2) * (s - 0.5) * (s - 0.8), low, high)
     assert three == pytest.approx(0.8 if swapped else 0.2, abs=1e-11)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.pipeline.run import plan
-from ssm_planner.pipeline.thermal import quickly
+from ssm_planner.pipeline.thermal import with_fast_planner
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import Problem
 from ssm_planner.reporting.html.channels import sample_channels, time_grid
@@ -60,7 +60,7 @@ def test_pages_of_random_results_keep_their_laws(
 ) -> None:
     last: Plan | None = None
     for seed in range(group, COUNT, GROUPS):
-        result = plan(quickly(random_problem(tilt_insert, seed)), relaxations=False)
+        result = plan(with_fast_planner(random_problem(tilt_insert, seed)), relaxations=False)
         if not result.passed:
             page = write_no_plan(result, tmp_path / "no_plan.html").read_text(encoding="utf-8")
             sentence = page.partition('class="lead"><strong>')[2].partition("</strong>")[0]
