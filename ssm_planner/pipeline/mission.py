@@ -19,12 +19,10 @@ from ssm_planner.planning.phases import Phase, build_phases, start_configuration
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import GAP
-from ssm_planner.planning.work import Work
+from ssm_planner.planning.work import SEARCH_BUDGET, Work
 from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
-SEARCH_BUDGET = 4.0
-"""Work after which no faster motion is looked for, if there is a motion."""
 MAX_TARGETS = 8
 """Largest number of targets with alternatives, since each changes the path of all that follows."""
 

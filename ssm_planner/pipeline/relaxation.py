@@ -13,7 +13,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.planning.feasibility import eye_forbids_target
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
-from ssm_planner.planning.work import Work
+from ssm_planner.planning.work import SEARCH_BUDGET, Work
 from ssm_planner.problem import (
     ContinuousTorque,
     Duration,
@@ -34,8 +34,8 @@ BISECTION_ACCURACY = 0.9
 """The bisection ends when this share of the reported change gives no motion."""
 TRIAL_SHARES = (0.1, 1.0)
 """Shares by which limits are relaxed one by one if the limit to blame is unknown."""
-RELAXATION_BUDGET, TRIAL_WORK = 4.0, 0.1
-"""Work after which no further change is tried, and the work of a trial without its solves."""
+TRIAL_WORK = 0.1
+"""Work of a trial without its solves: the checks of the problem and the independent check."""
 OFFERED_SHARES = (1.0, 1.5, 2.0, 3.0)
 """Multiples of a relaxation that pages offer."""
 LIMITS_OF_END_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
@@ -78,7 +78,7 @@ class Relaxation:
 
     def describe(self, value: float) -> str:
         """Describe the change in words."""
-        return self.limit.describe(value)
+        return self.limit.described(value)
 
 
 class Pause(Relaxation):
@@ -191,7 +191,7 @@ def find_relaxation(
     *,
     feasible: Planner | None = None,
     work: Work | None = None,
-    budget: float = RELAXATION_BUDGET,
+    budget: float = SEARCH_BUDGET,
 ) -> TriedRelaxation | None:
     """Find the smallest change of one limit, or of several together, that gives a motion.
 

@@ -23,7 +23,7 @@ from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.postprocess import GRID_MARGIN, limit_stop_travel, plan_by_toppra
 from ssm_planner.planning.reason import Reason, constant_speed_reason, short_duration_reason
 from ssm_planner.planning.retiming.paths import JointPath, PolylinePath, SplinePath, StraightPath
-from ssm_planner.planning.retiming.retime import holds_tip_speed, retime
+from ssm_planner.planning.retiming.retime import FAILURE, holds_tip_speed, retime
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, GAP
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Follow, Problem, Robot, TipSpeed, unchecked_copy
@@ -202,7 +202,7 @@ class PhasePlanner:
         speeds = self.phase.speeds_along(path)
         retiming = retime(path, problem.robot, problem.task_limits, speeds)
         if not retiming.solved:
-            return explain_failure(self.phase, path, retiming.message)
+            return explain_failure(self.phase, path, FAILURE)
         solve = partial(
             solve_straight,
             self.phase,

@@ -13,7 +13,7 @@ from ssm_planner.planning.planned_phase import PlannedPhase
 from ssm_planner.planning.reason import Reason
 from ssm_planner.planning.retiming.constraints import braking_travel
 from ssm_planner.planning.retiming.paths import MIN_GRID_INTERVALS, JointPath, MotionPath
-from ssm_planner.planning.retiming.retime import retime, retime_motion, retimed_trajectory
+from ssm_planner.planning.retiming.retime import FAILURE, retime, retime_motion, retimed_trajectory
 from ssm_planner.problem import Robot
 
 TOPPRA_SOLVER = "TOPP-RA"
@@ -32,7 +32,7 @@ def plan_by_toppra(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase
     speeds = phase.speeds_along(path)
     retiming = retime(path, robot, phase.problem.task_limits, speeds)
     if not retiming.solved:
-        return explain_failure(phase, path, retiming.message)
+        return explain_failure(phase, path, FAILURE)
     pieces = retimed_polynomials(path, retiming, speeds[1])
     motion = PhaseSolution("solved", "", 0, *pieces, solver=TOPPRA_SOLVER)
     return PlannedPhase(phase, motion, phase.lower_bound)
@@ -60,7 +60,7 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
     robot = with_margin(strict, GRID_MARGIN)
     retiming = retime_motion(path, robot, phase.problem.task_limits, speed_ratio=speed_ratio)
     if not retiming.solved:
-        return replace(motion, status=retiming.status, message=retiming.message)
+        return replace(motion, status="infeasible", message=FAILURE)
     trajectory = retimed_trajectory(path, retiming)
     duration = phase.motion.duration
     if duration is not None:

@@ -5,6 +5,12 @@ Unlike time, work does not depend on the machine or its load, so neither of them
 
 from dataclasses import dataclass
 
+SEARCH_BUDGET = 4.0
+"""Work after which a search for faster motions or for relaxations begins no further attempt.
+
+It corresponds to about 4 s of CPU time. A user of the command line waits that long for a better
+answer once there is a first one.
+"""
 SOLVE_WORK = 0.02
 """Work of one solve without its iterations, about 1 for each second."""
 ITERATION_WORK = {

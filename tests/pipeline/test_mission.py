@@ -134,7 +134,7 @@ def test_nothing_more_is_planned_where_no_other_joints_can_be_faster(
     attempt = run._plan_check_and_cool
     monkeypatch.setattr(
         run,
-        "_attempt",
+        "_plan_check_and_cool",
         lambda problem, *rest, **how: (planned.append(problem), attempt(problem, *rest, **how))[1],
     )
     plan(turning(tilt_insert, tilt=-138.5, roll=(-30, 30)))

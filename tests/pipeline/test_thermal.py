@@ -86,7 +86,7 @@ def test_all_phases_are_slower_if_resting_phases_do_not_suffice(
     fastest = plan(problem, relaxations=False)
     assert fastest.passed
     monkeypatch.setattr(
-        ThermalSearch, "_rested", lambda search, *_: replace(search.initial, certificate=None)
+        ThermalSearch, "_extend_rests", lambda search, *_: replace(search.initial, certificate=None)
     )
     slower = plan(problem, relaxations=False)
     assert slower.passed

@@ -35,6 +35,8 @@ MAX_SPEED_RATIO = 10.0
 """Largest ratio of ṡ after retiming to ṡ of the existing motion."""
 TANGENT_REDUCTION = 1 / 16
 """Factor on the ṡ² of the tangents after a pass without a feasible motion."""
+FAILURE = "TOPP-RA finds no motion along the path within the limits"
+"""Message of a retiming without a motion."""
 
 
 @record
@@ -52,16 +54,6 @@ class Retiming:
     def solved(self) -> bool:
         """True if TOPP-RA found a motion."""
         return bool(self.speed_squared.any())
-
-    @property
-    def status(self) -> str:
-        """Status "solved" or "infeasible"."""
-        return "solved" if self.solved else "infeasible"
-
-    @property
-    def message(self) -> str:
-        """Reason why there is no motion. Empty if there is one."""
-        return "" if self.solved else "TOPP-RA finds no motion along the path within the limits"
 
     @property
     def times(self) -> Array:
@@ -104,7 +96,7 @@ def retime(
     Returns
     -------
     Retiming
-        The motion, or the status "infeasible".
+        The motion. Its property `solved` is False if there is none.
     """
     # A motion on a coarse grid determines where the points of the fine grid lie.
     points, coarse = points or path.grid_intervals, PATH_SAMPLES // 2

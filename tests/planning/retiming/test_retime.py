@@ -50,7 +50,7 @@ def test_the_viscous_tangents_settle(
     result = retime(path, robot)
     assert result.solved
     assert result.duration > 1.02 * retime(path, tilt_insert.robot).duration
-    monkeypatch.setattr(retiming, "PASSES", passes)
+    monkeypatch.setattr(retiming, "MAX_PASSES", passes)
     assert retime(path, robot).duration == result.duration
 
 
@@ -83,8 +83,7 @@ def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
 
 def test_a_motor_too_weak_to_start_gives_no_motion(tilt_insert: Problem, weaker: Weaker) -> None:
     result = retime(paths(tilt_insert)[0], weaker(tilt_insert.robot, 0.1))
-    assert result.status == "infeasible"
-    assert result.message
+    assert not result.solved
 
 
 def test_a_path_follows_its_line_and_its_derivatives_are_its_own(tilt_insert: Problem) -> None:
