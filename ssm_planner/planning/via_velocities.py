@@ -120,8 +120,11 @@ class _ViaVelocityProblem:
         # The unknowns are T_k / unit, then the velocities divided by their limits.
         unit = self.duration(speeds)
         start = np.append(self.times(speeds).max(axis=1) / unit, speeds / limits)
-        # The gradient of the objective, the sum of all T_k, is constant.
         gradient = np.append(np.ones(segments), np.zeros(speeds.size))
+
+        def total_gradient(_: Array) -> Array:
+            """Return the gradient of the objective, the sum of all T_k."""
+            return gradient
 
         def margins(unknowns: Array) -> Array:
             """Return the constraints T_k − t_jk ≥ 0 of all segments k and joints j, (4 n,)."""
@@ -135,7 +138,7 @@ class _ViaVelocityProblem:
         solution = fmin_slsqp(
             gradient.dot,
             start,
-            fprime=lambda _: gradient,
+            fprime=total_gradient,
             bounds=[
                 *[(0.0, np.inf)] * segments,
                 *zip((low / limits).ravel(), (high / limits).ravel(), strict=True),
