@@ -8,9 +8,9 @@ from typing import Any
 
 from ssm_planner import stopping
 from ssm_planner.arguments import checked
-from ssm_planner.comparison.compare import LAG, Comparison
+from ssm_planner.comparison.compare import DEFAULT_LAG, Comparison
 from ssm_planner.comparison.compare import compare as compare_recordings
-from ssm_planner.comparison.measured import assign, read_measured
+from ssm_planner.comparison.measured import assign_recordings, read_axis_recording
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats import read_trajectory
 from ssm_planner.loading import load_motor
@@ -20,7 +20,7 @@ from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_of
 from ssm_planner.sizing.size import size as size_duty
 from ssm_planner.stopping import INSTANTS, Stops
 from ssm_planner.trajectory import Trajectory
-from ssm_planner.verification import SLOWEST, Certificate, SpeedRange, check_slower
+from ssm_planner.verification import DEFAULT_SLOWEST_SPEED, Certificate, SpeedRange, check_slower
 from ssm_planner.verification import check as checking
 from ssm_planner.verification.slower import check_speeds as check_every_speed
 
@@ -85,7 +85,7 @@ def check_speeds(
     motion: Plan | Trajectory | str | Path,
     robot: Robot | None = None,
     limits: TaskLimits | None = None,
-    slowest: float = SLOWEST,
+    slowest: float = DEFAULT_SLOWEST_SPEED,
 ) -> SpeedRange:
     """Check a motion at playback speeds from `slowest` to 1.
 
@@ -217,7 +217,7 @@ def compare(
     plan: Plan | str | Path,
     recordings: Mapping[str, str | Path],
     counts_per_turn: int | None = None,
-    lag: float = LAG,
+    lag: float = DEFAULT_LAG,
     speed: float | None = None,
 ) -> Comparison:
     """Compare a plan with recordings of its execution, one for each axis.
@@ -257,8 +257,8 @@ def compare(
     plan = as_plan(plan)
     texts = [f"{joint}={path}" for joint, path in recordings.items()]
     measured = [
-        read_measured(path, plan.robot, joint, counts_per_turn)
-        for joint, path in assign(texts, plan.robot)
+        read_axis_recording(path, plan.robot, joint, counts_per_turn)
+        for joint, path in assign_recordings(texts, plan.robot)
     ]
     return compare_recordings(plan.motion, plan.robot, plan.certificate, measured, lag, speed=speed)
 

@@ -53,7 +53,7 @@ from ssm_planner.stopping import Stops, controlled_stops
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.units import display_unit
-from ssm_planner.verification import Certificate, broken_seal
+from ssm_planner.verification import Certificate, seal_error
 from ssm_planner.verification.check import check
 from ssm_planner.verification.path_bound import Sensitivity
 from ssm_planner.verification.proof import Proof, unproven_limits
@@ -323,7 +323,7 @@ class Plan:
         if self.certificate is None or self.trajectory is None:
             object.__setattr__(self, "certificate", None)
             return
-        reason = broken_seal(self.certificate, self.trajectory, self.robot, self.limits)
+        reason = seal_error(self.certificate, self.trajectory, self.robot, self.limits)
         if reason is not None:
             object.__setattr__(self, "uncertified_reason", reason)
             object.__setattr__(self, "certificate", None)

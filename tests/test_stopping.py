@@ -138,15 +138,15 @@ def variant(robot, kind):
 def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind, ends):
     """At both ends of random intervals at random speeds, or at rest; what cannot be braked at all is left out."""
     robot, rng = variant(plan.robot, kind), np.random.default_rng(7)
-    path = stops_module._Path.from_motion(
+    path = stops_module._StopPath.from_motion(
         plan.motion, robot, np.linspace(0.0, plan.motion.duration, 50)
     )
     body = RigidBody.from_robot(robot)
     with np.errstate(all="ignore"):
-        bounds = stops_module._Bounds.from_path(path, robot)
+        bounds = stops_module._DecelerationBounds.from_path(path, robot)
     k = rng.integers(0, len(path.s) - 1, 400)
     x, length = rng.uniform(0.05, 1.0, 400), np.diff(path.s)[k]
-    share = 1 - stops_module.BACKOFF
+    share = 1 - stops_module.LIMIT_REDUCTION
     most = np.array([joint.acceleration for joint in robot.joints]) * share
     torque = np.array([j.motor.max_torque if j.motor else np.inf for j in robot.joints]) * share
 
@@ -174,7 +174,7 @@ def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind
         inside = kept(middle)
         low, high = np.where(inside, low, middle), np.where(inside, middle, high)
     with np.errstate(all="ignore"):  # where a bound is none
-        found = bounds.minimum(k, x, ends=ends)
+        found = bounds.smallest_acceleration(k, x, ends=ends)
     assert possible.sum() > 50
     assert found[possible] == pytest.approx(high[possible], rel=1e-6, abs=1e-6)
 

@@ -37,7 +37,7 @@ def run_check(options: Namespace) -> int:
     """Check a trajectory, print its certificate, and return the exit status."""
     progress = progress_reporter(f"reading {options.trajectory}")
     document: JsonObject
-    from ssm_planner.verification import with_task
+    from ssm_planner.verification import with_task_results
 
     _check_proof_options(options)
     if options.key is not None:
@@ -67,7 +67,9 @@ def run_check(options: Namespace) -> int:
         return _run_speed_check(options, reading, robot, limits, document)
     certificate = reading.check(robot, limits)
     if problem is not None:
-        certificate = with_task(certificate, reading.trajectory, replace(problem, robot=robot))
+        certificate = with_task_results(
+            certificate, reading.trajectory, replace(problem, robot=robot)
+        )
     certificate = _allow_unjudged(certificate, options.allow_unjudged or "")
     document |= certificate.to_dict()
     if not options.proof:
@@ -130,10 +132,10 @@ def _allow_unjudged(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
 
     `text` contains their names, separated by commas. Raises ProblemError for an unknown name.
     """
-    from ssm_planner.verification import DYNAMIC
+    from ssm_planner.verification import ACCELERATION_DEPENDENT_LIMITS
 
     names = [name.strip() for name in text.split(",") if name.strip()]
-    limit_names = set(DYNAMIC)
+    limit_names = set(ACCELERATION_DEPENDENT_LIMITS)
     limit_names |= {limit.name for limit in certificate.limits}
     limit_names |= {limit.name for limit in certificate.unjudged}
     for name in names:
@@ -357,7 +359,7 @@ def certificate_lines(
     bound, the margin, the joint and the time.
     """
     from ssm_planner.reporting import limits_table
-    from ssm_planner.verification import subjects
+    from ssm_planner.verification import describe_unjudged
 
     count = len(certificate.limits)
     violation_count = len(certificate.violations)
@@ -375,7 +377,7 @@ def certificate_lines(
     lines += limits_table(certificate.limits).lines() + [""]
     lines += [f"note: {note}" for note in notes]
     lines += [f"not checked: {name}" for name in certificate.unchecked]
-    for subject, reason in subjects(certificate.unjudged):
+    for subject, reason in describe_unjudged(certificate.unjudged):
         lines.append(f"not judged: {subject}: {reason}")
     lines.append(f"check: {verdict}")
     return lines

@@ -20,16 +20,16 @@ STATUS_OF_VERDICT = {"held": OK, "cannot tell": UNJUDGED, "not held": FAILED}
 def run_compare(options: Namespace) -> int:
     """Compare recordings with a plan, and return the exit status."""
     progress = progress_reporter(f"reading {options.plan}")
-    from ssm_planner.comparison.compare import LAG
-    from ssm_planner.comparison.measured import assign
+    from ssm_planner.comparison.compare import DEFAULT_LAG
+    from ssm_planner.comparison.measured import assign_recordings
 
     plan = ssm.load_plan(options.plan)
     progress(Step("comparing"))
     comparison = ssm.compare(
         plan,
-        dict(assign(options.recordings, plan.robot)),
+        dict(assign_recordings(options.recordings, plan.robot)),
         options.counts_per_turn,
-        lag=LAG if options.lag is None else options.lag,
+        lag=DEFAULT_LAG if options.lag is None else options.lag,
         speed=options.speed,
     )
     progress(Step("done"))
@@ -44,7 +44,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     They state the clock of the recordings, the smallest visible faults, the errors of every axis,
     the margins of the limits, the findings, the limits that are not judged, and the verdict.
     """
-    from ssm_planner.comparison.noise import CERTAIN
+    from ssm_planner.comparison.noise import SIGNIFICANT_DEVIATIONS
     from ssm_planner.display import format_fixed, number, percent
     from ssm_planner.reporting import Table, unit_of_limit
 
@@ -74,6 +74,6 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     return fill_in_template(
         "compared.txt",
         comparison=comparison,
-        certain=CERTAIN,
+        certain=SIGNIFICANT_DEVIATIONS,
         tables=[Table(header, errors, range(2, 7)), Table(limits_header, rows, (2, 3, 4, 6, 7))],
     )

@@ -70,7 +70,7 @@ def scenario_from_options(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
         If an option is invalid. The error names the option, its value and the allowed values.
     """
     from ssm_planner.problem import get_attributes
-    from ssm_planner.simulation.simulate import EVERYWHERE, TIP_ERROR
+    from ssm_planner.simulation.simulate import DEFAULT_TIP_ERROR, EVERYWHERE
 
     payload = 0.0
     payload_time = 0.0
@@ -114,5 +114,5 @@ def scenario_from_options(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
         payload_time=payload_time,
         power_loss=power_loss,
         stall=stall,
-        tip_error=TIP_ERROR if options.tip_error is None else options.tip_error,
+        tip_error=DEFAULT_TIP_ERROR if options.tip_error is None else options.tip_error,
     )

@@ -4,23 +4,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ssm_planner.comparison.noise import CERTAIN
+from ssm_planner.comparison.noise import SIGNIFICANT_DEVIATIONS
 from ssm_planner.deprecation import Renamed
 from ssm_planner.typing import Array, frozen
 
-SAMPLES = 4000
+ALIGNMENT_SAMPLES = 4000
 """Approximate number of samples that are used for an alignment."""
-FAR = 0.3
+MAX_SPEED_DEVIATION = 0.3
 """Largest deviation of a sample that determines the clock, as a share of the planned peak speed."""
-FASTEST = 0.05
+MAX_RATE_DIFFERENCE = 0.05
 """Largest relative difference between the rates of two clocks."""
-FOLLOWS = 0.05
+MAX_SIZE_DIFFERENCE = 0.05
 """Largest relative difference in speed of an axis that determines the clock."""
-ALIKE = 0.98
+MIN_CLOCK_CORRELATION = 0.98
 """Smallest correlation of the speeds of an axis that determines the clock."""
-ENDS = 0.05
+END_SPEED_RATIO = 0.05
 """Speed below which a motion has ended, as a share of the planned peak speed."""
-SPEEDS = np.union1d(np.arange(5, 126) / 100, np.geomspace(0.05, 1.25, 80))
+CANDIDATE_SPEEDS = np.union1d(np.arange(5, 126) / 100, np.geomspace(0.05, 1.25, 80))
 """Speeds of execution that are tried, as multiples of the planned speed."""
 
 
@@ -59,7 +59,9 @@ class Alignment:
     @property
     def determines_clock(self) -> bool:
         """True if the measured speed agrees with the plan in shape and size."""
-        is_alike = self.agreement >= ALIKE and abs(self.size - 1) <= FOLLOWS
+        is_alike = (
+            self.agreement >= MIN_CLOCK_CORRELATION and abs(self.size - 1) <= MAX_SIZE_DIFFERENCE
+        )
         return is_alike and bool(np.isfinite(self.rate_error))
 
 
@@ -91,7 +93,9 @@ class Clock:
     planned = Renamed("planned_time")
 
 
-def align(planned_time: Array, planned_speed: Array, time: Array, measured: Array) -> Alignment:
+def align_axis(
+    planned_time: Array, planned_speed: Array, time: Array, measured: Array
+) -> Alignment:
     """Find a planned motion in a recording.
 
     Parameters
@@ -113,24 +117,24 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     if not planned_speed.any() or not measured.any():
         both_rest = not planned_speed.any() and not measured.any()
         return Alignment(float(time[0]), correlation=1.0 if both_rest else 0.0)
-    threshold = ENDS * np.abs(planned_speed).max()
+    threshold = END_SPEED_RATIO * np.abs(planned_speed).max()
     moves = np.flatnonzero(np.abs(measured) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(time)
-    coarse = match(planned_time, planned_speed, time[:stop], measured[:stop])
+    coarse = match_speed(planned_time, planned_speed, time[:stop], measured[:stop])
     # Samples of a long rest do not contribute. Means of the others contain less noise.
     end = coarse.delay + planned_time[-1]
-    margin = FAR * planned_time[-1]
+    margin = MAX_SPEED_DEVIATION * planned_time[-1]
     start_index, end_index = np.searchsorted(time, [coarse.delay - margin, end + margin])
     if len(moves):
         start_index = min(start_index, moves[0])
     end_index = min(max(end_index, stop), len(time))
-    step = max(1, (end_index - start_index) // SAMPLES)
+    step = max(1, (end_index - start_index) // ALIGNMENT_SAMPLES)
     used = slice(start_index, end_index - (end_index - start_index) % step)
     t = time[used].reshape(-1, step).mean(axis=1)
     w = measured[used].reshape(-1, step).mean(axis=1)
     moves = np.flatnonzero(np.abs(w) > threshold)
     stop = int(moves[-1]) + 2 if len(moves) else len(w)
-    delay, rate, size, errors, middle = _refine(
+    delay, rate, size, errors, middle = _refine_alignment(
         coarse.delay, planned_time, planned_speed, t[:stop], w[:stop]
     )
     planned_t = rate * (t - delay)
@@ -138,12 +142,12 @@ def align(planned_time: Array, planned_speed: Array, time: Array, measured: Arra
     is_planned = (planned_t >= 0) & (planned_t <= planned_time[-1])
     return Alignment(
         delay,
-        correlation=correlation(expected, w * is_planned),
+        correlation=speed_correlation(expected, w * is_planned),
         rate=rate,
         rate_error=errors[1],
         delay_error=errors[0],
         size=size,
-        agreement=correlation(expected[:stop], w[:stop]),
+        agreement=speed_correlation(expected[:stop], w[:stop]),
         middle=middle,
     )
 
@@ -162,24 +166,26 @@ def estimate_speed(
         """Return the cost of the best plan for each recording, see `Match.cost`."""
         results = []
         for time, measured in recordings:
-            matches = [match(t, planned, time, measured, speed) for t, planned in plans]
+            matches = [match_speed(t, planned, time, measured, speed) for t, planned in plans]
             results.append(min(candidate.cost for candidate in matches))
         return results
 
     planned_costs = costs(1.0)
-    if min(planned_costs) <= FOLLOWS**2:
+    if min(planned_costs) <= MAX_SIZE_DIFFERENCE**2:
         return 1.0
-    mean_costs = {speed: float(np.mean(costs(speed))) for speed in SPEEDS.tolist()}
+    mean_costs = {speed: float(np.mean(costs(speed))) for speed in CANDIDATE_SPEEDS.tolist()}
     speed = min(mean_costs, key=lambda speed: mean_costs[speed])
     cost = mean_costs[speed]
     planned_cost = float(np.mean(planned_costs))
     # A recording of two motions leaves half of its squared speed unexplained.
-    explains = 4 * cost < planned_cost or 1 - cost > max(4 * (1 - planned_cost), 1 - ALIKE**2)
-    return speed if explains and abs(speed - 1) > FASTEST else 1.0
+    explains = 4 * cost < planned_cost or 1 - cost > max(
+        4 * (1 - planned_cost), 1 - MIN_CLOCK_CORRELATION**2
+    )
+    return speed if explains and abs(speed - 1) > MAX_RATE_DIFFERENCE else 1.0
 
 
 @frozen
-class Match:
+class SpeedMatch:
     """Comparison of a measured speed with a plan that is executed at another speed."""
 
     delay: float
@@ -192,9 +198,9 @@ class Match:
     """Measured speed as a multiple of the planned speed, for the correlation."""
 
 
-def match(
+def match_speed(
     planned_time: Array, planned_speed: Array, time: Array, measured: Array, speed: float = 1.0
-) -> Match:
+) -> SpeedMatch:
     """Find the delay at which a plan explains a recording best, by cross-correlation.
 
     Parameters
@@ -214,15 +220,15 @@ def match(
     """
     from scipy.signal import correlate
 
-    moving = np.flatnonzero(np.abs(measured) > ENDS * np.abs(measured).max(initial=0.0))
+    moving = np.flatnonzero(np.abs(measured) > END_SPEED_RATIO * np.abs(measured).max(initial=0.0))
     start, end = time[moving[[0, -1]]] if len(moving) else time[[0, 0]]
     duration = float(planned_time[-1]) / speed
-    step = max(end - start, duration) * 2 / SAMPLES
+    step = max(end - start, duration) * 2 / ALIGNMENT_SAMPLES
     # w and v are the measured and the planned speed at equal time steps.
     w = np.interp(np.arange(start, end, step), time, measured)
     v = speed * np.interp(speed * np.arange(0.0, duration, step), planned_time, planned_speed)
     if len(w) < 8 or not (w.any() and v.any()):
-        return Match(float(start), float(len(moving) > 0), 0.0, 1.0)
+        return SpeedMatch(float(start), float(len(moving) > 0), 0.0, 1.0)
     product = correlate(w, v, method="fft")
     shifts = np.arange(1 - len(v), len(w))
     # Energy of the part of v that overlaps w, for each shift of v.
@@ -235,8 +241,10 @@ def match(
     k = int(np.argmax(np.abs(correlation)))
     # Squared differences without the constant w·w. A recording that fits both directions equally
     # well is not reversed.
-    errors = min(energy - 2 * product, energy + 2 * product + (1 - ALIKE) * total, key=np.min)
-    return Match(
+    errors = min(
+        energy - 2 * product, energy + 2 * product + (1 - MIN_CLOCK_CORRELATION) * total, key=np.min
+    )
+    return SpeedMatch(
         delay=float(start + step * shifts[int(np.argmin(errors))]),
         cost=1 + float(errors.min()) / total,
         correlation=float(correlation[k]),
@@ -244,7 +252,7 @@ def match(
     )
 
 
-def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
+def estimate_clock(axes: Sequence[Alignment], drift: float) -> Clock:
     """Estimate one clock from the alignments of all axes.
 
     Only axes whose measured speed agrees with the plan in shape and size determine the clock.
@@ -261,7 +269,7 @@ def clock_of(axes: Sequence[Alignment], drift: float) -> Clock:
     reliable_axes = [axis for axis in axes if axis.determines_clock]
     reliable = reliable_axes or [max(axes, key=lambda axis: axis.agreement)]
     rate, error = _common_rate(reliable_axes) if reliable_axes else (1.0, np.inf)
-    is_significant = abs(rate - 1) > drift + CERTAIN * error
+    is_significant = abs(rate - 1) > drift + SIGNIFICANT_DEVIATIONS * error
     size = float(np.median([axis.size for axis in reliable]))
     slower = is_significant and abs(size - rate) < abs(size - 1)
     used_rate = rate if is_significant and not slower else 1.0
@@ -277,7 +285,7 @@ def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
     rates = [axis.rate for axis in axes]
     errors = np.array([axis.rate_error for axis in axes])
     weights = 1 / errors**2
-    agree = np.ptp(rates) <= CERTAIN * errors.max()
+    agree = np.ptp(rates) <= SIGNIFICANT_DEVIATIONS * errors.max()
     rate = np.average(rates, weights=weights) if agree else np.median(rates)
     return float(rate), float(1 / np.sqrt(weights.sum()))
 
@@ -287,13 +295,13 @@ def planned_speed_at(planned_time: Array, planned_speed: Array, t: Array) -> Arr
     return np.interp(t, planned_time, planned_speed, left=0.0, right=0.0)
 
 
-def correlation(x: Array, y: Array) -> float:
+def speed_correlation(x: Array, y: Array) -> float:
     """Return the correlation of two speeds (n,), or 0 if one of them is always 0."""
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     return float(x @ y) / size if size > 0 else 0.0
 
 
-def _refine(
+def _refine_alignment(
     start: float, planned_time: Array, planned_speed: Array, t: Array, w: Array
 ) -> tuple[float, float, float, tuple[float, float], float]:
     """Estimate delay, rate and size by Gauss–Newton steps from the delay `start` (s).
@@ -305,7 +313,7 @@ def _refine(
     """
     no_result = start, 1.0, 1.0, (np.inf, np.inf), 0.0
     slope = np.gradient(planned_speed, planned_time)
-    cutoff = FAR * float(np.abs(planned_speed).max())
+    cutoff = MAX_SPEED_DEVIATION * float(np.abs(planned_speed).max())
     duration = float(planned_time[-1])
     # The planned time of the middle sample is almost independent of the rate.
     middle = float(np.clip(np.mean(t) - start, 0.0, duration))
@@ -323,7 +331,7 @@ def _refine(
         if is_used.sum() < 8 or np.linalg.cond(normal_matrix) > 1e14:
             return no_result
         change = np.linalg.solve(normal_matrix, jacobian.T @ residual[is_used])
-        rate = float(np.clip(rate + change[1], 1 - FASTEST, 1 + FASTEST))
+        rate = float(np.clip(rate + change[1], 1 - MAX_RATE_DIFFERENCE, 1 + MAX_RATE_DIFFERENCE))
         centre += float(change[0])
         size += float(change[2])
     errors = np.sqrt(np.diag(np.linalg.inv(normal_matrix)) * float(np.mean(residual[is_used] ** 2)))

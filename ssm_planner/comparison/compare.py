@@ -8,23 +8,29 @@ from dataclasses import field
 
 import numpy as np
 
-from ssm_planner.comparison.clock import Alignment, Clock, align, clock_of, estimate_speed
+from ssm_planner.comparison.clock import (
+    Alignment,
+    Clock,
+    align_axis,
+    estimate_clock,
+    estimate_speed,
+)
 from ssm_planner.comparison.findings import (
-    DRIFT,
+    MAX_CLOCK_DRIFT,
     AlignedAxis,
     Finding,
     Kept,
     Verdict,
     check_clock,
+    check_limits,
     check_speed,
+    find_faults,
     find_other_motion,
-    findings_of,
-    limits_of,
     map_to_clock,
-    worst_of,
+    worst_verdict,
 )
-from ssm_planner.comparison.measured import Measured
-from ssm_planner.comparison.predicted import Predicted, predict_axes
+from ssm_planner.comparison.measured import AxisRecording
+from ssm_planner.comparison.predicted import AxisPrediction, predict_axes
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification import largest, rms
@@ -33,7 +39,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.verification import Certificate
 
-LAG = 10e-3
+DEFAULT_LAG = 10e-3
 """Permitted delay at the largest speed, s. It equals the following error window of the export."""
 
 
@@ -97,7 +103,7 @@ class AxisComparison:
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all findings and limits of this axis."""
-        return worst_of(self.findings, self.limits)
+        return worst_verdict(self.findings, self.limits)
 
     @property
     def followed(self) -> bool:
@@ -150,7 +156,7 @@ class Comparison:
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all findings and axes: "held", "cannot tell" or "not held"."""
-        return worst_of(self.findings, self.axes)
+        return worst_verdict(self.findings, self.axes)
 
     @property
     def followed(self) -> bool:
@@ -186,8 +192,8 @@ def compare(
     trajectory: Trajectory,
     robot: Robot,
     certificate: Certificate | None,
-    recordings: Sequence[Measured],
-    lag: float = LAG,
+    recordings: Sequence[AxisRecording],
+    lag: float = DEFAULT_LAG,
     speed: float | None = None,
 ) -> Comparison:
     """Compare a planned motion with recordings of its axes.
@@ -230,7 +236,7 @@ def compare(
     joints += [name for name in driven if name not in joints]
     plans = predict_axes(trajectory, robot, joints)
     missing = [plan.joint.name for plan in plans[len(recordings) :] if plan.peak > 0]
-    alignments, clock, played_speed = _align(plans, recordings, speed or 1.0)
+    alignments, clock, played_speed = _align_axes(plans, recordings, speed or 1.0)
     if played_speed != 1.0:
         plans = predict_axes(trajectory, robot, joints, played_speed)
     margins = certificate if played_speed == 1.0 else None
@@ -254,8 +260,8 @@ def compare(
     )
 
 
-def _align(
-    plans: list[Predicted], recordings: Sequence[Measured], intended: float
+def _align_axes(
+    plans: list[AxisPrediction], recordings: Sequence[AxisRecording], intended: float
 ) -> tuple[list[Alignment], Clock, float]:
     """Return the alignment of every axis, the common clock, and the speed of execution.
 
@@ -265,10 +271,10 @@ def _align(
     def align_at(speed: float) -> tuple[list[Alignment], Clock, float]:
         """Align all axes with the plan, executed at a speed."""
         alignments = [
-            align(plan.time / speed, plan.speed * speed, recording.time, recording.w)
+            align_axis(plan.time / speed, plan.speed * speed, recording.time, recording.w)
             for plan, recording in zip(plans, recordings, strict=False)
         ]
-        return alignments, clock_of(alignments, DRIFT), speed
+        return alignments, estimate_clock(alignments, MAX_CLOCK_DRIFT), speed
 
     measured_speeds = [(recording.time, recording.w) for recording in recordings]
     planned_speeds = [(plan.time / intended, plan.speed * intended) for plan in plans]
@@ -280,7 +286,7 @@ def _align(
 
 
 def _compare_axis(
-    axis: AlignedAxis, plans: Sequence[Predicted], certificate: Certificate | None, lag: float
+    axis: AlignedAxis, plans: Sequence[AxisPrediction], certificate: Certificate | None, lag: float
 ) -> AxisComparison:
     """Compare one axis with its plan.
 
@@ -321,8 +327,8 @@ def _compare_axis(
         axis.alignment,
         axis.covered,
         differences=differences,
-        limits=limits_of(axis, certificate),
+        limits=check_limits(axis, certificate),
         notes=tuple(notes),
-        findings=tuple(findings_of(axis, lag)) if other_motion is None else (other_motion,),
+        findings=tuple(find_faults(axis, lag)) if other_motion is None else (other_motion,),
         visible=axis.visible,
     )

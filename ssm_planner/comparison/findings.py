@@ -10,22 +10,22 @@ import numpy as np
 from ssm_planner.comparison.clock import (
     Alignment,
     Clock,
-    Match,
-    correlation,
-    match,
+    SpeedMatch,
+    match_speed,
     planned_speed_at,
+    speed_correlation,
 )
-from ssm_planner.comparison.measured import Measured
+from ssm_planner.comparison.measured import AxisRecording
 from ssm_planner.comparison.noise import (
-    CERTAIN,
-    CERTAIN_ALONE,
-    UNRESOLVED,
+    MAX_NOISE_RATIO,
+    SIGNIFICANT_DEVIATIONS,
+    SIGNIFICANT_SAMPLE_DEVIATIONS,
+    averaging_windows,
+    estimate_noise,
     longest_run,
-    noise_of,
-    smoothed,
-    windows,
+    moving_means,
 )
-from ssm_planner.comparison.predicted import Predicted
+from ssm_planner.comparison.predicted import AxisPrediction
 from ssm_planner.identification import integrated, largest, rms
 from ssm_planner.problem import (
     JointAcceleration,
@@ -39,35 +39,35 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array, Mask, frozen, record
 from ssm_planner.verification import Certificate
 
-STEP = 5e-3
+MAX_START_DIFFERENCE = 5e-3
 """Largest difference between the starts of the axes, s."""
-DRIFT = 1e-3
+MAX_CLOCK_DRIFT = 1e-3
 """Largest relative error of the recordings' clock. The error of a crystal is ten times smaller."""
-GAP = 10e-3
+MAX_SAMPLE_GAP = 10e-3
 """Longest permitted time without a sample, s. A fault that is shorter can lie between samples.
 
 Times are rounded to 1 ms because sampling periods vary.
 """
-MISSING = 0.005
+REPORTED_MISSING_SHARE = 0.005
 """Share of missing samples above which they are reported."""
-TOO_MANY = 0.2
+MAX_MISSING_SHARE = 0.2
 """Share of missing samples above which no verdict is possible."""
-OUTSIDE = 0.05
+MAX_OUTSIDE_SHARE = 0.05
 """Largest permitted share of the moving time with torque outside its band."""
-STANDS = 0.02
+STANDSTILL_SPEED_RATIO = 0.02
 """Speed below which a motor counts as at rest, as a share of the largest planned speed.
 
 It is also the smallest speed that a saturated motor loses.
 """
-SHORT = 20e-3
+MIN_SATURATION_TIME = 20e-3
 """Shortest saturation, s."""
-RAMP = 30e-3
+ACCELERATION_WINDOW = 30e-3
 """Time between the two mean speeds from which an acceleration is computed, s."""
-STALL = 0.1
+MIN_STALL_TIME = 0.1
 """Shortest stall, s."""
-UNLIKE = 3.5
+MIN_UNIT_FACTOR = 3.5
 """Smallest ratio of measured and planned values that suggests a wrong unit."""
-UNITS = {
+UNIT_FACTORS = {
     4.0: "increments and encoder counts",
     60 / (2 * np.pi): "rpm and rad/s",
     180 / np.pi: "degrees and radians",
@@ -75,22 +75,22 @@ UNITS = {
     1000.0: "units and thousandths",
 }
 """Units that differ by a factor."""
-ALIKE = 0.8
+MIN_MOTION_CORRELATION = 0.8
 """Smallest correlation of measured and planned speed in a recording of the same motion."""
-NEAR = 15e-3
+TORQUE_TIME_TOLERANCE = 15e-3
 """Tolerance in time for predictions, s. Torque jumps at starts and stops."""
 
 Verdict = Literal["held", "not held", "cannot tell"]
 
 
-class Judged(Protocol):
+class HasVerdict(Protocol):
     """A finding, the result of a limit, or an axis: anything in a comparison with a verdict."""
 
     @property
     def verdict(self) -> Verdict: ...
 
 
-def worst_of(*groups: Iterable[Judged]) -> Verdict:
+def worst_verdict(*groups: Iterable[HasVerdict]) -> Verdict:
     """Return the worst verdict: "not held" before "cannot tell" before "held"."""
     order: tuple[Verdict, ...] = ("held", "cannot tell", "not held")
     verdicts = [item.verdict for item in chain.from_iterable(groups)]
@@ -158,8 +158,8 @@ class Kept:
 class AlignedAxis:
     """A recording and its plan on the common clock. Arrays are (n,), one value per sample."""
 
-    plan: Predicted
-    measured: Measured
+    plan: AxisPrediction
+    measured: AxisRecording
     alignment: Alignment
     t: Array
     """Planned time, s."""
@@ -180,7 +180,7 @@ class AlignedAxis:
     @property
     def window(self) -> int:
         """Number of samples in the shortest mean."""
-        return windows(self.step)[1][0]
+        return averaging_windows(self.step)[1][0]
 
     @property
     def moving(self) -> Mask:
@@ -189,15 +189,15 @@ class AlignedAxis:
         It selects all samples if the joint almost rests.
         """
         peak = self.plan.peak
-        moving = np.abs(self.speed) > STANDS * peak
-        if moving.sum() > 8 * windows(self.step)[-1][0]:
+        moving = np.abs(self.speed) > STANDSTILL_SPEED_RATIO * peak
+        if moving.sum() > 8 * averaging_windows(self.step)[-1][0]:
             return moving
         return np.ones(len(self.t), dtype=bool)
 
     @property
     def sigma(self) -> float:
         """Standard deviation of the noise in a single sample of the speed, rad/s."""
-        return noise_of(self.speed_error[self.moving], 1, self.measured.speed_resolution)
+        return estimate_noise(self.speed_error[self.moving], 1, self.measured.speed_resolution)
 
     @property
     def speed_noise(self) -> float:
@@ -213,7 +213,9 @@ class AlignedAxis:
         `error` (n,) is the difference from the plan, in the unit of the resolution.
         """
         moving = error[self.moving]
-        return min(noise_of(moving, n, resolution) * n**0.5 for n, _ in windows(self.step))
+        return min(
+            estimate_noise(moving, n, resolution) * n**0.5 for n, _ in averaging_windows(self.step)
+        )
 
     @property
     def q(self) -> Array:
@@ -228,7 +230,12 @@ class AlignedAxis:
         half of its resolution.
         """
         duration = float(self.t[-1] - self.t[0])
-        noise = CERTAIN * self.speed_noise * (self.step * duration) ** 0.5 / self.plan.ratio
+        noise = (
+            SIGNIFICANT_DEVIATIONS
+            * self.speed_noise
+            * (self.step * duration) ** 0.5
+            / self.plan.ratio
+        )
         offset = self.measured.speed_resolution / 2 * self.plan.duration / self.plan.ratio
         return noise, noise + offset
 
@@ -242,12 +249,13 @@ class AlignedAxis:
     def visible(self) -> dict[str, float]:
         """Shortest and smallest faults that the recording can show, see `AxisComparison`."""
         resolution = self.measured.torque_resolution
-        torque = noise_of(self.torque_error[self.moving], 1, resolution)
+        torque = estimate_noise(self.torque_error[self.moving], 1, resolution)
         return {
             "duration": float(self.intervals[1].max(initial=self.step)),
             "position": position_noise(self),
-            "speed": CERTAIN_ALONE * self.sigma + self.measured.speed_resolution / 2,
-            "torque": CERTAIN_ALONE * torque + resolution / 2,
+            "speed": SIGNIFICANT_SAMPLE_DEVIATIONS * self.sigma
+            + self.measured.speed_resolution / 2,
+            "torque": SIGNIFICANT_SAMPLE_DEVIATIONS * torque + resolution / 2,
         }
 
     def interpolate_plan(self, values: Array) -> Array:
@@ -257,8 +265,8 @@ class AlignedAxis:
     @property
     def still_level(self) -> float:
         """Mean speed over the shortest window below which the motor is at rest, rad/s."""
-        noise = CERTAIN * self.speed_noise / self.window**0.5
-        return max(STANDS * self.plan.peak, noise)
+        noise = SIGNIFICANT_DEVIATIONS * self.speed_noise / self.window**0.5
+        return max(STANDSTILL_SPEED_RATIO * self.plan.peak, noise)
 
     @property
     def position_error(self) -> Array:
@@ -277,7 +285,7 @@ class AlignedAxis:
 
 
 def map_to_clock(
-    plan: Predicted, measured: Measured, alignment: Alignment, clock: Clock
+    plan: AxisPrediction, measured: AxisRecording, alignment: Alignment, clock: Clock
 ) -> AlignedAxis:
     """Convert the times of a recording to the planned time, and add the planned values.
 
@@ -306,8 +314,8 @@ def map_to_clock(
     )
 
 
-def findings_of(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Yield all findings of one axis. Limits are checked separately by `limits_of`.
+def find_faults(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
+    """Yield all findings of one axis. Limits are checked separately by `check_limits`.
 
     `lag` is the permitted delay at the largest speed, s.
     """
@@ -328,34 +336,37 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
     """Yield findings on gaps, missing samples and missing parts of the motion."""
     step = axis.step
     outside = max(float(axis.t[0]), axis.plan.duration - float(axis.t[-1]))
-    if round(outside, 3) > GAP:
+    if round(outside, 3) > MAX_SAMPLE_GAP:
         text = (
             f"the recording holds {100 * axis.covered:.3g} % of the motion, and misses "
             f"{outside:.3g} s at one end"
         )
-        yield Finding("coverage", "cannot tell", text, outside, GAP)
+        yield Finding("coverage", "cannot tell", text, outside, MAX_SAMPLE_GAP)
     times, steps = axis.intervals
     if not len(steps):
         return
     gap = float(steps.max())
-    if round(gap, 3) > GAP:
+    if round(gap, 3) > MAX_SAMPLE_GAP:
         kind, text = "sampling", f"samples are up to {gap:.3g} s apart"
         if gap > 3 * step:
             kind = "gap"
             time = float(times[int(np.argmax(steps))])
             text = f"no samples for {gap:.3g} s, {time:.3g} s after the motion's start"
-        text += f": a fault that is shorter can be missing (a verdict needs {1e3 * GAP:.3g} ms)"
-        yield Finding(kind, "cannot tell", text, gap, GAP)
+        text += (
+            ": a fault that is shorter can be missing "
+            f"(a verdict needs {1e3 * MAX_SAMPLE_GAP:.3g} ms)"
+        )
+        yield Finding(kind, "cannot tell", text, gap, MAX_SAMPLE_GAP)
     missing = float(np.sum(np.rint(steps / step) - 1))
     share = missing / (missing + len(steps))
-    if share > MISSING:
-        verdict: Verdict = "cannot tell" if share > TOO_MANY else "held"
+    if share > REPORTED_MISSING_SHARE:
+        verdict: Verdict = "cannot tell" if share > MAX_MISSING_SHARE else "held"
         yield Finding(
             "missing samples",
             verdict,
             f"{100 * share:.2g} % of the samples are missing",
             share,
-            TOO_MANY,
+            MAX_MISSING_SHARE,
         )
 
 
@@ -389,8 +400,8 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
         f"the start (allowed: {1e3 * limit:.3g} {unit}, noise {1e3 * noise:.2g} {unit})"
     )
     travel = float(np.ptp(axis.plan.position))
-    if np.ptp(axis.q) > UNLIKE * travel > 0:
-        text += f"; its travel is {times_planned(float(np.ptp(axis.q)) / travel)}"
+    if np.ptp(axis.q) > MIN_UNIT_FACTOR * travel > 0:
+        text += f"; its travel is {describe_factor(float(np.ptp(axis.q)) / travel)}"
     verdict: Verdict = "not held" if max_error > allowed else "cannot tell"
     yield Finding("tracking", verdict, text, max_error, allowed)
 
@@ -400,11 +411,11 @@ def position_noise(axis: AlignedAxis) -> float:
     if axis.measured.q is None:
         return axis.integral_noise[1]
     resolution = axis.measured.position_resolution
-    noise = noise_of(axis.position_error[axis.moving], 1, resolution)
-    return max(CERTAIN * noise, 2 * resolution)
+    noise = estimate_noise(axis.position_error[axis.moving], 1, resolution)
+    return max(SIGNIFICANT_DEVIATIONS * noise, 2 * resolution)
 
 
-def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding | None:
+def find_other_motion(axis: AlignedAxis, plans: Sequence[AxisPrediction]) -> Finding | None:
     """Return a finding if the recording does not show the planned motion of its joint.
 
     The finding names the cause: another joint of `plans`, another sign, another unit or another
@@ -412,32 +423,35 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding 
     """
     measured = axis.measured
     likeness = axis.alignment.correlation
-    noise = CERTAIN * axis.sigma
+    noise = SIGNIFICANT_DEVIATIONS * axis.sigma
 
-    def fit(plan: Predicted, speed: float = 1.0) -> Match:
+    def fit(plan: AxisPrediction, speed: float = 1.0) -> SpeedMatch:
         """Find a plan that is executed at a speed in the recording."""
-        return match(plan.time, plan.speed, measured.time, measured.w, speed)
+        return match_speed(plan.time, plan.speed, measured.time, measured.w, speed)
 
     own_fit = fit(axis.plan)
     best_plan = min(plans, key=lambda plan: fit(plan).cost)
     scale = max((1e-3, 1e3), key=lambda scale: fit(axis.plan, scale).correlation)
-    is_proportional = 1 - abs(own_fit.correlation) < STANDS
+    is_proportional = 1 - abs(own_fit.correlation) < STANDSTILL_SPEED_RATIO
     text = f"its speed is not the planned one of joint {measured.joint}"
-    if fit(best_plan).cost < min(own_fit.cost / 4, UNRESOLVED):
+    if fit(best_plan).cost < min(own_fit.cost / 4, MAX_NOISE_RATIO):
         kind = "swapped"
         text += f", but that of joint {best_plan.joint.name}: are recordings or motors swapped?"
-    elif is_proportional and not 1 / UNLIKE < abs(own_fit.factor) < UNLIKE:
+    elif is_proportional and not 1 / MIN_UNIT_FACTOR < abs(own_fit.factor) < MIN_UNIT_FACTOR:
         kind = "units"
-        text = f"its speed is {times_planned(own_fit.factor)}"
-    elif max(own_fit.cost, 1 - likeness) < UNRESOLVED or find_stall(axis) is not None:
+        text = f"its speed is {describe_factor(own_fit.factor)}"
+    elif max(own_fit.cost, 1 - likeness) < MAX_NOISE_RATIO or find_stall(axis) is not None:
         return None
-    elif fit(axis.plan, scale).correlation >= ALIKE:
+    elif fit(axis.plan, scale).correlation >= MIN_MOTION_CORRELATION:
         kind = "units"
-        text = f"its time is {times_planned(1 / scale)}"
-    elif likeness >= ALIKE or rms(axis.speed_error) <= STANDS * axis.plan.peak + noise:
+        text = f"its time is {describe_factor(1 / scale)}"
+    elif (
+        likeness >= MIN_MOTION_CORRELATION
+        or rms(axis.speed_error) <= STANDSTILL_SPEED_RATIO * axis.plan.peak + noise
+    ):
         # The second test also works for a motor that rests most of the time.
         return None
-    elif own_fit.correlation < -ALIKE:
+    elif own_fit.correlation < -MIN_MOTION_CORRELATION:
         kind = "reversed"
         text = (
             "the recording is reversed: motor_direction in the robot file, or the recording's "
@@ -446,19 +460,19 @@ def find_other_motion(axis: AlignedAxis, plans: Sequence[Predicted]) -> Finding 
     else:
         kind = "other motion"
         text += (
-            f" (correlation {likeness:.2f}, at least {ALIKE:g} needed): is it another joint's or "
-            "another motion's?"
+            f" (correlation {likeness:.2f}, at least {MIN_MOTION_CORRELATION:g} needed): "
+            "is it another joint's or another motion's?"
         )
-    return Finding(kind, "not held", text, likeness, ALIKE)
+    return Finding(kind, "not held", text, likeness, MIN_MOTION_CORRELATION)
 
 
-def times_planned(factor: float) -> str:
+def describe_factor(factor: float) -> str:
     """Describe a measured value as a multiple of the planned one, and name likely causes."""
     sign = ", so its sign is wrong" if factor < 0 else ""
     size = abs(np.log(max(abs(factor), 1e-9)))
-    units = [text for ratio, text in UNITS.items() if abs(size - np.log(ratio)) < 0.2]
+    units = [text for ratio, text in UNIT_FACTORS.items() if abs(size - np.log(ratio)) < 0.2]
     hint = f": are its units wrong ({units[0]})?" if units else ""
-    number = f"{factor:.2f}" if abs(factor) > STANDS else f"{factor:.2g}"
+    number = f"{factor:.2f}" if abs(factor) > STANDSTILL_SPEED_RATIO else f"{factor:.2g}"
     return f"{number} times the predicted{sign}{hint}"
 
 
@@ -466,17 +480,17 @@ def find_second_motion(axis: AlignedAxis) -> Iterator[Finding]:
     """Yield a finding if the motor also moves before or after the planned motion."""
     n = axis.window
     alignment = axis.alignment
-    time = smoothed(alignment.rate * (axis.measured.time - alignment.delay), n)
-    margin = STALL + n * axis.step
+    time = moving_means(alignment.rate * (axis.measured.time - alignment.delay), n)
+    margin = MIN_STALL_TIME + n * axis.step
     outside = (time < -margin) | (time > axis.plan.duration + margin)
-    moves = np.abs(smoothed(axis.measured.w, n)) > axis.still_level
+    moves = np.abs(moving_means(axis.measured.w, n)) > axis.still_level
     start, _, length = longest_run(outside & moves, time)
-    if length >= STALL:
+    if length >= MIN_STALL_TIME:
         text = (
             f"the motor also moves {float(time[start]):.3g} s after the start, outside of the "
             "planned motion: does the recording contain several motions?"
         )
-        yield Finding("several motions", "not held", text, length, STALL)
+        yield Finding("several motions", "not held", text, length, MIN_STALL_TIME)
 
 
 def find_stall(axis: AlignedAxis) -> Finding | None:
@@ -489,25 +503,30 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
     planned_speed = axis.speed
     n = axis.window
     level = axis.still_level
-    planned_mean = smoothed(np.abs(planned_speed), n)
-    mean_time = smoothed(axis.t, n)
-    is_still = np.abs(smoothed(w, n)) < level
+    planned_mean = moving_means(np.abs(planned_speed), n)
+    mean_time = moving_means(axis.t, n)
+    is_still = np.abs(moving_means(w, n)) < level
     is_stalled = is_still & (planned_mean > 5 * level)
     start, stop, length = longest_run(is_stalled, mean_time)
-    if length < STALL:
+    if length < MIN_STALL_TIME:
         return None
     start_time = float(mean_time[start])
     end_time = float(mean_time[stop])
-    is_outside = (axis.t < start_time - NEAR) | (axis.t > end_time + NEAR)
+    is_outside = (axis.t < start_time - TORQUE_TIME_TOLERANCE) | (
+        axis.t > end_time + TORQUE_TIME_TOLERANCE
+    )
     is_moving = (np.abs(w) >= level) & is_outside
-    if is_moving.sum() > n and correlation(planned_speed[is_moving], w[is_moving]) < ALIKE:
+    if (
+        is_moving.sum() > n
+        and speed_correlation(planned_speed[is_moving], w[is_moving]) < MIN_MOTION_CORRELATION
+    ):
         return None
     torque = largest(axis.measured.tau[start : stop + n])
     text = (
         f"the motor stands for {length:.3g} s, {start_time:.3g} s after the start, where "
         f"the plan moves it (torque up to {1e3 * torque:.3g} mN·m)"
     )
-    return Finding("stall", "not held", text, length, STALL)
+    return Finding("stall", "not held", text, length, MIN_STALL_TIME)
 
 
 def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
@@ -519,16 +538,18 @@ def find_saturation(axis: AlignedAxis) -> Iterator[Finding]:
     tau = axis.measured.tau
     motor = axis.plan.joint.motor
     max_torque = np.inf if motor is None else motor.max_torque
-    n = 1 + round(SHORT / axis.step)
-    mean = np.abs(smoothed(np.clip(tau, -max_torque, max_torque), n))
+    n = 1 + round(MIN_SATURATION_TIME / axis.step)
+    mean = np.abs(moving_means(np.clip(tau, -max_torque, max_torque), n))
     top = float(mean.max(initial=0.0))
-    noise = noise_of(tau, 1, axis.measured.torque_resolution)
+    noise = estimate_noise(tau, 1, axis.measured.torque_resolution)
     level = min(0.98 * max_torque, top - 2 * noise)
     start, stop, length = longest_run(mean >= level, axis.t)
-    during = f"for {length + SHORT:.3g} s, from {float(axis.t[start]):.3g} s on"
+    during = f"for {length + MIN_SATURATION_TIME:.3g} s, from {float(axis.t[start]):.3g} s on"
     if top >= 0.98 * max_torque:
         text = f"the motor gives its largest torque {during}"
-        yield Finding("saturation", "not held", text, length + SHORT, SHORT)
+        yield Finding(
+            "saturation", "not held", text, length + MIN_SATURATION_TIME, MIN_SATURATION_TIME
+        )
         return
     allowed = axis.still_level
     saturated = slice(start, stop + n)
@@ -552,40 +573,40 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     plan = axis.plan
-    n = windows(axis.step)[-1][0]
+    n = averaging_windows(axis.step)[-1][0]
     tau = axis.measured.tau
     # If the plan does not move the axis, both sides are 0 and no sample is selected.
-    moving = np.abs(axis.speed) > STANDS * plan.peak
-    reach = 2 * round((NEAR + n * axis.step / 2) / plan.time[1]) + 1
+    moving = np.abs(axis.speed) > STANDSTILL_SPEED_RATIO * plan.peak
+    reach = 2 * round((TORQUE_TIME_TOLERANCE + n * axis.step / 2) / plan.time[1]) + 1
     lowest = minimum_filter1d(plan.low, reach, mode="nearest")
     highest = maximum_filter1d(plan.high, reach, mode="nearest")
-    mean = smoothed(tau, n)
-    expected = smoothed(axis.interpolate_plan(plan.torque), n)
-    low = smoothed(axis.interpolate_plan(lowest), n)
-    high = smoothed(axis.interpolate_plan(highest), n)
+    mean = moving_means(tau, n)
+    expected = moving_means(axis.interpolate_plan(plan.torque), n)
+    low = moving_means(axis.interpolate_plan(lowest), n)
+    high = moving_means(axis.interpolate_plan(highest), n)
     resolution = axis.measured.torque_resolution
-    noise = CERTAIN * axis.mean_noise(axis.torque_error, resolution) / n**0.5
-    moving_windows = smoothed(moving.astype(float), n) > 1 - 0.5 / n
+    noise = SIGNIFICANT_DEVIATIONS * axis.mean_noise(axis.torque_error, resolution) / n**0.5
+    moving_windows = moving_means(moving.astype(float), n) > 1 - 0.5 / n
     if not moving_windows.any():
         return
     width = float(np.median((high - low)[moving_windows]))
     outside = moving_windows & ((mean > high + noise) | (mean < low - noise))
     share = float(outside.sum() / moving_windows.sum())
-    if share > OUTSIDE:
+    if share > MAX_OUTSIDE_SHARE:
         size = np.maximum(np.abs(expected), 1e-12)
         ratio = float(np.median((np.sign(expected) * mean / size)[outside]))
         source = "the drive's posterior" if plan.has_posterior else "assumed"
         text = (
-            f"torque is {times_planned(ratio)}, outside its band ({source}) in "
+            f"torque is {describe_factor(ratio)}, outside its band ({source}) in "
             f"{100 * share:.0f} % of the motion"
         )
-        yield Finding("torque", "not held", text, share, OUTSIDE)
+        yield Finding("torque", "not held", text, share, MAX_OUTSIDE_SHARE)
     elif noise > width:
         text = f"noise of {1e3 * noise:.3g} mN·m hides its band of {1e3 * width:.3g} mN·m"
         yield Finding("torque", "cannot tell", text, noise, width)
 
 
-def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
+def check_limits(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
     """Compare the measured values with the limits of the joint and of its motor.
 
     `certificate` provides the margins of the plan.
@@ -593,17 +614,20 @@ def limits_of(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept,
     joint, measured = axis.plan.joint, axis.measured
     speed = measured.w, axis.speed_error, measured.speed_resolution
     torque = measured.tau, axis.torque_error, measured.torque_resolution
-    limits = [position_of(axis), channel_limit(axis, JointVelocity, *speed, ratio=axis.plan.ratio)]
+    limits = [
+        check_position_limit(axis),
+        check_channel_limit(axis, JointVelocity, *speed, ratio=axis.plan.ratio),
+    ]
     if joint.motor is not None:
-        limits.append(channel_limit(axis, MotorSpeed, *speed))
-        limits.append(channel_limit(axis, MotorTorque, *torque))
-    limits.append(acceleration_of(axis))
+        limits.append(check_channel_limit(axis, MotorSpeed, *speed))
+        limits.append(check_channel_limit(axis, MotorTorque, *torque))
+    limits.append(check_acceleration_limit(axis))
     checks = () if certificate is None else certificate.limits
     margins = {check.name: check.margin for check in checks if check.joint == joint.name}
     return tuple(replace(limit, planned_margin=margins.get(limit.name)) for limit in limits)
 
 
-def position_of(axis: AlignedAxis) -> Kept:
+def check_position_limit(axis: AlignedAxis) -> Kept:
     """Compare the measured position with its limits."""
     position = axis.plan.joint.limit(JointPosition)
     ends = position.low, position.high
@@ -614,7 +638,7 @@ def position_of(axis: AlignedAxis) -> Kept:
     return _limit_result(position, bound, value, float(distance[k]), noise=position_noise(axis))
 
 
-def channel_limit(
+def check_channel_limit(
     axis: AlignedAxis,
     limit_type: type[JointLimit],
     values: Array,
@@ -635,35 +659,39 @@ def channel_limit(
     limit = axis.plan.joint.limit(limit_type)
     bound = limit.largest
     candidates = []
-    for n, deviations in windows(axis.step):
+    for n, deviations in averaging_windows(axis.step):
         if len(values) >= n:
             # Rounding shifts a mean by up to half of the resolution if the noise is small.
-            spread = deviations * noise_of(departure[axis.moving], n, resolution) + resolution / 2
+            spread = (
+                deviations * estimate_noise(departure[axis.moving], n, resolution) + resolution / 2
+            )
             noise = spread / ratio
-            value = largest(smoothed(values, n)) / ratio
+            value = largest(moving_means(values, n)) / ratio
             candidates.append((value - noise, value, noise, n * axis.step if n > 1 else 0.0))
     result = max(candidates)  # the candidate that certainly exceeds the limit most
     single_sample = candidates[0]
     _, value, noise, _ = single_sample
-    if result[0] <= bound < value + noise and noise > UNRESOLVED * bound:
+    if result[0] <= bound < value + noise and noise > MAX_NOISE_RATIO * bound:
         result = single_sample
     _, value, noise, window = result
     return _limit_result(limit, bound, value, bound - value, noise=noise, window=window)
 
 
-def acceleration_of(axis: AlignedAxis) -> Kept:
+def check_acceleration_limit(axis: AlignedAxis) -> Kept:
     """Compare the measured acceleration with its limit.
 
     The acceleration is the difference of two mean speeds. A controller adds ripple to the planned
     acceleration. The limit may therefore be exceeded by a tenth.
     """
     limit = axis.plan.joint.limit(JointAcceleration)
-    n = max(1, round(RAMP / axis.step))
-    speed = smoothed(axis.measured.w, n) / axis.plan.ratio
-    time = smoothed(axis.t, n)
+    n = max(1, round(ACCELERATION_WINDOW / axis.step))
+    speed = moving_means(axis.measured.w, n) / axis.plan.ratio
+    time = moving_means(axis.t, n)
     accelerations = (speed[n:] - speed[:-n]) / (time[n:] - time[:-n])
     value = float(np.abs(accelerations).max(initial=0.0))
-    change = CERTAIN * axis.speed_noise * (2 / n) ** 0.5 + axis.measured.speed_resolution
+    change = (
+        SIGNIFICANT_DEVIATIONS * axis.speed_noise * (2 / n) ** 0.5 + axis.measured.speed_resolution
+    )
     window = n * axis.step
     return _limit_result(
         limit,
@@ -672,7 +700,7 @@ def acceleration_of(axis: AlignedAxis) -> Kept:
         limit.largest - value,
         noise=change / axis.plan.ratio / window,
         window=window,
-        ripple=UNRESOLVED * limit.largest,
+        ripple=MAX_NOISE_RATIO * limit.largest,
     )
 
 
@@ -694,7 +722,7 @@ def _limit_result(
     verdict: Verdict = "cannot tell"
     if distance < -noise - ripple:
         verdict = "not held"
-    elif noise <= max(UNRESOLVED * limit.half_width, distance):
+    elif noise <= max(MAX_NOISE_RATIO * limit.half_width, distance):
         verdict = "held"
     return Kept(
         limit.name,
@@ -718,19 +746,23 @@ def check_clock(clock: Clock, axes: list[AlignedAxis]) -> Iterator[Finding]:
             "times, and what follows from them, are corrected by it"
         )
         yield Finding(
-            "clock", "cannot tell", text, abs(clock.rate - 1), DRIFT + CERTAIN * clock.rate_error
+            "clock",
+            "cannot tell",
+            text,
+            abs(clock.rate - 1),
+            MAX_CLOCK_DRIFT + SIGNIFICANT_DEVIATIONS * clock.rate_error,
         )
     delays = {}
     max_error = 0.0
     for axis in axes:
         alignment = axis.alignment
-        is_alike = min(alignment.correlation, alignment.agreement) >= ALIKE
+        is_alike = min(alignment.correlation, alignment.agreement) >= MIN_MOTION_CORRELATION
         if is_alike and np.isfinite(alignment.delay_error):
             delay = alignment.delay_at(clock.estimated_rate) - clock.delay
             delays[axis.plan.joint.name] = delay
             max_error = max(max_error, alignment.delay_error)
     spread = float(np.ptp(list(delays.values()))) if delays else 0.0
-    allowed = STEP + CERTAIN * max_error
+    allowed = MAX_START_DIFFERENCE + SIGNIFICANT_DEVIATIONS * max_error
     if spread > allowed:
         start = min(delays.values())
         offsets = ", ".join(

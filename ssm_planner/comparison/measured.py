@@ -11,7 +11,7 @@ from ssm_planner.typing import Array, Files, record
 
 
 @record
-class Measured:
+class AxisRecording:
     """The recording of one motor in SI units. Arrays are (samples,).
 
     Values are positive in the positive direction of the joint.
@@ -37,9 +37,9 @@ class Measured:
     """Sentences on values of the file that are not in the channels, or differ from them."""
 
 
-def read_measured(
+def read_axis_recording(
     path: Path, robot: Robot, joint: str, counts_per_turn: int | None = None
-) -> Measured:
+) -> AxisRecording:
     """Read the recording of one axis.
 
     Parameters
@@ -82,7 +82,7 @@ def read_measured(
         every_sample=True,
     )
     q = None if recording.angle is None else recording.angle / axis.drive.ratio
-    return Measured(
+    return AxisRecording(
         joint,
         recording.name,
         recording.begin + recording.time,
@@ -97,7 +97,7 @@ def read_measured(
     )
 
 
-def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
+def assign_recordings(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
     """Assign recordings to joints, and return pairs of joint and file.
 
     Parameters
@@ -117,7 +117,7 @@ def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
     for text in texts:
         joint, separator, file = text.partition("=")
         if not separator:
-            joint = _joint_in(Path(text).stem.lower(), names)
+            joint = _joint_in_file_name(Path(text).stem.lower(), names)
             file = text
         if joint not in names:
             raise RecordingError(
@@ -129,7 +129,7 @@ def assign(texts: Sequence[str], robot: Robot) -> list[tuple[str, Path]]:
     return list(assignments.items())
 
 
-def _joint_in(stem: str, names: list[str]) -> str:
+def _joint_in_file_name(stem: str, names: list[str]) -> str:
     """Return the joint that the name of a file contains, or "" if it is not unique."""
     matches = [name for name in names if name in stem]
     numbers = re.findall(r"(?:axis|joint|motor|j)[ _-]?([1-4])(?!\d)", stem)

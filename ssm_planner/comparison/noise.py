@@ -5,33 +5,33 @@ import numpy as np
 from ssm_planner.identification import runs
 from ssm_planner.typing import Array, Mask
 
-WINDOWS = (10e-3, 40e-3)
+WINDOW_DURATIONS = (10e-3, 40e-3)
 """Durations of the means that are compared with limits, s."""
-CERTAIN = 5.0
+SIGNIFICANT_DEVIATIONS = 5.0
 """Number of standard deviations beyond which a mean is significant.
 
 The noise of some thousand samples reaches 4.
 """
-CERTAIN_ALONE = 8.0
+SIGNIFICANT_SAMPLE_DEVIATIONS = 8.0
 """Number of standard deviations beyond which a single sample is significant.
 
 It is larger, because the distribution of the noise is unknown.
 """
-LEAST = 4
+MIN_WINDOW_SAMPLES = 4
 """Smallest number of samples in a window."""
-UNRESOLVED = 0.1
+MAX_NOISE_RATIO = 0.1
 """Ratio of noise to limit above which no verdict is possible."""
-_TO_SIGMA = 1 / 0.6745
+_SIGMA_PER_MEDIAN = 1 / 0.6745
 """Ratio of standard deviation to median magnitude for a normal distribution."""
 
 
-def smoothed(values: Array, n: int) -> Array:
+def moving_means(values: Array, n: int) -> Array:
     """Return the means (samples − n + 1,) of every n consecutive values (samples,)."""
     total = np.append(0.0, np.cumsum(values))
     return (total[n:] - total[:-n]) / n
 
 
-def noise_of(departure: Array, n: int, resolution: float) -> float:
+def estimate_noise(departure: Array, n: int, resolution: float) -> float:
     """Estimate the standard deviation of the noise in means of n samples.
 
     The estimate is the median of second differences at a distance of n samples. Slow errors and
@@ -46,24 +46,24 @@ def noise_of(departure: Array, n: int, resolution: float) -> float:
     resolution : float
         Resolution of the channel, in the unit of the values.
     """
-    mean = smoothed(departure, n)
+    mean = moving_means(departure, n)
     rounding = resolution / np.sqrt(12.0 * n)
     if len(mean) <= 2 * n:
-        return float(rounding) if n == 1 else noise_of(departure, 1, resolution) / np.sqrt(n)
+        return float(rounding) if n == 1 else estimate_noise(departure, 1, resolution) / np.sqrt(n)
     differences = mean[2 * n :] - 2 * mean[n:-n] + mean[: -2 * n]
-    return float(max(_TO_SIGMA * np.median(np.abs(differences)) / np.sqrt(6.0), rounding))
+    return float(max(_SIGMA_PER_MEDIAN * np.median(np.abs(differences)) / np.sqrt(6.0), rounding))
 
 
-def windows(step: float) -> list[tuple[int, float]]:
+def averaging_windows(step: float) -> list[tuple[int, float]]:
     """Return the number of samples and the significance of every window.
 
-    The first window is a single sample, and the others have the durations `WINDOWS`. The
+    The first window is a single sample, and the others have the durations `WINDOW_DURATIONS`. The
     significance is the number of standard deviations beyond which a mean is significant. `step` is
     the sampling period, s.
     """
-    result = [(1, CERTAIN_ALONE)]
-    for duration in WINDOWS:
-        result.append((max(LEAST, round(duration / step)), CERTAIN))
+    result = [(1, SIGNIFICANT_SAMPLE_DEVIATIONS)]
+    for duration in WINDOW_DURATIONS:
+        result.append((max(MIN_WINDOW_SAMPLES, round(duration / step)), SIGNIFICANT_DEVIATIONS))
     return result
 
 

@@ -19,14 +19,14 @@ from ssm_planner.typing import Array, record
 
 PLAN_RATE = 2000.0
 """Sampling rate of the prediction at the planned speed, Hz."""
-SPREAD = 0.25
+ASSUMED_TORQUE_DEVIATION = 0.25
 """Assumed relative deviation of the torque if the drive file contains no posterior."""
-TAIL = 1.96
+SCATTER_DEVIATIONS = 1.96
 """Half width of the band in standard deviations of the scatter between recordings."""
 
 
 @record
-class Predicted:
+class AxisPrediction:
     """The prediction of one axis. Arrays are (n,), in SI units.
 
     Speed and torque are those of the motor.
@@ -45,7 +45,10 @@ class Predicted:
     high: Array
     """Upper end of the torque's band."""
     has_posterior: bool
-    """True if the band follows from the posterior of the drive file, otherwise it is ±`SPREAD`."""
+    """True if the band follows from the posterior of the drive file.
+
+    Otherwise, the band is the torque ± `ASSUMED_TORQUE_DEVIATION` times the torque.
+    """
 
     @property
     def peak(self) -> float:
@@ -60,7 +63,7 @@ class Predicted:
 
 def predict_axes(
     trajectory: Trajectory, robot: Robot, joints: Sequence[str], speed: float = 1.0
-) -> list[Predicted]:
+) -> list[AxisPrediction]:
     """Predict the axes of the given joints. Raises RecordingError for a joint without a drive.
 
     `speed` is the speed of execution as a multiple of the planned speed.
@@ -80,11 +83,13 @@ def predict_axes(
         torque = motor.torque[:, i]
         qd = samples.qd[:, i]
         qdd = samples.qdd[:, i]
-        band = _band(joint.drive, rigid[:, i], qd, qdd, direction[:, i], breakaway=breakaway[:, i])
-        margin = SPREAD * np.abs(torque)
+        band = _posterior_band(
+            joint.drive, rigid[:, i], qd, qdd, direction[:, i], breakaway=breakaway[:, i]
+        )
+        margin = ASSUMED_TORQUE_DEVIATION * np.abs(torque)
         low, high = (torque - margin, torque + margin) if band is None else band
         predictions.append(
-            Predicted(
+            AxisPrediction(
                 joint,
                 joint.drive.ratio,
                 time=samples.t - trajectory.breaks[0],
@@ -99,7 +104,7 @@ def predict_axes(
     return predictions
 
 
-def _band(
+def _posterior_band(
     drive: Drive, rigid: Array, qd: Array, qdd: Array, direction: Array, breakaway: Array
 ) -> tuple[Array, Array] | None:
     """Return the band (low, high) that contains the motor torque in 95 % of recordings, N·m.
@@ -120,4 +125,7 @@ def _band(
     drives = drive_with(drive, sets)
     torque, _ = drive_torque(drives, rigid, qd, qdd, direction, breakaway=breakaway)
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
-    return low - TAIL * friction.posterior.scatter, high + TAIL * friction.posterior.scatter
+    return (
+        low - SCATTER_DEVIATIONS * friction.posterior.scatter,
+        high + SCATTER_DEVIATIONS * friction.posterior.scatter,
+    )

@@ -24,7 +24,7 @@ from ssm_planner.publishing import EXPORT, MANIFEST, VERSION, hashes, publishing
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject, Keywords
-from ssm_planner.verification import Certificate, check_slower, sealed
+from ssm_planner.verification import Certificate, check_slower, with_seal
 from ssm_planner.verification.check import check
 
 UNVERIFIED_WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
@@ -160,7 +160,7 @@ def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
     problem = replace(plan.problem, motion=limits.motion, **rates)
     seal = None
     if is_verified:
-        seal = sealed(certificate, motion, plan.robot, problem.task_limits)
+        seal = with_seal(certificate, motion, plan.robot, problem.task_limits)
     slowed = replace(plan, problem=problem, trajectory=motion, certificate=seal)
     object.__setattr__(slowed, "file", plan.file)
     object.__setattr__(slowed, "file_sha256", plan.file_sha256)

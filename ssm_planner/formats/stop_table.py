@@ -22,7 +22,7 @@ from ssm_planner.problem import Robot
 from ssm_planner.stopping import Stops
 from ssm_planner.typing import Array, JsonObject
 from ssm_planner.verification import StopMotions, quickest_stops
-from ssm_planner.verification.stops import NEAR
+from ssm_planner.verification.stops import MIN_BREAK_DISTANCE
 
 ROW_PERIOD = 1e-3
 """Time between two rows of a stop, s."""
@@ -173,7 +173,7 @@ def _recorded_stops(
 
     for time in np.linspace(0.0, motion.duration, count):
         steps = np.diff(positions(time + interval * np.array([-1.0, 0.0, 1.0])), axis=0)
-        is_missing = np.all(np.abs(rows[:, 0] - time) > NEAR + interval)
+        is_missing = np.all(np.abs(rows[:, 0] - time) > MIN_BREAK_DISTANCE + interval)
         if is_missing and np.any(np.abs(steps) > 2 * change + slack):
             raise TrajectoryError(f"{path}: no stop begins at {time:.6f} s")
     if not len(rows):

@@ -51,8 +51,8 @@ from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.reporting.figures.process import FigureProcess
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, frozen
-from ssm_planner.verification.limits import JUMP
-from ssm_planner.verification.promises import PromiseResult, promises_kept
+from ssm_planner.verification.limits import JUMP_TOLERANCE
+from ssm_planner.verification.promises import PromiseResult, check_path_promises
 from ssm_planner.verification.stops import quickest_stops
 
 P = ParamSpec("P")
@@ -301,7 +301,7 @@ def starting_from(problem: Problem, motion: Plan | Trajectory, at: float) -> Pro
     velocity = robot.velocities
     q, qd = state.q[0], state.qd[0]
     # The check accepts velocity jumps up to this share of the velocity limit.
-    qd = np.where(np.abs(qd) > JUMP * velocity, qd, 0.0)
+    qd = np.where(np.abs(qd) > JUMP_TOLERANCE * velocity, qd, 0.0)
     mechanism = Mechanism.from_robot(robot)
     rates = task_rates(mechanism, q[None], qd[None])[0]
     entries, largest_rate = problem.motion, np.abs(rates).max()
@@ -353,7 +353,7 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
     if result.trajectory is None:
         return tuple(_summary(phase, None) for phase in result.phases)
     mechanism = Mechanism.from_robot(problem.robot)
-    kept = promises_kept(result.trajectory, mechanism, problem.task_limits)
+    kept = check_path_promises(result.trajectory, mechanism, problem.task_limits)
     promises = {item.promise.span: item for item in kept}
     spans = result.trajectory.phases
     return tuple(
@@ -366,7 +366,7 @@ def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> Phase
     """Return the summary of one phase."""
     phase = phase_result.phase
     confirmation = phase_result.motion.confirmation
-    start, end, error = (promise and promise.stretch) or (None, None, None)
+    start, end, error = (promise and promise.constant_speed_span) or (None, None, None)
     return PhaseSummary(
         name=phase.motion.name,
         duration=phase_result.duration,
@@ -381,8 +381,10 @@ def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> Phase
         confirmation_difference=getattr(confirmation, "difference", None),
         confirmation_residual=getattr(confirmation, "residual", None),
         reversal_multiplier=phase_result.motion.reversal_multiplier,
-        corner_departure=promise.departure if promise and promise.promise.distances else None,
-        corner_reach=promise.reach if promise else None,
+        corner_departure=promise.departure
+        if promise and promise.promise.corner_distances
+        else None,
+        corner_reach=promise.corner_reach if promise else None,
         constant_speed=promise.promise.speed if promise else None,
         constant_from=start,
         constant_to=end,

@@ -24,21 +24,21 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Controller, Joint, get_attributes
 from ssm_planner.typing import frozen
 
-MARGIN = 30.0
+DEFAULT_PHASE_MARGIN = 30.0
 """Phase margin of the default position loop that moves only the motor's inertia, degrees.
 
 It is the smallest usual value, because a worm gear that its load drives needs a fast loop.
 """
-DAMPING = 0.7
+LOOP_DAMPING_RATIO = 0.7
 """Damping ratio of the default position loop."""
-FILTER = 10.0
-"""Filter constant of the derivative: its time constant is D / (FILTER · P)."""
-INTEGRAL_SHARE = 0.1
+DERIVATIVE_FILTER = 10.0
+"""Filter constant of the derivative: its time constant is D / (DERIVATIVE_FILTER · P)."""
+INTEGRAL_GAIN_RATIO = 0.1
 """Ratio of the integral gain I to bandwidth ω times proportional gain P."""
 
 
 @frozen
-class Electrics:
+class MotorElectrics:
     """Electrical data of the motor winding and of the power stage of one drive."""
 
     torque_constant: float
@@ -54,7 +54,7 @@ class Electrics:
 
 
 @frozen
-class Gains:
+class LoopGains:
     """Gains of one position loop, in A and rad at the motor."""
 
     p: float
@@ -83,7 +83,7 @@ class LoopStep:
     """Derivative term of the demanded current, A."""
 
 
-def electrics_of(joint: Joint, controller: Controller) -> Electrics:
+def motor_electrics(joint: Joint, controller: Controller) -> MotorElectrics:
     """Collect the electrical data of a joint's motor and of its supply.
 
     Raises
@@ -100,7 +100,7 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
             allowed="a torque constant such as 14.8 mN*m/A",
         )
     supply = controller.supply or motor.nominal_voltage
-    return Electrics(
+    return MotorElectrics(
         torque_constant=motor.torque_constant,
         resistance=motor.terminal_resistance or 0.0,
         voltage=math.inf if supply is None else controller.output_share * supply,
@@ -111,15 +111,17 @@ def electrics_of(joint: Joint, controller: Controller) -> Electrics:
 
 
 @lru_cache
-def bandwidth_of(period: float, lag: float) -> float:
-    """Return the bandwidth in Hz at which the default position loop has the phase margin `MARGIN`.
+def default_bandwidth(period: float, lag: float) -> float:
+    """Return the bandwidth in Hz of the default position loop.
 
-    With the gains of `gains_of`, the inertia cancels out of the open loop, which is
+    At this bandwidth, the loop has the phase margin `DEFAULT_PHASE_MARGIN`.
+
+    With the gains of `loop_gains`, the inertia cancels out of the open loop, which is
 
         (ω² + 2ζω s / (1 + T_f s) + 0.1 ω³ / s) / s²
 
-    with ω = 2π · bandwidth, the damping ratio ζ = DAMPING and the time constant T_f of the
-    derivative filter. Half a sampling period and the lag of the current delay this loop, so the
+    with ω = 2π · bandwidth, the damping ratio ζ = LOOP_DAMPING_RATIO and the time constant T_f of
+    the derivative filter. Half a sampling period and the lag of the current delay this loop, so the
     phase margin falls as the bandwidth grows. Bisection finds the bandwidth.
 
     Parameters
@@ -133,7 +135,7 @@ def bandwidth_of(period: float, lag: float) -> float:
     high = 1.0 / period
     for _ in range(60):  # Each step halves the interval of the logarithm.
         middle = math.sqrt(low * high)
-        if phase_margin(middle, period, lag) > MARGIN:
+        if phase_margin(middle, period, lag) > DEFAULT_PHASE_MARGIN:
             low = middle
         else:
             high = middle
@@ -141,7 +143,7 @@ def bandwidth_of(period: float, lag: float) -> float:
 
 
 def phase_margin(bandwidth: float, period: float, lag: float) -> float:
-    """Return the phase margin in degrees of the default position loop of `bandwidth_of`.
+    """Return the phase margin in degrees of the default position loop of `default_bandwidth`.
 
     The closed loop is unstable if the margin is negative.
 
@@ -156,8 +158,14 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
     """
     omega = 2.0 * math.pi * bandwidth
     s = 1j * omega * np.geomspace(0.3, 10.0, 2000)
-    derivative = 2.0 * DAMPING * omega * s / (1.0 + 2.0 * DAMPING / (FILTER * omega) * s)
-    gain = omega**2 + derivative + INTEGRAL_SHARE * omega**3 / s
+    derivative = (
+        2.0
+        * LOOP_DAMPING_RATIO
+        * omega
+        * s
+        / (1.0 + 2.0 * LOOP_DAMPING_RATIO / (DERIVATIVE_FILTER * omega) * s)
+    )
+    gain = omega**2 + derivative + INTEGRAL_GAIN_RATIO * omega**3 / s
     delay = np.exp(-s * period / 2.0) / (1.0 + lag * s)
     loop = gain / s**2 * delay
     crossing = int(np.flatnonzero(np.abs(loop) > 1.0).max(initial=0))
@@ -166,7 +174,7 @@ def phase_margin(bandwidth: float, period: float, lag: float) -> float:
     return float(180.0 + phase[crossing] - 360.0 * round((phase[0] + 180.0) / 360.0))
 
 
-def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gains:
+def loop_gains(joint: Joint, controller: Controller, electrics: MotorElectrics) -> LoopGains:
     """Compute the gains of a joint's position loop that the controller file does not state.
 
     With the torque constant k, the input inertia J, the viscous friction b_v and ω = 2π ·
@@ -184,7 +192,7 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
     axis = controller.axis(joint.name)
     if drive is None:
         raise ProblemError("has no drive", key=f"joints.{joint.name}")
-    bandwidth = axis.bandwidth or bandwidth_of(controller.loop_period, controller.current_lag)
+    bandwidth = axis.bandwidth or default_bandwidth(controller.loop_period, controller.current_lag)
     omega = 2.0 * math.pi * bandwidth
     inertia = drive.input_inertia / electrics.torque_constant
     if inertia == 0.0 and (axis.p is None or axis.d is None):
@@ -196,10 +204,10 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
             allowed="p and d, or an input_inertia in the drive file",
         )
     feedforward = 0.0 if controller.torque_offset else 1.0
-    tuned = Gains(
+    tuned = LoopGains(
         p=inertia * omega**2,
-        i=INTEGRAL_SHARE * omega * inertia * omega**2,
-        d=2.0 * DAMPING * inertia * omega,
+        i=INTEGRAL_GAIN_RATIO * omega * inertia * omega**2,
+        d=2.0 * LOOP_DAMPING_RATIO * inertia * omega,
         ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
         ff_acceleration=feedforward * inertia,
     )
@@ -207,7 +215,7 @@ def gains_of(joint: Joint, controller: Controller, electrics: Electrics) -> Gain
     return replace(tuned, **{name: gain for name, gain in gains.items() if gain is not None})
 
 
-def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
+def current_range(electrics: MotorElectrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Return the smallest and the largest possible current in A at the motor speed w, rad/s.
 
     The power stage limits the current, and so does the supply voltage minus the back-EMF. If the
@@ -228,9 +236,9 @@ def current_range(electrics: Electrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
     return ca.fmax(low, ca.fmin(lowest, high)), ca.fmin(high, ca.fmax(highest, low))
 
 
-def loop_step(
-    gains: Gains,
-    electrics: Electrics,
+def advance_loops(
+    gains: LoopGains,
+    electrics: MotorElectrics,
     period: float,
     *,
     error: ca.SX,
@@ -264,7 +272,7 @@ def loop_step(
         State of the loops after the period.
     """
     current, integral, derivative = ca.vertsplit(previous)
-    filter_time = gains.d / (FILTER * gains.p) if gains.p > 0 else period
+    filter_time = gains.d / (DERIVATIVE_FILTER * gains.p) if gains.p > 0 else period
     derivative = (filter_time * derivative + gains.d * (error[0] - error[1])) / (
         filter_time + period
     )
@@ -278,7 +286,7 @@ def loop_step(
     return LoopStep(current, limited != demanded, integral, derivative)
 
 
-def encoder(angle: ca.SX, counts_per_turn: int) -> ca.SX:
+def round_to_increments(angle: ca.SX, counts_per_turn: int) -> ca.SX:
     """Round a motor angle in rad to the increments of an encoder, and return it in rad."""
     increment = 2.0 * math.pi / counts_per_turn
     return increment * ca.floor(angle / increment + 0.5)

@@ -7,11 +7,11 @@ from ssm_planner.dynamics import drive_with, spread_of
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.simulation.plant import FRICTION, Q, W
+from ssm_planner.simulation.plant import FRICTION_PARAMETERS, Q, W
 from ssm_planner.simulation.playback import CURRENT, TRIP, Commands, ControlledArm
 from ssm_planner.typing import Array, JsonObject, Keywords, Mask, record
 
-SEED = 20_261_122
+RANDOM_SEED = 20_261_122
 """Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 TIP_INTERVAL = 5
 """Number of periods between two evaluations of the tip position."""
@@ -41,7 +41,7 @@ class Draws:
     """
 
     friction: Array
-    """Friction parameters (n, 28) in the layout of `ArmPlant.friction`."""
+    """Friction parameters (n, 28) in the layout of `ArmPlant.friction_parameters`."""
     tip_error: Array
     """Largest tip errors (n,), m."""
     peak_torque: Array
@@ -81,7 +81,7 @@ class Draws:
         }
 
 
-def drawn_frictions(
+def draw_frictions(
     robot: Robot, count: int, spread: float | None = None
 ) -> tuple[Array, tuple[str, ...]]:
     """Draw random friction parameters for every joint.
@@ -103,7 +103,7 @@ def drawn_frictions(
     Returns
     -------
     frictions : (count, 28)
-        Parameters in the layout of `ArmPlant.friction`.
+        Parameters in the layout of `ArmPlant.friction_parameters`.
     notes : tuple of str
         Remarks on drive files that omit the uncertainty.
 
@@ -112,8 +112,8 @@ def drawn_frictions(
     ProblemError
         If the uncertainty of a drive is invalid.
     """
-    rng = np.random.default_rng(SEED)
-    table = np.zeros((count, 4, len(FRICTION)))
+    rng = np.random.default_rng(RANDOM_SEED)
+    table = np.zeros((count, 4, len(FRICTION_PARAMETERS)))
     notes = []
     for k, joint in enumerate(robot.joints):
         if joint.drive is None:
@@ -129,14 +129,14 @@ def drawn_frictions(
         values: Keywords = uncertainty.values(repeated)
         for name, (low, high) in uncertainty.ranges.items():
             values[name] = rng.uniform(low, high, count)
-        simulated = {name: value for name, value in values.items() if name in _VARIED}
+        simulated = {name: value for name, value in values.items() if name in _SIMULATED_PARAMETERS}
         friction = drive_with(joint.drive, simulated).friction
-        for i, name in enumerate(FRICTION):
+        for i, name in enumerate(FRICTION_PARAMETERS):
             table[:, k, i] = getattr(friction, name)
     return table.reshape(count, -1), tuple(notes)
 
 
-_VARIED = FRICTION + ("mu_lowest",)
+_SIMULATED_PARAMETERS = FRICTION_PARAMETERS + ("mu_lowest",)
 """Names of the random parameters that affect the simulation."""
 
 
@@ -162,7 +162,7 @@ def play_draws(
     commands : Commands
         Commands in m periods.
     offsets : (4,)
-        Offsets of the encoders, see `ControlledArm.offsets`, rad.
+        Offsets of the encoders, see `ControlledArm.encoder_offsets`, rad.
     friction : (n, 28)
         Friction parameters, one row for each playback.
     planned : (m, 4)
@@ -180,11 +180,14 @@ def play_draws(
     count = len(friction)
     full_step = VectorisedFunction(arm.control_step)
     half_steps = VectorisedFunction(arm.control_step_in_halves)
-    needs_halves = arm.needs_half_steps(commands)
+    needs_halves = arm.half_step_periods(commands)
     table = commands.table()
     states = np.tile(start, (count, 1))
     width = table.shape[1]
-    inputs = _inputs(width, offsets, friction)
+    # The inputs of a period are its commands, the encoder offsets and the friction. The loop below
+    # writes the commands of each period into the first columns.
+    columns = [np.empty((count, width)), np.tile(offsets, (count, 1)), friction]
+    inputs = np.asfortranarray(np.hstack(columns))
     mechanism = Mechanism.from_robot(arm.robot)
     targets = tip_position(mechanism, planned[::TIP_INTERVAL])
     tip_error = np.zeros(count)
@@ -214,14 +217,3 @@ def play_draws(
         tripped=states[:, TRIP] > 0,
         tip_limit=tip_limit,
     )
-
-
-def _inputs(width: int, offsets: Array, friction: Array) -> Array:
-    """Allocate the inputs (n, 57) of one period, with encoder offsets and friction.
-
-    The caller writes the commands of each period into the first `width` columns, which are not
-    initialised.
-    """
-    count = len(friction)
-    columns = [np.empty((count, width)), np.tile(offsets, (count, 1)), friction]
-    return np.asfortranarray(np.hstack(columns))

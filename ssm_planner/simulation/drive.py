@@ -103,12 +103,12 @@ def drive_step(
     # The energy that leaves the drive or accelerates the output and the second nut is not lost.
     transmitted = load + (drive.output_inertia + drive.second_nut_mass) * qdd
     loss_sliding = h * ((torque - drive.input_inertia * wd) * mean - transmitted * qd)
-    loss_stopping = h * (tau * mean - load * qd) + 0.5 * moving_inertia(drive) * w**2
+    loss_stopping = h * (tau * mean - load * qd) + 0.5 * inertia_at_motor(drive) * w**2
     loss = xp.where(sign == 0, 0, xp.where(stops, loss_stopping, loss_sliding))
     return DriveStep(end_speed, mean, xp.where(end_speed == 0, rest_time + h, 0), loss)
 
 
-def stalled(
+def with_blocked_motor(
     drive: Drive,
     step: DriveStep,
     blocked: Expression,
@@ -136,7 +136,7 @@ def stalled(
     """
     xp = namespace_of(blocked, w, tau, load)
     mean = 0.5 * w
-    loss = h * (tau * mean - load * mean / drive.ratio) + 0.5 * moving_inertia(drive) * w**2
+    loss = h * (tau * mean - load * mean / drive.ratio) + 0.5 * inertia_at_motor(drive) * w**2
     return DriveStep(
         w=xp.where(blocked, 0, step.w),
         mean=xp.where(blocked, mean, step.mean),
@@ -145,7 +145,7 @@ def stalled(
     )
 
 
-def moving_inertia(drive: Drive) -> float:
+def inertia_at_motor(drive: Drive) -> float:
     """Return the inertia that the motor accelerates, reduced to its shaft, kg·m².
 
     It contains the input, the output and the second nut of the drive.

@@ -22,12 +22,12 @@ import numpy as np
 from ssm_planner.dynamics import RigidBody, friction_of
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem import Drive, Robot
-from ssm_planner.simulation.drive import drive_step, stalled
+from ssm_planner.simulation.drive import drive_step, with_blocked_motor
 from ssm_planner.typing import Array, frozen, record
 
 DAMPING_RATIO = 0.3
 """Assumed damping ratio of all joints with locked drives."""
-FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
+JOINT_FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
 """Assumed natural frequencies of the joints with locked drives, Hz."""
 
 
@@ -43,11 +43,11 @@ class Compliance:
     """Free play from one flank to the other, rad, and m for joint 4."""
 
     @classmethod
-    def of_frequency(
+    def from_frequencies(
         cls,
         body: RigidBody,
         q: Array,
-        frequency: Sequence[float] = FREQUENCIES,
+        frequency: Sequence[float] = JOINT_FREQUENCIES,
     ) -> "Compliance":
         """Compute stiffness and damping from the natural frequencies of the joints.
 
@@ -67,7 +67,7 @@ class Compliance:
         omega = 2.0 * math.pi * np.asarray(frequency)
         return cls(inertia * omega**2, 2.0 * DAMPING_RATIO * inertia * omega)
 
-    def stretch(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
+    def deflection(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
         """Return the deflection of the spring of a joint, rad or m, in the shape of `twist`.
 
         The spring deflects by the part of the twist that exceeds half the backlash. Within the
@@ -87,7 +87,7 @@ class Compliance:
         return twist - xp.fmin(xp.fmax(twist, -free), free)
 
 
-FRICTION = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
+FRICTION_PARAMETERS = ("mu", "mu_static", "mu_stribeck", "b_c", "b_v", "b_oc", "b_ov")
 """Names of the friction parameters that are inputs of the step function."""
 
 Q, QD, MOTOR, W, INTEGRAL, REST, ENERGY = (slice(4 * k, 4 * k + 4) for k in range(7))
@@ -97,11 +97,11 @@ They contain joint positions, joint velocities, motor angles, motor speeds, inte
 controllers, times since the drives stopped, and energies. The four energies are the work of the
 motors, the work of prescribed accelerations, and the losses in the friction and in the dampers.
 """
-STATE = 28
+STATE_SIZE = 28
 """Length of a state."""
-STILL = 1e-12
+CONSTANT_TWIST = 1e-12
 """Change of the twist in a step below which the twist counts as constant, rad or m."""
-CORRECTIONS = 2
+FORCE_CORRECTIONS = 2
 """Number of times that the forces of a step are corrected for the resulting speeds.
 
 Each correction reduces the error of the energy balance to a tenth.
@@ -134,7 +134,8 @@ class ArmPlant:
     robot : Robot
         Robot with its drives.
     compliance : Compliance or None
-        Springs, dampers and backlash. None means the assumed values of `Compliance.of_frequency`.
+        Springs, dampers and backlash. None means the assumed values of
+        `Compliance.from_frequencies`.
     h : float
         Duration of a time step, s.
     """
@@ -143,17 +144,17 @@ class ArmPlant:
         self.robot = robot
         self.h = h
         self.body = RigidBody.from_robot(robot)
-        self.compliance = compliance or Compliance.of_frequency(self.body, np.zeros(4))
+        self.compliance = compliance or Compliance.from_frequencies(self.body, np.zeros(4))
         self.driven = tuple(k for k, joint in enumerate(robot.joints) if joint.drive is not None)
 
-    def at_rest(self, q: Array) -> Array:
+    def state_at_rest(self, q: Array) -> Array:
         """Return the state (28,) of the arm at rest at joint positions q (4,), rad and m.
 
         The springs are deflected such that they carry the weight.
         """
-        return self.in_motion(q, np.zeros(4), np.zeros(4))
+        return self.state_in_motion(q, np.zeros(4), np.zeros(4))
 
-    def in_motion(self, q: Array, qd: Array, qdd: Array) -> Array:
+    def state_in_motion(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Return the state (28,) of an arm that already moves.
 
         The springs are deflected such that they transmit the efforts of the motion: each motor is
@@ -165,7 +166,7 @@ class ArmPlant:
             Joint positions, velocities and accelerations, in rad and m.
         """
         effort = self.body.inverse_dynamics(q[None], qd[None], qdd[None])[0]
-        state = np.zeros(STATE)
+        state = np.zeros(STATE_SIZE)
         state[Q] = q
         state[QD] = qd
         for k in self.driven:
@@ -181,7 +182,7 @@ class ArmPlant:
         """Build the CasADi function that advances the arm by one step of the midpoint rule.
 
         The forces at the start of the step give the positions and speeds in its middle, and these
-        give the forces of the step. The forces are then corrected `CORRECTIONS` times for the
+        give the forces of the step. The forces are then corrected `FORCE_CORRECTIONS` times for the
         speeds that result from them. Inertia and weight are evaluated once, at the first estimate
         of the middle.
 
@@ -199,15 +200,15 @@ class ArmPlant:
             blocked : (4,)
                 1 for a blocked motor, otherwise 0.
             friction : (28,)
-                Friction parameters in the layout of `ArmPlant.friction`.
+                Friction parameters in the layout of `ArmPlant.friction_parameters`.
         """
         h = self.h
         half = 0.5 * h
-        x = ca.SX.sym("x", STATE)
+        x = ca.SX.sym("x", STATE_SIZE)
         tau = ca.SX.sym("tau", 4)
         locked = ca.SX.sym("locked", 4)
         blocked = ca.SX.sym("blocked", 4)
-        friction = ca.SX.sym("friction", 4 * len(FRICTION))
+        friction = ca.SX.sym("friction", 4 * len(FRICTION_PARAMETERS))
         inputs = (x, tau, locked, blocked, friction)
         q, qd, w, motor = x[Q], x[QD], x[W], x[MOTOR]
         predictor = self._forces(inputs, q + half * qd, motor + half * w, qd, w)
@@ -217,7 +218,7 @@ class ArmPlant:
         middle_motor = motor + half * middle_w
         forces = self._forces(inputs, middle_q, middle_motor, middle_qd, middle_w)
         qdd = self.accelerations(middle_q, middle_qd, forces.load, locked)
-        for _ in range(CORRECTIONS):
+        for _ in range(FORCE_CORRECTIONS):
             mean_qd = qd + half * qdd
             mean_w = forces.mean
             mean_q = q + half * mean_qd
@@ -286,23 +287,25 @@ class ArmPlant:
         rest_time = ca.SX.zeros(4)
         loss = ca.SX(0)
         for k in self.driven:
-            parameters = friction[k * len(FRICTION) : (k + 1) * len(FRICTION)]
+            parameters = friction[k * len(FRICTION_PARAMETERS) : (k + 1) * len(FRICTION_PARAMETERS)]
             drive = _with_friction(self.drive(k), parameters)
             twist_start = x[MOTOR][k] / drive.ratio - x[Q][k]
             twist_middle = motor[k] / drive.ratio - q[k]
-            stretch, contact = self._mean_stretch(k, twist_start, twist_middle)
+            stretch, contact = self._mean_deflection(k, twist_start, twist_middle)
             damper[k] = self.compliance.damping[k] * (w[k] / drive.ratio - qd[k]) * contact
             load[k] = self.compliance.stiffness[k] * stretch + damper[k]
             start = x[W][k]
             step = drive_step(drive, start, x[REST][k], tau[k], load[k], h=self.h, middle=w[k])
-            step = stalled(drive, step, blocked[k], w=start, load=load[k], tau=tau[k], h=self.h)
+            step = with_blocked_motor(
+                drive, step, blocked[k], w=start, load=load[k], tau=tau[k], h=self.h
+            )
             speed[k] = step.w
             mean[k] = step.mean
             rest_time[k] = step.rest_time
             loss += step.loss
         return _Forces(load, damper, speed, mean, rest_time=rest_time, loss=loss)
 
-    def _mean_stretch(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
+    def _mean_deflection(self, k: int, start: ca.SX, middle: ca.SX) -> tuple[ca.SX, ca.SX | float]:
         """Return the mean deflection of a spring over a step, and its share of contact.
 
         The twist is the position of the drive's output minus that of the joint. It is linear in
@@ -320,24 +323,23 @@ class ArmPlant:
         if not self.compliance.backlash[k] > 0:
             return middle, 1.0
         end = 2 * middle - start
-        stretch_start = self.compliance.stretch(k, start)
-        stretch_end = self.compliance.stretch(k, end)
-        constant = ca.fabs(end - start) < STILL
+        stretch_start = self.compliance.deflection(k, start)
+        stretch_end = self.compliance.deflection(k, end)
+        constant = ca.fabs(end - start) < CONSTANT_TWIST
         ratio = (stretch_end - stretch_start) / ca.if_else(constant, 1, end - start)
         contact = ca.if_else(constant, stretch_start != 0, ratio)
         return contact * (stretch_start + stretch_end) / 2, contact
 
-    def friction(self, scale: float = 1.0) -> Array:
+    def friction_parameters(self, scale: float = 1.0) -> Array:
         """Return the friction parameters of all joints, (28,), as the step function expects them.
 
-        They are the seven parameters `FRICTION` of joint 1, then those of joint 2, and so on.
-        Joints
-        without a drive have zeros. `scale` multiplies all parameters.
+        They are the seven parameters `FRICTION_PARAMETERS` of joint 1, then those of joint 2, and
+        so on. Joints without a drive have zeros. `scale` multiplies all parameters.
         """
-        values = np.zeros((4, len(FRICTION)))
+        values = np.zeros((4, len(FRICTION_PARAMETERS)))
         for k in self.driven:
             friction = friction_of(self.drive(k))
-            values[k] = [scale * getattr(friction, name) for name in FRICTION]
+            values[k] = [scale * getattr(friction, name) for name in FRICTION_PARAMETERS]
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
@@ -383,7 +385,7 @@ def _with_friction(drive: Drive, values: ca.SX) -> Drive:
     values.
     """
     friction, changed = copy.copy(friction_of(drive)), copy.copy(drive)
-    for name, value in zip(FRICTION, ca.vertsplit(values), strict=True):
+    for name, value in zip(FRICTION_PARAMETERS, ca.vertsplit(values), strict=True):
         object.__setattr__(friction, name, value)
     object.__setattr__(changed, "friction", friction)
     return changed

@@ -13,15 +13,21 @@ from ssm_planner.dynamics import RigidBody
 from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.formats import Axis, Stream
 from ssm_planner.problem import JOINTS, Controller, Robot
-from ssm_planner.simulation.cascade import Electrics, electrics_of, encoder, gains_of, loop_step
+from ssm_planner.simulation.cascade import (
+    MotorElectrics,
+    advance_loops,
+    loop_gains,
+    motor_electrics,
+    round_to_increments,
+)
 from ssm_planner.simulation.plant import (
     DAMPING_RATIO,
-    FREQUENCIES,
-    FRICTION,
+    FRICTION_PARAMETERS,
     INTEGRAL,
+    JOINT_FREQUENCIES,
     MOTOR,
     QD,
-    STATE,
+    STATE_SIZE,
     ArmPlant,
     Compliance,
     Q,
@@ -30,22 +36,24 @@ from ssm_planner.simulation.plant import (
 from ssm_planner.typing import Array, Mask, record
 from ssm_planner.units import rpm
 
-STEPS = 2
+STEPS_PER_PERIOD = 2
 """Number of steps of the plant in one period of the position loop."""
-BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
+ASSUMED_BACKLASH = (np.radians(0.1), np.radians(0.1), np.radians(0.1), 2e-5)
 """Assumed free play between drive and joint, rad and m."""
 
-CURRENT, DERIVATIVE, ERROR, TRIP = (slice(STATE + 4 * k, STATE + 4 * k + 4) for k in range(4))
+CURRENT, DERIVATIVE, ERROR, TRIP = (
+    slice(STATE_SIZE + 4 * k, STATE_SIZE + 4 * k + 4) for k in range(4)
+)
 """Slices of the last 16 entries of a state (44,), which belong to the controllers.
 
 They contain the motor currents in A, the derivative terms in A, the following errors in rad, and 1
 for a drive that has switched off because of its following error (otherwise 0).
 """
-FULL_STATE = STATE + 16
+CONTROLLED_STATE_SIZE = STATE_SIZE + 16
 """Length of a state of the arm with its controllers."""
-_CHUNK = 250
+_PERIODS_PER_CHUNK = 250
 """Number of periods in a chunk, which one call of a CasADi function simulates."""
-_BREAKAWAY = 100
+_MAX_BREAKAWAY_PERIODS = 100
 """Largest number of periods from the first command to move until a drive breaks away."""
 
 
@@ -80,7 +88,7 @@ class Commands:
 
 
 @record
-class Played:
+class Playback:
     """Simulated states and following errors in n periods of the position loop."""
 
     states: Array
@@ -91,7 +99,7 @@ class Played:
     """1 if the demanded current exceeded the possible current, otherwise 0, (n, 4)."""
 
 
-def commands(
+def commands_from_setpoints(
     streams: dict[str, Stream],
     axes: dict[str, Axis],
     controller: Controller,
@@ -145,17 +153,18 @@ def commands(
     )
 
 
-def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
+def robot_compliance(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
     """Return the springs, dampers and backlash between the drives and the joints.
 
     Values that neither the controller file nor the robot file states are assumed, see
-    `FREQUENCIES`, `BACKLASH` and `DAMPING_RATIO`. `scale` multiplies stiffness and damping.
+    `JOINT_FREQUENCIES`, `ASSUMED_BACKLASH` and `DAMPING_RATIO`. `scale` multiplies stiffness and
+    damping.
     """
-    frequency = list(FREQUENCIES)
-    backlash = list(BACKLASH)
+    frequency = list(JOINT_FREQUENCIES)
+    backlash = list(ASSUMED_BACKLASH)
     ratios = [DAMPING_RATIO] * 4
     body = RigidBody.from_robot(robot)
-    assumed = Compliance.of_frequency(body, np.zeros(4), frequency)
+    assumed = Compliance.from_frequencies(body, np.zeros(4), frequency)
     for k, (name, joint) in enumerate(zip(JOINTS, robot.joints, strict=True)):
         backlash[k] = backlash[k] if joint.backlash is None else joint.backlash
         backlash[k] += sum(play or 0.0 for play in joint.plays().values())
@@ -166,7 +175,7 @@ def compliance_of(robot: Robot, controller: Controller, scale: float = 1.0) -> C
             frequency[k] = settings.frequency or frequency[k]
             backlash[k] = backlash[k] if settings.backlash is None else settings.backlash
             ratios[k] = settings.damping_ratio
-    default = Compliance.of_frequency(body, np.zeros(4), frequency)
+    default = Compliance.from_frequencies(body, np.zeros(4), frequency)
     damping = default.damping * np.asarray(ratios) / DAMPING_RATIO
     return Compliance(default.stiffness * scale, damping * scale, np.asarray(backlash))
 
@@ -185,7 +194,7 @@ class ControlledArm(ArmPlant):
         windows: dict[str, float],
         *,
         compliance: Compliance | None = None,
-        steps: int = STEPS,
+        steps: int = STEPS_PER_PERIOD,
     ) -> None:
         """Build the CasADi function that simulates one period.
 
@@ -201,23 +210,25 @@ class ControlledArm(ArmPlant):
             Largest permitted following error in rad at the motor, by joint. A larger one trips the
             drive, which means that all drives switch off.
         compliance : Compliance, optional
-            Springs, dampers and backlash. The default is that of `compliance_of`.
+            Springs, dampers and backlash. The default is that of `robot_compliance`.
         steps : int
             Number of steps of the plant in one period of the position loop.
         """
         self.period = controller.loop_period
         self.steps = steps
-        super().__init__(robot, compliance or compliance_of(robot, controller), self.period / steps)
+        super().__init__(
+            robot, compliance or robot_compliance(robot, controller), self.period / steps
+        )
         self.controller = controller
         self.axes = axes
         self.windows = windows
-        self.electrics: dict[int, Electrics] = {
-            k: electrics_of(robot.joints[k], controller) for k in self.driven
+        self.electrics: dict[int, MotorElectrics] = {
+            k: motor_electrics(robot.joints[k], controller) for k in self.driven
         }
         self.control_step = self._period_function()
-        self._chunk = self.control_step.mapaccum("arm", _CHUNK)
+        self._chunk = self.control_step.mapaccum("arm", _PERIODS_PER_CHUNK)
 
-    def start(self, q: Array, qd: Array, qdd: Array, command: Commands) -> Array:
+    def initial_state(self, q: Array, qd: Array, qdd: Array, command: Commands) -> Array:
         """Return the state (44,) of an arm that already follows a motion.
 
         The motors are at the angles that the encoders expect, and the loads deflect the joints. The
@@ -231,8 +242,10 @@ class ControlledArm(ArmPlant):
         command : Commands
             Commands of the motion.
         """
-        state = np.concatenate([self.in_motion(q, qd, qdd), np.zeros(FULL_STATE - STATE)])
-        motor = self.at_rest(q)[MOTOR]
+        state = np.concatenate(
+            [self.state_in_motion(q, qd, qdd), np.zeros(CONTROLLED_STATE_SIZE - STATE_SIZE)]
+        )
+        motor = self.state_at_rest(q)[MOTOR]
         torques = motor_torque(self.robot, q, qd, qdd)
         for k in self.driven:
             state[Q][k] -= (state[MOTOR][k] - motor[k]) / self.drive(k).ratio
@@ -240,7 +253,7 @@ class ControlledArm(ArmPlant):
             if state[W][k] == 0.0:
                 continue
             joint, electrics = self.robot.joints[k], self.electrics[k]
-            gains = gains_of(joint, self.controller, electrics)
+            gains = loop_gains(joint, self.controller, electrics)
             state[CURRENT][k] = torques[k] / electrics.torque_constant
             state[INTEGRAL][k] = state[CURRENT][k] - (
                 gains.ff_velocity * command.speed[0, k]
@@ -254,19 +267,19 @@ class ControlledArm(ArmPlant):
         """Torque constants of the four motors, N·m/A. 0 for a joint without a drive."""
         return [getattr(self.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
 
-    def offsets(self, q: Array) -> Array:
+    def encoder_offsets(self, q: Array) -> Array:
         """Return the offsets (4,) of the encoders, rad.
 
         The encoders were set to ratio · q while the arm rested at joint positions q (4,), although
         the weight deflected the joints. The offset is the motor angle minus this value.
         """
-        state = self.at_rest(q)
+        state = self.state_at_rest(q)
         offsets = np.zeros(4)
         for k in self.driven:
             offsets[k] = state[MOTOR][k] - self.drive(k).ratio * q[k]
         return offsets
 
-    def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Played:
+    def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Playback:
         """Simulate the arm while its controllers execute commands.
 
         If one period of a chunk needs half steps, the whole chunk is simulated with half steps.
@@ -280,7 +293,7 @@ class ControlledArm(ArmPlant):
         offsets : (4,)
             Offsets of the encoders, see the method `offsets`, rad.
         friction : (28,)
-            Friction parameters in the layout of `ArmPlant.friction`.
+            Friction parameters in the layout of `ArmPlant.friction_parameters`.
 
         Returns
         -------
@@ -290,23 +303,23 @@ class ControlledArm(ArmPlant):
         constants = np.concatenate([offsets, friction])
         table = command.table()
         table = np.hstack([table, np.tile(constants, (len(table), 1))])
-        needs_halves = self.needs_half_steps(command)
+        needs_halves = self.half_step_periods(command)
         states = [state[None]]
         errors = []
         saturated = []
-        for start in range(0, len(table), _CHUNK):
-            rows = table[start : start + _CHUNK]
+        for start in range(0, len(table), _PERIODS_PER_CHUNK):
+            rows = table[start : start + _PERIODS_PER_CHUNK]
             count = len(rows)
             # Every chunk has the same length, so the last row of a short one is repeated.
-            rows = np.pad(rows, ((0, _CHUNK - count), (0, 0)), "edge")
+            rows = np.pad(rows, ((0, _PERIODS_PER_CHUNK - count), (0, 0)), "edge")
             simulate_chunk = self._chunk_in_halves if needs_halves[start] else self._chunk
             next_states, following_errors, is_cut = simulate_chunk(states[-1][-1], rows.T)
             states.append(next_states.full().T[:count])
             errors.append(following_errors.full().T[:count])
             saturated.append(is_cut.full().T[:count])
-        return Played(np.vstack(states), np.vstack(errors), np.vstack(saturated))
+        return Playback(np.vstack(states), np.vstack(errors), np.vstack(saturated))
 
-    def needs_half_steps(self, command: Commands) -> Mask:
+    def half_step_periods(self, command: Commands) -> Mask:
         """Return a mask (n,) of the periods that must be simulated with half steps of the plant.
 
         The error of full steps is largest while a drive breaks away. The mask contains every chunk
@@ -315,9 +328,12 @@ class ControlledArm(ArmPlant):
         moving = command.speed != 0
         was_moving = np.vstack([np.zeros((1, 4), dtype=bool), moving[:-1]])
         starts = (moving & ~was_moving).any(axis=1)
-        chunks = range(0, len(starts), _CHUNK)
-        has_start = [starts[max(0, k - _BREAKAWAY) : k + _CHUNK].any() for k in chunks]
-        return np.repeat(has_start, _CHUNK)[: len(starts)]
+        chunks = range(0, len(starts), _PERIODS_PER_CHUNK)
+        has_start = [
+            starts[max(0, k - _MAX_BREAKAWAY_PERIODS) : k + _PERIODS_PER_CHUNK].any()
+            for k in chunks
+        ]
+        return np.repeat(has_start, _PERIODS_PER_CHUNK)[: len(starts)]
 
     @cached_property
     def control_step_in_halves(self) -> ca.Function:
@@ -332,7 +348,7 @@ class ControlledArm(ArmPlant):
     @cached_property
     def _chunk_in_halves(self) -> ca.Function:
         """CasADi function that simulates a chunk of periods with half steps."""
-        return self.control_step_in_halves.mapaccum("halves", _CHUNK)
+        return self.control_step_in_halves.mapaccum("halves", _PERIODS_PER_CHUNK)
 
     def _period_function(self) -> ca.Function:
         """Build the CasADi function that advances the arm by one period of the position loop.
@@ -345,18 +361,18 @@ class ControlledArm(ArmPlant):
             the next state (44,), the following errors (4,) in rad, and 1 for each motor (4,) whose
             current is limited, otherwise 0.
         """
-        x = ca.SX.sym("x", FULL_STATE)
-        u = ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION))
+        x = ca.SX.sym("x", CONTROLLED_STATE_SIZE)
+        u = ca.SX.sym("u", 25 + 4 + 4 * len(FRICTION_PARAMETERS))
         prescribed, stalled, friction = u[16:20], u[20:24], u[29:]
         power = ca.logic_and(u[24], ca.mmax(x[TRIP]) == 0)
         names = ("tau", "current", "i", "d", "e", "trip", "cut")
         columns = {name: ca.SX.zeros(4) for name in names}  # Joints without a drive have zeros.
         for k in self.driven:
-            for name, value in self._loop(k, x, u, power).items():
+            for name, value in self._control_joint(k, x, u, power).items():
                 columns[name][k] = value
         # The actuation of a joint without a drive is not modelled. It stops if the power fails.
         locked = ca.if_else(power, prescribed, -x[QD] / self.period)
-        plant_state = ca.vertcat(x[: INTEGRAL.start], columns["i"], x[INTEGRAL.stop : STATE])
+        plant_state = ca.vertcat(x[: INTEGRAL.start], columns["i"], x[INTEGRAL.stop : STATE_SIZE])
         step_once = self.step_function()
         for _ in range(self.steps):
             plant_state = step_once(plant_state, columns["tau"], locked, stalled, friction)
@@ -364,7 +380,7 @@ class ControlledArm(ArmPlant):
         state = ca.vertcat(plant_state, *controller_state)
         return dense_function("period", [x, u], [state, columns["e"], columns["cut"]])
 
-    def _loop(self, k: int, x: ca.SX, u: ca.SX, power: ca.SX) -> dict[str, ca.SX]:
+    def _control_joint(self, k: int, x: ca.SX, u: ca.SX, power: ca.SX) -> dict[str, ca.SX]:
         """Advance the controller of one joint by one period.
 
         Parameters
@@ -390,11 +406,11 @@ class ControlledArm(ArmPlant):
         offset = u[k + 25]
         joint = self.robot.joints[k]
         electrics = self.electrics[k]
-        gains = gains_of(joint, self.controller, electrics)
+        gains = loop_gains(joint, self.controller, electrics)
         counts_per_turn = self.axes[joint.name].counts_per_turn
-        error = demand - encoder(x[MOTOR][k] - offset, counts_per_turn)
+        error = demand - round_to_increments(x[MOTOR][k] - offset, counts_per_turn)
         feedforward = gains.ff_velocity * speed + gains.ff_acceleration * acceleration
-        step = loop_step(
+        step = advance_loops(
             gains,
             electrics,
             self.period,

@@ -13,7 +13,7 @@ from ssm_planner.simulation.simulate import SimulationResult
 from ssm_planner.typing import Array, Files, Indices
 from ssm_planner.units import SPEEDS
 
-SAMPLING = 1e-3
+SAMPLING_PERIOD = 1e-3
 """Default sampling period, s."""
 _CHANNELS = (
     "Velocity actual value averaged",
@@ -22,7 +22,9 @@ _CHANNELS = (
 )
 
 
-def write_recordings(result: SimulationResult, folder: Path, sampling: float = SAMPLING) -> Files:
+def write_recordings(
+    result: SimulationResult, folder: Path, sampling: float = SAMPLING_PERIOD
+) -> Files:
     """Write one recording for each driven joint into a folder, and return the paths by joint.
 
     `sampling` is the sampling period in s. Raises ExportError if a file cannot be written.
@@ -34,7 +36,7 @@ def write_recordings(result: SimulationResult, folder: Path, sampling: float = S
 
 
 def write_recording(
-    result: SimulationResult, joint: str, path: Path, sampling: float = SAMPLING
+    result: SimulationResult, joint: str, path: Path, sampling: float = SAMPLING_PERIOD
 ) -> Path:
     """Write the recording of one joint in the layout of the recorder of an EPOS controller.
 
@@ -64,8 +66,10 @@ def write_recording(
     times = np.minimum(np.arange(count) * sampling, result.time[-1])
     step = result.time[1] - result.time[0]
     indices = np.minimum(np.rint(times / step).astype(int), len(result.time) - 1)
-    speed = axis.direction * _averaged(result.w[:, k], indices) / SPEEDS["rpm"]
-    torque = axis.direction * 100.0 * _averaged(result.torque[:, k], indices) / axis.rated_torque
+    speed = axis.direction * _period_means(result.w[:, k], indices) / SPEEDS["rpm"]
+    torque = (
+        axis.direction * 100.0 * _period_means(result.torque[:, k], indices) / axis.rated_torque
+    )
     turns = axis.direction * result.motor_angle[indices, k] / (2.0 * np.pi)
     increments = np.floor(turns * axis.counts_per_turn + 0.5)
     rows = np.column_stack([1000.0 * times, np.rint(speed), np.round(torque, 1), increments])
@@ -83,7 +87,7 @@ def write_recording(
     return path
 
 
-def _averaged(values: Array, indices: Indices) -> Array:
+def _period_means(values: Array, indices: Indices) -> Array:
     """Return the means (k,) of values (n,) over the sampling periods that begin at indices (k,)."""
     total = np.append(0.0, np.cumsum(values))
     step = max(1, int(np.median(np.diff(indices)))) if len(indices) > 1 else 1

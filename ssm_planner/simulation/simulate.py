@@ -23,42 +23,42 @@ from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import JOINTS, Controller, Robot
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.simulation.draws import Draws, drawn_frictions, play_draws
+from ssm_planner.simulation.draws import Draws, draw_frictions, play_draws
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
 from ssm_planner.simulation.playback import (
     CURRENT,
     TRIP,
     Commands,
     ControlledArm,
-    Played,
-    commands,
-    compliance_of,
+    Playback,
+    commands_from_setpoints,
+    robot_compliance,
 )
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 
-PERIOD = 1
+SETPOINT_INTERVAL = 1
 """Interval between the exported set points, ms."""
-COUNTS = 4096
+ASSUMED_ENCODER_COUNTS = 4096
 """Assumed encoder increments per motor turn, if the files of motor and controller omit them.
 
 The test rigs of the paper have this value.
 """
-TIP_ERROR = 1e-4
+DEFAULT_TIP_ERROR = 1e-4
 """Default of the largest permitted tip error, m.
 
 The tremor of an unaided hand has about this size (0.05 to 0.18 mm RMS).
 """
-SETTLE = 0.2
+HOLDING_TIME = 0.2
 """Time for which the drives hold the target before they lose power, s."""
-HORIZON = 1.0
+MAX_STOPPING_TIME = 1.0
 """Time after a loss of power within which the arm must come to rest, s."""
-STILL = 0.05
+STANDSTILL_TIME = 0.05
 """Time without motion after which the arm counts as standing still, s.
 
 A joint that swings on its spring turns back within this time.
 """
-REST_SPEED = 1e-3
+REST_SPEED_RATIO = 1e-3
 """Joint speed below which a joint counts as at rest, as a share of its velocity limit."""
 EVERYWHERE: Literal["everywhere"] = "everywhere"
 """Value of `Scenario.power_loss` that simulates a loss of power at many instants."""
@@ -86,7 +86,7 @@ class Scenario:
     """Time at which all drives lose their power, s.
 
     "everywhere" simulates a loss at many instants. With None, the drives lose their power after
-    they have held the target for `SETTLE`.
+    they have held the target for `HOLDING_TIME`.
     """
     instants: int = 1000
     """Number of instants for `power_loss="everywhere"`."""
@@ -109,7 +109,7 @@ class Scenario:
 
     None keeps these parameters at the values of the drive file.
     """
-    tip_error: float = TIP_ERROR
+    tip_error: float = DEFAULT_TIP_ERROR
     """Largest permitted tip error, m."""
     travel: float | None = None
     """Largest permitted travel of the tip after a loss of power, m. None permits any travel."""
@@ -257,7 +257,10 @@ class PowerLosses:
     travel: Array
     """Largest distance of the tip from its position at the loss, (n,), m."""
     standing: Array
-    """Time until the arm rests, (n,), s. Infinite if the arm still moves after `HORIZON`."""
+    """Time until the arm rests, (n,), s.
+
+    It is infinite if the arm still moves after `MAX_STOPPING_TIME`.
+    """
 
     @property
     def holds(self) -> bool:
@@ -421,15 +424,15 @@ def simulate(
         controller = replace(controller, supply=scenario.supply)
     if scenario.speed != 1.0:
         plan = replace(plan, trajectory=plan.motion.slower(scenario.speed))
-    stage = _Stage(plan, scenario, controller)
+    stage = _Simulation(plan, scenario, controller)
     progress(Step("playing the set points"))
     played = stage.play()
     progress(Step("losing power"))
-    losses = stage.lose_power(played, progress)
+    losses = stage.simulate_power_losses(played, progress)
     return stage.result(played, losses, stage.draws(progress))
 
 
-class _Stage:
+class _Simulation:
     """Simulation of one plan in one scenario.
 
     It prepares the commands once, and builds one simulated arm for each payload.
@@ -441,19 +444,23 @@ class _Stage:
         self.scenario = scenario
         self.controller = controller
         robot = plan.robot
-        self.axes = drive_axes(robot, _counts(robot, controller))
-        self.windows = {name: self._window(axis) for name, axis in self.axes.items()}
+        self.axes = drive_axes(robot, _encoder_counts(robot, controller))
+        self.windows = {name: self._error_window(axis) for name, axis in self.axes.items()}
         self.arms: dict[float, ControlledArm] = {}
         self.unknown: tuple[str, ...] = ()
         self.period = controller.loop_period
         loss = scenario.power_loss
-        end = loss + HORIZON if isinstance(loss, float) else plan.motion.duration + SETTLE
+        end = (
+            loss + MAX_STOPPING_TIME
+            if isinstance(loss, float)
+            else plan.motion.duration + HOLDING_TIME
+        )
         self.time: Array = self.period * np.arange(round(end / self.period), dtype=float)
-        time_scale = setpoint_times(plan, PERIOD)[1]
+        time_scale = setpoint_times(plan, SETPOINT_INTERVAL)[1]
         samples = sample_slowed_plan(plan, plan.motion.breaks[0] + self.time, time_scale)
         self.planned = samples.q
         speed = samples.qd
-        is_standing = np.abs(speed[0]) <= REST_SPEED * robot.velocities
+        is_standing = np.abs(speed[0]) <= REST_SPEED_RATIO * robot.velocities
         velocity = np.where(is_standing, 0.0, speed[0])
         self.initial_motion = samples.q[0], velocity, samples.qdd[0] * np.any(velocity)
         prescribed = np.diff(speed, axis=0, append=speed[-1:]) / self.period
@@ -462,7 +469,7 @@ class _Stage:
     def arm(self, payload: float) -> ControlledArm:
         """Return the simulated arm with a point mass in kg at its tip. It is built on first use."""
         if payload not in self.arms:
-            springs = compliance_of(self.plan.robot, self.controller, self.scenario.compliance)
+            springs = robot_compliance(self.plan.robot, self.controller, self.scenario.compliance)
             robot = with_payload(self.plan.robot, payload)
             windows = {
                 name: 2 * np.pi / axis.counts_per_turn * self.windows[name]
@@ -473,7 +480,7 @@ class _Stage:
             )
         return self.arms[payload]
 
-    def play(self) -> Played:
+    def play(self) -> Playback:
         """Simulate the complete motion.
 
         If the scenario has a time of the payload, an arm without a payload moves until then, and an
@@ -481,24 +488,24 @@ class _Stage:
         """
         scenario = self.scenario
         arm = self.arm(0.0 if scenario.payload_time > 0 else scenario.payload)
-        state = arm.start(*self.initial_motion, self.commands)
-        self.offsets = arm.offsets(self.planned[0])
-        self.friction = arm.friction(scenario.friction)
+        state = arm.initial_state(*self.initial_motion, self.commands)
+        self.offsets = arm.encoder_offsets(self.planned[0])
+        self.friction = arm.friction_parameters(scenario.friction)
         change = round(scenario.payload_time / self.period) if scenario.payload_time > 0 else 0
         if not change or not scenario.payload:
             return arm.play(state, self.commands, self.offsets, self.friction)
-        commands_before = rows_of(self.commands, slice(0, change))
-        commands_after = rows_of(self.commands, slice(change, None))
+        commands_before = select_periods(self.commands, slice(0, change))
+        commands_after = select_periods(self.commands, slice(change, None))
         empty = arm.play(state, commands_before, self.offsets, self.friction)
         arm = self.arm(scenario.payload)
         loaded = arm.play(empty.states[-1], commands_after, self.offsets, self.friction)
-        return Played(
+        return Playback(
             np.vstack([empty.states, loaded.states[1:]]),
             np.vstack([empty.error, loaded.error]),
             np.vstack([empty.saturated, loaded.saturated]),
         )
 
-    def lose_power(self, played: Played, progress: Progress) -> PowerLosses:
+    def simulate_power_losses(self, played: Playback, progress: Progress) -> PowerLosses:
         """Simulate losses of power, each beginning with the state of the playback at its instant.
 
         Parameters
@@ -520,7 +527,9 @@ class _Stage:
         else:
             instants = np.array([loss if isinstance(loss, float) else self.time[-1]])
         # Without power, the demanded positions have no effect, so the first row is repeated.
-        unpowered = rows_of(self.commands, np.zeros(round(HORIZON / self.period), dtype=int))
+        unpowered = select_periods(
+            self.commands, np.zeros(round(MAX_STOPPING_TIME / self.period), dtype=int)
+        )
         unpowered = replace(unpowered, power=np.zeros(len(unpowered.power)))
         travel = np.zeros(len(instants))
         rest_time = np.zeros(len(instants))
@@ -528,10 +537,12 @@ class _Stage:
             if len(instants) > 1 and i % 250 == 0:
                 progress(Step("losing power at all instants", i, len(instants)))
             k = min(round(instant / self.period), len(self.time))
-            travel[i], rest_time[i] = self._stop(played.states[k], unpowered, instant)
+            travel[i], rest_time[i] = self._stop_without_power(played.states[k], unpowered, instant)
         return PowerLosses(instants, travel, rest_time)
 
-    def _stop(self, state: Array, unpowered: Commands, instant: float) -> tuple[float, float]:
+    def _stop_without_power(
+        self, state: Array, unpowered: Commands, instant: float
+    ) -> tuple[float, float]:
         """Simulate the arm without power until it rests.
 
         Parameters
@@ -553,24 +564,24 @@ class _Stage:
         arm = self.arm(self.scenario.payload if instant >= self.scenario.payload_time else 0.0)
         states = [state[None, :]]
         chunk = 250
-        still_periods = round(STILL / self.period)
+        still_periods = round(STANDSTILL_TIME / self.period)
         for k in range(0, len(unpowered.power), chunk):
-            commands = rows_of(unpowered, slice(k, k + chunk))
+            commands = select_periods(unpowered, slice(k, k + chunk))
             continuation = arm.play(states[-1][-1], commands, self.offsets, self.friction)
             states.append(continuation.states[1:])
-            if np.all(self._standing(continuation.states)[-still_periods:]):
+            if np.all(self._is_at_rest(continuation.states)[-still_periods:]):
                 break
         path = np.vstack(states)
-        moving = np.flatnonzero(np.logical_not(self._standing(path)))
+        moving = np.flatnonzero(np.logical_not(self._is_at_rest(path)))
         periods = moving[-1] + 1 if len(moving) else 0
         tips = tip_position(Mechanism.from_robot(self.plan.robot), path[::5, Q])
         travel = float(np.linalg.norm(tips - tips[0], axis=1).max())
         stopped = periods <= len(path) - still_periods or not len(moving)
         return travel, float(self.period * periods) if stopped else np.inf
 
-    def _standing(self, states: Array) -> Array:
+    def _is_at_rest(self, states: Array) -> Array:
         """Return a mask (n,) of the states (n, 44) in which all motors and joints are at rest."""
-        rest_speeds = REST_SPEED * self.plan.robot.velocities
+        rest_speeds = REST_SPEED_RATIO * self.plan.robot.velocities
         joints_rest = np.all(np.abs(states[:, QD]) <= rest_speeds, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_rest
 
@@ -582,11 +593,11 @@ class _Stage:
         scenario = self.scenario
         if not scenario.draws:
             return None
-        frictions, self.unknown = drawn_frictions(self.plan.robot, scenario.draws, scenario.spread)
+        frictions, self.unknown = draw_frictions(self.plan.robot, scenario.draws, scenario.spread)
         arm = self.arm(scenario.payload)
         return play_draws(
             arm,
-            arm.start(*self.initial_motion, self.commands),
+            arm.initial_state(*self.initial_motion, self.commands),
             self.commands,
             offsets=self.offsets,
             friction=scenario.friction * frictions,
@@ -596,7 +607,7 @@ class _Stage:
         )
 
     def result(
-        self, played: Played, losses: PowerLosses, draws: Draws | None = None
+        self, played: Playback, losses: PowerLosses, draws: Draws | None = None
     ) -> SimulationResult:
         """Combine the playback, the losses of power and the draws to a result with its verdict."""
         states = played.states[:-1]
@@ -614,7 +625,7 @@ class _Stage:
             rms = float(np.sqrt(np.mean(error**2)))
             tracking.append(Tracking(name, float(np.abs(error).max()), rms))
         motors = tuple(
-            self._motor(k, torque[:count, k], played, bool(tripped[k]))
+            self._motor_use(k, torque[:count, k], played, bool(tripped[k]))
             for k, joint in enumerate(robot.joints)
             if joint.drive is not None
         )
@@ -635,12 +646,12 @@ class _Stage:
             scenario=self.scenario,
             reasons=(),
             axes=self.axes,
-            notes=self._notes() + self.unknown,
+            notes=self._assumptions() + self.unknown,
             draws=draws,
         )
-        return replace(result, reasons=tuple(_reasons(result)))
+        return replace(result, reasons=tuple(_failure_reasons(result)))
 
-    def _motor(self, k: int, torque: Array, played: Played, tripped: bool) -> MotorUse:
+    def _motor_use(self, k: int, torque: Array, played: Playback, tripped: bool) -> MotorUse:
         """Return the largest torque, the following error and the faults of the motor of one joint.
 
         Parameters
@@ -669,14 +680,14 @@ class _Stage:
             placeholder=motor is not None and motor.placeholder,
         )
 
-    def _window(self, axis: Axis) -> int:
+    def _error_window(self, axis: Axis) -> int:
         """Return the following error that trips a drive, in increments of the encoder.
 
         It is that of the controller file or, if the file does not state one, that of the export.
         """
         window = self.controller.axis(axis.name).following_error
         if window is None:
-            return following_error_window(axis, PERIOD)
+            return following_error_window(axis, SETPOINT_INTERVAL)
         return max(round(window * abs(axis.increments_per_unit)), 1)
 
     def _commands(self, prescribed: Array) -> Commands:
@@ -685,14 +696,16 @@ class _Stage:
         `prescribed` (n, 4) contains the accelerations of joints without a drive, rad/s² or m/s².
         """
         scenario = self.scenario
-        streams = csp_streams(self.plan, self.axes, PERIOD)
+        streams = csp_streams(self.plan, self.axes, SETPOINT_INTERVAL)
         if scenario.dropped is not None:
             for stream in streams.values():
                 for column in stream.values():
-                    lost_row = min(max(1, round(1000 * scenario.dropped / PERIOD)), len(column) - 1)
+                    lost_row = min(
+                        max(1, round(1000 * scenario.dropped / SETPOINT_INTERVAL)), len(column) - 1
+                    )
                     column[lost_row] = column[lost_row - 1]
-        result = commands(
-            streams, self.axes, self.controller, (self.time, prescribed), PERIOD / 1000
+        result = commands_from_setpoints(
+            streams, self.axes, self.controller, (self.time, prescribed), SETPOINT_INTERVAL / 1000
         )
         if scenario.wrong_direction is not None:
             k = JOINTS.index(scenario.wrong_direction)
@@ -706,7 +719,7 @@ class _Stage:
             result.stalled[self.time >= stall_time - 1e-9, JOINTS.index(joint)] = 1.0
         return result
 
-    def _notes(self) -> tuple[str, ...]:
+    def _assumptions(self) -> tuple[str, ...]:
         """Return the assumptions of the simulation, as sentences for the result."""
         notes = ["spring, damper and backlash between motor and joint are assumed, not measured"]
         for joint in self.plan.robot.joints:
@@ -715,8 +728,8 @@ class _Stage:
                 continue
             if motor.encoder_counts is None and self.controller.counts_per_turn is None:
                 notes.append(
-                    f"joint {joint.name}: its motor file gives no encoder; {COUNTS} increments per "
-                    "turn are assumed"
+                    f"joint {joint.name}: its motor file gives no encoder; "
+                    f"{ASSUMED_ENCODER_COUNTS} increments per turn are assumed"
                 )
             elif motor.encoder_counts is not None and not motor.encoder_known:
                 notes.append(
@@ -733,7 +746,7 @@ class _Stage:
         return tuple(notes)
 
 
-def rows_of(commands: Commands, rows: slice | Array) -> Commands:
+def select_periods(commands: Commands, rows: slice | Array) -> Commands:
     """Return the commands in the selected periods.
 
     `rows` is a slice or an array of indices (m,).
@@ -741,21 +754,21 @@ def rows_of(commands: Commands, rows: slice | Array) -> Commands:
     return Commands(**{name: column[rows] for name, column in vars(commands).items()})
 
 
-def _counts(robot: Robot, controller: Controller) -> dict[str, int]:
+def _encoder_counts(robot: Robot, controller: Controller) -> dict[str, int]:
     """Return the encoder increments per motor turn by joint.
 
-    The motor file has priority over the controller file. If neither states them, `COUNTS` is
-    assumed.
+    The motor file has priority over the controller file. If neither states them, the
+    result is `ASSUMED_ENCODER_COUNTS`.
     """
     counts = {}
     for joint in robot.joints:
-        counts[joint.name] = controller.counts_per_turn or COUNTS
+        counts[joint.name] = controller.counts_per_turn or ASSUMED_ENCODER_COUNTS
         if joint.motor is not None and joint.motor.increments is not None:
             counts[joint.name] = joint.motor.increments
     return counts
 
 
-def _reasons(result: SimulationResult) -> list[str]:
+def _failure_reasons(result: SimulationResult) -> list[str]:
     """Return the reasons why a simulation failed, as sentences. The list is empty if it passed."""
     scenario = result.scenario
     reasons = []
@@ -791,7 +804,9 @@ def _reasons(result: SimulationResult) -> list[str]:
     losses = result.losses
     if not losses.holds:
         time = float(losses.time[np.argmax(~np.isfinite(losses.standing))])
-        reasons.append(f"without power at {time:.4f} s the arm does not stand within {HORIZON:g} s")
+        reasons.append(
+            f"without power at {time:.4f} s the arm does not stand within {MAX_STOPPING_TIME:g} s"
+        )
     if scenario.travel is not None and result.travel > scenario.travel:
         reasons.append(
             f"without power at {float(losses.time[losses.worst]):.4f} s the tip travels "

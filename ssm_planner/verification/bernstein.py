@@ -16,11 +16,11 @@ from numpy.polynomial.polynomial import polyval
 
 from ssm_planner.typing import Array, Indices
 
-DEPTH = 48
+MAX_HALVINGS = 48
 """Number of halvings after which an interval counts as a point."""
-BISECTIONS = 54
+BISECTION_STEPS = 54
 """Number of bisections of an interval with one zero."""
-FEW = 8
+MAX_SCALAR_POLYNOMIALS = 8
 """Number of polynomials up to which Python floats are faster than arrays."""
 
 
@@ -67,7 +67,7 @@ def to_powers(coefficients: Array) -> Array:
     return powers * np.array([comb(degree, i) for i in range(degree + 1)], dtype=float)
 
 
-def halves(coefficients: Array) -> tuple[Array, Array]:
+def split_at_middle(coefficients: Array) -> tuple[Array, Array]:
     """Divide polynomials at the middle of the interval by de Casteljau's algorithm.
 
     Parameters
@@ -90,7 +90,9 @@ def halves(coefficients: Array) -> tuple[Array, Array]:
     return np.stack(left_half).T, np.stack(right_half[::-1]).T
 
 
-def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Array, Indices, Array]:
+def find_group_maxima(
+    coefficients: Array, tolerance: Array, threshold: Array
+) -> tuple[Array, Indices, Array]:
     """Find the largest value on [0, 1] in each of k groups of m polynomials.
 
     The intervals are halved. An interval is dropped when its Bernstein coefficients show that it
@@ -123,10 +125,10 @@ def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Arr
     pieces = coefficients[group, :, polynomial]
     start = np.zeros(len(polynomial))
     width = 1.0
-    for _ in range(DEPTH):
+    for _ in range(MAX_HALVINGS):
         if not len(polynomial):
             break
-        left_half, right_half = halves(pieces)
+        left_half, right_half = split_at_middle(pieces)
         width /= 2
         middle = right_half[:, 0]
         better = np.flatnonzero(middle > maximum[group])
@@ -152,7 +154,7 @@ def maxima(coefficients: Array, tolerance: Array, threshold: Array) -> tuple[Arr
     return maximum, index, argument
 
 
-def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:
+def find_sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:
     """Find every zero inside (0, 1) at which a polynomial changes its sign.
 
     Only polynomials that leave [−tolerance, tolerance] on both sides are examined. A zero at which
@@ -176,10 +178,10 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
     start = np.zeros(len(index))
     width = 1.0
     roots: list[tuple[Indices, Array]] = []
-    for _ in range(DEPTH):
+    for _ in range(MAX_HALVINGS):
         if not len(index):
             break
-        left_half, right_half = halves(pieces)
+        left_half, right_half = split_at_middle(pieces)
         width /= 2
         pieces = np.concatenate([left_half, right_half])
         index = np.tile(index, 2)
@@ -188,9 +190,9 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
         pieces = pieces[keep]
         index = index[keep]
         start = start[keep]
-        single = _changes(pieces) == 1
+        single = _count_sign_changes(pieces) == 1
         single &= (pieces[:, 0] != 0) & (pieces[:, -1] != 0)
-        roots.append((index[single], start[single] + width * _bisect(pieces[single])))
+        roots.append((index[single], start[single] + width * _find_single_zeros(pieces[single])))
         pieces = pieces[~single]
         index = index[~single]
         start = start[~single]
@@ -205,7 +207,7 @@ def sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]
     return polynomial[interior & fresh], s[interior & fresh]
 
 
-def _changes(coefficients: Array) -> Indices:
+def _count_sign_changes(coefficients: Array) -> Indices:
     """Return the number of sign changes in each row of coefficients.
 
     Zeros are skipped, so (1, 0, −1) has one change.
@@ -225,7 +227,7 @@ def _changes(coefficients: Array) -> Indices:
     return np.count_nonzero(signs[1:] * signs[:-1] < 0, axis=0)
 
 
-def _bisect(coefficients: Array) -> Array:
+def _find_single_zeros(coefficients: Array) -> Array:
     """Find the single zero of each polynomial in [0, 1] by bisection.
 
     Parameters
@@ -239,17 +241,17 @@ def _bisect(coefficients: Array) -> Array:
         Arguments of the zeros.
     """
     powers = to_powers(coefficients)
-    if len(powers) <= FEW:
+    if len(powers) <= MAX_SCALAR_POLYNOMIALS:
         return np.array(
             [
-                _bisected(row, bool(start_sign > 0))
+                _find_single_zero(row, bool(start_sign > 0))
                 for row, start_sign in zip(powers.tolist(), coefficients[:, 0], strict=True)
             ]
         )
     low = np.zeros(len(powers))
     high = np.ones(len(powers))
     start_sign = np.sign(coefficients[:, 0])
-    for _ in range(BISECTIONS):
+    for _ in range(BISECTION_STEPS):
         middle = (low + high) / 2
         ahead = np.sign(polyval(middle, powers.T, tensor=False)) == start_sign
         low = np.where(ahead, middle, low)
@@ -257,12 +259,12 @@ def _bisect(coefficients: Array) -> Array:
     return high
 
 
-def _bisected(powers: list[float], falling: bool) -> float:
-    """Return the zero of one polynomial, with its power coefficients, like `_bisect`."""
+def _find_single_zero(powers: list[float], falling: bool) -> float:
+    """Return the zero of one polynomial, with its power coefficients, like `_find_single_zeros`."""
     low = 0.0
     high = 1.0
     leading, *lower = powers[::-1]
-    for _ in range(BISECTIONS):
+    for _ in range(BISECTION_STEPS):
         middle = (low + high) / 2
         value = leading
         for coefficient in lower:

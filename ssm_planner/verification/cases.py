@@ -24,24 +24,26 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem import FRICTION_LAWS, LAW_COLUMN, Drive, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory, blocks
 from ssm_planner.typing import Array, Arrays, Indices
-from ssm_planner.verification.limits import Case, Quantity
-from ssm_planner.verification.pieces import pieces_of
-from ssm_planner.verification.sampled_extremes import Intervals
+from ssm_planner.verification.limits import LimitedQuantity, WorstCase
+from ssm_planner.verification.pieces import piece_blocks
+from ssm_planner.verification.sampled_extremes import SampledIntervals
 
-INSTANTS = 250
+EVALUATED_INSTANTS = 250
 """Number of evenly spaced instants that are evaluated with every set.
 
 As many instants with the largest nominal torque are added.
 """
-RATE = 1e6
+MAX_SAMPLING_RATE = 1e6
 """Largest sampling rate, Hz. It limits the number of instants in short pieces."""
-SHARES = np.array([[0.0], [0.5], [1.0]])
+INTERVAL_FRACTIONS = np.array([[0.0], [0.5], [1.0]])
 """Instants in every interval in which no joint reverses, as fractions of its width."""
-BLOCK = 400_000
+TORQUES_PER_BLOCK = 400_000
 """Number of torques that are evaluated together."""
 
 
-def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> list[Quantity]:
+def worst_case_torques(
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits
+) -> list[LimitedQuantity]:
     """Return the motor torques of the worst cases.
 
     Parameters
@@ -66,8 +68,8 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
     if limits.friction is None and limits.payload is None:
         return []
     masses = sorted({0.0, *(limits.payload or ())})
-    motion = _Motion(trajectory, robot, masses)
-    quantities: list[Quantity] = []
+    motion = _SampledMotion(trajectory, robot, masses)
+    quantities: list[LimitedQuantity] = []
     for i, drive, _ in motorised(robot.joints):
         joint = robot.joints[i]
         sets = {} if drive.friction is None else {"mu": np.array([drive.friction.mu])}
@@ -80,7 +82,7 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
                     value=limits.friction,
                     allowed="drives with posterior, covariance or friction_ranges",
                 )
-            sets = _outermost(uncertain)
+            sets = _extreme_parameter_sets(uncertain)
         extreme_sets: set[tuple[int, int]] = set()
         for load in range(len(masses)):
             extreme_sets |= motion.extreme_sets(i, drive, sets, load)
@@ -91,8 +93,8 @@ def worst_cases(trajectory: Trajectory, robot: Robot, limits: TaskLimits) -> lis
             descriptions = [", ".join(texts)] if texts else []
             if limits.payload:
                 descriptions.append(f"payload {1e3 * mass:g} g")
-            case = Case(drive_with(drive, values), mass, "; ".join(descriptions))
-            quantities.append(Quantity(joint.limit(MotorTorque), i, case=case))
+            case = WorstCase(drive_with(drive, values), mass, "; ".join(descriptions))
+            quantities.append(LimitedQuantity(joint.limit(MotorTorque), i, case=case))
     return quantities
 
 
@@ -101,7 +103,7 @@ def _parameter_text(name: str, value: float) -> str:
     return f"{name} {FRICTION_LAWS[int(value)]}" if name == LAW_COLUMN else f"{name} {value:.4g}"
 
 
-def _outermost(sets: Arrays) -> Arrays:
+def _extreme_parameter_sets(sets: Arrays) -> Arrays:
     """Select the sets of friction parameters that can cause the largest or the smallest torque.
 
     The torque in the direction of motion grows with every parameter. A set can therefore have the
@@ -128,7 +130,7 @@ def _outermost(sets: Arrays) -> Arrays:
     return dict(zip(sets, outer.T, strict=True))
 
 
-class _Motion:
+class _SampledMotion:
     """A motion that is sampled at n instants, to compare the torques of many friction sets.
 
     The instants include both ends of every piece.
@@ -147,15 +149,19 @@ class _Motion:
 
     def __init__(self, trajectory: Trajectory, robot: Robot, masses: list[float]) -> None:
         """Sample a motion, and compute the joint torques for each payload in `masses`, kg."""
-        max_intervals = max(INSTANTS // (len(trajectory.breaks) - 1), 1)
+        max_intervals = max(EVALUATED_INSTANTS // (len(trajectory.breaks) - 1), 1)
         blocks = []
-        for pieces in pieces_of(trajectory):
-            intervals = Intervals.of_segments(
-                pieces, robot, *pieces.segments(robot), rate=RATE, max_intervals=max_intervals
+        for pieces in piece_blocks(trajectory):
+            intervals = SampledIntervals.from_segments(
+                pieces,
+                robot,
+                *pieces.split_at_reversals(robot),
+                rate=MAX_SAMPLING_RATE,
+                max_intervals=max_intervals,
             )
-            s = intervals.begin + SHARES * intervals.width
+            s = intervals.begin + INTERVAL_FRACTIONS * intervals.width
             q, qd, qdd = pieces.evaluate(intervals.piece, s)
-            starting = intervals.starting * (SHARES[:, :, None] == 0)
+            starting = intervals.starting * (INTERVAL_FRACTIONS[:, :, None] == 0)
             direction = np.broadcast_to(intervals.direction, starting.shape)
             blocks.append(np.stack([q, qd, qdd, direction, starting]).reshape(5, -1, 4))
         q, self.qd, self.qdd, self.direction, start = np.concatenate(blocks, axis=1)
@@ -190,8 +196,8 @@ class _Motion:
 
         A case is a pair (index of the set, index of the payload). The result contains the cases
         with the largest torque, the smallest torque and the largest mean square torque for this
-        payload. The sets are evaluated at `INSTANTS` evenly spaced instants, at those with the
-        largest nominal torque, and at all starts from rest.
+        payload. The sets are evaluated at `EVALUATED_INSTANTS` evenly spaced instants, at as many
+        instants with the largest nominal torque, and at all starts from rest.
 
         Parameters
         ----------
@@ -206,11 +212,11 @@ class _Motion:
         """
         all_instants = np.arange(len(self.qd))
         nominal = np.abs(self.torque(i, drive, load, all_instants)[0])
-        evenly_spaced = all_instants[:: max(len(all_instants) // INSTANTS, 1)]
-        largest_torques = np.argsort(nominal)[-INSTANTS:]
+        evenly_spaced = all_instants[:: max(len(all_instants) // EVALUATED_INSTANTS, 1)]
+        largest_torques = np.argsort(nominal)[-EVALUATED_INSTANTS:]
         starts = np.flatnonzero(self.start[:, i])
         instants = np.unique(np.concatenate([evenly_spaced, largest_torques, starts]))
-        block_size = max(BLOCK // len(instants), 1)
+        block_size = max(TORQUES_PER_BLOCK // len(instants), 1)
         set_count = len(next(iter(sets.values())))
         tables = []
         for block in blocks(set_count, block_size):

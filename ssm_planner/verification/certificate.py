@@ -29,7 +29,7 @@ from ssm_planner.representation import data_frame, html_table
 from ssm_planner.trajectory import BLOCK, Trajectory, blocks
 from ssm_planner.typing import JsonObject, frozen
 
-TOLERANCE = 1e-6
+ROUNDING_TOLERANCE = 1e-6
 """Relative excess of a limit that counts as rounding."""
 KEPT, VIOLATED, NOT_JUDGED = "kept", "violated", "not judged"
 """Verdicts on a limit and on a motion."""
@@ -112,8 +112,11 @@ class LimitCheck:
 
     @property
     def passed(self) -> bool:
-        """True if the limit is kept. A relative excess of `TOLERANCE` counts as rounding."""
-        return self.margin >= -TOLERANCE
+        """True if the limit is kept.
+
+        A relative excess up to `ROUNDING_TOLERANCE` counts as rounding.
+        """
+        return self.margin >= -ROUNDING_TOLERANCE
 
     @property
     def excess(self) -> str:
@@ -198,7 +201,7 @@ class Certificate:
     instants: int
     unchecked: tuple[str, ...] = ()
     sha256: str | None = None
-    """Seal of the check (see `sealed`). None if the caller requested no seal."""
+    """Seal of the check (see `with_seal`). None if the caller requested no seal."""
     unjudged: tuple[Unjudged, ...] = ()
     """Limits that count but could not be judged, with reasons.
 
@@ -236,7 +239,9 @@ class Certificate:
         endings = tuple(f" {name}" for name in names)
         allowed = [item for item in self.unjudged if f" {item.name}".endswith(endings)]
         remaining = tuple(item for item in self.unjudged if item not in allowed)
-        remarks = [f"{subject}: {reason} (allowed)" for subject, reason in subjects(allowed)]
+        remarks = [
+            f"{subject}: {reason} (allowed)" for subject, reason in describe_unjudged(allowed)
+        ]
         return replace(self, unjudged=remaining, unchecked=self.unchecked + tuple(remarks))
 
     @property
@@ -332,7 +337,7 @@ class Certificate:
             raise TrajectoryError(f"not a certificate: {error!r}") from error
 
 
-def worst_of_each(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
+def worst_result_per_limit(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
     """Return the result with the smallest margin for each pair of limit and joint.
 
     The results keep the order in which the pairs first occur.
@@ -345,7 +350,7 @@ def worst_of_each(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
     return tuple(tightest.values())
 
 
-def subjects(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
+def describe_unjudged(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
     """Describe unjudged limits in words, and join those that share a reason.
 
     Parameters
@@ -371,7 +376,7 @@ def subjects(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
     return pairs
 
 
-def sealed(
+def with_seal(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> Certificate:
     """Return the certificate with a seal.
@@ -379,20 +384,20 @@ def sealed(
     The seal is the hash of the certificate and of its input: the trajectory, the robot and the
     limits that the check received.
     """
-    global _recent_seal
-    result = replace(certificate, sha256=_digest(certificate, trajectory, robot, limits))
-    _recent_seal = tuple(map(ref, (result, trajectory, robot, limits)))
+    global _last_sealed
+    result = replace(certificate, sha256=_seal_hash(certificate, trajectory, robot, limits))
+    _last_sealed = tuple(map(ref, (result, trajectory, robot, limits)))
     return result
 
 
-_recent_seal: tuple[ref[Any], ...] = ()
+_last_sealed: tuple[ref[Any], ...] = ()
 """The most recently sealed certificate and its inputs.
 
 They are immutable, so the seal stays valid.
 """
 
 
-def broken_seal(
+def seal_error(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str | None:
     """Return the reason why a certificate does not apply to its input, or None if it does.
@@ -403,15 +408,15 @@ def broken_seal(
         return "its certificate names no limits"
     if certificate.sha256 is None:
         return "its certificate has no seal: an earlier version wrote it, or the seal was removed"
-    sealed_for = tuple(reference() for reference in _recent_seal)
+    sealed_for = tuple(reference() for reference in _last_sealed)
     if sealed_for and all(map(is_, sealed_for, (certificate, trajectory, robot, limits))):
         return None
-    if certificate.sha256 != _digest(certificate, trajectory, robot, limits):
+    if certificate.sha256 != _seal_hash(certificate, trajectory, robot, limits):
         return "the trajectory, the robot, a limit or the certificate was changed after the check"
     return None
 
 
-def _digest(
+def _seal_hash(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str:
     """Return the SHA-256 hash of a certificate and its input, as hexadecimal digits.
@@ -424,7 +429,7 @@ def _digest(
         rates["duty"] = limits.duty
     if any(limit.name in PATH_REQUIREMENTS for limit in certificate.limits):
         rates["promises"] = [
-            _promise(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
+            _path_keys(entry) for entry in limits.motion if isinstance(entry, (Straight, Follow))
         ]
     content = {**certificate.to_dict(), "sha256": None}
     # Verdicts follow from the other values, and earlier versions did not write them.
@@ -441,7 +446,7 @@ def _digest(
     return digest.hexdigest()
 
 
-def _promise(entry: Straight | Follow) -> JsonObject:
+def _path_keys(entry: Straight | Follow) -> JsonObject:
     """Return the keys of a motion that constrain the path of the tip."""
     return {
         key: value

@@ -30,44 +30,44 @@ from ssm_planner.problem import (
 )
 from ssm_planner.trajectory import BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Indices
-from ssm_planner.verification.cases import worst_cases
+from ssm_planner.verification.cases import worst_case_torques
 from ssm_planner.verification.certificate import (
     Certificate,
     LimitCheck,
     Unjudged,
-    sealed,
-    worst_of_each,
+    with_seal,
+    worst_result_per_limit,
 )
-from ssm_planner.verification.ends import Jumps, end_checks
-from ssm_planner.verification.limits import Quantity, Worst, quantities
-from ssm_planner.verification.pieces import find_extremes, pieces_of
-from ssm_planner.verification.polylines import linear_limits
-from ssm_planner.verification.promises import promises_kept, unchecked_lines
+from ssm_planner.verification.ends import JumpRecorder, check_end_velocities
+from ssm_planner.verification.limits import LimitedQuantity, WorstValue, limited_quantities
+from ssm_planner.verification.pieces import piece_blocks, update_polynomial_extremes
+from ssm_planner.verification.polylines import check_linear_pieces
+from ssm_planner.verification.promises import check_path_promises, unchecked_lines_remark
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 from ssm_planner.verification.stops import StopMotions, quickest_stops
-from ssm_planner.verification.torque_bands import torque_bands
+from ssm_planner.verification.torque_bands import check_torque_bands
 
-RATE = 10_000.0
-RATE_OF_STOPS = 1000.0
+SAMPLING_RATE = 10_000.0
+STOP_SAMPLING_RATE = 1000.0
 """Sampling rates in Hz, of a motion and of the stops of a motion."""
-CLOSER = 21
+REFINEMENT_INSTANTS = 21
 """Number of instants around the farthest stop that are evaluated again."""
-INSTANTS = 3_000_000
+MAX_INSTANTS = 3_000_000
 """Largest number of instants of the first pass.
 
 Longer trajectories are sampled at a lower rate first.
 """
-UNDEFINED = "not defined on straight pieces (linear interpolation)"
+LINEAR_PIECES_REASON = "not defined on straight pieces (linear interpolation)"
 """Reason why a limit of a table without velocities is not judged."""
-NONE = TaskLimits()
+NO_TASK_LIMITS = TaskLimits()
 """A task that limits nothing, which is the default."""
 
 
 def check(
     trajectory: Trajectory,
     robot: Robot,
-    limits: TaskLimits = NONE,
-    rate: float = RATE,
+    limits: TaskLimits = NO_TASK_LIMITS,
+    rate: float = SAMPLING_RATE,
     interpolation: str = "quintic polynomial pieces",
     resolution: Array | None = None,
     seal: bool = False,
@@ -104,59 +104,61 @@ def check(
     ProblemError
         If the limits require a range of friction and a drive does not state its uncertainty.
     """
-    straight = resolution is not None
-    jumps = Jumps(robot)
-    rate = min(rate, INSTANTS / trajectory.duration)
+    is_table = resolution is not None
+    jumps = JumpRecorder(robot)
+    rate = min(rate, MAX_INSTANTS / trajectory.duration)
     # The acceleration of linear pieces is undefined, and so are quantities that depend on it.
-    checked = [item for item in quantities(robot, limits) if not straight or item.limit.order < 2]
-    checked += [] if straight else worst_cases(trajectory, robot, limits)
+    checked = [
+        item for item in limited_quantities(robot, limits) if not is_table or item.limit.order < 2
+    ]
+    checked += [] if is_table else worst_case_torques(trajectory, robot, limits)
     checks, sampled = _worst_values(trajectory, robot, limits, checked, rate, jumps=jumps)
     unjudged: list[Unjudged] = []
     unchecked = [
-        f"motor torque and speed of joint {joint.name}: {_lacking(joint)}"
+        f"motor torque and speed of joint {joint.name}: {_missing_motor_reason(joint)}"
         for joint in robot.joints
         if joint.drive is None or joint.motor is None
     ]
     if limits.duty is None:
         unchecked.append("continuous torque: it does not limit a motion that is performed once")
     else:
-        checks += sampled.rms.checks(robot, trajectory, limits.duty)
+        checks += sampled.rms.results(robot, trajectory, limits.duty)
     if resolution is not None:
-        checks, rounded, unjudged = linear_limits(
+        checks, rounded, unjudged = check_linear_pieces(
             trajectory, robot, limits, resolution, dict(zip(checked, checks, strict=True))
         )
         unchecked += rounded
-        dynamics, bands = _dynamics_of_table(trajectory, robot, limits, resolution, rate=rate)
+        dynamics, bands = _check_table_dynamics(trajectory, robot, limits, resolution, rate=rate)
         checks += dynamics
         unjudged += bands
-    checks += jumps.checks(straight)
-    checks += end_checks(trajectory, robot, limits, straight)
-    checks += _locking(robot, limits.friction)
-    if not straight:
-        checks += _farthest_stop(trajectory, robot, limits)
+    checks += jumps.results(is_table)
+    checks += check_end_velocities(trajectory, robot, limits, is_table)
+    checks += _check_self_locking(robot, limits.friction)
+    if not is_table:
+        checks += _check_stop_travel(trajectory, robot, limits)
     if trajectory.phases:
         mechanism = Mechanism.from_robot(robot)
-        for promise in promises_kept(trajectory, mechanism, limits):
+        for promise in check_path_promises(trajectory, mechanism, limits):
             checks += promise.checks
     elif limits.promising:
-        unchecked.append(unchecked_lines(limits))
+        unchecked.append(unchecked_lines_remark(limits))
     certificate = Certificate(
-        worst_of_each(checks),
+        worst_result_per_limit(checks),
         interpolation,
         sampled.instants,
         tuple(unchecked),
         unjudged=tuple(unjudged),
     )
-    return sealed(certificate, trajectory, robot, limits) if seal else certificate
+    return with_seal(certificate, trajectory, robot, limits) if seal else certificate
 
 
 def _worst_values(
     trajectory: Trajectory,
     robot: Robot,
     limits: TaskLimits,
-    checked: list[Quantity],
+    checked: list[LimitedQuantity],
     rate: float,
-    jumps: Jumps | None = None,
+    jumps: JumpRecorder | None = None,
 ) -> tuple[list[LimitCheck], SampledExtremes]:
     """Find the worst value of each quantity.
 
@@ -182,24 +184,24 @@ def _worst_values(
     sampled : SampledExtremes
         The search, which contains the number of instants and the RMS torques.
     """
-    extremes = [Worst(quantity) for quantity in checked]
+    extremes = [WorstValue(quantity) for quantity in checked]
     sampled = SampledExtremes(trajectory, robot, extremes, rate=rate, eye=limits.eye)
-    for pieces in pieces_of(trajectory):
-        find_extremes(pieces, extremes)
+    for pieces in piece_blocks(trajectory):
+        update_polynomial_extremes(pieces, extremes)
         sampled.search(pieces)
         if jumps is not None:
-            jumps.look(pieces)
-    return [item.as_check() for item in extremes], sampled
+            jumps.update(pieces)
+    return [item.to_limit_check() for item in extremes], sampled
 
 
-def _dynamics_of_table(
+def _check_table_dynamics(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, *, rate: float
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
     """Judge the limits of a table of points that depend on the acceleration.
 
     Pieces that are not linear define an acceleration, so they are checked as usual. If all pieces
-    are linear, the points still bound the motor torques (`torque_bands`). All other limits of this
-    kind are not judged.
+    are linear, the points still bound the motor torques (`check_torque_bands`). All other limits of
+    this kind are not judged.
 
     Returns
     -------
@@ -214,7 +216,9 @@ def _dynamics_of_table(
     bands: list[LimitCheck] = []
     unjudged: list[Unjudged] = []
     if not len(smooth):
-        bands, unjudged = torque_bands(trajectory, robot, limits, resolution, UNDEFINED)
+        bands, unjudged = check_torque_bands(
+            trajectory, robot, limits, resolution, LINEAR_PIECES_REASON
+        )
     judged_limits = {(band.name, band.joint) for band in bands}
     judged_limits |= {(item.name, item.joint) for item in unjudged}
     all_limits = list(limits.limits)
@@ -223,13 +227,13 @@ def _dynamics_of_table(
     for limit in all_limits:
         is_limited = limits.duty is not None or type(limit) is not ContinuousTorque
         if limit.order > 1 and is_limited and (limit.name, limit.joint) not in judged_limits:
-            unjudged.append(Unjudged(limit.name, limit.joint, UNDEFINED))
+            unjudged.append(Unjudged(limit.name, limit.joint, LINEAR_PIECES_REASON))
     if len(smooth):
-        bands = _dynamics_of_smooth_pieces(trajectory, smooth, robot, limits, rate=rate)
+        bands = _check_smooth_pieces(trajectory, smooth, robot, limits, rate=rate)
     return bands, unjudged
 
 
-def _dynamics_of_smooth_pieces(
+def _check_smooth_pieces(
     trajectory: Trajectory, index: Indices, robot: Robot, limits: TaskLimits, *, rate: float
 ) -> list[LimitCheck]:
     """Check accelerations, jerks and torques on the pieces that are not linear.
@@ -240,8 +244,8 @@ def _dynamics_of_smooth_pieces(
     """
     breaks = np.append(0.0, np.cumsum(np.diff(trajectory.breaks)[index]))
     smooth_motion = Trajectory(breaks, trajectory.pieces(index), ())
-    checked = [item for item in quantities(robot, limits) if item.limit.order >= 2]
-    checked += worst_cases(smooth_motion, robot, limits)
+    checked = [item for item in limited_quantities(robot, limits) if item.limit.order >= 2]
+    checked += worst_case_torques(smooth_motion, robot, limits)
     checks, _ = _worst_values(smooth_motion, robot, limits, checked, rate)
     times = np.array([item.time for item in checks])
     piece_index = smooth_motion.piece_of(times)
@@ -249,7 +253,7 @@ def _dynamics_of_smooth_pieces(
     return [replace(item, time=float(t)) for item, t in zip(checks, times, strict=True)]
 
 
-def _lacking(joint: Joint) -> str:
+def _missing_motor_reason(joint: Joint) -> str:
     """Return the reason why the motor of a joint is not checked."""
     if joint.drive is not None:
         return "the robot file names no motor for it"
@@ -258,7 +262,7 @@ def _lacking(joint: Joint) -> str:
     return f"the robot file names no drive for it, so its motor {joint.motor.name} is ignored"
 
 
-def _locking(robot: Robot, share: float | None) -> list[LimitCheck]:
+def _check_self_locking(robot: Robot, share: float | None) -> list[LimitCheck]:
     """Check that every drive which must hold by itself is self-locking.
 
     A drive is self-locking if the friction angle φ_f exceeds the lead angle λ. The margin is the
@@ -336,13 +340,15 @@ def check_stops(
     joined = stops.joined
     remaining = tuple(limit for limit in limits.limits if limit is not limits.stop_travel)
     limits = replace(limits, limits=remaining, motion=())
-    certificate = check(motion if joined is None else joined, robot, limits, rate=RATE_OF_STOPS)
+    certificate = check(
+        motion if joined is None else joined, robot, limits, rate=STOP_SAMPLING_RATE
+    )
     excluded = JUMP_NAMES + END_VELOCITY_NAMES + (ContinuousTorque.name,)
     remaining_checks = tuple(item for item in certificate.limits if item.name not in excluded)
     return replace(certificate, limits=remaining_checks)
 
 
-def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
+def _check_stop_travel(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
     """Check how far the tip travels in the farthest controlled stop.
 
     A stop counts only if it keeps the other limits, and if it ends at rest. Otherwise, the margin
@@ -369,17 +375,17 @@ def _farthest_stop(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list
     k = int(np.argmax(stops.travel))
     previous = stops.time[max(k - 1, 0)]
     following = stops.time[min(k + 1, len(stops.time) - 1)]
-    closer = quickest_stops(motion, robot, np.linspace(previous, following, CLOSER))
+    closer = quickest_stops(motion, robot, np.linspace(previous, following, REFINEMENT_INSTANTS))
     travel = np.append(stops.travel, closer.travel)
     time = np.append(stops.time, closer.time)
     k = int(np.argmax(travel))
     result = LimitCheck.from_extreme(limit, float(travel[k]), float(motion.breaks[0] + time[k]))
     tightest = check_stops(stops, motion, robot, limits).worst
-    if tightest.passed and stops.ends:
+    if tightest.passed and stops.ends_at_rest:
         return [result]
     reason = f"a stop exceeds {tightest.name} of {tightest.joint or 'the tool'}"
     margin = min(result.margin, tightest.margin)
-    if not stops.ends:
+    if not stops.ends_at_rest:
         reason = "the motion does not end at rest"
         margin = min(margin, -1.0)
     return [replace(result, margin=min(margin, 0.0), case=reason)]

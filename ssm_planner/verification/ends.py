@@ -13,15 +13,15 @@ from ssm_planner.problem import TASK_COORDINATES, EndVelocity, Jump, Robot, Task
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import JUMP, JUMP_RATE
-from ssm_planner.verification.pieces import Pieces
+from ssm_planner.verification.limits import JUMP_DRIFT_RATE, JUMP_TOLERANCE
+from ssm_planner.verification.pieces import PieceBlock
 
-_jump = lru_cache(maxsize=256)(Jump)
-_end_velocity = lru_cache(maxsize=256)(EndVelocity)
+_cached_jump_limit = lru_cache(maxsize=256)(Jump)
+_cached_end_velocity_limit = lru_cache(maxsize=256)(EndVelocity)
 """Limits with the same values occur in every check of a robot, so they are built once."""
 
 
-class Jumps:
+class JumpRecorder:
     """Collects the worst jumps of position, velocity and acceleration of the four joints.
 
     Attributes
@@ -42,19 +42,19 @@ class Jumps:
         acceleration = robot.accelerations
         # Without a jerk limit, jumps of the acceleration may add up to any value.
         jerk = np.array([1e100 if joint.jerk is None else joint.jerk for joint in robot.joints])
-        self._tolerance = JUMP * np.array([np.ones(4), velocity, acceleration])
-        self._excused = JUMP_RATE * np.array([velocity, acceleration, jerk])
-        self._level = np.zeros((3, 4))
-        self._level_time = 0.0
+        self._tolerance = JUMP_TOLERANCE * np.array([np.ones(4), velocity, acceleration])
+        self._tolerated_drift = JUMP_DRIFT_RATE * np.array([velocity, acceleration, jerk])
+        self._previous_sum = np.zeros((3, 4))
+        self._previous_time = 0.0
 
-    def look(self, pieces: Pieces) -> None:
+    def update(self, pieces: PieceBlock) -> None:
         """Update the worst jumps with the next pieces of the motion."""
-        starts, ends = pieces.ends
+        starts, ends = pieces.end_states
         # The first piece of the motion is compared with itself.
         previous_end = starts[0] if self._previous_end is None else self._previous_end
         self._previous_end = ends[-1]
         jump = np.abs(starts - np.concatenate([previous_end[None], ends[:-1]]))
-        level = self._accumulated(jump, pieces.start)
+        level = self._accumulated_jumps(jump, pieces.start)
         # If a single jump exceeds its tolerance, the result is this jump and not the sum.
         added_up = (level > self._tolerance) & (jump <= self._tolerance)
         jump = np.where(added_up, level, jump)
@@ -63,13 +63,13 @@ class Jumps:
         self.time = np.where(magnitude > self.worst, pieces.start[k], self.time)
         self.worst = np.maximum(magnitude, self.worst)
 
-    def _accumulated(self, jump: Array, time: Array) -> Array:
+    def _accumulated_jumps(self, jump: Array, time: Array) -> Array:
         """Return the largest sum of jumps that ends at each jump, reduced by the tolerated drift.
 
         In a motion that teleports by many small jumps, each of them is within its tolerance. Their
         sum is therefore limited as well. For every interval of time,
 
-            Σ jumps ≤ tolerance + JUMP_RATE · (limit of the next derivative) · time.
+            Σ jumps ≤ tolerance + JUMP_DRIFT_RATE · (limit of the next derivative) · time.
 
         Parameters
         ----------
@@ -83,32 +83,41 @@ class Jumps:
         (m, 3, 4) array
             The sums minus the last term of the inequality.
         """
-        rise = np.cumsum(jump, axis=0) - self._excused * (time - self._level_time)[:, None, None]
-        lowest = np.minimum.accumulate(np.concatenate([-self._level[None], rise - jump]))[1:]
+        rise = (
+            np.cumsum(jump, axis=0)
+            - self._tolerated_drift * (time - self._previous_time)[:, None, None]
+        )
+        lowest = np.minimum.accumulate(np.concatenate([-self._previous_sum[None], rise - jump]))[1:]
         level = rise - lowest
-        self._level = level[-1]
-        self._level_time = float(time[-1])
+        self._previous_sum = level[-1]
+        self._previous_time = float(time[-1])
         return level
 
-    def checks(self, straight: bool = False) -> list[LimitCheck]:
+    def results(self, is_table: bool = False) -> list[LimitCheck]:
         """Return the checks of the largest jumps of each joint.
 
         Jumps of the acceleration count only if the jerk is limited.
 
         Parameters
         ----------
-        straight : bool
+        is_table : bool
             True for a table. Only jumps of the position count, because linear pieces jump in
             velocity.
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
-            limits = [_jump(joint.name, JUMP, joint.slides)]
-            if not straight:
-                limits.append(_jump(joint.name, JUMP * joint.velocity, joint.slides, derivative=1))
-            if not straight and joint.jerk is not None:
+            limits = [_cached_jump_limit(joint.name, JUMP_TOLERANCE, joint.slides)]
+            if not is_table:
                 limits.append(
-                    _jump(joint.name, JUMP * joint.acceleration, joint.slides, derivative=2)
+                    _cached_jump_limit(
+                        joint.name, JUMP_TOLERANCE * joint.velocity, joint.slides, derivative=1
+                    )
+                )
+            if not is_table and joint.jerk is not None:
+                limits.append(
+                    _cached_jump_limit(
+                        joint.name, JUMP_TOLERANCE * joint.acceleration, joint.slides, derivative=2
+                    )
                 )
             for limit in limits:
                 jump = float(self.worst[limit.derivative, i])
@@ -127,7 +136,7 @@ def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
     return first_piece[1], end_velocity
 
 
-def declared_velocities(
+def declared_end_velocities(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> tuple[Array, Array]:
     """Return the q̇ (4,) that a task declares at the start and at the end of a motion.
@@ -136,14 +145,18 @@ def declared_velocities(
     """
     start, end = end_velocities(trajectory)
     if limits.start_rate is not None:
-        start = _joint_velocity(trajectory, robot, limits.start_rate, trajectory.breaks[0])
+        start = _joint_velocity_from_task_rates(
+            trajectory, robot, limits.start_rate, trajectory.breaks[0]
+        )
     if limits.end_rate is not None:
-        end = _joint_velocity(trajectory, robot, limits.end_rate, trajectory.breaks[-1])
+        end = _joint_velocity_from_task_rates(
+            trajectory, robot, limits.end_rate, trajectory.breaks[-1]
+        )
     return start, end
 
 
-def end_checks(
-    trajectory: Trajectory, robot: Robot, limits: TaskLimits, straight: bool
+def check_end_velocities(
+    trajectory: Trajectory, robot: Robot, limits: TaskLimits, is_table: bool
 ) -> list[LimitCheck]:
     """Check that each joint has the declared velocity at both ends.
 
@@ -155,7 +168,7 @@ def end_checks(
         Robot whose limits must hold.
     limits : TaskLimits
         The declared rates at both ends. A task without them requires rest.
-    straight : bool
+    is_table : bool
         True for a table. An end with a linear piece is skipped, because it does not determine the
         velocity.
 
@@ -165,22 +178,24 @@ def end_checks(
         The deviation from the declared velocity for each joint and end.
     """
     checks = []
-    declared = declared_velocities(trajectory, robot, limits)
+    declared = declared_end_velocities(trajectory, robot, limits)
     outer = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     is_curved = [bool(coefficients[2:].any()) for coefficients in outer]
     for end, (velocity, declared_velocity) in enumerate(
         zip(end_velocities(trajectory), declared, strict=True)
     ):
-        if straight and not is_curved[end]:
+        if is_table and not is_curved[end]:
             continue
         for i, joint in enumerate(robot.joints):
-            limit = _end_velocity(joint.name, JUMP * joint.velocity, joint.slides, at_end=bool(end))
+            limit = _cached_end_velocity_limit(
+                joint.name, JUMP_TOLERANCE * joint.velocity, joint.slides, at_end=bool(end)
+            )
             deviation = abs(float(velocity[i] - declared_velocity[i]))
             checks.append(LimitCheck.from_extreme(limit, deviation, float(trajectory.breaks[-end])))
     return checks
 
 
-def _joint_velocity(
+def _joint_velocity_from_task_rates(
     trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float
 ) -> Array:
     """Convert rates of task coordinates at time t (s) into joint velocities q̇ (4,).

@@ -23,34 +23,34 @@ import numpy as np
 from ssm_planner.problem import Robot, TaskLimits
 from ssm_planner.trajectory import DEGREE, Samples, Trajectory
 from ssm_planner.typing import Array, Indices
-from ssm_planner.verification.limits import Worst, quantities
-from ssm_planner.verification.pieces import still
+from ssm_planner.verification.limits import WorstValue, limited_quantities
+from ssm_planner.verification.pieces import rest_speeds
 from ssm_planner.verification.sampled_extremes import SampledExtremes
 
-VARIANTS = ((0.999, False), (0.999, True), (0.5, False), (0.5, True), (0.25, True))
+STOP_VARIANTS = ((0.999, False), (0.999, True), (0.5, False), (0.5, True), (0.25, True))
 """Shares of the limits of the acceleration that stops use, and whether all joints stop together.
 
 The first possible stop is used. Weak motors need the smaller shares. The largest share leaves room
 for the rounding of tables.
 """
-GRID = 1000
+GRID_INSTANTS = 1000
 """Number of instants at which a stop may begin after the motion was continued."""
-SHORT = 1e-9
+MIN_PIECE_DURATION = 1e-9
 """Length below which a piece is left out, s."""
-LOOKS = np.linspace(0.0, 1.0, 40) ** 3
+LIMIT_SAMPLE_FRACTIONS = np.linspace(0.0, 1.0, 40) ** 3
 """Positions in a piece at which limits are evaluated, as fractions. They are dense at its start,
 because a stop often begins at a limit.
 """
-SLOW = 1e-3
+STARTING_SPEED_FRACTION = 1e-3
 """Share of the largest velocity below which a joint counts as starting."""
-EXCESS = 1e-7
+EXCESS_TOLERANCE = 1e-7
 """Largest relative excess over a limit of a possible stop."""
 
-Pieces = tuple[Array, Array]
+StopPieces = tuple[Array, Array]
 """Lengths (m,) in s, and coefficients (m, 6, 4) of powers of the time since their starts."""
 
 
-def joint_stops(
+def compute_joint_stops(
     motion: Trajectory, robot: Robot, limits: TaskLimits, times: Array
 ) -> tuple[Array, Array, Indices]:
     """Compute the stops from n instants of a motion.
@@ -75,44 +75,40 @@ def joint_stops(
     edges : (n + 1,) array
         Index of the first piece of each stop.
     """
-    instants = np.union1d(times, np.linspace(0.0, motion.duration, GRID))
-    stops: list[Pieces | None] = [None] * len(instants)
-    for share, together in VARIANTS:
+    instants = np.union1d(times, np.linspace(0.0, motion.duration, GRID_INSTANTS))
+    stops: list[StopPieces | None] = [None] * len(instants)
+    for share, together in STOP_VARIANTS:
         missing = [i for i, stop in enumerate(stops) if stop is None]
         times_of_missing = np.minimum(motion.breaks[0] + instants[missing], motion.breaks[-1])
         states = motion.sample(times_of_missing)
-        candidates = _stops(states, robot, share, together=together)
-        is_possible = _excess(candidates, robot, limits) <= EXCESS
+        candidates = _stops_from_states(states, robot, share, together=together)
+        is_possible = _limit_excesses(candidates, robot, limits) <= EXCESS_TOLERANCE
         for i, stop, is_usable in zip(missing, candidates, is_possible, strict=True):
             stops[i] = stop if is_usable else None
-    chosen = [_first_stop(motion, instants, stops, int(i)) for i in instants.searchsorted(times)]
+    chosen = [_earliest_stop(motion, instants, stops, int(i)) for i in instants.searchsorted(times)]
     sizes = [len(lengths) for lengths, _ in chosen]
     lengths = np.concatenate([lengths for lengths, _ in chosen])
     coefficients = np.concatenate([coefficients for _, coefficients in chosen])
     return lengths, coefficients, np.append(0, np.cumsum(sizes))
 
 
-def _first_stop(
-    motion: Trajectory, instants: Array, stops: list[Pieces | None], first: int
-) -> Pieces:
+def _earliest_stop(
+    motion: Trajectory, instants: Array, stops: list[StopPieces | None], first: int
+) -> StopPieces:
     """Return the stop from an instant. The robot continues its motion until one is possible."""
     last = next((k for k in range(first, len(stops)) if stops[k] is not None), len(stops) - 1)
-    stop = stops[last] or _nothing()
+    no_pieces = np.zeros(0), np.zeros((0, DEGREE + 1, 4))
+    stop = stops[last] or no_pieces
     if last == first:
         return stop
-    lengths, coefficients = _part(motion, instants[first], instants[last])
+    lengths, coefficients = _motion_between(motion, instants[first], instants[last])
     return np.append(lengths, stop[0]), np.concatenate([coefficients, stop[1]])
 
 
-def _nothing() -> Pieces:
-    """Return no pieces."""
-    return np.zeros(0), np.zeros((0, DEGREE + 1, 4))
-
-
-def _part(motion: Trajectory, start: float, end: float) -> Pieces:
+def _motion_between(motion: Trajectory, start: float, end: float) -> StopPieces:
     """Return the pieces of a motion between two instants, in s from its start."""
     breaks = motion.breaks - motion.breaks[0]
-    inner = breaks[(breaks > start + SHORT) & (breaks < end - SHORT)]
+    inner = breaks[(breaks > start + MIN_PIECE_DURATION) & (breaks < end - MIN_PIECE_DURATION)]
     nodes = np.array([start, *inner, end])
     index = motion.piece_of(motion.breaks[0] + (nodes[1:] + nodes[:-1]) / 2)
     coefficients = motion.pieces(index).copy()
@@ -125,13 +121,15 @@ def _part(motion: Trajectory, start: float, end: float) -> Pieces:
     return np.diff(nodes), coefficients
 
 
-def _stops(states: Samples, robot: Robot, share: float, *, together: bool) -> list[Pieces]:
+def _stops_from_states(
+    states: Samples, robot: Robot, share: float, *, together: bool
+) -> list[StopPieces]:
     """Compute stops from n states that use a share of the limits of the acceleration.
 
     If `together` is true, all joints stop at the same time.
     """
     jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
-    rests = (np.abs(states.qd) <= still(robot)) & (states.qdd == 0.0)
+    rests = (np.abs(states.qd) <= rest_speeds(robot)) & (states.qdd == 0.0)
     velocity = np.where(rests, 0.0, states.qd)
     side = np.sign(velocity + states.qdd * np.abs(states.qdd) / (2 * jerk))
     v = side * velocity
@@ -156,12 +154,12 @@ def _stops(states: Samples, robot: Robot, share: float, *, together: bool) -> li
     # Accelerations and jerks of the three phases and of the rest after them
     accelerations = np.stack([states.qdd, -side * peak, -side * peak, rest])
     jerks = np.stack([-ramp, rest, ramp, rest])
-    return _pieces(states.q, velocity, accelerations, jerks, durations)
+    return _pieces_of_phases(states.q, velocity, accelerations, jerks, durations)
 
 
-def _pieces(
+def _pieces_of_phases(
     q: Array, velocity: Array, accelerations: Array, jerks: Array, durations: Array
-) -> list[Pieces]:
+) -> list[StopPieces]:
     """Return the pieces of n stops, in which the joints change their jerk at different times.
 
     Parameters
@@ -186,7 +184,7 @@ def _pieces(
     stops = []
     for i in range(len(q)):
         nodes = np.unique(starts[:, i])
-        nodes = nodes[np.append(True, np.diff(nodes) > SHORT)]
+        nodes = nodes[np.append(True, np.diff(nodes) > MIN_PIECE_DURATION)]
         middles = (nodes[1:] + nodes[:-1]) / 2
         index = (starts[1:, i] <= middles[:, None, None]).sum(axis=1)
         joint = np.arange(4)
@@ -201,7 +199,7 @@ def _pieces(
     return stops
 
 
-def _excess(stops: list[Pieces], robot: Robot, limits: TaskLimits) -> Array:
+def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -> Array:
     """Return the largest relative excess over a limit in each of n stops, (n,)."""
     counts = [len(lengths) for lengths, _ in stops]
     excess = np.full(len(stops), -np.inf)
@@ -210,13 +208,13 @@ def _excess(stops: list[Pieces], robot: Robot, limits: TaskLimits) -> Array:
     lengths = np.concatenate([lengths for lengths, _ in stops])
     coefficients = np.concatenate([coefficients for _, coefficients in stops])
     joined = Trajectory(np.append(0.0, np.cumsum(lengths)), coefficients, ())
-    index = np.repeat(np.arange(len(lengths)), len(LOOKS))
-    samples = joined.sample_pieces(index, np.outer(lengths, LOOKS).ravel())
-    limited = [Worst(quantity) for quantity in quantities(robot, limits)]
+    index = np.repeat(np.arange(len(lengths)), len(LIMIT_SAMPLE_FRACTIONS))
+    samples = joined.sample_pieces(index, np.outer(lengths, LIMIT_SAMPLE_FRACTIONS).ravel())
+    limited = [WorstValue(quantity) for quantity in limited_quantities(robot, limits)]
     law = SampledExtremes(joined, robot, limited, rate=1.0, eye=limits.eye)
-    direction = np.where(np.abs(samples.qd) > still(robot), np.sign(samples.qd), 0.0)
+    direction = np.where(np.abs(samples.qd) > rest_speeds(robot), np.sign(samples.qd), 0.0)
     # Near a reversal, the friction may be static.
-    static = (direction != 0) & (np.abs(samples.qd) <= SLOW * robot.velocities)
+    static = (direction != 0) & (np.abs(samples.qd) <= STARTING_SPEED_FRACTION * robot.velocities)
     state = samples.q, samples.qd, samples.qdd
     values = iter(law.evaluate(state, direction, static.astype(float)).T)
     owner = np.repeat(np.arange(len(stops)), counts)

@@ -1,11 +1,11 @@
 """The quantities that a check evaluates, and the worst value of each.
 
-A `Quantity` pairs a limit with a rule that computes the limited value from the joint motion. A
-`Worst` collects the worst value of one quantity while the check goes through the motion.
+A `LimitedQuantity` pairs a limit with a rule that computes the limited value from the joint motion.
+A `WorstValue` collects the worst value of one quantity while the check goes through the motion.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,17 +29,17 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck
 
-JUMP = 1e-6
+JUMP_TOLERANCE = 1e-6
 """Largest jump of the position at a break, rad or m.
 
 Jumps of velocity and acceleration are relative to their limits.
 """
-DYNAMIC = tuple(
+ACCELERATION_DEPENDENT_LIMITS = tuple(
     str(limit_type.name)
     for limit_type in (JointAcceleration, JointJerk, MotorTorque, ContinuousTorque, NutContact)
 )
 """Names of the limits that depend on the acceleration. Linear pieces leave them undefined."""
-JUMP_RATE = 1e-3
+JUMP_DRIFT_RATE = 1e-3
 """Share of a limit by which jumps of the quantity below it may add up.
 
 Positions may jump by this share of the velocity limit per second, for example.
@@ -47,7 +47,7 @@ Positions may jump by this share of the velocity limit per second, for example.
 
 
 @frozen
-class Case:
+class WorstCase:
     """A drive and a payload within the range that a motion must be valid for.
 
     Attributes
@@ -66,7 +66,7 @@ class Case:
 
 
 @frozen
-class Quantity:
+class LimitedQuantity:
     """A limited quantity and the rule that computes it from the joint motion.
 
     The value is `scale` · d^order q[index]/dt^order if `order` is given. `sampled_extremes`
@@ -80,11 +80,11 @@ class Quantity:
     """Derivative of q[index] by time. None if the quantity is not a polynomial in time."""
     scale: float = 1.0
     """Factor on the derivative, such as the gear ratio for a motor speed."""
-    case: Case | None = None
+    case: WorstCase | None = None
     """Friction and payload of a motor torque if they differ from the robot's."""
 
     @property
-    def kinked(self) -> bool:
+    def has_kinks(self) -> bool:
         """True if the quantity may have a kink between two instants, which no cubic predicts."""
         return isinstance(self.limit, (MotorTorque, RetinaClearance))
 
@@ -99,7 +99,7 @@ class Quantity:
 
 
 @dataclass
-class Worst:
+class WorstValue:
     """The worst value of one quantity.
 
     Attributes
@@ -114,19 +114,19 @@ class Worst:
         Its time, s.
     """
 
-    quantity: Quantity
+    quantity: LimitedQuantity
     excess: float = -np.inf
-    value: float = field(default=np.nan)
+    value: float = np.nan
     time: float = 0.0
 
-    def offer(self, excess: float, value: float, time: float) -> None:
+    def update(self, excess: float, value: float, time: float) -> None:
         """Store a value with its excess and time if it is worse than the stored value."""
         if excess > self.excess:
             self.excess = excess
             self.value = value
             self.time = time
 
-    def as_check(self) -> LimitCheck:
+    def to_limit_check(self) -> LimitCheck:
         """Return the result of the limit.
 
         A limit with symmetric bounds reports the magnitude. Other limits report the value and the
@@ -149,7 +149,7 @@ class Worst:
         )
 
 
-def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
+def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuantity]:
     """Yield every quantity that is limited at each instant.
 
     The limits come from the joints, the motors, the task and the eye. Continuous torque and
@@ -169,11 +169,13 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
     for i, joint in enumerate(robot.joints):
         for limit in joint.limits:
             if isinstance(limit, (MotorTorque, NutContact)):
-                yield Quantity(limit, i)
+                yield LimitedQuantity(limit, i)
             elif isinstance(limit, MotorSpeed):
-                yield Quantity(limit, i, 1, 1.0 if joint.drive is None else joint.drive.ratio)
+                yield LimitedQuantity(
+                    limit, i, 1, 1.0 if joint.drive is None else joint.drive.ratio
+                )
             elif not isinstance(limit, (ContinuousTorque, SelfLocking)):
-                yield Quantity(limit, i, limit.order)
+                yield LimitedQuantity(limit, i, limit.order)
     for limit_type in (TaskRange, TaskRate):
         by_coordinate = {
             limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
@@ -181,10 +183,10 @@ def quantities(robot: Robot, limits: TaskLimits) -> Iterator[Quantity]:
         for k, name in enumerate(TASK_COORDINATES):
             task_limit = by_coordinate.get(name)
             if task_limit is not None and name == "depth":
-                yield Quantity(
+                yield LimitedQuantity(
                     task_limit, 3, task_limit.order, float(robot.geometry.insertion_sign)
                 )
             elif task_limit is not None:
-                yield Quantity(task_limit, k)
-    yield from map(Quantity, limits.speeds)
-    yield from map(Quantity, () if limits.eye is None else limits.eye.limits)
+                yield LimitedQuantity(task_limit, k)
+    yield from map(LimitedQuantity, limits.speeds)
+    yield from map(LimitedQuantity, () if limits.eye is None else limits.eye.limits)

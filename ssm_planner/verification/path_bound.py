@@ -49,13 +49,13 @@ from ssm_planner.dynamics import friction_coefficient, friction_of, motorised
 from ssm_planner.problem import JointAcceleration, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, frozen, record
-from ssm_planner.verification.path_rows import LimitName, PathRows, coefficients
+from ssm_planner.verification.path_rows import LimitKey, PathRows, row_coefficients
 
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+POINT_POSITIONS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Positions of the points in an interval, from 0 at its start to 1 at its end."""
-WEIGHTS = np.array([[1.0, 0.0, 4.0, 0.0, 1.0], [0.5, 2.0, 1.0, 2.0, 0.5]]) / 6
+SIMPSON_WEIGHTS = np.array([[1.0, 0.0, 4.0, 0.0, 1.0], [0.5, 2.0, 1.0, 2.0, 0.5]]) / 6
 """Weights of Simpson's rule on an interval and on its halves."""
-DERIVATIVES = (
+QUARTIC_DERIVATIVES = (
     np.array(
         [
             [-25.0, 48.0, -36.0, 16.0, -3.0],
@@ -68,22 +68,22 @@ DERIVATIVES = (
     / 3
 )
 """Matrix from the values of a quartic at the points to its derivatives there, times the length."""
-NEAR = 0.1
+BINDING_MARGIN = 0.1
 """Largest distance from a limit, as a share of the limit, at which the limit may bind."""
-PENALTIES = ((0.02, 0.1), (0.3, None))
+OPTIMALITY_PENALTIES = ((0.02, 0.1), (0.3, None))
 """Pieces (rate, length) of the cost of δ = |2p y₀³ + κ y₀² − 1|.
 
 The bound loses about δ²/(6 y₀).
 """
-CONTINUOUS = 1e-6
+COEFFICIENT_JUMP_TOLERANCE = 1e-6
 """A jump of a coefficient between intervals is rounding up to this share of its largest value."""
-TINY = 1e-30
+MIN_DIVISOR = 1e-30
 """Lower limit of −p in the division 1 / −p."""
-NO_JUMP = 1e-12
+MULTIPLIER_JUMP_TOLERANCE = 1e-12
 """A jump of μ is rounding up to this value."""
-BISECTIONS = 80
+BISECTION_STEPS = 80
 """Number of bisections that locate y in the interval (0, F)."""
-PERCENT = 0.01
+SENSITIVITY_STEP = 0.01
 """Share by which a limit grows in the definition of a sensitivity."""
 
 
@@ -137,20 +137,20 @@ def path_bound(
     sensitivities : tuple of Sensitivity or None
         Changes of the bound with the limits that bind. None without a bound.
     """
-    path = PathRows.from_trajectory(trajectory, robot, span, SHARES)
-    max_speed = np.where(path.moves, 1 / path.speed_use(limits), 1.0)
-    squares = np.ones(len(path.width) + 1) if squares is None else squares
-    named_rows = _rows(path)
+    path = PathRows.from_trajectory(trajectory, robot, span, POINT_POSITIONS)
+    max_speed = np.where(path.moves, 1 / path.largest_speed_ratio(limits), 1.0)
+    squares = np.ones(len(path.lengths) + 1) if squares is None else squares
+    named_rows = _named_rows(path)
     names = [name for name, _ in named_rows]
-    program = _Program.from_rows(path, [row for _, row in named_rows], max_speed, squares)
+    program = _DualProgram.from_rows(path, [row for _, row in named_rows], max_speed, squares)
     multipliers = program.multipliers()
     if multipliers is None:
         return None, None
     by_row, by_point = program.sensitivities(multipliers)
-    changes: dict[LimitName, float] = defaultdict(float)
+    changes: dict[LimitKey, float] = defaultdict(float)
     for name, change in zip(names, by_row.tolist(), strict=True):
         changes[name] += change
-    uses = path.speed_uses(limits)
+    uses = path.speed_ratios(limits)
     binding = np.argmax(np.stack(list(uses.values())), axis=0)
     for k, name in enumerate(uses):
         changes[name] += float(by_point[path.moves & (binding == k)].sum())
@@ -159,7 +159,7 @@ def path_bound(
 
 
 @record
-class _Program:
+class _DualProgram:
     """The linear program for one path with n intervals.
 
     Each matrix maps the unknown multipliers to the values of a quantity at the 5n points.
@@ -181,19 +181,19 @@ class _Program:
     """Matrix of Σ λ_r (1 − row_r) for the timing y₀, (5n, unknowns)."""
     jump: Any
     """Matrix of the jumps of μ at the inner grid points, (n − 1, unknowns)."""
-    at_limit: Mask
+    may_jump_at: Mask
     """True at inner grid points where the speed limit may bind and λ may jump, (n − 1,)."""
     max_speed_squared: Array
     """F² at the inner grid points, (n − 1,)."""
-    width: Array
+    lengths: Array
     """Lengths of the intervals, (n,)."""
     unknowns: Array
-    """Numbers of the unknowns, see `_unknowns`, (2, n, rows)."""
+    """Numbers of the unknowns, see `_number_unknowns`, (2, n, rows)."""
 
     @classmethod
     def from_rows(
         cls, path: PathRows, rows: Sequence[Array], max_speed: Array, squares: Array
-    ) -> "_Program":
+    ) -> "_DualProgram":
         """Build the program of a path.
 
         Parameters
@@ -207,41 +207,43 @@ class _Program:
         squares : (n + 1,) array
             ṡ² of the timing y₀ at the grid points.
         """
-        count = len(path.width)
+        count = len(path.lengths)
         gained = np.diff(squares)
-        speed_squared = np.concatenate([squares[:-1] + share * gained for share in SHARES])
-        acceleration = np.tile(gained / (2 * path.width), len(SHARES))[:, None]
-        a, b, c, k = coefficients(np.stack(rows, axis=2))
+        speed_squared = np.concatenate([squares[:-1] + share * gained for share in POINT_POSITIONS])
+        acceleration = np.tile(gained / (2 * path.lengths), len(POINT_POSITIONS))[:, None]
+        a, b, c, k = row_coefficients(np.stack(rows, axis=2))
         y = np.sqrt(speed_squared)
         slack = 1 - (a * acceleration + b * speed_squared[:, None] + c + k * y[:, None])
-        slope = np.tensordot(DERIVATIVES, a.reshape(len(SHARES), count, -1), 1)
-        slope = (slope / path.width[:, None]).reshape(a.shape)
+        slope = np.tensordot(QUARTIC_DERIVATIVES, a.reshape(len(POINT_POSITIONS), count, -1), 1)
+        slope = (slope / path.lengths[:, None]).reshape(a.shape)
         max_speed_squared = np.minimum(max_speed[1:count], max_speed[-count:-1]) ** 2
-        at_limit = squares[1:-1] >= (1 - NEAR) ** 2 * max_speed_squared
-        unknowns = _unknowns(a, slack, at_limit)
-        shares = np.array(SHARES)[:, None]
+        may_jump_at = squares[1:-1] >= (1 - BINDING_MARGIN) ** 2 * max_speed_squared
+        unknowns = _number_unknowns(a, slack, may_jump_at)
+        shares = np.array(POINT_POSITIONS)[:, None]
         value = np.stack([1 - shares, shares])
-        change = np.stack([-1 / path.width, 1 / path.width])[:, None]
+        change = np.stack([-1 / path.lengths, 1 / path.lengths])[:, None]
 
         def linear(factors: Array, basis: Array = value) -> Any:
             """Return the matrix of Σ factor · λ at all points, or of λ' with `basis=change`."""
-            factors = factors.reshape(len(SHARES), count, -1)
-            return _matrix(factors, np.broadcast_to(basis, (2, len(SHARES), count)), unknowns)
+            factors = factors.reshape(len(POINT_POSITIONS), count, -1)
+            return _multiplier_matrix(
+                factors, np.broadcast_to(basis, (2, len(POINT_POSITIONS), count)), unknowns
+            )
 
         mu = linear(a / 2)
         return cls(
             y=y,
             max_speed=max_speed,
-            weights=np.multiply.outer(WEIGHTS, path.width).reshape(2, -1),
+            weights=np.multiply.outer(SIMPSON_WEIGHTS, path.lengths).reshape(2, -1),
             p=linear(b - slope / 2) - linear(a / 2, change),
             kappa=linear(k),
             mu=mu,
             excess=linear(c - 1),
             slack=linear(slack),
             jump=mu[1:count] - mu[-count:-1],
-            at_limit=at_limit,
+            may_jump_at=may_jump_at,
             max_speed_squared=max_speed_squared,
-            width=path.width,
+            lengths=path.lengths,
             unknowns=unknowns,
         )
 
@@ -262,7 +264,7 @@ class _Program:
             return np.zeros(self.p.shape[1])
         y, max_speed, weights = self.y[used], self.max_speed[used], self.weights[0, used]
         p, kappa = self.p[used], self.kappa[used]
-        limit_squares = self.y[1 : len(self.at_limit) + 1][self.at_limit] ** 2
+        limit_squares = self.y[1 : len(self.may_jump_at) + 1][self.may_jump_at] ** 2
         size, jumps = len(used), len(limit_squares)
         identity: Any = eye(size)
         step: Any = eye(jumps)
@@ -270,7 +272,7 @@ class _Program:
         # is the multiplier of the speed limit.
         limit_cost = np.clip((max_speed - y) / y**2, 0.0, 1 / y)
         terms: list[tuple[int, Array, float | None]] = [(1, limit_cost, None)]
-        for rate, end in PENALTIES:
+        for rate, end in OPTIMALITY_PENALTIES:
             terms += [(1, rate / y, end), (-1, rate / y, end)]
         bounds: list[tuple[int, float | None]] = [(0, None)] * (p.shape[1] + 2 * jumps)
         for _, _, end in terms:
@@ -283,10 +285,10 @@ class _Program:
         threshold = 1 / (y * max_speed * (y + max_speed))
         lowered = [diags(-threshold) if sign > 0 else 0 * identity for sign, _, _ in terms]
         at_max_speed = p + diags(1 / (y + max_speed)) @ kappa
-        jump_cost = self.max_speed_squared[self.at_limit] - limit_squares
+        jump_cost = self.max_speed_squared[self.may_jump_at] - limit_squares
         cost = [self.slack[used].T @ weights, jump_cost, limit_squares]
         optimality_rows = [optimality, None, None] + signed
-        jump_rows = [self.jump[self.at_limit], -step, step] + [None] * len(terms)
+        jump_rows = [self.jump[self.may_jump_at], -step, step] + [None] * len(terms)
         inequality = [-at_max_speed, csr_matrix((size, 2 * jumps))] + lowered
         result = linprog(
             np.concatenate(cost + costs),
@@ -315,13 +317,13 @@ class _Program:
         """
         # The number −1 stands for a multiplier that is 0.
         ends = np.append(multipliers, 0.0)[self.unknowns]
-        integrals = np.einsum("enr,n->r", ends, self.width) / 2
+        integrals = np.einsum("enr,n->r", ends, self.lengths) / 2
         p, kappa, end = self.p @ multipliers, self.kappa @ multipliers, self.max_speed
-        at_end = _smallest_values(p, kappa, end) >= 1 / end + p * end**2 + kappa * end
+        at_end = _minimise_integrand(p, kappa, end) >= 1 / end + p * end**2 + kappa * end
         of_speed = np.where(at_end, 1 - 2 * p * end**3 - kappa * end**2, 0.0)
         by_point = self.weights[0] * np.maximum(of_speed, 0.0) / end
-        by_point[1 : len(self.width)] += 2 * self._jump_losses(multipliers)
-        return -PERCENT * integrals, -PERCENT * by_point
+        by_point[1 : len(self.lengths)] += 2 * self._jump_losses(multipliers)
+        return -SENSITIVITY_STEP * integrals, -SENSITIVITY_STEP * by_point
 
     def bound(self, multipliers: Array) -> float:
         """Return the lower bound on the duration for given multipliers, s.
@@ -334,7 +336,7 @@ class _Program:
         multipliers : (unknowns,) array
             Any values that are at least 0.
         """
-        minima = _smallest_values(self.p @ multipliers, self.kappa @ multipliers, self.max_speed)
+        minima = _minimise_integrand(self.p @ multipliers, self.kappa @ multipliers, self.max_speed)
         coarse_integral, fine_integral = self.weights @ (minima + self.excess @ multipliers)
         integration_error = abs(fine_integral - coarse_integral)
         mu = self.mu @ multipliers
@@ -344,32 +346,32 @@ class _Program:
     def _jump_losses(self, multipliers: Array) -> Array:
         """Return F² max(Δμ, 0) at the inner grid points, (n − 1,), for multipliers (unknowns,)."""
         jump = self.jump @ multipliers
-        return self.max_speed_squared * np.where(jump > NO_JUMP, jump, 0.0)
+        return self.max_speed_squared * np.where(jump > MULTIPLIER_JUMP_TOLERANCE, jump, 0.0)
 
 
-def _rows(path: PathRows) -> list[tuple[LimitName, Array]]:
+def _named_rows(path: PathRows) -> list[tuple[LimitKey, Array]]:
     """Return all acceleration and torque rows that are part of the bound, with their limits.
 
     Each row contains its values at the PROBES, (4, points). Torque rows use the smallest friction
     coefficient. They are 0 in an interval in which the joint reverses.
     """
-    rows: list[tuple[LimitName, Array]] = []
-    for k, row in enumerate(path.accelerations()):
+    rows: list[tuple[LimitKey, Array]] = []
+    for k, row in enumerate(path.acceleration_rows()):
         joint = path.robot.joints[k // 2]  # each joint has two rows, one for either direction
         rows.append(((JointAcceleration.name, joint.name), row))
     for i, drive, motor in motorised(path.robot.joints):
         speeds = 0.0, drive.ratio * path.robot.joints[i].velocity
         smallest = min(float(friction_coefficient(friction_of(drive), w)) for w in speeds)
         direction = path.direction[:, i]
-        reverses = (direction * path.speed[2, :, i]).reshape(len(SHARES), -1) < 0
-        is_kept = np.tile(~reverses.any(axis=0), len(SHARES))
-        torques = path.torques(i, drive, motor, np.full(len(direction), smallest))
+        reverses = (direction * path.speed[2, :, i]).reshape(len(POINT_POSITIONS), -1) < 0
+        is_kept = np.tile(~reverses.any(axis=0), len(POINT_POSITIONS))
+        torques = path.torque_rows(i, drive, motor, np.full(len(direction), smallest))
         name = MotorTorque.name, path.robot.joints[i].name
         rows += [(name, is_kept * side) for side in torques]
     return rows
 
 
-def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Array:
+def _number_unknowns(a: Array, slack: Array, may_jump_at: Mask) -> Array:
     """Number the unknown multipliers.
 
     The end of an interval and the start of the next one share an unknown. They have two unknowns
@@ -382,7 +384,7 @@ def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Array:
         Coefficients of s̈.
     slack : (5n, rows) array
         Distances of the rows from their limits.
-    at_limit : (n − 1,) array of bool
+    may_jump_at : (n − 1,) array of bool
         True at inner grid points where the speed limit may bind.
 
     Returns
@@ -390,13 +392,15 @@ def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Array:
     (2, n, rows) array
         Numbers of the unknowns at the starts and at the ends of the intervals, or −1.
     """
-    count = len(at_limit) + 1
+    count = len(may_jump_at) + 1
     end_slack = np.full((2, count + 1, a.shape[1]), np.inf)
     end_slack[0, :-1], end_slack[1, 1:] = slack[:count], slack[-count:]
-    may_bind = end_slack < NEAR
-    may_jump = np.concatenate([[True], at_limit, [True]])[:, None]
+    may_bind = end_slack < BINDING_MARGIN
+    may_jump = np.concatenate([[True], may_jump_at, [True]])[:, None]
     jumps = np.zeros_like(may_bind[0])
-    jumps[1:-1] = np.abs(a[1:count] - a[-count:-1]) > CONTINUOUS * np.abs(a).max(axis=0)
+    jumps[1:-1] = np.abs(a[1:count] - a[-count:-1]) > COEFFICIENT_JUMP_TOLERANCE * np.abs(a).max(
+        axis=0
+    )
     shared = may_bind.any(axis=0) & ~may_jump & ~jumps
     single = may_bind & may_jump
     numbers = np.full(may_bind.shape, -1)
@@ -405,7 +409,7 @@ def _unknowns(a: Array, slack: Array, at_limit: Mask) -> Array:
     return np.stack([numbers[0, :-1], numbers[1, 1:]])
 
 
-def _matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
+def _multiplier_matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
     """Return the matrix from the unknowns to Σ factor · λ at all points, (5n, unknowns).
 
     Parameters
@@ -415,7 +419,7 @@ def _matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
     weights : (2, 5, n) array
         Weights with which the unknowns at the start and at the end of an interval contribute to λ.
     unknowns : (2, n, rows) array
-        Numbers of the unknowns, see `_unknowns`.
+        Numbers of the unknowns, see `_number_unknowns`.
     """
     from scipy.sparse import csr_matrix
 
@@ -428,7 +432,7 @@ def _matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
     return csr_matrix((values.ravel(), entries), shape)
 
 
-def _smallest_values(p: Array, kappa: Array, max_speed: Array) -> Array:
+def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
     """Return the smallest values of 1/y + p y² + κ y for 0 < y ≤ max_speed.
 
     The function is convex for y³ ≤ −1/p, or everywhere if p ≥ 0, and concave beyond. Its minimum is
@@ -436,10 +440,10 @@ def _smallest_values(p: Array, kappa: Array, max_speed: Array) -> Array:
 
     All arrays have the shape (points,).
     """
-    end_of_convex_part = np.minimum(max_speed, np.cbrt(1 / np.maximum(-p, TINY)))
+    end_of_convex_part = np.minimum(max_speed, np.cbrt(1 / np.maximum(-p, MIN_DIVISOR)))
     low = np.zeros_like(p)
     high = np.where(p < 0, end_of_convex_part, max_speed)
-    for _ in range(BISECTIONS):
+    for _ in range(BISECTION_STEPS):
         y = (low + high) / 2
         rises = 2 * p * y**3 + kappa * y**2 > 1
         low = np.where(rises, low, y)

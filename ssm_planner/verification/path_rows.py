@@ -22,23 +22,26 @@ from ssm_planner.problem import (
 from ssm_planner.trajectory import DEGREE, Trajectory, parts_of
 from ssm_planner.typing import Array, Mask, record
 
-INTERVALS = 200
+PATH_INTERVALS = 200
 """Approximate number n of intervals of a motion. Every polynomial piece has at least one."""
-STANDING = 1e-9
-"""Smallest result of `speed_use`, which prevents a division by 0 where nothing moves."""
-PROBES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-"""Pairs (s̈, ṡ) at which the laws are evaluated. The results determine the coefficients of a row."""
-LimitName = tuple[str, str | None]
+MIN_SPEED_RATIO = 1e-9
+"""Smallest result of `largest_speed_ratio`, which prevents a division by 0 where nothing moves."""
+PROBE_STATES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+"""Pairs (s̈, ṡ) at which the laws are evaluated.
+
+The results determine the coefficients of a row.
+"""
+LimitKey = tuple[str, str | None]
 """Name of a limit, and of its joint. The latter is None for limits of the tool and of the task."""
 
 
-def coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
+def row_coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
     """Return the coefficients of a s̈ + b ṡ² + c + k ṡ.
 
     Parameters
     ----------
     values : (4, ...) array
-        Values of the expression at the `PROBES`.
+        Values of the expression at the `PROBE_STATES`.
 
     Returns
     -------
@@ -58,11 +61,11 @@ class PathRows:
     """A path, sampled at m points in each of n intervals.
 
     Arrays list the first points of all intervals, then the second points, and so on. Velocity,
-    acceleration and effort of the joints at the `PROBES` determine the rows.
+    acceleration and effort of the joints at the `PROBE_STATES` determine the rows.
     """
 
     robot: Robot
-    width: Array
+    lengths: Array
     """Lengths of the intervals, (n,), s."""
     moves: Mask
     """True if a joint moves, (m n,)."""
@@ -73,7 +76,7 @@ class PathRows:
     speed: Array
     acceleration: Array
     effort: Array
-    """q̇, q̈ and joint efforts at the `PROBES`, (4, m n, 4) each."""
+    """q̇, q̈ and joint efforts at the `PROBE_STATES`, (4, m n, 4) each."""
 
     @classmethod
     def from_trajectory(
@@ -81,7 +84,7 @@ class PathRows:
         trajectory: Trajectory,
         robot: Robot,
         span: tuple[float, float],
-        shares: tuple[float, ...],
+        point_positions: tuple[float, ...],
         refinement: int = 1,
     ) -> "PathRows":
         """Return the path between two times.
@@ -94,7 +97,7 @@ class PathRows:
             The robot with its limits.
         span : (float, float)
             Times in s, at breaks of the trajectory.
-        shares : tuple of float
+        point_positions : tuple of float
             Positions of the m points in an interval, from 0 at its start to 1 at its end.
         refinement : int
             Factor on the number of intervals.
@@ -102,13 +105,15 @@ class PathRows:
         first_piece = int(trajectory.piece_of(np.array(span[:1]))[0])
         last_piece = int(trajectory.piece_of(np.array(span[1:]), "left")[0])
         lengths = np.diff(trajectory.breaks[first_piece : last_piece + 2])
-        counts = np.maximum(np.rint(INTERVALS * lengths / lengths.sum()), 1).astype(int)
+        counts = np.maximum(np.rint(PATH_INTERVALS * lengths / lengths.sum()), 1).astype(int)
         counts *= refinement
         piece_index, k = parts_of(counts)
         width = (lengths / counts)[piece_index]
-        times = np.concatenate([(k + share) * width for share in shares])
-        samples = trajectory.sample_pieces(np.tile(first_piece + piece_index, len(shares)), times)
-        q = samples.q.reshape(len(shares), -1, 4)
+        times = np.concatenate([(k + share) * width for share in point_positions])
+        samples = trajectory.sample_pieces(
+            np.tile(first_piece + piece_index, len(point_positions)), times
+        )
+        q = samples.q.reshape(len(point_positions), -1, 4)
         travel = q[-1] - q[0]
         rest_speed = STILL * robot.velocities
         advances = np.abs(travel) > rest_speed * width[:, None]
@@ -116,16 +121,18 @@ class PathRows:
         rates = np.abs(trajectory.pieces(slice(first_piece, last_piece + 1))[:, 1:])
         travelled = np.einsum("np,npj->nj", powers, rates)
         moves = (travelled > rest_speed * lengths[:, None]).any(axis=1)[piece_index]
-        speed = np.stack([rate * samples.qd for _, rate in PROBES])
-        acceleration = np.stack([u * samples.qd + rate**2 * samples.qdd for u, rate in PROBES])
+        speed = np.stack([rate * samples.qd for _, rate in PROBE_STATES])
+        acceleration = np.stack(
+            [u * samples.qd + rate**2 * samples.qdd for u, rate in PROBE_STATES]
+        )
         body = RigidBody.from_robot(robot)
         motions = zip(speed, acceleration, strict=True)
         effort = np.stack([body.inverse_dynamics(samples.q, *motion) for motion in motions])
-        direction = np.tile(np.sign(travel) * advances, (len(shares), 1))
+        direction = np.tile(np.sign(travel) * advances, (len(point_positions), 1))
         return cls(
             robot,
             width,
-            np.tile(moves, len(shares)),
+            np.tile(moves, len(point_positions)),
             samples.q,
             direction=direction,
             speed=speed,
@@ -133,17 +140,18 @@ class PathRows:
             effort=effort,
         )
 
-    def accelerations(self) -> list[Array]:
+    def acceleration_rows(self) -> list[Array]:
         """Return the rows of the acceleration limits.
 
-        Each joint has one row for either direction, with its values at the `PROBES`, (4, m n).
+        Each joint has one row for either direction, with its values at the `PROBE_STATES`, an array
+        of shape (4, m n).
         """
         rows = []
         for joint, values in zip(self.robot.joints, self.acceleration.T, strict=True):
             rows += [values.T / joint.acceleration, -values.T / joint.acceleration]
         return rows
 
-    def torques(self, i: int, drive: Drive, motor: Motor, mu: Array) -> list[Array]:
+    def torque_rows(self, i: int, drive: Drive, motor: Motor, mu: Array) -> list[Array]:
         """Return the two rows of a torque limit.
 
         The motor torque in the direction of motion, as a share of its limit, is the larger of the
@@ -163,7 +171,7 @@ class PathRows:
         Returns
         -------
         list of two (4, m n) arrays
-            Values of the rows at the `PROBES`.
+            Values of the rows at the `PROBE_STATES`.
         """
         speed, acceleration = self.speed[..., i], self.acceleration[..., i]
         direction = self.direction[:, i]
@@ -175,20 +183,20 @@ class PathRows:
             for slope in law.slope
         ]
 
-    def speed_use(self, limits: TaskLimits) -> Array:
+    def largest_speed_ratio(self, limits: TaskLimits) -> Array:
         """Return the largest share of a speed limit that the motion uses at ṡ = 1, (m n,).
 
         A timing keeps all speed limits if ṡ is at most the inverse of this share.
         """
-        return np.maximum(STANDING, np.max(list(self.speed_uses(limits).values()), axis=0))
+        return np.maximum(MIN_SPEED_RATIO, np.max(list(self.speed_ratios(limits).values()), axis=0))
 
-    def speed_uses(self, limits: TaskLimits) -> dict[LimitName, Array]:
+    def speed_ratios(self, limits: TaskLimits) -> dict[LimitKey, Array]:
         """Return the share of every speed limit that the motion uses at ṡ = 1, (m n,) each.
 
         The limits are those of joints, motors, tool and task.
         """
         mechanism, qd = Mechanism.from_robot(self.robot), self.speed[2]
-        uses: dict[LimitName, Array] = {}
+        uses: dict[LimitKey, Array] = {}
         for joint, speed in zip(self.robot.joints, np.abs(qd.T), strict=True):
             uses[JointVelocity.name, joint.name] = speed / joint.velocity
             if joint.drive is not None and joint.motor is not None:

@@ -15,19 +15,19 @@ from ssm_planner.problem import Robot
 from ssm_planner.trajectory import DEGREE, Trajectory, blocks
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import bernstein
-from ssm_planner.verification.limits import Worst
+from ssm_planner.verification.limits import WorstValue
 
-State = tuple[Array, Array, Array]
+JointState = tuple[Array, Array, Array]
 """Joint positions q, velocities qd and accelerations qdd, each (…, 4)."""
 
-BLOCK = 8192
+PIECES_PER_BLOCK = 8192
 """Number of pieces that are evaluated together, which bounds the memory."""
-EXACT = 1e-10
+EXTREME_ACCURACY = 1e-10
 """Accuracy of the extreme of a polynomial, relative to its limit."""
 
 
 @record
-class Pieces:
+class PieceBlock:
     """m consecutive pieces as polynomials of s = (t − start)/length."""
 
     start: Array
@@ -38,28 +38,36 @@ class Pieces:
     """Coefficients of s^k of q, qd, qdd and qddd, (m, 6 … 3, 4), in rad/s^order and m/s^order."""
 
     @cached_property
-    def bernstein(self) -> tuple[Array, ...]:
+    def bernstein_coefficients(self) -> tuple[Array, ...]:
         """Bernstein coefficients of q, qd, qdd and qddd, (m, 6 … 3, 4)."""
         return tuple(bernstein.from_powers(powers) for powers in self.powers)
 
     @property
-    def ends(self) -> tuple[Array, Array]:
+    def end_states(self) -> tuple[Array, Array]:
         """q, qd and qdd at the start and at the end of every piece, (m, 3, 4) each."""
         # A polynomial starts at its first Bernstein coefficient and ends at its last.
-        starts = np.stack([coefficients[:, 0] for coefficients in self.bernstein[:3]], axis=1)
-        ends = np.stack([coefficients[:, -1] for coefficients in self.bernstein[:3]], axis=1)
+        starts = np.stack(
+            [coefficients[:, 0] for coefficients in self.bernstein_coefficients[:3]], axis=1
+        )
+        ends = np.stack(
+            [coefficients[:, -1] for coefficients in self.bernstein_coefficients[:3]], axis=1
+        )
         return starts, ends
 
     @cached_property
-    def bounds(self) -> tuple[Array, Array]:
+    def coefficient_bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values (4, 4) of q, qd, qdd, qddd (rows) of the four joints."""
-        lowest = np.stack([coefficients.min(axis=(0, 1)) for coefficients in self.bernstein])
-        highest = np.stack([coefficients.max(axis=(0, 1)) for coefficients in self.bernstein])
+        lowest = np.stack(
+            [coefficients.min(axis=(0, 1)) for coefficients in self.bernstein_coefficients]
+        )
+        highest = np.stack(
+            [coefficients.max(axis=(0, 1)) for coefficients in self.bernstein_coefficients]
+        )
         return lowest, highest
 
     def evaluate(
         self, index: Indices | slice, s: Array, results: Sequence[Array] | Array = ()
-    ) -> State:
+    ) -> JointState:
         """Evaluate q, qd and qdd of n pieces.
 
         Parameters
@@ -76,27 +84,27 @@ class Pieces:
         tuple of three (…, n, 4) arrays
         """
         q, qd, qdd = [
-            _horner(powers.T[..., index], s, values)
+            _evaluate_polynomials(powers.T[..., index], s, values)
             for powers, values in zip_longest(self.powers[:3], results)
         ]
         return q, qd, qdd
 
-    def speeds(self, index: Indices, s: Array) -> Array:
+    def velocities_at(self, index: Indices, s: Array) -> Array:
         """Return qd (…, n, 4) at the fractions s (…, n) of the pieces with index (n,)."""
-        return _horner(self.powers[1].T[..., index], s)
+        return _evaluate_polynomials(self.powers[1].T[..., index], s)
 
-    def time(self, index: Indices, s: Array) -> Array:
+    def times_at(self, index: Indices, s: Array) -> Array:
         """Return the times (…, n) in s at the fractions s (…, n) of the pieces with index (n,)."""
         return self.start[index] + s * self.length[index]
 
-    def moving(self, robot: Robot) -> Mask:
+    def moving_joints(self, robot: Robot) -> Mask:
         """Return whether each joint moves within each piece, (m, 4).
 
         A speed that stays below `STILL` is the rounding error of a joint at rest.
         """
-        return np.abs(self.bernstein[1]).max(axis=1) > still(robot)
+        return np.abs(self.bernstein_coefficients[1]).max(axis=1) > rest_speeds(robot)
 
-    def segments(self, robot: Robot) -> tuple[Indices, Array, Array]:
+    def split_at_reversals(self, robot: Robot) -> tuple[Indices, Array, Array]:
         """Cut the pieces where a joint reverses.
 
         Every joint keeps its direction within a segment.
@@ -110,8 +118,8 @@ class Pieces:
         """
         indices = np.arange(len(self.start))
         # One row for each pair of joint and piece, all pieces of a joint after each other.
-        speeds = self.bernstein[1].T.swapaxes(0, 1).reshape(DEGREE, -1).T
-        cuts, s = bernstein.sign_changes(speeds, np.repeat(still(robot), len(indices)))
+        speeds = self.bernstein_coefficients[1].T.swapaxes(0, 1).reshape(DEGREE, -1).T
+        cuts, s = bernstein.find_sign_changes(speeds, np.repeat(rest_speeds(robot), len(indices)))
         owner = np.concatenate([indices, cuts % len(indices)])
         start_s = np.concatenate([np.zeros(len(indices)), s])
         order = np.lexsort((start_s, owner))
@@ -122,14 +130,14 @@ class Pieces:
         return owner[keep], start_s[keep], end[keep]
 
 
-def pieces_of(trajectory: Trajectory) -> Iterator[Pieces]:
-    """Yield the pieces of a trajectory in blocks of `BLOCK`."""
-    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
+def piece_blocks(trajectory: Trajectory) -> Iterator[PieceBlock]:
+    """Yield the pieces of a trajectory in blocks of `PIECES_PER_BLOCK`."""
+    for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
         lengths = np.diff(trajectory.breaks[block.start : block.stop + 1])
-        yield _pieces(trajectory.breaks[block], lengths, trajectory.pieces(block))
+        yield _build_piece_block(trajectory.breaks[block], lengths, trajectory.pieces(block))
 
 
-def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
+def _build_piece_block(start: Array, length: Array, coefficients: Array) -> PieceBlock:
     """Build pieces from their start times (m,), lengths (m,) and coefficients (m, 6, 4).
 
     The coefficients are those of powers of the time since the start of the piece.
@@ -140,15 +148,15 @@ def _pieces(start: Array, length: Array, coefficients: Array) -> Pieces:
     for order in range(3):
         exponents = np.arange(1, DEGREE + 1 - order)
         powers.append(powers[-1][:, 1:] * exponents[:, None] / length[:, None, None])
-    return Pieces(start, length, tuple(powers))
+    return PieceBlock(start, length, tuple(powers))
 
 
-def still(robot: Robot) -> Array:
+def rest_speeds(robot: Robot) -> Array:
     """Return the speeds (4,) in rad/s and m/s up to which the joints count as standing."""
     return robot.velocities * STILL
 
 
-def _horner(powers: Array, s: Array, result: Array | None = None) -> Array:
+def _evaluate_polynomials(powers: Array, s: Array, result: Array | None = None) -> Array:
     """Evaluate polynomials by Horner's rule, and return Σ powers[:, k] s^k (…, n, 4).
 
     Parameters
@@ -173,7 +181,7 @@ def _horner(powers: Array, s: Array, result: Array | None = None) -> Array:
     return np.moveaxis(value, 0, -1)
 
 
-def find_extremes(pieces: Pieces, extremes: Sequence[Worst]) -> None:
+def update_polynomial_extremes(pieces: PieceBlock, extremes: Sequence[WorstValue]) -> None:
     """Update the worst values of the polynomial quantities with these pieces.
 
     The Bernstein coefficients bound each quantity. Only the quantities whose bounds exceed their
@@ -186,9 +194,9 @@ def find_extremes(pieces: Pieces, extremes: Sequence[Worst]) -> None:
     extremes : sequence of Worst
         Worst values of all quantities. Those without `order` are skipped.
     """
-    lowest, highest = pieces.bounds
-    for order, bernstein_of in enumerate(pieces.bernstein):
-        open_: list[tuple[Worst, float, float, float]] = []
+    lowest, highest = pieces.coefficient_bounds
+    for order, bernstein_of in enumerate(pieces.bernstein_coefficients):
+        open_: list[tuple[WorstValue, float, float, float]] = []
         for extreme in extremes:
             quantity = extreme.quantity
             if quantity.order != order:
@@ -207,9 +215,9 @@ def find_extremes(pieces: Pieces, extremes: Sequence[Worst]) -> None:
         widths = np.array([extreme.quantity.limit.half_width for extreme, *_ in open_])
         bars = np.array([threshold for *_, threshold in open_])
         groups = bernstein_of.T[columns] * factors[:, None, None]
-        maxima = bernstein.maxima(groups, EXACT * widths, bars)
+        maxima = bernstein.find_group_maxima(groups, EXTREME_ACCURACY * widths, bars)
         for (extreme, sign, bound, _), width, value, index, s in zip(
             open_, widths, *maxima, strict=True
         ):
             time = float(pieces.start[index] + s * pieces.length[index])
-            extreme.offer(float((value - bound) / width), float(sign * value), time)
+            extreme.update(float((value - bound) / width), float(sign * value), time)

@@ -17,22 +17,22 @@ from ssm_planner.problem import Jump, Robot, SpeedLimit, TaskLimits
 from ssm_planner.trajectory import DEGREE, Trajectory, blocks
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.certificate import LimitCheck, Unjudged
-from ssm_planner.verification.ends import declared_velocities
-from ssm_planner.verification.limits import Quantity
-from ssm_planner.verification.pieces import BLOCK
+from ssm_planner.verification.ends import declared_end_velocities
+from ssm_planner.verification.limits import LimitedQuantity
+from ssm_planner.verification.pieces import PIECES_PER_BLOCK
 
-FINEST = 1e-12
+MIN_RESOLUTION = 1e-12
 """Smallest rounding error of positions that the check assumes, rad or m."""
-EXCUSED = 1e-3
+EXPLAINABLE_EXCESS = 1e-3
 """Relative excess of a speed that counts as kept if rounding of the points can explain it."""
 
 
-def linear_limits(
+def check_linear_pieces(
     trajectory: Trajectory,
     robot: Robot,
     limits: TaskLimits,
     resolution: Array,
-    checks: Mapping[Quantity, LimitCheck],
+    checks: Mapping[LimitedQuantity, LimitCheck],
 ) -> tuple[list[LimitCheck], list[str], list[Unjudged]]:
     """Check the limits of a trajectory that consists of linear pieces.
 
@@ -61,27 +61,27 @@ def linear_limits(
     unjudged : list of Unjudged
         Speeds that rounding may or may not explain.
     """
-    resolution = np.maximum(resolution, FINEST)
-    start_velocity, end_velocity = declared_velocities(trajectory, robot, limits)
-    speeds = _Speeds(robot, resolution, start_velocity)
-    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
-        speeds.look(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
-    speeds.end(end_velocity)
+    resolution = np.maximum(resolution, MIN_RESOLUTION)
+    start_velocity, end_velocity = declared_end_velocities(trajectory, robot, limits)
+    speeds = _SpeedRecorder(robot, resolution, start_velocity)
+    for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
+        speeds.update(trajectory.breaks[block.start : block.stop + 1], trajectory.pieces(block))
+    speeds.finish(end_velocity)
     results, unjudged = [], []
     for quantity, limit in checks.items():
-        result = _within_rounding(quantity, limit, trajectory, robot, speeds)
-        if result.passed and limit.margin < -EXCUSED:
+        result = _without_rounding(quantity, limit, trajectory, robot, speeds)
+        if result.passed and limit.margin < -EXPLAINABLE_EXCESS:
             reason = f"{-100 * limit.margin:.3g} % above the limit, which rounding may explain"
             unjudged.append(Unjudged(limit.name, limit.joint, reason))
         results.append(result)
-    results += speeds.checks()
+    results += speeds.results()
     note = "the velocity may jump by as much as the acceleration limit allows within one interval"
-    if resolution.max() > FINEST:
+    if resolution.max() > MIN_RESOLUTION:
         note += ", and jumps that rounding of the positions can explain do not count"
     return results, [note], unjudged
 
 
-class _Speeds:
+class _SpeedRecorder:
     """Collects joint speeds on linear pieces and the jumps between them.
 
     Each speed and each jump is reduced by the part that rounding of the points can explain.
@@ -117,7 +117,7 @@ class _Speeds:
         self._length = 0.0
         self._time = 0.0
 
-    def look(self, breaks: Array, coefficients: Array) -> None:
+    def update(self, breaks: Array, coefficients: Array) -> None:
         """Update the largest speeds and the worst jumps with the next pieces of the motion.
 
         Rounding moves each end of a piece by at most the resolution. It therefore explains a speed
@@ -140,18 +140,20 @@ class _Speeds:
         powers = orders * length[:, None] ** (orders - 1)
         end_velocities = np.einsum("mk,mkj->mj", powers, coefficients[:, 1:])
         jumps = coefficients[:, 1] - np.vstack([self._previous_velocity, end_velocities[:-1]])
-        self._jumps(breaks[:-1], np.append(self._length, length[:-1]), length, jumps)
+        self._update_jumps(breaks[:-1], np.append(self._length, length[:-1]), length, jumps)
         self._previous_velocity = end_velocities[-1]
         self._length = float(length[-1])
         self._time = float(breaks[-1])
 
-    def end(self, velocity: Array) -> None:
+    def finish(self, velocity: Array) -> None:
         """Add the jump from the last piece to the velocity q̇ (4,) at the end of the motion."""
         time = np.array([self._time])
         length = np.array([self._length])
-        self._jumps(time, length, np.zeros(1), (velocity - self._previous_velocity)[None])
+        self._update_jumps(time, length, np.zeros(1), (velocity - self._previous_velocity)[None])
 
-    def _jumps(self, time: Array, length_before: Array, length_after: Array, jump: Array) -> None:
+    def _update_jumps(
+        self, time: Array, length_before: Array, length_after: Array, jump: Array
+    ) -> None:
         """Add jumps of the velocity at n instants.
 
         Parameters
@@ -177,7 +179,7 @@ class _Speeds:
         self.worst_jump = np.where(is_worse, candidate, self.worst_jump)
         self.share = np.where(is_worse, share[k, joints], self.share)
 
-    def checks(self) -> list[LimitCheck]:
+    def results(self) -> list[LimitCheck]:
         """Return the worst jump of the velocity of each joint."""
         checks = []
         for i, joint in enumerate(self.robot.joints):
@@ -187,8 +189,12 @@ class _Speeds:
         return checks
 
 
-def _within_rounding(
-    quantity: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, speeds: _Speeds
+def _without_rounding(
+    quantity: LimitedQuantity,
+    limit: LimitCheck,
+    trajectory: Trajectory,
+    robot: Robot,
+    speeds: _SpeedRecorder,
 ) -> LimitCheck:
     """Return the result of a speed limit without the speed that rounding can explain.
 
@@ -197,19 +203,19 @@ def _within_rounding(
     if quantity.limit.order != 1:
         return limit
     if quantity.order is None:
-        return _of_tool(quantity, limit, trajectory, robot, speeds.resolution)
-    if trajectory.pieces(_meeting_at(trajectory, limit.time))[:, 2:].any():
+        return _tool_speed_without_rounding(quantity, limit, trajectory, robot, speeds.resolution)
+    if trajectory.pieces(_adjacent_pieces(trajectory, limit.time))[:, 2:].any():
         return limit  # points that state velocities, so rounding explains nothing
     scale = abs(quantity.scale)
     i = quantity.index
     speed = float(speeds.fastest[i]), float(speeds.fastest_time[i])
     if not limit.passed:
         bound = limit.limit / scale
-        speed = max(speed, _longer_windows(trajectory, i, bound, float(speeds.resolution[i])))
-    return _replaced(limit, scale * speed[0], speed[1])
+        speed = max(speed, _worst_window_speed(trajectory, i, bound, float(speeds.resolution[i])))
+    return _with_worst_value(limit, scale * speed[0], speed[1])
 
 
-def _longer_windows(
+def _worst_window_speed(
     trajectory: Trajectory, i: int, bound: float, resolution: float
 ) -> tuple[float, float]:
     """Return the mean speed of a joint over the worst window of points.
@@ -256,8 +262,12 @@ def _longer_windows(
     return speed, start
 
 
-def _of_tool(
-    quantity: Quantity, limit: LimitCheck, trajectory: Trajectory, robot: Robot, resolution: Array
+def _tool_speed_without_rounding(
+    quantity: LimitedQuantity,
+    limit: LimitCheck,
+    trajectory: Trajectory,
+    robot: Robot,
+    resolution: Array,
 ) -> LimitCheck:
     """Return the result of a tool speed without the speed that rounding can explain.
 
@@ -293,12 +303,12 @@ def _of_tool(
         rounding = sum(values(q, np.eye(4)[i] * speed_error) for i in range(4))
         return np.maximum(values(q, speeds) - rounding, 0.0)
 
-    pieces = _meeting_at(trajectory, limit.time)
+    pieces = _adjacent_pieces(trajectory, limit.time)
     q_worst = trajectory.sample_pieces(pieces, limit.time - trajectory.breaks[pieces]).q
     speeds_left = unexplained(q_worst, trajectory.pieces(pieces)[:, 1], pieces)
     highest = float(speeds_left.max())
     time = limit.time
-    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
+    for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
         coefficients = trajectory.pieces(block)
         q = coefficients[:, 0]
         speeds = coefficients[:, 1]
@@ -312,15 +322,15 @@ def _of_tool(
         if speeds_left[k] > highest:
             highest = float(speeds_left[k])
             time = float(trajectory.breaks[index[k]])
-    return _replaced(limit, highest, time)
+    return _with_worst_value(limit, highest, time)
 
 
-def _meeting_at(trajectory: Trajectory, time: float) -> Indices:
+def _adjacent_pieces(trajectory: Trajectory, time: float) -> Indices:
     """Return the two pieces that meet at a time, or twice the piece that contains it."""
     return np.concatenate([trajectory.piece_of(np.array([time]), s) for s in ("left", "right")])
 
 
-def _replaced(limit: LimitCheck, value: float, time: float) -> LimitCheck:
+def _with_worst_value(limit: LimitCheck, value: float, time: float) -> LimitCheck:
     """Return the result with another worst value and its time in s."""
     margin = (limit.limit - value) / limit.limit
     return dataclasses.replace(limit, worst=value, margin=margin, time=time)

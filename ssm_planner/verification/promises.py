@@ -40,29 +40,29 @@ from ssm_planner.trajectory import Span, Trajectory, blocks
 from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck, Unjudged
 
-OFF = 1e-7
+LINE_DEPARTURE = 1e-7
 """Distance from its lines, m, beyond which the tip has left them."""
-ON = 1e-6
+PATH_TOLERANCE = 1e-6
 """Largest distance from the lines, and largest error of the distance to the retina, m."""
-CONSTANT = 1e-6
+CONSTANT_SPEED_TOLERANCE = 1e-6
 """Largest relative error of a constant speed."""
-SLACK = 1e-9
+CORNER_SLACK = 1e-9
 """Extra distance, m, from a corner at which the tip may leave its lines."""
-LOOKS = 8
+CONSTANT_SPEED_INSTANTS = 8
 """Number of instants in every piece of a motion at constant speed."""
-FEW = 3
+PIECE_INSTANTS = 3
 """Number of instants in every piece of other motions."""
-ABOUT = 1.5
+CORNER_RADIUS_FACTOR = 1.5
 """Radius around a corner with more instants, as a multiple of the corner's allowed distance."""
-INSTANTS = 301
+CORNER_INSTANTS = 301
 """Number of additional instants around a corner."""
-COARSE = 65
+LINE_SEARCH_POINTS = 65
 """Number of points of a line among which the search of the nearest point starts."""
-STEPS = 3
+NEWTON_STEPS = 3
 """Number of Newton steps in the search of the nearest point."""
-STEP = 1e-7
+DIFFERENCE_STEP = 1e-7
 """Step of the difference quotients in this search, as a fraction of the line."""
-SOME = 4096
+INSTANTS_PER_BLOCK = 4096
 """Number of instants that are evaluated together."""
 
 Curve = Callable[[Array], Array]
@@ -82,11 +82,11 @@ class PathPromise:
     span: Span
     lines: tuple[Curve, ...]
     """Lines that the tip follows one after the other."""
-    distances: tuple[float, ...] = ()
+    corner_distances: tuple[float, ...] = ()
     """Distance from each corner within which the tip may leave the lines, m."""
     speed: float | None = None
     """Speed that the tip keeps, m/s."""
-    over: tuple[Array, float, float] | None = None
+    retina: tuple[Array, float, float] | None = None
     """Centre (3,) and radius of a retina and the distance that the tip keeps from it, m."""
 
     @property
@@ -111,14 +111,14 @@ class PromiseResult:
     checks: tuple[LimitCheck, ...]
     departure: float
     """Largest distance of the tip from its lines, m."""
-    stretch: tuple[float, float, float] | None = None
+    constant_speed_span: tuple[float, float, float] | None = None
     """Start and end of the constant speed in s from the start of the phase, and its relative error.
 
     None if the phase promises no constant speed.
     """
 
     @property
-    def reach(self) -> float | None:
+    def corner_reach(self) -> float | None:
         """Largest distance from a corner at which the tip is off its lines, m.
 
         None without corners.
@@ -129,7 +129,7 @@ class PromiseResult:
         return None
 
 
-def promises_kept(
+def check_path_promises(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits
 ) -> list[PromiseResult]:
     """Check every phase whose motion promises something about the path of the tip.
@@ -149,10 +149,10 @@ def promises_kept(
         One result for each such phase, in their order.
     """
     promises = _path_promises(motion, mechanism, limits)
-    return [_compare(motion, mechanism, promise) for promise in promises]
+    return [_check_promise(motion, mechanism, promise) for promise in promises]
 
 
-def lines_kept(
+def check_table_lines(
     motion: Trajectory,
     mechanism: Mechanism,
     limits: TaskLimits,
@@ -184,16 +184,18 @@ def lines_kept(
     unjudged : list of Unjudged
         Promises that the points of a table cannot show.
     """
-    if not _has_lines(chain[0]):
+    if not _prescribes_lines(chain[0]):
         return [], []
     promise = replace(_path_promise(motion, mechanism, limits, chain, span), speed=None)
     checks = []
     names = []  # limits that remain unjudged
-    if promise.distances:
+    if promise.corner_distances:
         names.append(CornerRounding.name)
-    if promise.over is None:
-        departure = _compare(motion, mechanism, promise).checks[0]
-        checks.append(_check(PathDeparture(allowed), promise, departure.worst, departure.time))
+    if promise.retina is None:
+        departure = _check_promise(motion, mechanism, promise).checks[0]
+        checks.append(
+            _phase_result(PathDeparture(allowed), promise, departure.worst, departure.time)
+        )
     else:
         names.append(PathDeparture.name)
     if getattr(chain[0], "constant_speed", None):
@@ -202,7 +204,7 @@ def lines_kept(
     return checks, [Unjudged(name, None, reason) for name in names]
 
 
-def unchecked_lines(limits: TaskLimits) -> str:
+def unchecked_lines_remark(limits: TaskLimits) -> str:
     """Return a remark which states that the check did not examine the lines of the motions."""
     return (
         f"whether the tip follows the path of {limits.promising}: a table does not contain the "
@@ -210,7 +212,7 @@ def unchecked_lines(limits: TaskLimits) -> str:
     )
 
 
-def _has_lines(entry: Motion) -> bool:
+def _prescribes_lines(entry: Motion) -> bool:
     """Return whether the tip follows lines that a motion prescribes."""
     return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in TIP_CURVES)
 
@@ -245,7 +247,7 @@ def _path_promises(
         if index < len(spans) and spans[index].name == name:
             span = spans[index]
         index += 1
-        if _has_lines(head):
+        if _prescribes_lines(head):
             yield _path_promise(motion, mechanism, limits, chain, span)
 
 
@@ -279,19 +281,19 @@ def _path_promise(
         tasks = [task]
         waypoints = entry.through if isinstance(entry, Follow) else ()
         for point in waypoints + (entry.to,):
-            tasks.append(task_at(mechanism, point, tasks[-1], branch))
+            tasks.append(task_coordinates_of(mechanism, point, tasks[-1], branch))
         if isinstance(entry, Follow) and entry.distance is not None and limits.eye is not None:
             retina = limits.eye.centre, limits.eye.radius, entry.distance
-            tasks[-1][3] = _depth_in(mechanism, tasks[-1], retina[0], retina[1] - retina[2])
+            tasks[-1][3] = _depth_on_sphere(mechanism, tasks[-1], retina[0], retina[1] - retina[2])
         tips = tip_from_task(mechanism, np.array(tasks))
         if isinstance(entry, Straight):
-            lines.append(partial(_in_task, mechanism, tasks[0], tasks[-1]))
+            lines.append(partial(_task_line_points, mechanism, tasks[0], tasks[-1]))
         elif entry.curve == "line":
-            lines.append(partial(_line, tips[0], tips[-1]))
+            lines.append(partial(_line_points, tips[0], tips[-1]))
         elif retina is None:
-            lines.append(_circle(tips, _middle(tips), shorter=False))
+            lines.append(_circular_arc(tips, _circle_centre(tips), shorter=False))
         else:
-            lines.append(_circle(tips, retina[0], shorter=True))
+            lines.append(_circular_arc(tips, retina[0], shorter=True))
         if entry.blend:
             distances.append(entry.blend)
         task = tasks[-1]
@@ -322,7 +324,7 @@ def _initial_task(
     return tasks[0], int(mechanism.branch_of(q[0]))
 
 
-def task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> Array:
+def task_coordinates_of(mechanism: Mechanism, point: Point, default: Array, branch: int) -> Array:
     """Return the task coordinates of a point.
 
     Parameters
@@ -354,7 +356,7 @@ def task_at(mechanism: Mechanism, point: Point, default: Array, branch: int) -> 
     return task_from_joints(mechanism, q, near=default)[0]
 
 
-def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
+def _depth_on_sphere(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
     """Return the depth in m at which the tip is on a sphere.
 
     Parameters
@@ -375,7 +377,7 @@ def _depth_in(mechanism: Mechanism, task: Array, centre: Array, radius: float) -
     return float(projection + np.sqrt(max(discriminant, 0.0)))
 
 
-def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
+def _task_line_points(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
     """Return tip positions (n, 3) on a straight line between two points in task coordinates.
 
     Parameters
@@ -390,12 +392,12 @@ def _in_task(mechanism: Mechanism, start: Array, end: Array, s: Array) -> Array:
     return tip_from_task(mechanism, start + s[:, None] * (end - start))
 
 
-def _line(start: Array, end: Array, s: Array) -> Array:
+def _line_points(start: Array, end: Array, s: Array) -> Array:
     """Return points (n, 3) at the fractions s (n,) of a straight line between two tips (3,)."""
     return start + s[:, None] * (end - start)
 
 
-def _middle(tips: Array) -> Array:
+def _circle_centre(tips: Array) -> Array:
     """Return the centre (3,) of the circle through three points (3, 3).
 
     It is the intersection of the perpendicular bisecting planes of two sides and the points' plane.
@@ -408,7 +410,7 @@ def _middle(tips: Array) -> Array:
     return np.linalg.lstsq(plane_normals, offsets, rcond=None)[0]
 
 
-def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
+def _circular_arc(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     """Return an arc of a circle from the first tip to the last.
 
     Parameters
@@ -438,78 +440,82 @@ def _circle(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     return arc
 
 
-def _distances_from(line: Curve, tips: Array) -> Array:
+def _distances_from_line(line: Curve, tips: Array) -> Array:
     """Return the distances (n,) in m of tips (n, 3) from the nearest points of a line.
 
-    The search starts at the nearest of `COARSE` points and continues with Newton steps.
+    The search starts at the nearest of `LINE_SEARCH_POINTS` points and continues with Newton steps.
     """
-    shares = np.linspace(0.0, 1.0, COARSE)
+    shares = np.linspace(0.0, 1.0, LINE_SEARCH_POINTS)
     positions = line(shares)
     s = shares[np.argmin((positions**2).sum(axis=1) - 2 * tips @ positions.T, axis=1)]
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         nearest_points = line(s)
-        slope = (line(s + STEP) - nearest_points) / STEP
+        slope = (line(s + DIFFERENCE_STEP) - nearest_points) / DIFFERENCE_STEP
         square = np.maximum((slope**2).sum(axis=1), np.finfo(float).tiny)
         s = np.clip(s + ((tips - nearest_points) * slope).sum(axis=1) / square, 0.0, 1.0)
     return np.linalg.norm(tips - line(s), axis=1)
 
 
-def _compare(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> PromiseResult:
+def _check_promise(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> PromiseResult:
     """Check that the tip follows the lines of one phase and keeps its height and its speed.
 
     The result contains the checks and the largest distance of the tip from its lines. For a
     constant speed, it also contains the times between which the tip has this speed, and the largest
     relative error.
     """
-    t = _instants(motion, mechanism, promise)
+    t = _checked_instants(motion, mechanism, promise)
     tips = np.empty((len(t), 3))
     distances = np.empty(len(t))
-    for block in blocks(len(t), SOME):
+    for block in blocks(len(t), INSTANTS_PER_BLOCK):
         tips[block] = tip_position(mechanism, motion.positions(t[block]))
-        line_distances = [_distances_from(line, tips[block]) for line in promise.lines]
+        line_distances = [_distances_from_line(line, tips[block]) for line in promise.lines]
         distances[block] = np.min(line_distances, axis=0)
     end_error = np.linalg.norm(tips[-1] - promise.lines[-1](np.ones(1))[0])
     with_end = np.append(distances[:-1], max(distances[-1], end_error))
-    checks = _leaving(promise, t, tips, with_end)
-    if promise.over is not None:
-        centre, radius, distance = promise.over
+    checks = _check_departure(promise, t, tips, with_end)
+    if promise.retina is not None:
+        centre, radius, distance = promise.retina
         heights = radius - np.linalg.norm(tips - centre, axis=1)
-        checks.append(_farthest_off(RetinaDistance(distance), ON, promise, t, heights))
+        checks.append(
+            _check_required_value(RetinaDistance(distance), PATH_TOLERANCE, promise, t, heights)
+        )
     stretch = None
     if promise.speed is not None:
         speeds = np.empty(len(t))
-        for block in blocks(len(t), SOME):
+        for block in blocks(len(t), INSTANTS_PER_BLOCK):
             samples = motion.sample(t[block])
             speeds[block] = tool_speed(TipSpeed, mechanism, samples.q, samples.qd)
-        check, stretch = _at_speed(promise, promise.speed, t, speeds)
+        check, stretch = _check_constant_speed(promise, promise.speed, t, speeds)
         checks.append(check)
     return PromiseResult(promise, tuple(checks), float(distances.max()), stretch)
 
 
-def _instants(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> Array:
+def _checked_instants(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> Array:
     """Return instants (n,) in every piece of a phase, with more of them near its corners."""
     start = promise.span.start
     end = promise.span.end
     inner_breaks = motion.breaks[(motion.breaks > start) & (motion.breaks < end)]
     breaks = np.concatenate([[start], inner_breaks, [end]])
-    count = LOOKS if promise.speed else FEW
+    count = CONSTANT_SPEED_INSTANTS if promise.speed else PIECE_INSTANTS
     shares = np.arange(count) / count
     t = np.append(breaks[:-1, None] + shares * np.diff(breaks)[:, None], end)
-    if not promise.distances:
+    if not promise.corner_distances:
         return t
     tips = tip_position(mechanism, motion.positions(t))
     distances = np.linalg.norm(tips[:, None] - promise.corners, axis=2)
     instants = [t]
-    for is_near in (distances < ABOUT * np.array(promise.distances)).T:
+    for is_near in (distances < CORNER_RADIUS_FACTOR * np.array(promise.corner_distances)).T:
         if is_near.any():
             indices = np.flatnonzero(is_near)
             previous = t[max(indices[0] - 1, 0)]
             following = t[min(indices[-1] + 1, len(t) - 1)]
-            instants.append(np.linspace(previous, following, INSTANTS))
+            instants.append(np.linspace(previous, following, CORNER_INSTANTS))
     return np.unique(np.concatenate(instants))
 
 
-def _leaving(promise: PathPromise, t: Array, tips: Array, distances: Array) -> list[LimitCheck]:
+def _check_departure(
+    promise: PathPromise, t: Array, tips: Array, distances: Array
+) -> list[LimitCheck]:
     """Check how far the tips leave the lines.
 
     Parameters
@@ -529,33 +535,40 @@ def _leaving(promise: PathPromise, t: Array, tips: Array, distances: Array) -> l
         The largest distance from the lines where no corner is near. If the phase has corners, the
         list also contains the largest distance from a corner at which the tip is off the lines.
     """
-    shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(promise.distances)
-    outside = np.all(shares * promise.distances > np.array(promise.distances) + SLACK, axis=1)
+    shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(
+        promise.corner_distances
+    )
+    outside = np.all(
+        shares * promise.corner_distances > np.array(promise.corner_distances) + CORNER_SLACK,
+        axis=1,
+    )
     distances_away = np.where(outside, distances, 0.0)
     k = int(np.argmax(distances_away))
-    checks = [_check(PathDeparture(ON), promise, float(distances_away[k]), float(t[k]))]
-    if promise.distances:
+    checks = [
+        _phase_result(PathDeparture(PATH_TOLERANCE), promise, float(distances_away[k]), float(t[k]))
+    ]
+    if promise.corner_distances:
         nearest_corner = np.argmin(shares, axis=1)
-        k = int(np.argmax(np.where(distances > OFF, shares.min(axis=1), 0.0)))
-        allowed = promise.distances[int(nearest_corner[k])]
-        reach = allowed * float(shares[k].min()) if distances[k] > OFF else 0.0
-        checks.append(_check(CornerRounding(allowed), promise, reach, float(t[k])))
+        k = int(np.argmax(np.where(distances > LINE_DEPARTURE, shares.min(axis=1), 0.0)))
+        allowed = promise.corner_distances[int(nearest_corner[k])]
+        reach = allowed * float(shares[k].min()) if distances[k] > LINE_DEPARTURE else 0.0
+        checks.append(_phase_result(CornerRounding(allowed), promise, reach, float(t[k])))
     return checks
 
 
-def _check(limit: PathRequirement, promise: PathPromise, value: float, time: float) -> LimitCheck:
+def _phase_result(limit: PathRequirement, promise: PathPromise, value: float, time: float) -> LimitCheck:
     """Return the result of a limit on the path. Its case is the name of the phase."""
     return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
 
-def _farthest_off(
+def _check_required_value(
     limit: PathRequirement, tolerance: float, promise: PathPromise, t: Array, values: Array
 ) -> LimitCheck:
     """Check values that must equal `limit.largest` up to a tolerance.
 
     Parameters
     ----------
-    limit : OfPath
+    limit : PathRequirement
         The limit with the required value.
     tolerance : float
         Largest deviation from this value, in its unit.
@@ -574,7 +587,7 @@ def _farthest_off(
     k = int(np.argmax(np.abs(error)))
     bound = limit.largest + tolerance * float(np.sign(error[k]) or 1.0)
     margin = 1 - float(abs(error[k])) / tolerance
-    result = LimitCheck(
+    return LimitCheck(
         limit.name,
         None,
         float(values[k]),
@@ -582,11 +595,11 @@ def _farthest_off(
         margin=margin,
         time=float(t[k]),
         unit=limit.unit,
+        case=promise.span.name,
     )
-    return replace(result, case=promise.span.name)
 
 
-def _at_speed(
+def _check_constant_speed(
     promise: PathPromise, speed: float, t: Array, speeds: Array
 ) -> tuple[LimitCheck, tuple[float, float, float]]:
     """Check the tip speeds (n,) of a phase that promises a constant speed.
@@ -602,11 +615,11 @@ def _at_speed(
         Start and end of the constant speed in s from the start of the phase, and the largest
         relative error.
     """
-    at_speed = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT)
+    at_speed = np.flatnonzero(np.abs(speeds / speed - 1) <= CONSTANT_SPEED_TOLERANCE)
     start_time = 0.0
     end_time = 0.0
     checked = speeds
-    if len(at_speed) >= LOOKS:
+    if len(at_speed) >= CONSTANT_SPEED_INSTANTS:
         start = at_speed[0]
         end = at_speed[-1]
         start_time = float(t[start] - t[0])
@@ -614,5 +627,7 @@ def _at_speed(
         # Before and after the constant speed, only an excess counts.
         checked = np.maximum(speeds, speed)
         checked[start : end + 1] = speeds[start : end + 1]
-    check = _farthest_off(ConstantSpeed(speed), CONSTANT * speed, promise, t, checked)
+    check = _check_required_value(
+        ConstantSpeed(speed), CONSTANT_SPEED_TOLERANCE * speed, promise, t, checked
+    )
     return check, (start_time, end_time, float(np.abs(checked / speed - 1).max()))

@@ -23,14 +23,17 @@ from ssm_planner.problem import Problem, to_plain
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject, frozen
 
-PACKAGE = Path(__file__).resolve().parents[1]
-PROGRAMS = (PACKAGE / "checker/prove.py", PACKAGE.parent / "examples" / "prove.py")
+PACKAGE_FOLDER = Path(__file__).resolve().parents[1]
+PROGRAM_PATHS = (
+    PACKAGE_FOLDER / "checker/prove.py",
+    PACKAGE_FOLDER.parent / "examples" / "prove.py",
+)
 """Possible paths of the program: in an installed package, and in the source tree.
 
 Python searches the folder of a program for modules first, so this folder contains no others.
 """
 
-LimitName = tuple[str, str | None]
+LimitKey = tuple[str, str | None]
 """Name of a limit in the certificate, and its joint."""
 
 
@@ -64,7 +67,7 @@ class Proof:
         return dict(vars(self))
 
 
-def _proof(claim: dict[str, Any]) -> Proof:
+def _proof_from_claim(claim: dict[str, Any]) -> Proof:
     """Build a proof from a claim of the program, which contains infinite numbers."""
     unbounded = {
         name: None
@@ -74,9 +77,9 @@ def _proof(claim: dict[str, Any]) -> Proof:
     return Proof(**{**claim, **unbounded})
 
 
-def _program() -> Path:
+def _program_path() -> Path:
     """Return the path of the program in the package, or in the source tree."""
-    return next(path for path in PROGRAMS if path.is_file())
+    return next(path for path in PROGRAM_PATHS if path.is_file())
 
 
 def prove_motion(trajectory: Trajectory, problem: Problem) -> tuple[Proof, ...]:
@@ -99,11 +102,11 @@ def prove_motion(trajectory: Trajectory, problem: Problem) -> tuple[Proof, ...]:
         "trajectory": trajectory.to_dict(),
         "certificate": {"limits": []},
     }
-    program = runpy.run_path(str(_program()))
-    return tuple(_proof(claim._asdict()) for claim in program["prove"](document))
+    program = runpy.run_path(str(_program_path()))
+    return tuple(_proof_from_claim(claim._asdict()) for claim in program["prove"](document))
 
 
-def unproven_limits(proofs: Iterable[Proof], names: Iterable[LimitName]) -> list[LimitName]:
+def unproven_limits(proofs: Iterable[Proof], names: Iterable[LimitKey]) -> list[LimitKey]:
     """Return the names of the limits that were not proven, in the order of `names`."""
     proven = {(proof.name, proof.joint) for proof in proofs if proof.verdict == "PROVEN"}
     return [name for name in names if name not in proven]
@@ -140,7 +143,7 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
     (46, True)
     """
     file = Path(plan) / "plan.json" if Path(plan).is_dir() else Path(plan)
-    source = _program()
+    source = _program_path()
     if program is not None:
         write_text(Path(program), source.read_text(encoding="utf-8"))
         source = Path(program)
@@ -149,4 +152,4 @@ def prove(plan: str | Path, program: str | Path | None = None) -> tuple[Proof, .
     # An exception of Python has the status of a refuted limit, but prints no result.
     if not outcome.stdout:
         raise TrajectoryError(f"{source}: {outcome.stderr.strip().splitlines()[-1]}")
-    return tuple(map(_proof, json.loads(outcome.stdout)))
+    return tuple(map(_proof_from_claim, json.loads(outcome.stdout)))

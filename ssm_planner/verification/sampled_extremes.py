@@ -7,14 +7,16 @@ instants at s = 0, 1/3, 2/3 and 1. Directions are constant within an interval, s
 smooth there.
 
 Bracketing: The cubic through the four values lies between its Bernstein coefficients. The search
-assumes that a quantity overshoots the four values by at most `CAUTION` times as much as this cubic.
-A quantity with kinks (`kinked`) may also continue with the slope between two of the instants.
+assumes that a quantity overshoots the four values by at most `OVERSHOOT_FACTOR` times as much as
+this cubic. A quantity with kinks (`LimitedQuantity.has_kinks`) may also continue with the slope
+between two of the instants.
 
-Refinement: The intervals of the first pass are `PARTS` times as wide as the rate requires. The
-search cuts three kinds of intervals into `PARTS` parts: those whose bracket exceeds the worst value
-so far, those in which a torque has a kink, and those next to a start, a stop or a reversal, where
-friction changes quickly. It then halves the intervals whose brackets exceed the worst value, until
-none is left or until the bracket is within the fraction `CLOSE` of the limit. According to the
+Refinement: The intervals of the first pass are `FIRST_PASS_PARTS` times as wide as the rate
+requires. The search cuts three kinds of intervals into `FIRST_PASS_PARTS` parts: those whose
+bracket exceeds the worst value so far, those in which the square of a torque is not close to a
+parabola, and those next to a start, a stop or a reversal, where friction changes quickly. It then
+halves the intervals whose brackets exceed the worst value, until none is left or until the bracket
+is within the fraction `BRACKET_TOLERANCE` of the limit. According to the
 brackets, no other interval contains a worse value.
 
 `RmsTorques` integrates the torques at these instants.
@@ -60,39 +62,39 @@ from ssm_planner.problem import (
 from ssm_planner.trajectory import Trajectory, blocks, parts_of
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import LimitCheck
-from ssm_planner.verification.limits import JUMP, Case, Quantity, Worst
-from ssm_planner.verification.pieces import Pieces, State, still
+from ssm_planner.verification.limits import JUMP_TOLERANCE, LimitedQuantity, WorstCase, WorstValue
+from ssm_planner.verification.pieces import JointState, PieceBlock, rest_speeds
 
-CLOSE = 1e-8
+BRACKET_TOLERANCE = 1e-8
 """Relative accuracy of a limit at which the search for a worse value ends."""
-CAUTION = 2.0
+OVERSHOOT_FACTOR = 2.0
 """Factor on the overshoot of the cubic through four values."""
-PARTS = 5
+FIRST_PASS_PARTS = 5
 """Number of parts into which an interval of the first pass is cut."""
-UNEVEN = 1e-8
+MEAN_SQUARE_TOLERANCE = 1e-8
 """Relative contribution to a mean square torque above which an interval is refined."""
-HALVINGS = 10
+MAX_DIVISIONS = 10
 """Largest number of divisions of an interval after the first pass."""
-INTERVALS = 40_000
+MAX_FIRST_PASS_INTERVALS = 40_000
 """Approximate largest number of intervals of a trajectory in the first pass.
 
 A slow quintic is as smooth as a fast one, so the cost grows with the number of pieces and not with
 the duration.
 """
-PIECE = (64, 512)
+PIECE_INTERVALS_RANGE = (64, 512)
 """Smallest and largest bound on the number of intervals of a piece."""
-MOST = 2048
+MAX_HALVED_INTERVALS = 2048
 """Largest number of intervals that are halved together.
 
 The intervals with the worst brackets come first.
 """
-BLOCK = 2500
+INTERVALS_PER_BLOCK = 2500
 """Number of intervals that are sampled together, so that temporaries stay in the cache."""
-INSTANTS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
+INTERVAL_FRACTIONS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
 """Instants of an interval as fractions of its width."""
-FOUR_EIGHTHS = np.array([1.0, 3.0, 3.0, 1.0]) / 8
+SIMPSON_WEIGHTS = np.array([1.0, 3.0, 3.0, 1.0]) / 8
 """Weights of four equidistant instants, exact for cubics (Simpson's 3/8 rule)."""
-WITHOUT_FIRST = np.array([0.0, 3.0, 0.0, 1.0]) / 4
+RADAU_WEIGHTS = np.array([0.0, 3.0, 0.0, 1.0]) / 4
 """Weights without the first instant, exact for parabolas (Radau's rule with two points)."""
 
 
@@ -104,7 +106,7 @@ class SampledExtremes:
 
     Attributes
     ----------
-    worst : list of Worst
+    worst_values : list of Worst
         The worst values of the sampled quantities, which the search updates.
     rms : RmsTorques
         The mean square torques.
@@ -116,7 +118,7 @@ class SampledExtremes:
         self,
         trajectory: Trajectory,
         robot: Robot,
-        extremes: Sequence[Worst],
+        extremes: Sequence[WorstValue],
         *,
         rate: float,
         eye: Eye | None,
@@ -139,50 +141,56 @@ class SampledExtremes:
         self.robot = robot
         self.rate = rate
         self.eye = eye
-        self.worst = [item for item in extremes if item.quantity.order is None]
-        self.quantities = tuple(item.quantity for item in self.worst)
+        self.worst_values = [item for item in extremes if item.quantity.order is None]
+        self.quantities = tuple(item.quantity for item in self.worst_values)
         keys = tuple(
             (type(item.limit), item.limit.name, item.index, item.case) for item in self.quantities
         )
         # The compiled function depends on these keys but not on the values of the limits.
-        self._law = _law(_without_limits(robot), eye, keys) if keys else None
-        self.kinked = np.array([quantity.kinked for quantity in self.quantities])
+        self._evaluate_quantities = (
+            _quantity_function(_without_limits(robot), eye, keys) if keys else None
+        )
+        self.has_kinks = np.array([quantity.has_kinks for quantity in self.quantities])
         self.rms = RmsTorques(self.quantities)
         self.instants = 0
         count = len(trajectory.breaks) - 1
-        self.most = int(np.clip(INTERVALS // count, *PIECE))
+        self.max_piece_intervals = int(
+            np.clip(MAX_FIRST_PASS_INTERVALS // count, *PIECE_INTERVALS_RANGE)
+        )
 
-    def search(self, pieces: Pieces) -> None:
+    def search(self, pieces: PieceBlock) -> None:
         """Update the worst values and the mean square torques with these pieces."""
         if not self.quantities:
             return
-        piece_index, start, end = pieces.segments(self.robot)
-        rate = self.rate / PARTS
-        most_intervals = -(-self.most // PARTS)
-        intervals = Intervals.of_segments(
+        piece_index, start, end = pieces.split_at_reversals(self.robot)
+        rate = self.rate / FIRST_PASS_PARTS
+        most_intervals = -(-self.max_piece_intervals // FIRST_PASS_PARTS)
+        intervals = SampledIntervals.from_segments(
             pieces, self.robot, piece_index, start, end, rate=rate, max_intervals=most_intervals
         )
-        for level in range(HALVINGS + 1):
+        for level in range(MAX_DIVISIONS + 1):
             if not len(intervals.piece):
                 break
             values = self._sample(pieces, intervals)
-            lowest, highest = bracket(values, self.kinked)
+            lowest, highest = bracket_values(values, self.has_kinks)
             gain = self._gain(lowest, highest)
             duration = intervals.width * pieces.length[intervals.piece]
             if level == 0:
-                is_open = (gain > 0) | intervals.slow | self.rms.uneven(values, duration)
+                is_open = (
+                    (gain > 0) | intervals.near_rest | self.rms.needs_refinement(values, duration)
+                )
                 open_indices = np.flatnonzero(is_open)
                 duration[open_indices] = 0.0  # the parts of these intervals are integrated instead
             else:
                 open_indices = np.flatnonzero(gain > 0)
-                if len(open_indices) > MOST:
+                if len(open_indices) > MAX_HALVED_INTERVALS:
                     order = np.argsort(gain[open_indices])
-                    open_indices = open_indices[order[-MOST:]]
+                    open_indices = open_indices[order[-MAX_HALVED_INTERVALS:]]
             if level < 2:  # later intervals are parts of integrated intervals
                 self.rms.add_intervals(values, intervals.starting, duration)
-            intervals = intervals.split(open_indices, PARTS if level == 0 else 2)
+            intervals = intervals.split(open_indices, FIRST_PASS_PARTS if level == 0 else 2)
 
-    def evaluate(self, state: State, direction: Array, breakaway: Array) -> Array:
+    def evaluate(self, state: JointState, direction: Array, breakaway: Array) -> Array:
         """Return the quantities at n states.
 
         Parameters
@@ -199,8 +207,8 @@ class SampledExtremes:
         (n, k) array
             Values in SI units, in the order of the quantities.
         """
-        assert self._law is not None
-        values = self._law(*state, direction, breakaway)[0]
+        assert self._evaluate_quantities is not None
+        values = self._evaluate_quantities(*state, direction, breakaway)[0]
         for k, quantity in enumerate(self.quantities):
             if isinstance(quantity.limit, TaskRange):
                 values[:, k] = nearest_turn(values[:, k], 0.0)
@@ -212,17 +220,19 @@ class SampledExtremes:
                     )
         return values
 
-    def _sample(self, pieces: Pieces, intervals: "Intervals") -> Array:
+    def _sample(self, pieces: PieceBlock, intervals: "SampledIntervals") -> Array:
         """Return the values (4, n, k) at the instants of n intervals, and store the worst ones."""
         values = np.empty((len(self.quantities), 4, len(intervals.piece))).transpose(1, 2, 0)
-        for block in blocks(len(intervals.piece), BLOCK):
+        for block in blocks(len(intervals.piece), INTERVALS_PER_BLOCK):
             self._sample_block(pieces, intervals.subset(block), values[:, block])
         return values
 
-    def _sample_block(self, pieces: Pieces, intervals: "Intervals", values: Array) -> None:
+    def _sample_block(
+        self, pieces: PieceBlock, intervals: "SampledIntervals", values: Array
+    ) -> None:
         """Write the values of a block into `values` (4, n, k)."""
-        final = np.flatnonzero(~intervals.joined)
-        s = intervals.begin + INSTANTS[:3] * intervals.width
+        final = np.flatnonzero(~intervals.shares_end)
+        s = intervals.begin + INTERVAL_FRACTIONS[:3] * intervals.width
         end = np.minimum(intervals.begin[final] + intervals.width[final], 1.0)
         states = np.empty((3, 4, s.size + len(final)))
         pieces.evaluate(intervals.piece, s, states[..., : s.size])
@@ -234,12 +244,14 @@ class SampledExtremes:
         static = np.zeros_like(direction)
         static[: len(intervals.piece)] = intervals.starting
         results = self.evaluate((q, qd, qdd), direction, static)
-        time = np.append(pieces.time(intervals.piece, s), pieces.time(intervals.piece[final], end))
+        time = np.append(
+            pieces.times_at(intervals.piece, s), pieces.times_at(intervals.piece[final], end)
+        )
         self.instants += len(time)
-        for entry, value in zip(self.worst, results.T, strict=True):
+        for entry, value in zip(self.worst_values, results.T, strict=True):
             excess = entry.quantity.excess(value, value)
             k = int(np.argmax(excess))
-            entry.offer(float(excess[k]), float(value[k]), float(time[k]))
+            entry.update(float(excess[k]), float(value[k]), float(time[k]))
         values[:3] = results[: s.size].reshape(3, len(intervals.piece), -1)
         values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
@@ -256,28 +268,31 @@ class SampledExtremes:
         (n,) array
             Largest gain of the relative excess. An interval with a positive gain must be divided.
         """
-        bounds = zip(self.worst, lowest.T, highest.T, strict=True)
+        bounds = zip(self.worst_values, lowest.T, highest.T, strict=True)
         return np.max(
-            [w.quantity.excess(low, high) - w.excess - CLOSE for w, low, high in bounds], axis=0
+            [
+                w.quantity.excess(low, high) - w.excess - BRACKET_TOLERANCE
+                for w, low, high in bounds
+            ],
+            axis=0,
         )
 
 
-def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
+def bracket_values(values: Array, has_kinks: Mask) -> tuple[Array, Array]:
     """Return lower and upper bounds of quantities within intervals.
 
     The cubic through the values v0 … v3 has the inner Bernstein coefficients
 
         (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6   and   (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
 
-    A bound exceeds the four values by `CAUTION` times the excess of these coefficients. For a
-    kinked
-    quantity, it also exceeds them by the largest difference of neighbouring values.
+    A bound exceeds the four values by `OVERSHOOT_FACTOR` times the excess of these coefficients. For
+    a quantity with kinks, it also exceeds them by the largest difference of neighbouring values.
 
     Parameters
     ----------
     values : (4, n, k) array
-        Values of k quantities at the `INSTANTS` of n intervals.
-    kinked : (k,) array of bool
+        Values of k quantities at the `INTERVAL_FRACTIONS` of n intervals.
+    has_kinks : (k,) array of bool
         True for quantities that may have a kink within an interval.
 
     Returns
@@ -291,12 +306,12 @@ def bracket(values: Array, kinked: Mask) -> tuple[Array, Array]:
     lowest = values.min(axis=0)
     over = np.maximum(np.maximum(near_start, near_end) - highest, 0.0)
     under = np.maximum(lowest - np.minimum(near_start, near_end), 0.0)
-    corner = kinked * np.abs(np.diff(values, axis=0)).max(axis=0)
-    return lowest - CAUTION * under - corner, highest + CAUTION * over + corner
+    corner = has_kinks * np.abs(np.diff(values, axis=0)).max(axis=0)
+    return lowest - OVERSHOOT_FACTOR * under - corner, highest + OVERSHOOT_FACTOR * over + corner
 
 
 @record
-class Intervals:
+class SampledIntervals:
     """n intervals of pieces. Each joint keeps its direction within an interval."""
 
     piece: Indices
@@ -312,15 +327,15 @@ class Intervals:
 
     Its friction is static at this instant.
     """
-    joined: Mask
+    shares_end: Mask
     """True if the interval ends where the next one begins, with the same values, (n,)."""
-    slow: Mask
+    near_rest: Mask
     """True if a joint starts, stops or reverses at an end of the interval, (n,)."""
 
     @classmethod
-    def of_segments(
+    def from_segments(
         cls,
-        pieces: Pieces,
+        pieces: PieceBlock,
         robot: Robot,
         piece: Indices,
         start: Array,
@@ -328,7 +343,7 @@ class Intervals:
         *,
         rate: float,
         max_intervals: int,
-    ) -> "Intervals":
+    ) -> "SampledIntervals":
         """Cut m segments of pieces into intervals.
 
         Parameters
@@ -347,11 +362,15 @@ class Intervals:
             Largest number of intervals in a segment.
         """
         # No joint reverses within a segment, so its direction is that of its speed in the middle.
-        at_begin, middle, at_end = pieces.speeds(piece, np.stack([start, (start + end) / 2, end]))
-        direction = np.sign(middle) * pieces.moving(robot)[piece]
-        # The velocity may jump by JUMP, so a joint may start with such a speed.
+        at_begin, middle, at_end = pieces.velocities_at(
+            piece, np.stack([start, (start + end) / 2, end])
+        )
+        direction = np.sign(middle) * pieces.moving_joints(robot)[piece]
+        # The velocity may jump by JUMP_TOLERANCE, so a joint may start with such a speed.
         previous_direction = np.vstack([np.zeros(4), direction[:-1]])
-        start_speed = np.where(direction == previous_direction, 1.0, JUMP / STILL) * still(robot)
+        start_speed = np.where(
+            direction == previous_direction, 1.0, JUMP_TOLERANCE / STILL
+        ) * rest_speeds(robot)
         starting = (np.abs(at_begin) <= start_speed) & (direction != 0)
         stopping = (np.abs(at_end) <= start_speed) & (direction != 0)
         # An interval of four instants spans three sampling periods.
@@ -369,30 +388,30 @@ class Intervals:
             width,
             direction[segment],
             starting=starting[segment] & is_first[:, None],
-            joined=~is_last,
-            slow=starts_slowly | ends_slowly,
+            shares_end=~is_last,
+            near_rest=starts_slowly | ends_slowly,
         )
 
-    def subset(self, selection: slice) -> "Intervals":
+    def subset(self, selection: slice) -> "SampledIntervals":
         """Return the intervals of a slice. The last of them counts as not joined."""
         columns = {name: values[selection] for name, values in vars(self).items()}
-        columns["joined"] = np.append(columns["joined"][:-1], False)
-        return Intervals(**columns)
+        columns["shares_end"] = np.append(columns["shares_end"][:-1], False)
+        return SampledIntervals(**columns)
 
-    def split(self, indices: Indices, count: int) -> "Intervals":
+    def split(self, indices: Indices, count: int) -> "SampledIntervals":
         """Cut each interval with one of the `indices` (n,) into `count` equal parts."""
         parent = np.repeat(indices, count)
         offset = np.tile(np.arange(count), len(indices))
         width = self.width[parent] / count
         is_first = offset == 0
-        return Intervals(
+        return SampledIntervals(
             self.piece[parent],
             self.begin[parent] + offset * width,
             width,
             self.direction[parent],
             starting=self.starting[parent] & is_first[:, None],
-            joined=offset < count - 1,
-            slow=self.slow[parent],
+            shares_end=offset < count - 1,
+            near_rest=self.near_rest[parent],
         )
 
 
@@ -412,7 +431,7 @@ class RmsTorques:
         ∫ τ² dt of each motor torque so far, N²·m²·s.
     """
 
-    def __init__(self, quantities: Sequence[Quantity]) -> None:
+    def __init__(self, quantities: Sequence[LimitedQuantity]) -> None:
         """Select the motor torques among the quantities."""
         self.columns = [
             k for k, quantity in enumerate(quantities) if isinstance(quantity.limit, MotorTorque)
@@ -421,11 +440,11 @@ class RmsTorques:
         self.cases = [quantities[k].case for k in self.columns]
         self.integrals = np.zeros(len(self.columns))
 
-    def uneven(self, values: Array, duration: Array) -> Mask:
+    def needs_refinement(self, values: Array, duration: Array) -> Mask:
         """Return True for the intervals in which the square of a torque is not a parabola.
 
         The third difference of the squares times the duration of the interval is compared with the
-        fraction `UNEVEN` of the integral over all intervals.
+        fraction `MEAN_SQUARE_TOLERANCE` of the integral over all intervals.
 
         Parameters
         ----------
@@ -436,7 +455,7 @@ class RmsTorques:
         """
         squares = values[:, :, self.columns] ** 2
         third = np.abs(squares[0] - squares[3] + 3 * (squares[2] - squares[1])) * duration[:, None]
-        return np.any(third > UNEVEN * (duration @ squares[1]), axis=1)
+        return np.any(third > MEAN_SQUARE_TOLERANCE * (duration @ squares[1]), axis=1)
 
     def add_intervals(self, values: Array, starting: Mask, duration: Array) -> None:
         """Add the integrals of n intervals.
@@ -453,10 +472,10 @@ class RmsTorques:
         """
         for i, (column, joint) in enumerate(zip(self.columns, self.joints, strict=True)):
             square = values[:, :, column] ** 2
-            mean = np.where(starting[:, joint], WITHOUT_FIRST @ square, FOUR_EIGHTHS @ square)
+            mean = np.where(starting[:, joint], RADAU_WEIGHTS @ square, SIMPSON_WEIGHTS @ square)
             self.integrals[i] += (mean * duration).sum()
 
-    def checks(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
+    def results(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
         """Compare the RMS torque of each motor over the motion with its continuous torque.
 
         Parameters
@@ -505,8 +524,8 @@ def _without_limits(robot: Robot) -> Robot:
 
 
 @lru_cache(maxsize=8)
-def _law(
-    robot: Robot, eye: Eye | None, keys: tuple[tuple[type[Limit], str, int, Case | None], ...]
+def _quantity_function(
+    robot: Robot, eye: Eye | None, keys: tuple[tuple[type[Limit], str, int, WorstCase | None], ...]
 ) -> VectorisedFunction:
     """Return the quantities as a function of (q, qd, qdd, direction, breakaway), (n, 4) each.
 

@@ -26,30 +26,30 @@ from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, record
 from ssm_planner.verification.path_bound import Sensitivity, path_bound
-from ssm_planner.verification.path_rows import PathRows, coefficients
+from ssm_planner.verification.path_rows import PathRows, row_coefficients
 from ssm_planner.verification.proof import Proof, prove_motion
 
-ENDS = (0.0, 1.0)
+INTERVAL_ENDS = (0.0, 1.0)
 """Positions in a grid interval at which the rows hold, as fractions."""
-REFINEMENTS = (1, 2, 4, 8)
+GRID_REFINEMENTS = (1, 2, 4, 8)
 """Factors on the number of intervals."""
-GRID_ERROR = 5e-5
+GRID_TOLERANCE = 5e-5
 """Largest relative difference of T(n) and T(2n) at which the refinement ends.
 
 The error of the result is then about 1e-5.
 """
-SAVED_ERROR = 0.05
+SAVED_TIME_TOLERANCE = 0.05
 """The same difference as a share of the time that toppra saves.
 
 It ends the refinement for motions that are much slower than necessary.
 """
-PASSES = 12
+MAX_PASSES = 12
 """Largest number of passes."""
-CONVERGED = 2e-6
+PASS_TOLERANCE = 2e-6
 """Relative change of the duration at which the passes have converged."""
-FASTEST = 10.0
+MAX_PATH_SPEED = 10.0
 """Largest ṡ where nothing moves, so that no limit bounds it."""
-TINY = 1e-9
+MIN_SQUARED_SPEED = 1e-9
 """Smallest ṡ² at which a tangent is taken."""
 
 
@@ -90,9 +90,9 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
         One for each phase. The duration of an empty phase is 0. The duration is None if toppra
         ignores a requirement on the phase, such as a limit on the jerk.
     """
-    reason = _not_judged(problem)
+    reason = _unsupported_requirement(problem)
     spans = trajectory.phases
-    requests = [_request(entry) for entry in problem.motion]
+    requests = [_unsupported_request(entry) for entry in problem.motion]
     if len(requests) != len(spans):  # scans and rounded corners
         requests = [next(filter(None, requests), "")] * len(spans)
     opinions = []
@@ -102,8 +102,10 @@ def second_opinions(trajectory: Trajectory, problem: Problem) -> tuple[Opinion, 
         elif reason or request:
             opinions.append(Opinion(not_judged=reason or request))
         else:
-            path = trajectory, problem.robot, problem.task_limits, (span.start, span.end)
-            opinions.append(judge_path(*path))
+            opinion = shortest_path_duration(
+                trajectory, problem.robot, problem.task_limits, (span.start, span.end)
+            )
+            opinions.append(opinion)
     return tuple(opinions)
 
 
@@ -114,7 +116,7 @@ def second_opinions_and_proofs(
     return second_opinions(trajectory, problem), prove_motion(trajectory, problem)
 
 
-def judge_path(
+def shortest_path_duration(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, span: tuple[float, float]
 ) -> Opinion:
     """Compute the shortest duration along the path of a motion between two times, and its bound.
@@ -137,15 +139,15 @@ def judge_path(
     """
     path_arguments = trajectory, robot, limits, span
     coarse, timing = np.inf, None
-    for refinement in REFINEMENTS:
-        path = PathRows.from_trajectory(trajectory, robot, span, ENDS, refinement)
-        squares = _timing(path, path.speed_use(limits))
+    for refinement in GRID_REFINEMENTS:
+        path = PathRows.from_trajectory(trajectory, robot, span, INTERVAL_ENDS, refinement)
+        squares = _fastest_timing(path, path.largest_speed_ratio(limits))
         if squares is None:
             break
         timing = squares if timing is None else timing
-        duration = _duration(path, squares)
-        saved = path.width.sum() - duration
-        if abs(coarse - duration) <= max(GRID_ERROR * duration, SAVED_ERROR * saved):
+        duration = _timing_duration(path, squares)
+        saved = path.lengths.sum() - duration
+        if abs(coarse - duration) <= max(GRID_TOLERANCE * duration, SAVED_TIME_TOLERANCE * saved):
             bound, changes = path_bound(*path_arguments, timing)
             return Opinion(2 * duration - coarse, bound, changes)
         coarse = duration
@@ -153,7 +155,7 @@ def judge_path(
     return Opinion(bound=bound, not_judged="toppra does not converge")
 
 
-def _not_judged(problem: Problem) -> str:
+def _unsupported_requirement(problem: Problem) -> str:
     """Return the reason why toppra cannot judge the motions of a problem, or an empty text."""
     if problem.robot.jerk_limited:
         return "toppra ignores limits on jerk"
@@ -164,7 +166,7 @@ def _not_judged(problem: Problem) -> str:
     return "" if problem.duration is None else "a duration is requested"
 
 
-def _request(entry: Any) -> str:
+def _unsupported_request(entry: Any) -> str:
     """Return the reason why toppra cannot judge one motion of a problem, or an empty text."""
     if getattr(entry, "constant_speed", None) is not None:
         return "a constant speed is requested"
@@ -172,7 +174,7 @@ def _request(entry: Any) -> str:
     return "a duration is requested" if timed else ""
 
 
-def _timing(path: PathRows, use: Array) -> Array | None:
+def _fastest_timing(path: PathRows, use: Array) -> Array | None:
     """Compute the fastest timing with toppra.
 
     Parameters
@@ -187,18 +189,18 @@ def _timing(path: PathRows, use: Array) -> Array | None:
     (n + 1,) array or None
         ṡ² at the grid points. None if toppra finds no timing or the passes do not converge.
     """
-    max_speed = np.where(path.moves, FASTEST, 1.0)
+    max_speed = np.where(path.moves, MAX_PATH_SPEED, 1.0)
     start_ceiling, end_ceiling = np.split(np.minimum(1 / use, max_speed) ** 2, 2)
     ceiling = np.minimum(np.append(start_ceiling, np.inf), np.append(np.inf, end_ceiling))
     # An end at rest rests for every ṡ. At a moving end ṡ ≤ 1 is allowed, because the motion itself
     # may exceed a limit by rounding.
-    start_speed, end_speed = np.where(use[[0, -1]] <= STILL, FASTEST, 1.0)
-    squares, grid = np.ones(len(path.width) + 1), np.append(0.0, np.cumsum(path.width))
-    duration = path.width.sum()
-    for _ in range(PASSES):
+    start_speed, end_speed = np.where(use[[0, -1]] <= STILL, MAX_PATH_SPEED, 1.0)
+    squares, grid = np.ones(len(path.lengths) + 1), np.append(0.0, np.cumsum(path.lengths))
+    duration = path.lengths.sum()
+    for _ in range(MAX_PASSES):
         previous = duration
-        a, b, c = _rows(path, squares)
-        count = len(path.width)
+        a, b, c = _linear_rows(path, squares)
+        count = len(path.lengths)
         start_rows = (a[:count], b[:count], c[:count])
         end_rows = (a[count:], b[count:], c[count:])
         result = largest_speeds(
@@ -206,19 +208,19 @@ def _timing(path: PathRows, use: Array) -> Array | None:
         )
         if result is None or result.min() <= 0:
             return None
-        squares, duration = result, _duration(path, result)
-        if abs(duration - previous) <= CONVERGED * duration:
+        squares, duration = result, _timing_duration(path, result)
+        if abs(duration - previous) <= PASS_TOLERANCE * duration:
             return squares
     return None
 
 
-def _duration(path: PathRows, squares: Array) -> float:
+def _timing_duration(path: PathRows, squares: Array) -> float:
     """Return the duration in s of the timing with ṡ² = squares (n + 1,) at the grid points."""
     root = np.sqrt(squares)
-    return float((2 * path.width / (root[1:] + root[:-1])).sum())
+    return float((2 * path.lengths / (root[1:] + root[:-1])).sum())
 
 
-def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
+def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
     """Return the coefficients of all rows a s̈ + b ṡ² + c ≤ 1 for given speeds.
 
     With x = ṡ², the tangent √x ≤ √x₀/2 + x/(2 √x₀) at x₀ replaces √x in the terms of viscous
@@ -235,20 +237,20 @@ def _rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
     -------
     a, b, c : (2n, rows) arrays
     """
-    u = np.tile(np.diff(squares) / (2 * path.width), 2)
+    u = np.tile(np.diff(squares) / (2 * path.lengths), 2)
     x = np.concatenate([squares[:-1], squares[1:]])
-    root = np.sqrt(np.maximum(x, TINY))
-    rows = path.accelerations()
+    root = np.sqrt(np.maximum(x, MIN_SQUARED_SPEED))
+    rows = path.acceleration_rows()
     for i, drive, motor in motorised(path.robot.joints):
         mu = friction_coefficient(friction_of(drive), drive.ratio * path.speed[2, :, i] * root)
-        sides = path.torques(i, drive, motor, mu)
+        sides = path.torque_rows(i, drive, motor, mu)
         shares = []
         for side in sides:
-            a, b, c, k = coefficients(side)
+            a, b, c, k = row_coefficients(side)
             shares.append(a * u + b * x + c + k * root)
         # The larger side is the torque, and the torque is at least −1.
         rows += sides
         rows.append(-np.where(shares[0] > shares[1], sides[0], sides[1]))
-    a, b, c, k = coefficients(np.stack(rows, axis=2))
+    a, b, c, k = row_coefficients(np.stack(rows, axis=2))
     root = root[:, None]
     return a, b + k / (2 * root), c + k * root / 2

@@ -16,17 +16,17 @@ from ssm_planner.problem import ContinuousTorque, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Samples, Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.verification.certificate import Certificate, LimitCheck
-from ssm_planner.verification.check import RATE, check
+from ssm_planner.verification.check import SAMPLING_RATE, check
 
-SLOWEST = 0.01
+DEFAULT_SLOWEST_SPEED = 0.01
 """Lowest speed that a check of all speeds includes by default."""
-FACTORS = 48
+GRID_SPEEDS = 48
 """Number of speeds in geometric progression of the first pass."""
-INSTANTS = 1500
+TORQUE_INSTANTS = 1500
 """Number of instants for the torque at every speed, in addition to both sides of every break."""
-REFINED = 3
+SPEED_REFINEMENTS = 3
 """Number of refinements around the worst speed. Each is about ten times finer than the last."""
-JUDGED = (MotorTorque.name, ContinuousTorque.name)
+SPEED_DEPENDENT_LIMITS = (MotorTorque.name, ContinuousTorque.name)
 """Names of the limits that a slower motion may violate although the motion keeps them."""
 
 
@@ -118,12 +118,16 @@ def check_slower(
         )
     slow = motion.slower(speed)
     return check(
-        slow, robot, limits.slower(1 / speed), rate=RATE * speed, interpolation=interpolation
+        slow,
+        robot,
+        limits.slower(1 / speed),
+        rate=SAMPLING_RATE * speed,
+        interpolation=interpolation,
     )
 
 
 def check_speeds(
-    motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = SLOWEST
+    motion: Trajectory, robot: Robot, limits: TaskLimits, slowest: float = DEFAULT_SLOWEST_SPEED
 ) -> SpeedRange:
     """Check a motion at its worst speeds between `slowest` and full speed.
 
@@ -155,10 +159,10 @@ def check_speeds(
             "invalid speed", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
         )
     driven = [i for i, *_ in motorised(robot.joints)]
-    columns = list(product(range(len(JUDGED)), driven))
-    factors = np.geomspace(slowest, 1.0, FACTORS)
+    columns = list(product(range(len(SPEED_DEPENDENT_LIMITS)), driven))
+    factors = np.geomspace(slowest, 1.0, GRID_SPEEDS)
     pause = limits.duty or 0.0
-    torques = _torques(motion, robot, factors, pause)
+    torques = _peak_and_rms_torques(motion, robot, factors, pause)
     speeds = [
         _worst_speed(motion, robot, factors, torques[row][:, i], (row, i), pause=pause)
         for row, i in columns
@@ -167,7 +171,7 @@ def check_speeds(
     certificates = {speed: check_slower(motion, robot, limits, speed) for speed in tested}
     worst_speeds = []
     for (row, i), speed in zip(columns, speeds, strict=True):
-        key = (JUDGED[row], robot.joints[i].name)
+        key = (SPEED_DEPENDENT_LIMITS[row], robot.joints[i].name)
         worst_speeds += [
             WorstSpeed(speed, check)
             for check in certificates[speed].limits
@@ -203,16 +207,18 @@ def _worst_speed(
     pause : float
         Time before the motion repeats, s.
     """
-    for _ in range(REFINED):
+    for _ in range(SPEED_REFINEMENTS):
         k = int(np.argmax(values))
         low = factors[max(k - 1, 0)]
         high = factors[min(k + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, 13)
-        values = _torques(motion, robot, factors, pause)[column[0]][:, column[1]]
+        values = _peak_and_rms_torques(motion, robot, factors, pause)[column[0]][:, column[1]]
     return float(np.clip(factors[int(np.argmax(values))], 0.0, 1.0))
 
 
-def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> tuple[Array, Array]:
+def _peak_and_rms_torques(
+    motion: Trajectory, robot: Robot, factors: Array, pause: float
+) -> tuple[Array, Array]:
     """Return the peak and the RMS of the motor torques at m speeds, (m, 4) each.
 
     Parameters
@@ -226,7 +232,9 @@ def _torques(motion: Trajectory, robot: Robot, factors: Array, pause: float) -> 
     pause : float
         Time before the motion repeats, s. It counts as time without torque.
     """
-    evenly_spaced = motion.sample(np.linspace(motion.breaks[0], motion.breaks[-1], INSTANTS + 1))
+    evenly_spaced = motion.sample(
+        np.linspace(motion.breaks[0], motion.breaks[-1], TORQUE_INSTANTS + 1)
+    )
     samples_by_side = [
         (evenly_spaced, 1),
         (motion.sample(motion.breaks[:-1]), 1),

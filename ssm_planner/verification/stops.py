@@ -9,7 +9,7 @@ This choice is optimal. Standing still and the motion itself keep all limits, an
 convex in ṡ². Every slower motion between both therefore keeps them as well, so the largest bound
 always leads to a state from which a stop exists. No stop along the path is shorter.
 
-If the jerk of a joint is limited, every joint stops by itself (`joint_stops`).
+If the jerk of a joint is limited, every joint stops by itself (`compute_joint_stops`).
 """
 
 from functools import cached_property
@@ -32,26 +32,26 @@ from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Joint, Robot, TaskLimits
 from ssm_planner.trajectory import DEGREE, Trajectory, parts_of, quintics
 from ssm_planner.typing import Array, Indices, Mask, record
-from ssm_planner.verification.joint_stops import joint_stops
-from ssm_planner.verification.pieces import still
+from ssm_planner.verification.joint_stops import compute_joint_stops
+from ssm_planner.verification.pieces import rest_speeds
 
 INSTANTS = 1000
 """Default number of instants from which stops are computed."""
-STEP = 2e-3
+MAX_STEP = 2e-3
 """Largest interval of the path with constant s̈, in s of the motion."""
-MOST_STEPS = 8
+MAX_STEPS = 8
 """Largest number of these intervals in a piece."""
-BACKOFF = 1e-3
+LIMIT_REDUCTION = 1e-3
 """Relative reduction of the limits of a stop.
 
 It covers the jumps of s̈ between intervals and the deviation of the polynomials.
 """
-NEAR = 2e-4
+MIN_BREAK_DISTANCE = 2e-4
 """Distance in s below which an instant is moved to a break of the motion.
 
 A very short piece between them would have inaccurate accelerations.
 """
-LEG = 1500
+MIN_LEG_PIECES = 1500
 """Smallest number of pieces between two rests of the motion that are searched together.
 
 It bounds the memory of long motions.
@@ -75,7 +75,7 @@ class StopMotions:
     """Lengths (m,) in s and coefficients (m, 6, 4) of all stops, one after the other."""
     edges: Indices
     """Indices (n + 1,) of the first piece of each stop, and the number of pieces."""
-    ends: bool
+    ends_at_rest: bool
     """True if the motion ends at rest. If not, a stop may still move where the path ends."""
 
     @cached_property
@@ -87,7 +87,9 @@ class StopMotions:
             if start == end:
                 motions.append(None)
             else:
-                motions.append(_motion(lengths[start:end], coefficients[start:end].copy()))
+                motions.append(
+                    _trajectory_from_pieces(lengths[start:end], coefficients[start:end].copy())
+                )
         return tuple(motions)
 
     @property
@@ -96,10 +98,10 @@ class StopMotions:
 
         None if all joints rest at every instant.
         """
-        return _motion(*self.pieces) if len(self.pieces[0]) else None
+        return _trajectory_from_pieces(*self.pieces) if len(self.pieces[0]) else None
 
 
-def _motion(lengths: Array, coefficients: Array) -> Trajectory:
+def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
     """Return a trajectory that starts at time 0.
 
     Parameters
@@ -113,7 +115,7 @@ def _motion(lengths: Array, coefficients: Array) -> Trajectory:
 
 
 @record
-class _Path:
+class _StopPath:
     """The path at both ends of its m intervals.
 
     The arrays q, dq, ddq and those in `load` have shape (2, m, 4). The first entry is the limit
@@ -132,20 +134,20 @@ class _Path:
     """True if all joints rest in the motion at the node, (m + 1,)."""
 
     @classmethod
-    def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> "_Path":
+    def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> "_StopPath":
         """Sample the path of a motion.
 
         The nodes include all breaks and the instants (n,), s. Each distance between them is divided
-        into intervals of at most `STEP`, and into at most `MOST_STEPS` intervals.
+        into intervals of at most `MAX_STEP`, and into at most `MAX_STEPS` intervals.
         """
         breaks = motion.breaks - motion.breaks[0]
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
         distance_behind = np.abs(breaks[behind] - instants)
         distance_ahead = np.abs(breaks[behind - 1] - instants)
-        is_near = np.minimum(distance_behind, distance_ahead) < NEAR
+        is_near = np.minimum(distance_behind, distance_ahead) < MIN_BREAK_DISTANCE
         nodes = np.union1d(breaks, instants[~is_near])
         distances = np.diff(nodes)
-        steps = np.clip(np.ceil(distances / STEP - 1e-9), 1, MOST_STEPS).astype(int)
+        steps = np.clip(np.ceil(distances / MAX_STEP - 1e-9), 1, MAX_STEPS).astype(int)
         interval, offset = parts_of(steps)
         s = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
         starts = motion.sample(motion.breaks[0] + s[:-1], "right")
@@ -159,7 +161,7 @@ class _Path:
         )
         load = (inertia.reshape(q.shape), velocity.reshape(q.shape), gravity.reshape(q.shape))
         node_speeds = np.abs(np.append(dq[0], dq[1, -1:], axis=0))
-        rests = np.all(node_speeds <= still(robot), axis=1)
+        rests = np.all(node_speeds <= rest_speeds(robot), axis=1)
         return cls(s, q, dq=dq, ddq=ddq, load=load, rests=rests)
 
 
@@ -190,7 +192,7 @@ def quickest_stops(
     -------
     StopMotions
         The stops in the order of time. Their instants may differ from the requested instants by
-        less than `NEAR`.
+        less than `MIN_BREAK_DISTANCE`.
     """
     times = (
         np.linspace(0.0, motion.duration, instants)
@@ -198,13 +200,18 @@ def quickest_stops(
         else np.sort(np.asarray(instants, float))
     )
     if robot.jerk_limited:
-        stops_of_joints = joint_stops(motion, robot, limits or TaskLimits(robot.limits), times)
-        return _stop_motions(times, stops_of_joints, robot, ends=True)
-    slow = still(robot)
+        stops_of_joints = compute_joint_stops(
+            motion, robot, limits or TaskLimits(robot.limits), times
+        )
+        return _measure_stops(times, stops_of_joints, robot, ends_at_rest=True)
+    slow = rest_speeds(robot)
     rests = np.flatnonzero((np.abs(motion.sample(motion.breaks).qd) <= slow).all(axis=1))
     first_pieces = [0]
     for break_index in rests:
-        if break_index - first_pieces[-1] >= LEG and len(motion.breaks) - break_index > LEG:
+        if (
+            break_index - first_pieces[-1] >= MIN_LEG_PIECES
+            and len(motion.breaks) - break_index > MIN_LEG_PIECES
+        ):
             first_pieces.append(int(break_index))
     starts = motion.breaks[first_pieces] - motion.breaks[0]
     legs = np.split(times, np.searchsorted(times, starts[1:]))
@@ -229,7 +236,7 @@ def quickest_stops(
             np.concatenate([leg_stops.pieces[1] for leg_stops in stops]),
         ),
         edges=np.append(0, np.cumsum(sizes)),
-        ends=stops[-1].ends,
+        ends_at_rest=stops[-1].ends_at_rest,
     )
 
 
@@ -245,20 +252,20 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
     times : (n,) array
         Instants in s from the start of the part.
     """
-    path = _Path.from_motion(motion, robot, times)
+    path = _StopPath.from_motion(motion, robot, times)
     middles = (path.s[1:] + path.s[:-1]) / 2
     start_nodes = np.searchsorted(middles, times)  # the nearest node of each instant
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # if nothing bounds s̈
-        stops = _stops(path, robot, start_nodes)
-    return _stop_motions(path.s[start_nodes], stops, robot, ends=bool(path.rests[-1]))
+        stops = _advance_stops(path, robot, start_nodes)
+    return _measure_stops(path.s[start_nodes], stops, robot, ends_at_rest=bool(path.rests[-1]))
 
 
-def _stop_motions(
-    times: Array, stops: tuple[Array, Array, Indices], robot: Robot, *, ends: bool
+def _measure_stops(
+    times: Array, stops: tuple[Array, Array, Indices], robot: Robot, *, ends_at_rest: bool
 ) -> StopMotions:
     """Return stops from the instants `times` (n,) with their durations and travels.
 
-    The parameter `stops` contains the lengths, coefficients and edges of `_stops`.
+    The parameter `stops` contains the lengths, coefficients and edges of `_advance_stops`.
     """
     lengths, coefficients, edges = stops
     duration = np.zeros(len(times))
@@ -278,10 +285,14 @@ def _stop_motions(
         final_distances = np.linalg.norm(final_tips - start_tips, axis=1)
         duration[moving] = np.add.reduceat(lengths, first_pieces)
         travel[moving] = np.maximum(np.maximum.reduceat(distances, first_pieces), final_distances)
-    return StopMotions(times, duration, travel, (lengths, coefficients), edges, ends=ends)
+    return StopMotions(
+        times, duration, travel, (lengths, coefficients), edges, ends_at_rest=ends_at_rest
+    )
 
 
-def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Array, Indices]:
+def _advance_stops(
+    path: _StopPath, robot: Robot, start_nodes: Indices
+) -> tuple[Array, Array, Indices]:
     """Compute the pieces of the stops from the nodes `start_nodes` (n,) of a path.
 
     All stops advance together, node by node. A stop for which the path is too short continues to
@@ -300,7 +311,7 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
     stop = np.arange(len(start_nodes))
     k = start_nodes.copy()
     x = np.ones(len(start_nodes))
-    bounds = _Bounds.from_path(path, robot)
+    bounds = _DecelerationBounds.from_path(path, robot)
     lengths = np.diff(path.s)
     rows: list[tuple[Any, ...]] = []
     while True:
@@ -311,10 +322,10 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
         if not len(stop):
             break
         length = lengths[k]
-        u = bounds.minimum(k, x, ends=False)
+        u = bounds.smallest_acceleration(k, x, ends=False)
         ends = np.flatnonzero(x + 2 * u * length <= 0)
         if len(ends):
-            u[ends] = np.maximum(u[ends], bounds.minimum(k[ends], x[ends], ends=True))
+            u[ends] = np.maximum(u[ends], bounds.smallest_acceleration(k[ends], x[ends], ends=True))
         next_x = x + 2 * u * length
         ended = next_x <= 0
         next_x = np.where(ended, 0.0, next_x)
@@ -325,11 +336,11 @@ def _stops(path: _Path, robot: Robot, start_nodes: Indices) -> tuple[Array, Arra
     if not rows:
         return np.zeros(0), np.zeros((0, DEGREE + 1, 4)), np.zeros(len(start_nodes) + 1, dtype=int)
     columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
-    return _pieces(path, len(start_nodes), columns)
+    return _pieces_from_steps(path, len(start_nodes), columns)
 
 
 @record
-class _Bounds:
+class _DecelerationBounds:
     """Lower bounds of s̈ on the m intervals of a path.
 
     Each bound is evaluated at three states (position, x = ṡ²) of an interval: at its start; at its
@@ -337,7 +348,7 @@ class _Bounds:
     linear in s̈, x and √x there, except for friction that depends on the speed.
     """
 
-    path: _Path
+    path: _StopPath
     robot: Robot
     lengths: Array
     """Lengths of the intervals in s, (m,)."""
@@ -346,17 +357,17 @@ class _Bounds:
 
     The columns contain the first state of all intervals, then the second and the third.
     """
-    alone: int
+    single_rows: int
     """Number of leading rows that are bounds by themselves.
 
     The other rows form two halves. Two rows at the same position of both halves belong together,
     and only the smaller of them is a bound.
     """
-    varying: tuple[int, ...]
+    speed_dependent_joints: tuple[int, ...]
     """Joints whose friction depends on the speed. Their torques are not among the rows."""
 
     @classmethod
-    def from_path(cls, path: _Path, robot: Robot) -> "_Bounds":
+    def from_path(cls, path: _StopPath, robot: Robot) -> "_DecelerationBounds":
         """Compute the rows of all acceleration limits and of the torque limits.
 
         The torque in the direction of motion is the larger of two linear functions. It must not
@@ -368,11 +379,11 @@ class _Bounds:
         m = len(lengths)
         end = np.repeat([0, 1, 1], m)
         interval = np.tile(np.arange(m), 3)
-        grows = np.concatenate([np.zeros(m), 2 * lengths, np.zeros(m)])
+        square_growth = np.concatenate([np.zeros(m), 2 * lengths, np.zeros(m)])
         dq = path.dq[end, interval]
         ddq = path.ddq[end, interval]
-        a = dq + grows[:, None] * ddq
-        limit = robot.accelerations * (1 - BACKOFF)
+        a = dq + square_growth[:, None] * ddq
+        limit = robot.accelerations * (1 - LIMIT_REDUCTION)
         moves = a != 0
         constant = np.where(moves, -limit / np.abs(a), -np.inf)
         with_square = np.where(moves, -ddq / a, 0.0)
@@ -383,29 +394,36 @@ class _Bounds:
             if friction_of(drive).stribeck_speed is not None:
                 varying.append(i)
                 continue
-            motor = _MotorAlong.from_joint(path, robot.joints[i], (end, interval, i), grows)
+            motor = _MotorOnPath.from_joint(
+                path, robot.joints[i], (end, interval, i), square_growth
+            )
             zero = np.zeros(3 * m)
             ones = np.ones(3 * m)
             # The torques are linear in (s̈, ṡ², ṡ), so four evaluations give all coefficients.
-            at_zero = motor.torques(zero, zero, zero)
-            at_unit_u = motor.torques(ones, zero, zero)
-            at_unit_square = motor.torques(zero, ones, zero)
-            at_unit_root = motor.torques(zero, zero, ones)
+            at_zero = motor.row_torques(zero, zero, zero)
+            at_unit_u = motor.row_torques(ones, zero, zero)
+            at_unit_square = motor.row_torques(zero, ones, zero)
+            at_unit_root = motor.row_torques(zero, zero, ones)
             for row in (0, 1):
                 slope = at_unit_u[row] - at_zero[row]
                 square_term = at_unit_square[row] - at_zero[row]
                 root_term = at_unit_root[row] - at_zero[row]
                 offsets = np.stack([at_zero[row], square_term, root_term])
-                alone.append(motor.bound(slope, offsets)[:, :, None])
-                halves[row].append(motor.bound(-slope, -offsets)[:, :, None])
+                alone.append(motor.acceleration_bound(slope, offsets)[:, :, None])
+                halves[row].append(motor.acceleration_bound(-slope, -offsets)[:, :, None])
         all_rows = alone + halves[0] + halves[1]
         terms = np.concatenate(all_rows, axis=2).transpose(0, 2, 1)
         count = sum(term.shape[2] for term in alone)
         return cls(
-            path, robot, lengths, np.ascontiguousarray(terms), alone=count, varying=tuple(varying)
+            path,
+            robot,
+            lengths,
+            np.ascontiguousarray(terms),
+            single_rows=count,
+            speed_dependent_joints=tuple(varying),
         )
 
-    def minimum(self, k: Indices, x: Array, *, ends: bool) -> Array:
+    def smallest_acceleration(self, k: Indices, x: Array, *, ends: bool) -> Array:
         """Return the smallest s̈ (n,) on intervals that begin with a given speed.
 
         Parameters
@@ -431,24 +449,27 @@ class _Bounds:
         columns = np.concatenate([position * m + k for position, _ in positions])
         c0, c1, c2 = self.terms[:, :, columns]
         values = c0 + c1 * square + c2 * np.sqrt(square)
-        bound = values[: self.alone].max(axis=0)
-        half = (len(values) - self.alone) // 2
+        bound = values[: self.single_rows].max(axis=0)
+        half = (len(values) - self.single_rows) // 2
         if half:
-            pairs = np.minimum(values[self.alone : self.alone + half], values[self.alone + half :])
+            pairs = np.minimum(
+                values[self.single_rows : self.single_rows + half],
+                values[self.single_rows + half :],
+            )
             bound = np.maximum(bound, pairs.max(axis=0))
         end = np.repeat([min(position, 1) for position, _ in positions], n)
         interval = np.tile(k, len(positions))
-        for i in self.varying:
-            grows = np.where(columns // m == 1, 2 * self.lengths[interval], 0.0)
-            motor = _MotorAlong.from_joint(
-                self.path, self.robot.joints[i], (end, interval, i), grows, square
+        for i in self.speed_dependent_joints:
+            square_growth = np.where(columns // m == 1, 2 * self.lengths[interval], 0.0)
+            motor = _MotorOnPath.from_joint(
+                self.path, self.robot.joints[i], (end, interval, i), square_growth, square
             )
-            bound = np.maximum(bound, motor.minimum(square))
+            bound = np.maximum(bound, motor.smallest_acceleration(square))
         return np.minimum(bound.reshape(len(positions), n).max(axis=0), 0.0)
 
 
 @record
-class _MotorAlong:
+class _MotorOnPath:
     """A motor at n positions of a path.
 
     The friction law has two rows, and the torque in the direction of motion is the larger of both.
@@ -471,29 +492,29 @@ class _MotorAlong:
     dq: Array
     ddq: Array
     load: tuple[Array, Array, Array]
-    grows: Array
+    square_growth: Array
     """Factor with which s̈ increases ṡ², (n,). It is 0 if ṡ² is given."""
 
     @classmethod
     def from_joint(
         cls,
-        path: _Path,
+        path: _StopPath,
         joint: Joint,
         index: tuple[Indices, Indices, int],
-        grows: Array,
+        square_growth: Array,
         square: Array | float = 0.0,
-    ) -> "_MotorAlong":
+    ) -> "_MotorOnPath":
         """Build the motor of one joint at n positions of a path.
 
         Parameters
         ----------
-        path : _Path
+        path : _StopPath
             Path of the planned motion.
         joint : Joint
             A joint with a drive and a motor.
         index : tuple
             Ends (n,) and intervals (n,) of the positions, and the index of the joint.
-        grows : (n,) array
+        square_growth : (n,) array
             Factor with which s̈ increases ṡ².
         square : (n,) array or float
             ṡ² that determines the friction coefficient.
@@ -511,21 +532,21 @@ class _MotorAlong:
             dq=dq,
             ddq=path.ddq[index],
             load=(inertia[index], velocity[index], gravity[index]),
-            grows=grows,
+            square_growth=square_growth,
         )
 
-    def torques(self, u: Array, square: Array, root: Array) -> list[Array]:
+    def row_torques(self, u: Array, square: Array, root: Array) -> list[Array]:
         """Return the torques of both rows at s̈ = u, ṡ² = square and ṡ = root, (n,) each."""
         drive, (inertia, velocity, gravity) = self.joint.drive, self.load
         assert drive is not None
         speed = self.dq * root
-        acceleration = self.dq * u + self.ddq * (square + self.grows * u)
-        rigid = inertia * u + velocity * (square + self.grows * u) + gravity
+        acceleration = self.dq * u + self.ddq * (square + self.square_growth * u)
+        rigid = inertia * u + velocity * (square + self.square_growth * u) + gravity
         effort = output_effort(drive, rigid, speed, acceleration, self.sigma)
         motion = drive.ratio * speed, drive.ratio * acceleration
         return [self.sigma * self.rows.torque(slope * effort, *motion) for slope in self.rows.slope]
 
-    def bound(self, slope: Array, offset: Array) -> Array:
+    def acceleration_bound(self, slope: Array, offset: Array) -> Array:
         """Return the smallest u with slope · u + offset ≤ the largest torque.
 
         Parameters
@@ -543,13 +564,13 @@ class _MotorAlong:
         """
         assert self.joint.motor is not None
         limit = np.zeros((len(offset), 1))
-        limit[0] = self.joint.motor.max_torque * (1 - BACKOFF)
+        limit[0] = self.joint.motor.max_torque * (1 - LIMIT_REDUCTION)
         bounds = (slope < 0) & (self.sigma != 0)
         unbounded = np.zeros_like(limit)
         unbounded[0] = -np.inf
         return np.where(bounds, (limit - offset) / slope, unbounded)
 
-    def minimum(self, square: Array) -> Array:
+    def smallest_acceleration(self, square: Array) -> Array:
         """Return the smallest s̈ that keeps the torque limit of the motor.
 
         The limit holds for a driving and for a braking motor.
@@ -569,22 +590,24 @@ class _MotorAlong:
         zero = np.zeros(len(square))
         driving = np.full(len(square), -np.inf)
         braking = np.full(len(square), np.inf)
-        at_zero = self.torques(zero, square, root)
-        at_one = self.torques(zero + 1, square, root)
+        at_zero = self.row_torques(zero, square, root)
+        at_one = self.row_torques(zero + 1, square, root)
         for offset, torque_at_one in zip(at_zero, at_one, strict=True):
             slope = torque_at_one - offset
-            driving = np.maximum(driving, self.bound(slope, offset[None])[0])
+            driving = np.maximum(driving, self.acceleration_bound(slope, offset[None])[0])
             # Each row is a lower bound of the torque in the direction of motion.
-            braking = np.minimum(braking, self.bound(-slope, -offset[None])[0])
+            braking = np.minimum(braking, self.acceleration_bound(-slope, -offset[None])[0])
         return np.maximum(driving, braking)
 
 
-def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array, Indices]:
+def _pieces_from_steps(
+    path: _StopPath, count: int, columns: list[Array]
+) -> tuple[Array, Array, Indices]:
     """Build the pieces of `StopMotions` from the steps of all stops.
 
     Parameters
     ----------
-    path : _Path
+    path : _StopPath
         Path of the planned motion.
     count : int
         Number of stops.
@@ -595,7 +618,7 @@ def _pieces(path: _Path, count: int, columns: list[Array]) -> tuple[Array, Array
     Returns
     -------
     lengths, coefficients, edges
-        See `_stops`.
+        See `_advance_stops`.
     """
     order = np.argsort(columns[0], kind="stable")
     stop, k, x, u, end_x, travel = (column[order] for column in columns)

@@ -32,15 +32,15 @@ from ssm_planner.problem import (
 )
 from ssm_planner.trajectory import BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Mask
-from ssm_planner.verification.certificate import TOLERANCE, LimitCheck, Unjudged
+from ssm_planner.verification.certificate import ROUNDING_TOLERANCE, LimitCheck, Unjudged
 
-WIDTHS = (1, 4, 16, 64)
+WINDOW_WIDTHS = (1, 4, 16, 64)
 """Distances, in rows, between the three rows of a difference."""
-CORNERS = ((0, 0, 0), *product((-1, 1), repeat=3))
+BOX_POINTS = ((0, 0, 0), *product((-1, 1), repeat=3))
 """The centre and the corners of a box of load, speed and acceleration, as signs."""
 
 
-def torque_bands(
+def check_torque_bands(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, undefined: str
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
     """Check the motor torques of a table of positions, and accelerations that are certain.
@@ -71,9 +71,11 @@ def torque_bands(
     q = trajectory.positions(t)
     moves = np.cumsum(np.diff(q, axis=0, prepend=q[:1]) != 0, axis=0)
     # Acceleration and torque that occur at least at some instant, torque that no instant exceeds.
-    extremes = np.array([robot.accelerations * (1 + TOLERANCE), np.zeros(4), np.full(4, np.inf)])
+    extremes = np.array(
+        [robot.accelerations * (1 + ROUNDING_TOLERANCE), np.zeros(4), np.full(4, np.inf)]
+    )
     extreme_times = np.zeros((3, 4))
-    for width in WIDTHS:
+    for width in WINDOW_WIDTHS:
         if 2 * width >= len(t):
             break
         centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
@@ -101,7 +103,7 @@ def torque_bands(
     for i, *_ in motorised(robot.joints):
         limit = robot.joints[i].limit(MotorTorque)
         low, high = extremes[1:, i].tolist()
-        if low > limit.high * (1 + TOLERANCE):
+        if low > limit.high * (1 + ROUNDING_TOLERANCE):
             checks.append(LimitCheck.from_extreme(limit, low, float(extreme_times[1, i])))
         elif certain and high <= limit.high:
             checks.append(LimitCheck.from_extreme(limit, high, float(extreme_times[2, i])))
@@ -153,7 +155,7 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
     middle = (lowest_qdd + highest_qdd) / 2
     half = (highest_qdd - lowest_qdd) / 2
     values = np.array([np.abs(mean) - error, still, still])
-    slack = _load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
+    slack = _bound_load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
     for i, drive, _ in motorised(robot.joints):
         mu = _extreme_friction(drive, np.abs(qd[:, i]), qd_error[:, i])
         for direction in (-1, 1):
@@ -163,7 +165,7 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
                 load_error = slack[:, i] + (np.abs(mass[:, i]) * qdd_error).sum(axis=1)
                 state = (load, qd[:, i], qdd[:, i])
                 errors = (load_error, qd_error[:, i], qdd_error[:, i])
-                bands.append(_band(drive, direction, mu, state, errors))
+                bands.append(_torque_band(drive, direction, mu, state, errors))
             (sure, _), (lowest, highest) = bands
             speed = direction * qd[:, i]
             moves = speed > qd_error[:, i]
@@ -173,7 +175,7 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
     return values
 
 
-def _load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...]) -> Array:
+def _bound_load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...]) -> Array:
     """Bound the change of the load of each joint within a window.
 
     The load is M(q) q̈ + h(q, q̇). With steps Δq_i and Δq̇_i of one coordinate at a time, the bound
@@ -228,7 +230,7 @@ def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
     return np.array([lowest, np.max(breakaway_coefficient(friction, speeds), axis=0)])
 
 
-def _band(
+def _torque_band(
     drive: Drive, direction: int, mu: Array, state: tuple[Array, ...], errors: tuple[Array, ...]
 ) -> tuple[Array, Array]:
     """Return bounds of a motor torque in its direction, (n,) each.
@@ -256,7 +258,7 @@ def _band(
         The lower bound uses the smallest coefficient, and the upper bound the largest.
     """
     values = []
-    for corner in CORNERS:
+    for corner in BOX_POINTS:
         load, qd, qdd = [x + side * e for x, side, e in zip(state, corner, errors, strict=True)]
         carried = output_effort(drive, load, qd, qdd, direction)
         motor = drive.ratio * qd, drive.ratio * qdd

@@ -12,29 +12,40 @@ from ssm_planner.kinematics import Mechanism, task_from_joints
 from ssm_planner.problem import Dwell, Joints, Motion, PathDeparture, Point, Problem, Scan
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.typing import Array
-from ssm_planner.verification.certificate import Certificate, LimitCheck, Unjudged, worst_of_each
-from ssm_planner.verification.promises import lines_kept, task_at, unchecked_lines
+from ssm_planner.verification.certificate import (
+    Certificate,
+    LimitCheck,
+    Unjudged,
+    worst_result_per_limit,
+)
+from ssm_planner.verification.promises import (
+    check_table_lines,
+    task_coordinates_of,
+    unchecked_lines_remark,
+)
 
-NEAR = np.array([2e-4, 2e-4, 2e-4, 1e-5])
+POINT_TOLERANCE = np.array([2e-4, 2e-4, 2e-4, 1e-5])
 """Largest error at a point, rad and m: 0.01° and 10 µm."""
-STILL = 0.1
-"""Largest displacement during a dwell, as a share of `NEAR`."""
-TIMELY = 0.02
+DWELL_TOLERANCE = 0.1
+"""Largest displacement during a dwell, as a share of `POINT_TOLERANCE`."""
+DURATION_TOLERANCE = 0.02
 """Largest relative error of a requested duration."""
-INSTANTS = 20_000
+MIN_INSTANTS = 20_000
 """Smallest number of instants of a motion with many pieces."""
-MOST = 64
+MAX_PIECE_INSTANTS = 64
 """Largest number of instants in a piece."""
-ROW = 5e-3
+OMITTED_DWELL_TIME = 5e-3
 """Time at each end of a dwell that a table may omit, s."""
 
 
-def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) -> Certificate:
+def with_task_results(
+    certificate: Certificate, motion: Trajectory, problem: Problem
+) -> Certificate:
     """Return a certificate that also judges the points, lines, dwells and durations of a problem.
 
     The new results are named "target", "waypoint", "dwell" and "duration". The worst value of a
-    point is its error as a multiple of `NEAR`. If the motion has phases, `check` has already judged
-    its lines.
+    point is its error as a multiple of `POINT_TOLERANCE`. If the motion has phases, `check` has
+    already judged its lines.
 
     Parameters
     ----------
@@ -50,58 +61,62 @@ def with_task(certificate: Certificate, motion: Trajectory, problem: Problem) ->
     Certificate
     """
     limits = problem.task_limits
-    unchecked = [text for text in certificate.unchecked if text != unchecked_lines(limits)]
+    unchecked = [text for text in certificate.unchecked if text != unchecked_lines_remark(limits)]
     unjudged = list(certificate.unjudged)
     chain: list[Motion] = []
-    path = _Path(motion, Mechanism.from_robot(problem.robot))
-    _, error = path.nearest_index(path.errors(problem.start)[:1], 0)
-    checks = [_of_point("target", "start", error, path.t[0])]
+    path = _TaskProgress(motion, Mechanism.from_robot(problem.robot))
+    _, error = path.first_visit(path.errors(problem.start)[:1], 0)
+    checks = [_point_result("target", "start", error, path.t[0])]
     begin_index = index = 0
     scanned = False
     for entry in problem.motion:
         if isinstance(entry, Dwell):
-            stay, index = path.stay(index, entry.duration)
-            checks.append(_timed("dwell", entry.name, min(stay, entry.duration), entry.duration))
+            stay, index = path.measure_rest(index, entry.duration)
+            checks.append(
+                _duration_result("dwell", entry.name, min(stay, entry.duration), entry.duration)
+            )
         elif isinstance(entry, Scan):
-            path.held = np.full(4, np.nan)
+            path.last_task = np.full(4, np.nan)
             scanned = True
         else:
             for point in getattr(entry, "through", ()):
-                index, error = path.nearest_index(path.errors(point), index)
-                checks.append(_of_point("waypoint", entry.name, error, path.t[index]))
+                index, error = path.first_visit(path.errors(point), index)
+                checks.append(_point_result("waypoint", entry.name, error, path.t[index]))
             errors = path.errors(entry.to)
             is_open = getattr(entry, "spin_free", False), getattr(entry, "distance", 0)
-            path.held[2:][np.array(is_open, bool)] = np.nan
-            errors[:, np.isnan(path.held)] = np.nan
+            path.last_task[2:][np.array(is_open, bool)] = np.nan
+            errors[:, np.isnan(path.last_task)] = np.nan
             chain.append(entry)
             if getattr(entry, "blend", None) is not None:
                 continue
             final = entry is problem.motion[-1]
-            index, error = path.nearest_index(errors, len(path.t) - 1 if final else index)
-            checks.append(_of_point("target", entry.name, error, path.t[index]))
+            index, error = path.first_visit(errors, len(path.t) - 1 if final else index)
+            checks.append(_point_result("target", entry.name, error, path.t[index]))
             if begin_index < index and not (scanned or motion.phases):
                 span = Span(entry.name, float(path.t[begin_index]), float(path.t[index]))
-                lines = lines_kept(motion, path.mechanism, limits, chain, span, allowed=NEAR[3])
+                lines = check_table_lines(
+                    motion, path.mechanism, limits, chain, span, allowed=POINT_TOLERANCE[3]
+                )
                 checks += lines[0]
                 unjudged += lines[1]
             chain = []
             if entry.duration is not None:
                 actual = float(path.t[index] - path.t[begin_index])
-                checks.append(_timed("duration", entry.name, actual, entry.duration))
+                checks.append(_duration_result("duration", entry.name, actual, entry.duration))
         begin_index = index
     if isinstance(problem.motion[-1], Dwell):
-        _, error = path.nearest_index(errors, len(path.t) - 1)
-        checks.append(_of_point("target", "end", error, path.t[-1]))
+        _, error = path.first_visit(errors, len(path.t) - 1)
+        checks.append(_point_result("target", "end", error, path.t[-1]))
     if problem.duration is not None:
-        checks.append(_timed("duration", problem.name, motion.duration, problem.duration))
+        checks.append(_duration_result("duration", problem.name, motion.duration, problem.duration))
     if scanned:
         reason = "the check does not know the spots of a scan"
         unjudged += [Unjudged(name, None, reason) for name in ("target", PathDeparture.name)]
-    certificate = certificate.with_more(worst_of_each(checks))
+    certificate = certificate.with_more(worst_result_per_limit(checks))
     return replace(certificate, unchecked=tuple(unchecked), unjudged=tuple(unjudged))
 
 
-def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
+def _point_result(name: str, entry: str, error: float, time: float) -> LimitCheck:
     """Return the result for a point.
 
     Parameters
@@ -111,7 +126,7 @@ def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
     entry : str
         Name of the motion.
     error : float
-        Distance from the point as a multiple of `NEAR`.
+        Distance from the point as a multiple of `POINT_TOLERANCE`.
     time : float
         Instant of this distance, s.
     """
@@ -120,7 +135,7 @@ def _of_point(name: str, entry: str, error: float, time: float) -> LimitCheck:
     )
 
 
-def _timed(name: str, entry: str, actual: float, requested: float) -> LimitCheck:
+def _duration_result(name: str, entry: str, actual: float, requested: float) -> LimitCheck:
     """Compare the duration of a motion or dwell with the requested duration.
 
     Parameters
@@ -130,15 +145,15 @@ def _timed(name: str, entry: str, actual: float, requested: float) -> LimitCheck
     entry : str
         Name of the motion.
     actual, requested : float
-        Durations, s. Their relative difference must be at most `TIMELY`.
+        Durations, s. Their relative difference must be at most `DURATION_TOLERANCE`.
     """
-    margin = 1 - abs(actual / requested - 1) / TIMELY
+    margin = 1 - abs(actual / requested - 1) / DURATION_TOLERANCE
     return LimitCheck(
         name, None, actual, limit=requested, margin=margin, time=0.0, unit="s", case=entry
     )
 
 
-class _Path:
+class _TaskProgress:
     """Instants of a motion, with the joint positions and task coordinates at these instants.
 
     Attributes
@@ -154,39 +169,41 @@ class _Path:
     def __init__(self, motion: Trajectory, mechanism: Mechanism) -> None:
         """Sample a motion at all breaks, and at further instants within its pieces."""
         lengths = np.diff(motion.breaks)
-        count = int(np.clip(INSTANTS / len(lengths), 1, MOST))
+        count = int(np.clip(MIN_INSTANTS / len(lengths), 1, MAX_PIECE_INSTANTS))
         inner = motion.breaks[:-1, None] + np.arange(count) / count * lengths[:, None]
         self.t = np.append(inner, motion.breaks[-1])
         self.q = motion.positions(self.t)
         self.tasks = task_from_joints(mechanism, self.q)
         self.mechanism = mechanism
         self.branch = int(mechanism.branch_of(self.q[0]))
-        self.held = self.tasks[0]
+        self.last_task = self.tasks[0]
         """Task coordinates of the last point, (4,). Open ones are NaN."""
 
     def errors(self, point: Point) -> Array:
-        """Return the errors (n, 4) of a point at all instants, in multiples of `NEAR`.
+        """Return the errors (n, 4) of a point at all instants, in multiples of `POINT_TOLERANCE`.
 
         Coordinates that a pose does not state keep their values. Joint positions are compared
         directly, because several joint positions can have the same pose.
         """
-        self.held = task_at(self.mechanism, point, self.held, self.branch)
+        self.last_task = task_coordinates_of(self.mechanism, point, self.last_task, self.branch)
         if isinstance(point, Joints):
-            return (self.q - point.values) / NEAR
-        return ((self.tasks - self.held + np.pi) % (2 * np.pi) - np.pi) / NEAR
+            return (self.q - point.values) / POINT_TOLERANCE
+        return ((self.tasks - self.last_task + np.pi) % (2 * np.pi) - np.pi) / POINT_TOLERANCE
 
-    def nearest_index(self, errors: Array, first_index: int) -> tuple[int, float]:
+    def first_visit(self, errors: Array, first_index: int) -> tuple[int, float]:
         """Find the first instant at which the motion reaches a point.
 
-        The robot stays within `NEAR` of the point for a while. The result is the first instant of
-        the first such stay whose error is within `STILL` of the smallest one. If the motion never
-        reaches the point, the result is the instant with the smallest error. The error is linear
-        between two instants. Open coordinates (NaN in `held`) take their values at the result.
+        The robot stays within `POINT_TOLERANCE` of the point for a while. The result is the first
+        instant of the first such stay whose error is within `DWELL_TOLERANCE` of the smallest one.
+        If the motion never reaches the point, the result is the instant with the smallest error.
+        The error is linear between two instants. Open coordinates (NaN in `last_task`) take their
+        values at the result.
 
         Parameters
         ----------
         errors : (n, 4) array
-            Errors at all instants, in multiples of `NEAR`. NaN means that the coordinate is open.
+            Errors at all instants, in multiples of `POINT_TOLERANCE`. NaN means that the coordinate
+            is open.
         first_index : int
             Index of the instant at which the search starts.
 
@@ -195,7 +212,7 @@ class _Path:
         index : int
             Index of the instant.
         error : float
-            Error there, in multiples of `NEAR`.
+            Error there, in multiples of `POINT_TOLERANCE`.
         """
         error = np.nan_to_num(errors[first_index:])
         step = np.diff(error, axis=0, append=error[-1:])
@@ -207,11 +224,13 @@ class _Path:
             stay = near_indices[near_indices - near_indices[0] == np.arange(len(near_indices))]
             distance = distance[: stay[-1] + 1]
             distance[: stay[0]] = np.inf
-        best_index = int(np.argmax(distance <= distance.min() + STILL))
-        self.held = np.where(np.isnan(self.held), self.tasks[first_index + best_index], self.held)
+        best_index = int(np.argmax(distance <= distance.min() + DWELL_TOLERANCE))
+        self.last_task = np.where(
+            np.isnan(self.last_task), self.tasks[first_index + best_index], self.last_task
+        )
         return first_index + best_index, float(distance[best_index])
 
-    def stay(self, first_index: int, duration: float) -> tuple[float, int]:
+    def measure_rest(self, first_index: int, duration: float) -> tuple[float, int]:
         """Measure how long the robot rests from an instant.
 
         Parameters
@@ -224,15 +243,17 @@ class _Path:
         Returns
         -------
         stay : float
-            Duration of the rest, s. It includes ROW at both ends.
+            Duration of the rest, s. It includes OMITTED_DWELL_TIME at both ends.
         end_index : int
             Index of the instant after the requested duration, or of the end of the rest if it is
             earlier.
         """
-        displacement = (self.tasks[first_index:] - self.tasks[first_index]) / NEAR
-        has_moved = np.linalg.norm(displacement, axis=1) > 2 * STILL
+        displacement = (self.tasks[first_index:] - self.tasks[first_index]) / POINT_TOLERANCE
+        has_moved = np.linalg.norm(displacement, axis=1) > 2 * DWELL_TOLERANCE
         rest_index = len(self.t) - 1
         if has_moved.any():
             rest_index = first_index + int(has_moved.argmax()) - 1
         end_index = int(np.searchsorted(self.t, self.t[first_index] + duration))
-        return float(self.t[rest_index] - self.t[first_index]) + 2 * ROW, min(end_index, rest_index)
+        return float(self.t[rest_index] - self.t[first_index]) + 2 * OMITTED_DWELL_TIME, min(
+            end_index, rest_index
+        )

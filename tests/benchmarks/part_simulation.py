@@ -10,8 +10,8 @@ from ssm_planner.comparison.compare import compare
 from ssm_planner.errors import RecordingError
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.controller import AxisController, Controller
-from ssm_planner.simulation.plant import STATE
-from ssm_planner.simulation.simulate import Scenario, _Stage, simulate
+from ssm_planner.simulation.plant import STATE_SIZE
+from ssm_planner.simulation.simulate import Scenario, _Simulation, simulate
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.verification.slower import check_speeds
 from tests.benchmarks.section import Section
@@ -44,7 +44,7 @@ def run(quick: bool) -> Section:
 
 
 def _simulation(section: Section, plan: Plan) -> None:
-    stage = _Stage(plan, Scenario(), Controller())
+    stage = _Simulation(plan, Scenario(), Controller())
     stage.play()
     began = time.process_time()
     stage.play()
@@ -54,8 +54,8 @@ def _simulation(section: Section, plan: Plan) -> None:
     free = Controller(
         torque_offset=False, joints=dict.fromkeys(("roll", "tilt", "insertion"), axis)
     )
-    off = _Stage(plan, Scenario(), free)
-    states = off.play().states[:, :STATE]
+    off = _Simulation(plan, Scenario(), free)
+    states = off.play().states[:, :STATE_SIZE]
     times = off.period * np.arange(len(states))
     error = energy_error(arm_motion(off.arm(0.0), times, states, np.zeros((1, 4))))
     section.asked("energy balance, motors without torque", "≤ 1e-6", f"{error:.1e}", error <= 1e-6)

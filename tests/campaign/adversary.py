@@ -634,7 +634,7 @@ def evaluate(case: Case, form: str, genes: Genes, folder: Path) -> Outcome | Non
     """Write the file, check it, and judge it by the oracle. None for a file that is refused, or none at all."""
     from ssm_planner.errors import SsmPlannerError
     from ssm_planner.problem import Free, Joints, Problem
-    from ssm_planner.verification.visits import with_task
+    from ssm_planner.verification.visits import with_task_results
 
     motion = Motion(case.motion.breaks.copy(), case.motion.coefficients.copy())
     for gene in genes:
@@ -651,7 +651,7 @@ def evaluate(case: Case, form: str, genes: Genes, folder: Path) -> Outcome | Non
         if targets:
             points = [Joints(tuple(point.tolist())) for point in targets]
             problem = Problem(robot, points[0], tuple(map(Free, points[1:])), limits=limits.limits)
-            certificate = with_task(certificate, reading.trajectory, problem)
+            certificate = with_task_results(certificate, reading.trajectory, problem)
     except SsmPlannerError:
         return None
     straight = not played.curved.all()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.comparison.compare import Comparison, compare
-from ssm_planner.comparison.measured import Measured, read_measured
+from ssm_planner.comparison.measured import AxisRecording, read_axis_recording
 from ssm_planner.errors import RecordingError
 from ssm_planner.plans import load_plan
 from ssm_planner.simulation.recorder import write_recordings
@@ -29,7 +29,7 @@ from tests.support.executions import (
 )
 from tests.support.paths import RESULTS
 
-Recordings = list[Measured]
+Recordings = list[AxisRecording]
 RATE = 2000
 """Hz of the executions before their samples are decimated."""
 
@@ -39,12 +39,12 @@ def shipped() -> Executions:
     return Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 1 / RATE)
 
 
-def compared(it: Executions, recordings: Sequence[Measured], **options: float) -> Comparison:
+def compared(it: Executions, recordings: Sequence[AxisRecording], **options: float) -> Comparison:
     plan = it.plan
     return compare(plan.motion, plan.robot, plan.certificate, recordings, **options)
 
 
-def without_position(recordings: Sequence[Measured]) -> Recordings:
+def without_position(recordings: Sequence[AxisRecording]) -> Recordings:
     return [replace(each, q=None) for each in recordings]
 
 
@@ -236,7 +236,7 @@ def test_a_simulated_commissioning_run_is_held(shipped: Executions, tmp_path: Pa
     plan = shipped.plan
     result = simulate(plan, Scenario(speed=0.1, instants=1))
     recordings = [
-        read_measured(path, plan.robot, joint, COUNTS)
+        read_axis_recording(path, plan.robot, joint, COUNTS)
         for joint, path in write_recordings(result, tmp_path).items()
     ]
     found = compared(shipped, recordings, speed=0.1)
@@ -450,7 +450,7 @@ def test_a_simulated_run_is_held_at_any_rate(
     result = simulate(shipped.plan, Scenario(speed=speed, instants=1))
     for rate in (2000, 500, 100):
         recordings = [
-            read_measured(path, shipped.plan.robot, joint, COUNTS)
+            read_axis_recording(path, shipped.plan.robot, joint, COUNTS)
             for joint, path in write_recordings(result, tmp_path, 1 / rate).items()
         ]
         for chosen in (recordings, without_position(recordings)):

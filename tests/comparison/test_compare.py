@@ -14,9 +14,9 @@ import pytest
 
 from ssm_planner.cli import compare as command
 from ssm_planner.cli.shared import add_arguments
-from ssm_planner.comparison.clock import align
+from ssm_planner.comparison.clock import align_axis
 from ssm_planner.comparison.compare import compare
-from ssm_planner.comparison.measured import assign, read_measured
+from ssm_planner.comparison.measured import assign_recordings, read_axis_recording
 from ssm_planner.dynamics.motors import directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
@@ -99,7 +99,7 @@ def test_positions_of_a_recording_in_utf_16(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv", position=True)
     other = tmp_path / "roll.txt"
     other.write_text(path.read_text(encoding="utf-8"), encoding="utf-16")
-    a, b = (read_measured(file, plan.robot, "roll", COUNTS) for file in (path, other))
+    a, b = (read_axis_recording(file, plan.robot, "roll", COUNTS) for file in (path, other))
     assert a.q is not None
     assert b.q is not None
     assert np.array_equal(a.q, b.q)
@@ -110,7 +110,7 @@ def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
     path = executed(plan, name, delay=0.31, noise=0.005).write(
         tmp_path / f"{name}.csv", position=True
     )
-    measured = read_measured(path, plan.robot, name, COUNTS)
+    measured = read_axis_recording(path, plan.robot, name, COUNTS)
     (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     assert found.alignment.delay == pytest.approx(0.31, abs=0.002)
     assert found.alignment.correlation > 0.99
@@ -133,7 +133,7 @@ def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> No
     inside = recorded.time <= plan.trajectory.duration
     recorded = Executed(*(x[inside] for x in dataclasses.astuple(recorded)))
     recorded.percent = recorded.percent + 3.0
-    measured = read_measured(recorded.write(tmp_path / "roll.csv"), plan.robot, "roll")
+    measured = read_axis_recording(recorded.write(tmp_path / "roll.csv"), plan.robot, "roll")
     (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     error = 0.03 * plan.robot.joints[0].motor.nominal_torque
     torque = found.differences["torque"]
@@ -148,14 +148,14 @@ def test_the_motor_s_direction_comes_from_the_robot_file(plan: Plan, tmp_path: P
         plan.robot, joints=(plan.robot.joints[0], joint, *plan.robot.joints[2:])
     )
     (found,) = compare(
-        plan.trajectory, robot, plan.certificate, [read_measured(path, robot, "tilt", COUNTS)]
+        plan.trajectory, robot, plan.certificate, [read_axis_recording(path, robot, "tilt", COUNTS)]
     )
     assert found.differences["position"].nrmsd < 0.002
     (found,) = compare(
         plan.trajectory,
         plan.robot,
         plan.certificate,
-        [read_measured(path, plan.robot, "tilt", COUNTS)],
+        [read_axis_recording(path, plan.robot, "tilt", COUNTS)],
     )
     assert [(each.kind, each.verdict) for each in found.findings] == [("reversed", "not held")]
     assert "motor_direction" in found.findings[0].text
@@ -164,7 +164,10 @@ def test_the_motor_s_direction_comes_from_the_robot_file(plan: Plan, tmp_path: P
 def test_another_joint_s_recording_is_named(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "insertion").write(tmp_path / "x.csv")
     (found,) = compare(
-        plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")]
+        plan.trajectory,
+        plan.robot,
+        plan.certificate,
+        [read_axis_recording(path, plan.robot, "roll")],
     )
     assert found.verdict == "not held"
     assert (
@@ -175,7 +178,10 @@ def test_another_joint_s_recording_is_named(plan: Plan, tmp_path: Path) -> None:
 def test_without_a_position_channel_the_speed_is_integrated(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv")
     (found,) = compare(
-        plan.trajectory, plan.robot, plan.certificate, [read_measured(path, plan.robot, "roll")]
+        plan.trajectory,
+        plan.robot,
+        plan.certificate,
+        [read_axis_recording(path, plan.robot, "roll")],
     )
     assert found.differences["position"].nrmsd < 0.01
     assert any("integral" in note for note in found.notes)
@@ -185,7 +191,7 @@ def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
     recorded = executed(plan, "roll", delay=0.2)
     some = (recorded.time > 0.35) & (recorded.time < 1.2)
     part = Executed(*(x[some] for x in dataclasses.astuple(recorded)))
-    measured = read_measured(part.write(tmp_path / "roll.csv"), plan.robot, "roll")
+    measured = read_axis_recording(part.write(tmp_path / "roll.csv"), plan.robot, "roll")
     (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     assert found.covered < 0.7
     assert any("% of the motion" in finding.text for finding in found.findings)
@@ -230,7 +236,7 @@ def test_a_limit_that_was_exceeded_in_reality(
 
 def test_which_joint_a_file_is_of(robot: Robot) -> None:
     words = ["roll=a.csv", "run3_tilt.csv", "axis4.csv"]
-    assert [joint for joint, _ in assign(words, robot)] == ["roll", "tilt", "insertion"]
+    assert [joint for joint, _ in assign_recordings(words, robot)] == ["roll", "tilt", "insertion"]
     for bad, message in (
         (["something.csv"], "of which joint"),
         (["roll_tilt.csv"], "of which joint"),
@@ -238,15 +244,15 @@ def test_which_joint_a_file_is_of(robot: Robot) -> None:
         (["roll=a.csv", "roll.csv"], "a second recording of joint roll"),
     ):
         with pytest.raises(RecordingError, match=message):
-            assign(bad, robot)
+            assign_recordings(bad, robot)
 
 
 def test_joints_without_a_drive_and_counts_that_are_not_known(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv", position=True)
     with pytest.raises(RecordingError, match="states no drive"):
-        read_measured(path, plan.robot, "spin")
+        read_axis_recording(path, plan.robot, "spin")
     with pytest.raises(RecordingError, match="give --counts-per-turn"):
-        read_measured(path, plan.robot, "roll")
+        read_axis_recording(path, plan.robot, "roll")
 
 
 @pytest.mark.parametrize("delay", [-0.4, 0.0, 0.123, 0.777, 2.5])
@@ -256,16 +262,16 @@ def test_alignment_finds_any_delay(delay: float) -> None:
     time = np.arange(0, 5, 0.003)
     measured = np.interp(time - delay, t, speed, left=0, right=0)
     measured += 0.02 * np.random.default_rng(1).normal(size=len(time))
-    found = align(t, speed, time, measured)
+    found = align_axis(t, speed, time, measured)
     assert found.delay == pytest.approx(delay, abs=0.003)
     assert found.correlation > 0.97
 
 
 def test_a_motor_that_should_stand_and_does() -> None:
     t = np.linspace(0, 1, 100)
-    found = align(t, np.zeros(100), t, np.zeros(100))
+    found = align_axis(t, np.zeros(100), t, np.zeros(100))
     assert found.correlation == 1.0
-    assert align(t, np.zeros(100), t, np.ones(100)).correlation == 0.0
+    assert align_axis(t, np.zeros(100), t, np.ones(100)).correlation == 0.0
 
 
 def test_a_recording_of_another_motion_is_named_by_its_speed(plan: Plan, tmp_path: Path) -> None:
@@ -273,14 +279,14 @@ def test_a_recording_of_another_motion_is_named_by_its_speed(plan: Plan, tmp_pat
     other = executed(plan, "roll")
     stroke = np.sin(10 * np.pi * other.time / other.time[-1])
     recording = dataclasses.replace(other, rpm=300 * stroke, percent=20 * np.sign(stroke))
-    measured = read_measured(recording.write(tmp_path / "roll.csv"), plan.robot, "roll")
+    measured = read_axis_recording(recording.write(tmp_path / "roll.csv"), plan.robot, "roll")
     (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     assert found.verdict == "not held"
     assert {each.kind for each in found.findings} & {"other motion", "several motions"}
 
 
 def test_a_channel_that_does_not_change_has_no_nrmsd(plan: Plan, tmp_path: Path) -> None:
-    measured = read_measured(
+    measured = read_axis_recording(
         executed(plan, "roll").write(tmp_path / "roll.csv"), plan.robot, "roll"
     )
     constant = dataclasses.replace(measured, tau=np.zeros_like(measured.tau))
@@ -521,7 +527,7 @@ def test_a_demand_is_not_a_measurement(shipped: Executions, tmp_path: Path) -> N
     paths = write(shipped, shipped.healthy(1), tmp_path)
     text = paths["roll"].read_text().replace("Position actual value", "Position demand value")
     paths["roll"].write_text(text)
-    assert read_measured(paths["roll"], shipped.plan.robot, "roll", COUNTS).q is None
+    assert read_axis_recording(paths["roll"], shipped.plan.robot, "roll", COUNTS).q is None
 
 
 def test_an_option_out_of_range_is_refused(shipped: Executions, tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
 from ssm_planner.problem.controller import Controller
 from ssm_planner.problem.robot import Robot
-from ssm_planner.simulation.simulate import Scenario, _Stage
+from ssm_planner.simulation.simulate import Scenario, _Simulation
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.ends import end_velocities
 from tests.support.plans import certified, read_back, trapezoids
@@ -430,7 +430,7 @@ LOOP_PERIOD = 4e-4
 
 def told_to_simulation(plan: Plan) -> np.ndarray:
     """Motor angles (periods, 4) that `simulate` demands of its drives."""
-    return _Stage(
+    return _Simulation(
         plan, Scenario(), Controller(loop_period=LOOP_PERIOD, counts_per_turn=COUNTS)
     ).commands.demand
 

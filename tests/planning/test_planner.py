@@ -16,7 +16,7 @@ from ssm_planner.problem.motion import Free, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span
-from ssm_planner.verification.second_opinion import judge_path
+from ssm_planner.verification.second_opinion import shortest_path_duration
 
 Weaker = Callable[[Robot, float], Robot]
 
@@ -28,7 +28,9 @@ def straight(problem: Problem, **task: float) -> Problem:
 
 def by_toppra(plan: Plan, span: Span) -> float:
     """Return the duration by the package toppra along the path of a phase, s."""
-    duration = judge_path(plan.motion, plan.robot, plan.limits, (span.start, span.end)).duration
+    duration = shortest_path_duration(
+        plan.motion, plan.robot, plan.limits, (span.start, span.end)
+    ).duration
     assert duration is not None
     return duration
 

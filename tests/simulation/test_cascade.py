@@ -13,20 +13,22 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_controller, load_robot
 from ssm_planner.problem.controller import AxisController, Controller
 from ssm_planner.simulation.cascade import (
-    Electrics,
-    Gains,
-    bandwidth_of,
+    LoopGains,
+    MotorElectrics,
+    advance_loops,
     current_range,
-    electrics_of,
-    encoder,
-    gains_of,
-    loop_step,
+    default_bandwidth,
+    loop_gains,
+    motor_electrics,
     phase_margin,
+    round_to_increments,
 )
 from tests.support.paths import PROBLEMS
 
 ROBOT = PROBLEMS / "robots" / "vitreoretinal.yaml"
-MOTOR = Electrics(torque_constant=0.0148, resistance=0.763, voltage=21.6, max_current=5.0, lag=1e-4)
+MOTOR = MotorElectrics(
+    torque_constant=0.0148, resistance=0.763, voltage=21.6, max_current=5.0, lag=1e-4
+)
 
 
 @pytest.fixture(scope="module")
@@ -74,27 +76,27 @@ def test_winding_and_supply_come_from_the_controller_and_then_from_the_motor(rob
         joint.motor, terminal_resistance=None, nominal_voltage=24.0, torque_constant=0.02
     )
     joint = replace(joint, motor=motor)
-    plain = electrics_of(joint, Controller(output_share=0.9))
+    plain = motor_electrics(joint, Controller(output_share=0.9))
     assert (plain.resistance, plain.voltage) == (0.0, pytest.approx(21.6))
     assert plain.max_current == pytest.approx(motor.max_torque / 0.02)
     axis = AxisController(max_current=0.7)
     given = Controller(supply=10.0, output_share=0.5, joints={joint.name: axis}, current_lag=2e-4)
-    found = electrics_of(joint, given)
+    found = motor_electrics(joint, given)
     assert (found.voltage, found.max_current, found.lag) == (5.0, 0.7, 2e-4)
     dead = replace(joint, motor=replace(motor, nominal_voltage=None))
-    assert electrics_of(dead, Controller()).voltage == np.inf
+    assert motor_electrics(dead, Controller()).voltage == np.inf
     for lacking in (
         replace(joint, motor=None),
         replace(joint, motor=replace(motor, torque_constant=None)),
     ):
         with pytest.raises(ProblemError, match="torque_constant"):
-            electrics_of(lacking, Controller())
+            motor_electrics(lacking, Controller())
 
 
 def test_gains_need_an_inertia_or_p_and_d(robot):
     joint = robot.joints[0]
     light = replace(joint, drive=replace(joint.drive, input_inertia=0.0))
-    electrics = electrics_of(joint, Controller())
+    electrics = motor_electrics(joint, Controller())
     for axis, enough in (
         (AxisController(), False),
         (AxisController(p=1.0), False),
@@ -103,20 +105,20 @@ def test_gains_need_an_inertia_or_p_and_d(robot):
     ):
         controller = Controller(joints={joint.name: axis})
         if enough:
-            found = gains_of(light, controller, electrics)
+            found = loop_gains(light, controller, electrics)
             assert (found.p, found.i, found.d) == (1.0, 0.0, 0.1)
             continue
         with pytest.raises(ProblemError, match="no input inertia"):
-            gains_of(light, controller, electrics)
+            loop_gains(light, controller, electrics)
     with pytest.raises(ProblemError, match="has no drive"):
-        gains_of(robot.joints[2], Controller(), electrics)
+        loop_gains(robot.joints[2], Controller(), electrics)
 
 
 @pytest.mark.parametrize(("period", "lag"), [(4e-4, 1e-4), (1e-3, 5e-4)])
 @pytest.mark.parametrize("share", [0.3, 1.0, 2.0])
 def test_the_phase_margin_is_that_of_the_stated_loop_at_its_crossing(period, lag, share):
     """P, I and D on an inertia, T_f = D / (10 P), the lag of the current, and half a period of delay."""
-    bandwidth = share * bandwidth_of(period, lag)
+    bandwidth = share * default_bandwidth(period, lag)
     omega = 2 * np.pi * bandwidth
     p, d, i = omega**2, 2 * 0.7 * omega, 0.1 * omega**3
 
@@ -135,9 +137,9 @@ def test_the_phase_margin_is_that_of_the_stated_loop_at_its_crossing(period, lag
 
 
 def test_a_loop_is_the_stated_pid():
-    gains, period = Gains(p=3.0, i=40.0, d=0.02, ff_velocity=0.0, ff_acceleration=0.0), 4e-4
+    gains, period = LoopGains(p=3.0, i=40.0, d=0.02, ff_velocity=0.0, ff_acceleration=0.0), 4e-4
     x, e, w, f = ca.SX.sym("x", 3), ca.SX.sym("e", 2), ca.SX.sym("w"), ca.SX.sym("f")
-    step = loop_step(gains, MOTOR, period, error=e, previous=x, w=w, feedforward=f)
+    step = advance_loops(gains, MOTOR, period, error=e, previous=x, w=w, feedforward=f)
     function = ca.Function(
         "loop", [x, e, w, f], [step.current, step.saturated, step.integral, step.derivative]
     )
@@ -163,8 +165,8 @@ def test_a_loop_is_the_stated_pid():
 
 def test_an_integral_stops_where_the_current_is_cut_off():
     x, e = ca.SX.sym("x", 3), ca.SX.sym("e", 2)
-    gains = Gains(p=100.0, i=1000.0, d=0.0, ff_velocity=0.0, ff_acceleration=0.0)
-    step = loop_step(gains, MOTOR, 4e-4, error=e, previous=x, w=ca.SX(0), feedforward=ca.SX(0))
+    gains = LoopGains(p=100.0, i=1000.0, d=0.0, ff_velocity=0.0, ff_acceleration=0.0)
+    step = advance_loops(gains, MOTOR, 4e-4, error=e, previous=x, w=ca.SX(0), feedforward=ca.SX(0))
     function = ca.Function("loop", [x, e], [step.current, step.saturated, step.integral])
     current, saturated, integral = (float(v) for v in function([5.0, 0.0, 0.0], [1.0, 1.0]))
     assert (current, saturated, integral) == (5.0, 1.0, 0.0)
@@ -176,7 +178,7 @@ def test_an_integral_stops_where_the_current_is_cut_off():
 @pytest.mark.parametrize("counts", [64, 4096])
 def test_an_encoder_rounds_to_the_nearest_increment(counts):
     a = ca.SX.sym("a")
-    read = ca.Function("read", [a], [encoder(a, counts)])
+    read = ca.Function("read", [a], [round_to_increments(a, counts)])
     angles = np.linspace(-20, 20, 777)
     found = np.array([float(read(angle)) for angle in angles])
     increment = 2 * np.pi / counts
@@ -189,34 +191,34 @@ def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robo
     for joint in robot.joints:
         if joint.drive is None:
             continue
-        electrics = electrics_of(joint, Controller())
-        tuned = gains_of(joint, Controller(), electrics)
-        assert gains_of(joint, shipped, electrics_of(joint, shipped)) == tuned
+        electrics = motor_electrics(joint, Controller())
+        tuned = loop_gains(joint, Controller(), electrics)
+        assert loop_gains(joint, shipped, motor_electrics(joint, shipped)) == tuned
         k, inertia = electrics.torque_constant, joint.drive.input_inertia
         # closed on the bare motor the loop has its bandwidth and a damping ratio of 0.7
         omega = np.sqrt(k * tuned.p / inertia)
-        assert omega == pytest.approx(2 * np.pi * bandwidth_of(4e-4, 1e-4))
+        assert omega == pytest.approx(2 * np.pi * default_bandwidth(4e-4, 1e-4))
         assert k * tuned.d / inertia == pytest.approx(2 * 0.7 * omega)
         assert tuned.ff_velocity == tuned.ff_acceleration == 0.0
-        without = gains_of(joint, Controller(torque_offset=False), electrics)
+        without = loop_gains(joint, Controller(torque_offset=False), electrics)
         assert without.ff_acceleration * k == pytest.approx(inertia)
         assert without.ff_velocity * k == pytest.approx(joint.drive.friction.b_v)
         given = Controller(joints={joint.name: AxisController(p=1.0)})
-        assert gains_of(joint, given, electrics).p == 1.0
+        assert loop_gains(joint, given, electrics).p == 1.0
 
 
 def test_the_default_bandwidth_leaves_its_phase_margin(robot):
     """The loop in discrete time, its gain or its delay moved until the closed loop is no longer stable."""
     period, lag = 4e-4, 1e-4
-    bandwidth = bandwidth_of(period, lag)
+    bandwidth = default_bandwidth(period, lag)
     assert 100 < bandwidth < 200
-    assert bandwidth_of(2 * period, 2 * lag) == pytest.approx(bandwidth / 2, rel=1e-6)
+    assert default_bandwidth(2 * period, 2 * lag) == pytest.approx(bandwidth / 2, rel=1e-6)
 
     def radius(delay):
         """Largest |eigenvalue| of position, speed, current, integral, filtered derivative and last error; delay: periods."""
         joint, controller = robot.joints[0], Controller()
-        gains, k = gains_of(joint, controller, electrics_of(joint, controller)), 1.0
-        unit = electrics_of(joint, controller).torque_constant / joint.drive.input_inertia
+        gains, k = loop_gains(joint, controller, motor_electrics(joint, controller)), 1.0
+        unit = motor_electrics(joint, controller).torque_constant / joint.drive.input_inertia
         state, filtered = np.zeros((6 + delay, 6 + delay)), gains.d / (10 * gains.p)
         follows = 1 - np.exp(-period / lag)
         for column in range(6 + delay):

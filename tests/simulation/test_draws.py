@@ -15,7 +15,7 @@ from ssm_planner.progress import Step
 from ssm_planner.simulation import draws as module
 from ssm_planner.simulation.draws import PROGRESS_INTERVAL, TIP_INTERVAL, Draws, play_draws
 from ssm_planner.simulation.plant import MOTOR, Q, W
-from ssm_planner.simulation.playback import CURRENT, FULL_STATE, TRIP, Commands
+from ssm_planner.simulation.playback import CONTROLLED_STATE_SIZE, CURRENT, TRIP, Commands
 
 CONSTANTS = {0: 0.5, 1: 2.0, 3: 0.1}
 """Torque constants of the driven joints, N·m/A."""
@@ -54,11 +54,14 @@ def playback(
         robot=robot,
         control_step=step("full"),
         control_step_in_halves=step("half"),
-        needs_half_steps=lambda told: np.zeros(PERIODS, dtype=bool) if halved is None else halved,
+        half_step_periods=lambda told: np.zeros(PERIODS, dtype=bool) if halved is None else halved,
         torque_constants=[CONSTANTS.get(k, 0.0) for k in range(4)],
     )
     monkeypatch.setattr(module, "Vectorised", lambda function: function)
-    start, friction = np.zeros(FULL_STATE), np.outer(np.arange(1.0, COUNT + 1), np.ones(28))
+    start, friction = (
+        np.zeros(CONTROLLED_STATE_SIZE),
+        np.outer(np.arange(1.0, COUNT + 1), np.ones(28)),
+    )
     start[Q] = START
     said: list[Step] = []
     result = play_draws(

@@ -20,7 +20,7 @@ from ssm_planner.dynamics.transmission import (
 )
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Friction
-from ssm_planner.simulation.drive import drive_step, moving_inertia, stalled
+from ssm_planner.simulation.drive import drive_step, inertia_at_motor, with_blocked_motor
 from tests.support.adaptive_drive import (
     breaks_away,
     friction_power,
@@ -234,15 +234,15 @@ def test_a_step_of_a_drive_balances_its_energy_whether_it_slides_stops_or_stands
     w, rest, tau, load = (ca.SX.sym(each) for each in ("w", "rest", "tau", "load"))
     h = 4e-4
     moved = drive_step(drive, w, rest, tau, load, h=h)
-    held = stalled(drive, moved, ca.SX(1), w=w, load=load, tau=tau, h=h)
-    free = stalled(drive, moved, ca.SX(0), w=w, load=load, tau=tau, h=h)
+    held = with_blocked_motor(drive, moved, ca.SX(1), w=w, load=load, tau=tau, h=h)
+    free = with_blocked_motor(drive, moved, ca.SX(0), w=w, load=load, tau=tau, h=h)
     function = ca.Function(
         "step", [w, rest, tau, load], [ca.vertcat(*vars(x).values()) for x in (moved, held, free)]
     )
     twice = drive_step(drive, w, rest, tau, load, h=2 * h)
     longer = ca.Function("longer", [w, rest, tau, load], [ca.vertcat(*vars(twice).values())])
     inertia = drive.input_inertia + (drive.output_inertia + drive.second_nut_mass) / drive.ratio**2
-    assert moving_inertia(drive) == pytest.approx(inertia)
+    assert inertia_at_motor(drive) == pytest.approx(inertia)
     rng, seen = np.random.default_rng(2), set()
     strong = 2 * abs(float(breakaway_torque(drive, scale, 1.0)))
     for _ in range(400):

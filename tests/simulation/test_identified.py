@@ -19,9 +19,9 @@ from ssm_planner.identification.recordings import Recording, read_recording
 from ssm_planner.identification.torque_map import torque_map
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.controller import Controller
-from ssm_planner.simulation.plant import FRICTION
+from ssm_planner.simulation.plant import FRICTION_PARAMETERS
 from ssm_planner.simulation.recorder import write_recording
-from ssm_planner.simulation.simulate import PowerLosses, Scenario, _Stage
+from ssm_planner.simulation.simulate import PowerLosses, Scenario, _Simulation
 from ssm_planner.trajectory import Span, Trajectory
 from tests.support.cases import selected
 from tests.support.paths import RESULTS
@@ -57,7 +57,8 @@ class Bench:
         q = plan.motion.sample(plan.motion.breaks[-1:]).q[0]
         motions = [sliding(q, speed, sign) for speed in SPEEDS for sign in (1, -1)]
         self.stages = [
-            _Stage(replace(plan, trajectory=motion), Scenario(), Controller()) for motion in motions
+            _Simulation(replace(plan, trajectory=motion), Scenario(), Controller())
+            for motion in motions
         ]
         self.drive, self.folder = plan.robot.joints[INSERTION].drive, folder
         self.arm = self.stages[0].arm(0.0)
@@ -69,7 +70,7 @@ class Bench:
 
     def identified(self, rng: np.random.Generator) -> tuple[dict[str, float], MapFit]:
         """Parameters drawn, and what identification makes of recordings with them."""
-        place = {name: FRICTION.index(name) for name in FRICTION}
+        place = {name: FRICTION_PARAMETERS.index(name) for name in FRICTION_PARAMETERS}
         truth = {
             name: self.friction[place[name]] * float(np.exp(rng.normal(0, SPREAD)))
             for name in DRAWN
@@ -84,7 +85,7 @@ class Bench:
         )
         return {**truth, "forwards": slow[0], "backwards": slow[1]}, fit
 
-    def _recorded(self, stage: _Stage, truth: dict[str, float], scatter: float) -> Recording:
+    def _recorded(self, stage: _Simulation, truth: dict[str, float], scatter: float) -> Recording:
         """The even part of one motion, as the drive's recorder would write it; scatter: times bearing friction."""
         friction = stage.friction.reshape(4, -1).copy()
         values = {
@@ -94,9 +95,9 @@ class Bench:
             "b_v": scatter * truth["b_v"],
         }
         for name, value in values.items():
-            friction[INSERTION, FRICTION.index(name)] = value
+            friction[INSERTION, FRICTION_PARAMETERS.index(name)] = value
         played = self.arm.play(
-            self.arm.start(*stage.initial_motion, stage.commands),
+            self.arm.initial_state(*stage.initial_motion, stage.commands),
             stage.commands,
             stage.offsets,
             friction.ravel(),

@@ -13,16 +13,16 @@ from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.problem.controller import Controller, JointCompliance
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation import playback as module
-from ssm_planner.simulation.cascade import gains_of
+from ssm_planner.simulation.cascade import loop_gains
 from ssm_planner.simulation.plant import INTEGRAL, MOTOR, QD, REST, Q, W
 from ssm_planner.simulation.playback import (
-    _BREAKAWAY,
-    _CHUNK,
+    _MAX_BREAKAWAY_PERIODS,
+    _PERIODS_PER_CHUNK,
     CURRENT,
     TRIP,
     Commands,
     ControlledArm,
-    compliance_of,
+    robot_compliance,
 )
 
 COUNTS = 2**22
@@ -69,7 +69,7 @@ def test_an_arm_that_begins_in_motion_is_in_equilibrium(
     made = arms[offsets]
     needed = np.nan_to_num(motor_torque(robot, QA, QD_A, QDD_A))
     told = commands(made, QD_A, QDD_A, 8, needed if offsets else None)
-    state = made.start(QA, QD_A, QDD_A, told)
+    state = made.initial_state(QA, QD_A, QDD_A, told)
     constants = np.array([made.electrics[k].torque_constant for k in made.driven])
     driven = list(made.driven)
     assert state[CURRENT][driven] * constants == pytest.approx(needed[driven])
@@ -77,7 +77,7 @@ def test_an_arm_that_begins_in_motion_is_in_equilibrium(
     assert np.array_equal(state[QD], QD_A)
     assert not state[REST][driven].any()
     assert not state[TRIP].any()
-    played = made.play(state, told, made.offsets(QA), made.friction())
+    played = made.play(state, told, made.encoder_offsets(QA), made.friction_parameters())
     states = played.states[:, :]
     for k in driven:
         drift = np.ptp(states[:, CURRENT][:, k]) / abs(state[CURRENT][k])
@@ -96,9 +96,9 @@ def test_only_moving_drives_have_a_current_at_the_start(
 ) -> None:
     made = arms[True]
     qd = np.array([0.0, 0.3, 0.0, 0.0])
-    moving = made.start(QA, qd, np.zeros(4), commands(made, qd, np.zeros(4), 1))
-    still = made.start(QA, np.zeros(4), np.zeros(4), commands(made, qd * 0, qd * 0, 1))
-    assert np.array_equal(still[: len(still) - 16], made.at_rest(QA))
+    moving = made.initial_state(QA, qd, np.zeros(4), commands(made, qd, np.zeros(4), 1))
+    still = made.initial_state(QA, np.zeros(4), np.zeros(4), commands(made, qd * 0, qd * 0, 1))
+    assert np.array_equal(still[: len(still) - 16], made.state_at_rest(QA))
     assert not still[len(still) - 16 :].any()
     assert np.flatnonzero(moving[CURRENT]).tolist() == [1]
     assert moving[REST][1] == 0.0
@@ -113,25 +113,35 @@ def test_only_moving_drives_have_a_current_at_the_start(
 def test_a_drive_without_load_is_in_the_middle_of_its_backlash(robot: Robot) -> None:
     weightless = replace(robot, gravity=np.zeros(3))
     made = arm(weightless, WITH_OFFSETS)
-    state = made.at_rest(QA)
+    state = made.state_at_rest(QA)
     for k in made.driven:
         assert state[MOTOR][k] == pytest.approx(made.drive(k).ratio * QA[k], rel=1e-12)
 
 
 def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, ControlledArm]) -> None:
     """A chunk has half steps if a drive starts in it or shortly before it."""
-    made, periods = arms[True], 6 * _CHUNK - 7
-    for first in (1, 2 * _CHUNK + 3, 3 * _CHUNK - 1, 3 * _CHUNK - _BREAKAWAY):
+    made, periods = arms[True], 6 * _PERIODS_PER_CHUNK - 7
+    for first in (
+        1,
+        2 * _PERIODS_PER_CHUNK + 3,
+        3 * _PERIODS_PER_CHUNK - 1,
+        3 * _PERIODS_PER_CHUNK - _MAX_BREAKAWAY_PERIODS,
+    ):
         told = commands(made, np.zeros(4), np.zeros(4), periods)
-        told.speed[first : first + 2 * _CHUNK, 1] = 5.0
-        halved = made.needs_half_steps(told)
+        told.speed[first : first + 2 * _PERIODS_PER_CHUNK, 1] = 5.0
+        halved = made.half_step_periods(told)
         assert halved.shape == (periods,)
-        chunks = np.arange(periods) // _CHUNK
-        expected = {first // _CHUNK, (first + _BREAKAWAY) // _CHUNK}
+        chunks = np.arange(periods) // _PERIODS_PER_CHUNK
+        expected = {
+            first // _PERIODS_PER_CHUNK,
+            (first + _MAX_BREAKAWAY_PERIODS) // _PERIODS_PER_CHUNK,
+        }
         assert set(chunks[halved].tolist()) == expected
         assert set(chunks[~halved].tolist()) == set(range(6)) - expected
     moving = commands(made, QD_A, np.zeros(4), periods)
-    assert set((np.flatnonzero(made.needs_half_steps(moving)) // _CHUNK).tolist()) == {0}
+    assert set((np.flatnonzero(made.half_step_periods(moving)) // _PERIODS_PER_CHUNK).tolist()) == {
+        0
+    }
 
 
 def test_the_integrals_make_up_for_what_the_first_commands_lack(
@@ -142,10 +152,10 @@ def test_the_integrals_make_up_for_what_the_first_commands_lack(
     told = commands(made, QD_A, QDD_A, 3, np.zeros(4))
     for column in (told.speed, told.acceleration, told.torque):
         column[:] = rng.normal(size=(3, 4)) * [[1.0], [5.0], [9.0]]
-    state = made.start(QA, QD_A, QDD_A, told)
+    state = made.initial_state(QA, QD_A, QDD_A, told)
     for k in made.driven:
         electrics = made.electrics[k]
-        gains = gains_of(made.robot.joints[k], made.controller, electrics)
+        gains = loop_gains(made.robot.joints[k], made.controller, electrics)
         forward = gains.ff_velocity * told.speed[0, k]
         forward += gains.ff_acceleration * told.acceleration[0, k]
         forward += told.torque[0, k] / electrics.torque_constant
@@ -168,7 +178,7 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
     t = period / steps * np.arange(5 * steps + 3)
     accelerations = np.random.default_rng(1).normal(size=(len(t), 4))
     for with_offset in (True, False):
-        told = module.commands(
+        told = module.commands_from_setpoints(
             {"tilt": stream}, {"tilt": axis}, Controller(torque_offset=with_offset),
             (t, accelerations), period,
         )  # fmt: skip
@@ -196,17 +206,19 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
 
 def test_compliance_comes_from_the_controller_or_is_assumed(robot: Robot) -> None:
     """The stiffness goes with the square of the frequency, the damping with frequency and ratio."""
-    plain = compliance_of(robot, Controller())
-    assert plain.backlash == pytest.approx(module.BACKLASH)
-    part = JointCompliance(frequency=2 * module.FREQUENCIES[1], backlash=0.0, damping_ratio=0.6)
-    stated = compliance_of(robot, Controller(compliance={"tilt": part}))
+    plain = robot_compliance(robot, Controller())
+    assert plain.backlash == pytest.approx(module.ASSUMED_BACKLASH)
+    part = JointCompliance(
+        frequency=2 * module.JOINT_FREQUENCIES[1], backlash=0.0, damping_ratio=0.6
+    )
+    stated = robot_compliance(robot, Controller(compliance={"tilt": part}))
     others = [0, 2, 3]
     assert stated.stiffness[1] == pytest.approx(4 * plain.stiffness[1])
     assert stated.damping[1] == pytest.approx(4 * plain.damping[1])
     assert stated.backlash[1] == 0.0
     for name in ("stiffness", "damping", "backlash"):
         assert getattr(stated, name)[others] == pytest.approx(getattr(plain, name)[others])
-    scaled = compliance_of(robot, Controller(), 3.0)
+    scaled = robot_compliance(robot, Controller(), 3.0)
     assert scaled.stiffness == pytest.approx(3 * plain.stiffness)
     assert scaled.damping == pytest.approx(3 * plain.damping)
     assert scaled.backlash == pytest.approx(plain.backlash)

@@ -15,17 +15,17 @@ from ssm_planner.problem.controller import Controller, JointCompliance
 from ssm_planner.problem.robot import Robot
 from ssm_planner.simulation import simulate as module
 from ssm_planner.simulation.draws import Draws
-from ssm_planner.simulation.playback import Commands, commands, compliance_of
-from ssm_planner.simulation.recorder import _averaged, write_recordings
+from ssm_planner.simulation.playback import Commands, commands_from_setpoints, robot_compliance
+from ssm_planner.simulation.recorder import _period_means, write_recordings
 from ssm_planner.simulation.simulate import (
-    COUNTS,
+    ASSUMED_ENCODER_COUNTS,
     EVERYWHERE,
     MotorUse,
     PowerLosses,
     Scenario,
     SimulationResult,
     Tracking,
-    rows_of,
+    select_periods,
 )
 from ssm_planner.units import rpm
 
@@ -106,7 +106,7 @@ def result(robot: Robot, **changes: Any) -> SimulationResult:
 
 
 def reasons(robot: Robot, **changes: Any) -> list[str]:
-    return module._reasons(result(robot, **changes))
+    return module._failure_reasons(result(robot, **changes))
 
 
 def test_a_result_states_its_largest_values(robot: Robot) -> None:
@@ -205,10 +205,10 @@ def test_increments_come_from_the_motor_then_the_controller(robot: Robot) -> Non
     joints[0] = replace(joints[0], motor=replace(joints[0].motor, encoder_counts=500))
     joints[1] = replace(joints[1], motor=replace(joints[1].motor, encoder_counts=None))
     robot = replace(robot, joints=tuple(joints))
-    counts = module._counts(robot, Controller())
+    counts = module._encoder_counts(robot, Controller())
     assert counts["roll"] == 2000
-    assert counts["tilt"] == counts["spin"] == COUNTS
-    assert module._counts(robot, Controller(counts_per_turn=777))["tilt"] == 777
+    assert counts["tilt"] == counts["spin"] == ASSUMED_ENCODER_COUNTS
+    assert module._encoder_counts(robot, Controller(counts_per_turn=777))["tilt"] == 777
 
 
 def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None:
@@ -221,7 +221,7 @@ def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None
         "torque_offset_permille": np.array([5.0, 7.0, 11.0]),
     }
     t, given = np.array([0.0, 0.4, 1.0, 1.6, 2.0, 2.4]) * 1e-3, np.arange(24.0).reshape(6, 4)
-    told = commands({"tilt": stream}, axes, Controller(), (t, given), 1e-3)
+    told = commands_from_setpoints({"tilt": stream}, axes, Controller(), (t, given), 1e-3)
     increment = axis.direction * 2 * np.pi / axis.counts_per_turn
     assert told.demand[:, 1] == pytest.approx(increment * np.array([0, 4, 10, 22, 30, 30.0]))
     speed = axis.direction * np.array([0.6, 0.6, 3.0, 3.0, 3.0, 3.0]) * rpm
@@ -235,27 +235,29 @@ def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None
     assert told.power.all()
     assert not told.stalled.any()
     without = Controller(torque_offset=False)
-    assert not commands({"tilt": stream}, axes, without, (t, given), 1e-3).torque.any()
+    assert not commands_from_setpoints(
+        {"tilt": stream}, axes, without, (t, given), 1e-3
+    ).torque.any()
     table = told.table()
     assert table.shape == (6, 25)
     assert np.array_equal(table[:, 16:20], given)
     assert table[:, 24].all()
-    assert np.array_equal(rows_of(told, slice(2, 4)).table(), table[2:4])
-    assert isinstance(rows_of(told, np.array([0])), Commands)
+    assert np.array_equal(select_periods(told, slice(2, 4)).table(), table[2:4])
+    assert isinstance(select_periods(told, np.array([0])), Commands)
 
 
 def test_springs_follow_frequency_and_scale(robot: Robot) -> None:
-    base = compliance_of(robot, Controller())
-    twice = compliance_of(robot, Controller(), 2.0)
+    base = robot_compliance(robot, Controller())
+    twice = robot_compliance(robot, Controller(), 2.0)
     assert twice.stiffness == pytest.approx(2 * base.stiffness)
     assert twice.damping == pytest.approx(2 * base.damping)
     assert np.array_equal(twice.backlash, base.backlash)
     part = JointCompliance(frequency=60.0, damping_ratio=0.6, backlash=0.0)
-    other = compliance_of(robot, Controller(compliance={"tilt": part}))
+    other = robot_compliance(robot, Controller(compliance={"tilt": part}))
     assert other.stiffness / base.stiffness == pytest.approx([1.0, 4.0, 1.0, 1.0])
     assert other.damping / base.damping == pytest.approx([1.0, 4.0, 1.0, 1.0])
     assert other.backlash.tolist() == [base.backlash[0], 0.0, *base.backlash[2:]]
-    kept = compliance_of(robot, Controller(compliance={"tilt": JointCompliance()}))
+    kept = robot_compliance(robot, Controller(compliance={"tilt": JointCompliance()}))
     assert kept.stiffness == pytest.approx(base.stiffness)
     assert kept.backlash == pytest.approx(base.backlash)
 
@@ -290,5 +292,5 @@ def test_recordings_are_averages_in_the_controller_s_units(robot: Robot, tmp_pat
 
 def test_averages_end_with_the_values() -> None:
     values = np.array([1.0, 3.0, 5.0, 7.0, 9.0])
-    assert _averaged(values, np.array([0, 2, 4])) == pytest.approx([2.0, 6.0, 9.0])
-    assert _averaged(values, np.array([1])) == pytest.approx([3.0])
+    assert _period_means(values, np.array([0, 2, 4])) == pytest.approx([2.0, 6.0, 9.0])
+    assert _period_means(values, np.array([1])) == pytest.approx([3.0])

@@ -19,12 +19,17 @@ from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.controller import AxisController, Controller, JointCompliance
 from ssm_planner.problem.motion import Straight
 from ssm_planner.problem.posterior import Posterior
-from ssm_planner.simulation.cascade import electrics_of
-from ssm_planner.simulation.draws import drawn_frictions, play_draws
-from ssm_planner.simulation.plant import FRICTION, MOTOR, QD, STATE, Q
-from ssm_planner.simulation.playback import CURRENT, STEPS, ControlledArm, compliance_of
+from ssm_planner.simulation.cascade import motor_electrics
+from ssm_planner.simulation.draws import draw_frictions, play_draws
+from ssm_planner.simulation.plant import FRICTION_PARAMETERS, MOTOR, QD, STATE_SIZE, Q
+from ssm_planner.simulation.playback import (
+    CURRENT,
+    STEPS_PER_PERIOD,
+    ControlledArm,
+    robot_compliance,
+)
 from ssm_planner.simulation.recorder import write_recordings
-from ssm_planner.simulation.simulate import Scenario, _Stage, simulate
+from ssm_planner.simulation.simulate import Scenario, _Simulation, simulate
 from ssm_planner.trajectory import Trajectory
 from tests.support.arm_motion import arm_motion, energy_error
 from tests.support.paths import RESULTS
@@ -61,12 +66,12 @@ def without_controller(loop_period=4e-4):
 
 def stage_of(plan, controller, steps):
     """A stage whose arm takes so many steps in each period of the position loop."""
-    stage = _Stage(plan, Scenario(), controller)
+    stage = _Simulation(plan, Scenario(), controller)
     windows = {
         name: 2 * np.pi / axis.counts_per_turn * stage.windows[name]
         for name, axis in stage.axes.items()
     }
-    springs = compliance_of(plan.robot, controller)
+    springs = robot_compliance(plan.robot, controller)
     stage.arms[0.0] = ControlledArm(
         plan.robot, controller, stage.axes, windows, compliance=springs, steps=steps
     )
@@ -81,7 +86,7 @@ def momentum_error(arm, x):
     h, q, qd = arm.period, x[:, Q], x[:, QD]
     p = np.einsum("nij,nj->ni", arm.body.mass_matrix(q), qd)[:, 0]
     twist = x[:, MOTOR][:, 0] / arm.drive(0).ratio - q[:, 0]
-    way, stretch = np.diff(twist), arm.compliance.stretch(0, twist)
+    way, stretch = np.diff(twist), arm.compliance.deflection(0, twist)
     share = np.where(way == 0, stretch[1:] != 0, np.diff(stretch) / np.where(way == 0, 1.0, way))
     effort = arm.compliance.stiffness[0] * share * (stretch[1:] + stretch[:-1]) / 2
     weight = arm.body.gravity_load((q[:-1] + q[1:]) / 2)[:, 0]
@@ -93,12 +98,15 @@ def momentum_error(arm, x):
 @pytest.mark.parametrize("torques", [False, True])
 def test_energy_and_momentum_balance_without_feedback(plan, torques):
     """At the length of a step as simulated; motors without torque, and with the planned torques."""
-    controller = without_controller(Controller().loop_period / STEPS)
+    controller = without_controller(Controller().loop_period / STEPS_PER_PERIOD)
     stage = stage_of(plan, replace(controller, torque_offset=torques), 1)
     played = stage.play()
     arm = stage.arm(0.0)
     motion = arm_motion(
-        arm, arm.period * np.arange(len(played.states)), played.states[:, :STATE], np.zeros((1, 4))
+        arm,
+        arm.period * np.arange(len(played.states)),
+        played.states[:, :STATE_SIZE],
+        np.zeros((1, 4)),
     )
     assert np.ptp(motion.q[:, 2]) > 0.2  # what has no drive moves, and shakes the rest
     assert (np.ptp(motion.q[:, 0]) > 1.0) == torques
@@ -158,7 +166,7 @@ def test_halving_the_step_of_the_cascade_changes_its_torque_little(plan):
     controller = Controller(joints={name: AxisController(i=0.0) for name in DRIVEN})
     runs = [
         stage_of(plan, controller, steps).play().states[:, CURRENT][:, [0, 1, 3]]
-        for steps in (STEPS, 2 * STEPS)
+        for steps in (STEPS_PER_PERIOD, 2 * STEPS_PER_PERIOD)
     ]
     assert np.all(np.abs(runs[0] - runs[1]).max(axis=0) <= 1e-4 * np.abs(runs[1]).max(axis=0))
 
@@ -228,7 +236,7 @@ def test_a_low_supply_is_kept_to(plan):
     controller = Controller(supply=6.0)
     result = simulate(plan, controller=controller)
     for k in (0, 1):
-        electrics = electrics_of(plan.robot.joints[k], controller)
+        electrics = motor_electrics(plan.robot.joints[k], controller)
         current = result.torque[1:, k] / electrics.torque_constant
         voltage = electrics.torque_constant * result.w[1:, k] + electrics.resistance * current
         assert np.abs(voltage).max() <= 1.02 * electrics.voltage
@@ -255,11 +263,13 @@ def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
 @pytest.mark.slow
 def test_what_stands_without_power_does_so_at_half_the_step_too(plan):
     """From the same states: whether it stands, and the way of the tip within a thousandth of the largest."""
-    stages = [stage_of(plan, Controller(), steps) for steps in (STEPS, 2 * STEPS)]
+    stages = [
+        stage_of(plan, Controller(), steps) for steps in (STEPS_PER_PERIOD, 2 * STEPS_PER_PERIOD)
+    ]
     for stage in stages:
         stage.scenario = Scenario(power_loss="everywhere", instants=40)
         played = stage.play()
-    coarse, fine = (stage.lose_power(played, lambda _: None) for stage in stages)
+    coarse, fine = (stage.simulate_power_losses(played, lambda _: None) for stage in stages)
     assert coarse.holds
     np.testing.assert_array_equal(np.isfinite(coarse.standing), np.isfinite(fine.standing))
     np.testing.assert_allclose(coarse.travel, fine.travel, atol=1e-3 * fine.travel.max())
@@ -299,12 +309,14 @@ def test_backlash_is_free_play(plan):
         name: JointCompliance(backlash=0.01 if name != "insertion" else 2e-5) for name in DRIVEN
     }
     arms = [
-        _Stage(plan, Scenario(), Controller(compliance=each)).arm(0.0) for each in (stiff, loose)
+        _Simulation(plan, Scenario(), Controller(compliance=each)).arm(0.0)
+        for each in (stiff, loose)
     ]
     twist = np.linspace(-0.02, 0.02, 9)
-    np.testing.assert_allclose(arms[0].compliance.stretch(0, twist), twist)
+    np.testing.assert_allclose(arms[0].compliance.deflection(0, twist), twist)
     np.testing.assert_allclose(
-        arms[1].compliance.stretch(0, twist), np.sign(twist) * np.maximum(np.abs(twist) - 0.005, 0)
+        arms[1].compliance.deflection(0, twist),
+        np.sign(twist) * np.maximum(np.abs(twist) - 0.005, 0),
     )
 
 
@@ -336,15 +348,15 @@ def test_what_cannot_happen_is_refused(plan, scenario):
 
 def test_a_second_with_controllers_takes_twenty_million_instructions_at_most(plan):
     """At 2.5 ns for each instruction of CasADi this is twenty times faster than real time."""
-    stage = _Stage(plan, Scenario(), Controller())
+    stage = _Simulation(plan, Scenario(), Controller())
     assert stage.arm(0.0).control_step.n_instructions() / stage.period < 20e6
 
 
 def test_draws_are_what_single_playbacks_are(short):
     nominal = simulate(short)
-    frictions, notes = drawn_frictions(short.robot, 6, 0.15)
+    frictions, notes = draw_frictions(short.robot, 6, 0.15)
     assert notes == ()
-    stage = _Stage(short, Scenario(), Controller())
+    stage = _Simulation(short, Scenario(), Controller())
     played = stage.play()
     frictions[0] = stage.friction
     found = play_draws(
@@ -373,13 +385,16 @@ def test_frictions_are_drawn_from_the_posterior_or_said_to_be_as_stated(plan, sh
     robot = replace(
         plan.robot, joints=(replace(plan.robot.joints[0], drive=known), *plan.robot.joints[1:])
     )
-    frictions, notes = drawn_frictions(robot, 100)
-    mu, b_c = frictions[:, FRICTION.index("mu")], frictions[:, FRICTION.index("b_c")]
+    frictions, notes = draw_frictions(robot, 100)
+    mu, b_c = (
+        frictions[:, FRICTION_PARAMETERS.index("mu")],
+        frictions[:, FRICTION_PARAMETERS.index("b_c")],
+    )
     assert set(np.round(mu, 12)) == set(np.round(sets[:, 0], 12))
     assert np.all(b_c == 3e-3)
     assert [note.split(":")[0] for note in notes] == ["joint tilt", "joint insertion"]
     ratio = drive.friction.mu_static / drive.friction.mu
-    np.testing.assert_allclose(frictions[:, FRICTION.index("mu_static")], ratio * mu)
+    np.testing.assert_allclose(frictions[:, FRICTION_PARAMETERS.index("mu_static")], ratio * mu)
     assert any("as stated" in note for note in simulate(short, Scenario(draws=2)).notes)
     with pytest.raises(ProblemError):
         simulate(plan, Scenario(draws=-1))

@@ -18,24 +18,24 @@ from ssm_planner.problem.robot import JOINTS, Robot
 from ssm_planner.progress import Step
 from ssm_planner.simulation import simulate as module
 from ssm_planner.simulation.plant import MOTOR, QD, Q, W
-from ssm_planner.simulation.playback import CURRENT, FULL_STATE, TRIP, Commands, Played
+from ssm_planner.simulation.playback import CONTROLLED_STATE_SIZE, CURRENT, TRIP, Commands, Playback
 from ssm_planner.simulation.simulate import (
-    COUNTS,
+    ASSUMED_ENCODER_COUNTS,
     EVERYWHERE,
-    HORIZON,
-    REST_SPEED,
-    SETTLE,
-    STILL,
+    HOLDING_TIME,
+    MAX_STOPPING_TIME,
+    REST_SPEED_RATIO,
+    STANDSTILL_TIME,
     PowerLosses,
     Scenario,
-    _Stage,
+    _Simulation,
 )
 from ssm_planner.trajectory import Span, Trajectory, hermite
 
 START = np.array([0.3, 1.15, 0.1, -0.005])
 END = START + np.array([0.05, -0.04, 0.1, -0.003])
 DURATION = 0.4
-FINE = Controller(counts_per_turn=COUNTS)
+FINE = Controller(counts_per_turn=ASSUMED_ENCODER_COUNTS)
 
 
 @pytest.fixture(scope="module")
@@ -58,38 +58,38 @@ class FakeArm:
         self.begun: list[np.ndarray] = []
         self.moves = moves
 
-    def start(self, q: np.ndarray, *motion: Any) -> np.ndarray:
-        state = np.zeros(FULL_STATE)
+    def initial_state(self, q: np.ndarray, *motion: Any) -> np.ndarray:
+        state = np.zeros(CONTROLLED_STATE_SIZE)
         state[Q] = q
         return state
 
-    def offsets(self, q: np.ndarray) -> np.ndarray:
+    def encoder_offsets(self, q: np.ndarray) -> np.ndarray:
         return np.arange(4.0)
 
-    def friction(self, scale: float) -> np.ndarray:
+    def friction_parameters(self, scale: float) -> np.ndarray:
         return np.full(28, scale)
 
     def play(
         self, state: np.ndarray, command: Commands, offsets: np.ndarray, friction: np.ndarray
-    ) -> Played:
+    ) -> Playback:
         self.commands.append(command)
         self.begun.append(state)
         n = len(command.power)
         states = np.tile(state, (n + 1, 1))
         if self.moves is not None:
             states = self.moves(state, n)
-        return Played(states, np.full((n, 4), len(self.commands)), np.zeros((n, 4)))
+        return Playback(states, np.full((n, 4), len(self.commands)), np.zeros((n, 4)))
 
 
-def stage(plan: Plan, **scenario: Any) -> _Stage:
-    return _Stage(plan, Scenario(**scenario), FINE)
+def stage(plan: Plan, **scenario: Any) -> _Simulation:
+    return _Simulation(plan, Scenario(**scenario), FINE)
 
 
 def test_the_playback_ends_after_the_target_was_held_or_after_the_loss_of_power(plan: Plan) -> None:
     for scenario, end in (
-        ({}, DURATION + SETTLE),
-        ({"power_loss": EVERYWHERE}, DURATION + SETTLE),
-        ({"power_loss": 0.1}, 0.1 + HORIZON),
+        ({}, DURATION + HOLDING_TIME),
+        ({"power_loss": EVERYWHERE}, DURATION + HOLDING_TIME),
+        ({"power_loss": 0.1}, 0.1 + MAX_STOPPING_TIME),
     ):
         made = stage(plan, **scenario)
         assert made.time[-1] + made.period == pytest.approx(end)
@@ -104,7 +104,7 @@ def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Pla
     plain = stage(plan)
     time = plain.time
 
-    def differing(made: _Stage) -> dict[str, np.ndarray]:
+    def differing(made: _Simulation) -> dict[str, np.ndarray]:
         own, other = vars(made.commands), vars(plain.commands)
         return {key: own[key] for key in own if not np.array_equal(own[key], other[key])}
 
@@ -162,7 +162,7 @@ def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) ->
     assert np.array_equal(made.offsets, np.arange(4.0))
     assert [len(told.power) for told in empty.commands] == ([change] if change else [])
     assert [len(told.power) for told in loaded.commands] == [n - change]
-    assert played.states.shape == (n + 1, FULL_STATE)
+    assert played.states.shape == (n + 1, CONTROLLED_STATE_SIZE)
     assert played.error.shape == played.saturated.shape == (n, 4)
     begin = loaded.begun[0]
     assert begin[Q] == pytest.approx(made.planned[0] + change)
@@ -173,7 +173,7 @@ def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) ->
     off = Commands(**{key: column[:1000] for key, column in vars(made.commands).items()})
     for instant, arm in ((0.05, loaded if pick == 0.0 else empty), (0.2, loaded)):
         count = len(arm.commands)
-        made._stop(arm.start(START), off, instant)
+        made._stop_without_power(arm.initial_state(START), off, instant)
         assert len(arm.commands) > count
 
 
@@ -200,15 +200,15 @@ def test_after_a_loss_of_power_travel_and_time_are_those_of_the_motion(
     arm = FakeArm(falling(seconds, made.period))
     made.arms = {0.0: arm}  # type: ignore[dict-item]
     played = made.play()
-    played.states[:] = arm.start(START)
-    losses = made.lose_power(played, lambda text: None)
+    played.states[:] = arm.initial_state(START)
+    losses = made.simulate_power_losses(played, lambda text: None)
     assert losses.time.tolist() == [0.1]
-    stands = seconds < HORIZON - STILL
+    stands = seconds < MAX_STOPPING_TIME - STANDSTILL_TIME
     assert losses.holds is stands
     if stands:
         assert losses.standing[0] == pytest.approx(seconds, abs=2 * made.period)
     ways = np.array([START, START])
-    ways[1, 3] -= 2e-3 * min(HORIZON / seconds, 1.0)
+    ways[1, 3] -= 2e-3 * min(MAX_STOPPING_TIME / seconds, 1.0)
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ways)
     assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-2)
     told = arm.commands[-1]
@@ -232,9 +232,9 @@ def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
     arm = FakeArm(moves)
     made.arms = {0.0: arm}  # type: ignore[dict-item]
     played = made.play()
-    played.states[:] = arm.start(START)
+    played.states[:] = arm.initial_state(START)
     said: list[Step] = []
-    losses = made.lose_power(played, said.append)
+    losses = made.simulate_power_losses(played, said.append)
     ends = np.array([START, START - [0, 0, 0, 2e-3]])
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ends)
     assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-3)
@@ -265,7 +265,7 @@ def test_power_is_lost_at_even_instants_from_the_states_there(plan: Plan) -> Non
     played = made.play()
     played.states[:, 0] = np.arange(len(played.states))
     said: list[Step] = []
-    losses = made.lose_power(played, said.append)
+    losses = made.simulate_power_losses(played, said.append)
     assert losses.time == pytest.approx(np.linspace(0.0, DURATION, 501))
     begun = np.array([state[0] for state in arm.begun[1:]])
     assert begun == pytest.approx(np.round(losses.time / made.period))
@@ -276,20 +276,20 @@ def test_power_is_lost_at_even_instants_from_the_states_there(plan: Plan) -> Non
 
 def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) -> None:
     made = stage(plan)
-    states = np.zeros((9, FULL_STATE))
+    states = np.zeros((9, CONTROLLED_STATE_SIZE))
     for k, joint in enumerate(plan.robot.joints):
-        states[k, QD.start + k] = -1.01 * REST_SPEED * joint.velocity
-        states[4 + k, QD.start + k] = 0.99 * REST_SPEED * joint.velocity
-    assert made._standing(states).tolist() == [False] * 4 + [True] * 5
-    states = np.zeros((4, FULL_STATE))
+        states[k, QD.start + k] = -1.01 * REST_SPEED_RATIO * joint.velocity
+        states[4 + k, QD.start + k] = 0.99 * REST_SPEED_RATIO * joint.velocity
+    assert made._is_at_rest(states).tolist() == [False] * 4 + [True] * 5
+    states = np.zeros((4, CONTROLLED_STATE_SIZE))
     states[:, W] = 1e-9 * np.eye(4)
-    assert not made._standing(states).any()
+    assert not made._is_at_rest(states).any()
 
 
-def played_by_hand(made: _Stage) -> Played:
+def played_by_hand(made: _Simulation) -> Playback:
     """The plan followed 2 µrad late by joint 1; currents, a saturated and a tripped drive."""
     n = len(made.time)
-    states = np.zeros((n + 1, FULL_STATE))
+    states = np.zeros((n + 1, CONTROLLED_STATE_SIZE))
     states[:-1, Q], states[-1, Q] = made.planned, made.planned[-1]
     states[:, 0] += 2e-6
     states[:, CURRENT] = np.arange(n + 1.0)[:, None] / n * [1.0, -2.0, 0.0, 0.5]
@@ -298,7 +298,7 @@ def played_by_hand(made: _Stage) -> Played:
     error, saturated = np.zeros((n, 4)), np.zeros((n, 4))
     error[n // 4, 1], error[-1, 1] = -0.3, 0.9
     saturated[3, 3] = 1.0
-    return Played(states, error, saturated)
+    return Playback(states, error, saturated)
 
 
 def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> None:
@@ -334,11 +334,11 @@ def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> No
 
 def test_windows_and_notes_follow_from_controller_and_motors(plan: Plan) -> None:
     given = Controller(joints={"roll": AxisController(following_error=0.01)})
-    made = _Stage(plan, Scenario(), given)
+    made = _Simulation(plan, Scenario(), given)
     axis = made.axes["roll"]
     assert made.windows["roll"] == round(0.01 * abs(axis.increments_per_unit))
     tiny = Controller(joints={"roll": AxisController(following_error=1e-12)})
-    assert _Stage(plan, Scenario(), tiny).windows["roll"] == 1
+    assert _Simulation(plan, Scenario(), tiny).windows["roll"] == 1
     joints = list(plan.robot.joints)
     known = {"encoder_counts": 500, "terminal_resistance": 1.0, "placeholders": ()}
     for k, changes in (
@@ -352,7 +352,7 @@ def test_windows_and_notes_follow_from_controller_and_motors(plan: Plan) -> None
     changed = replace(plan, problem=replace(plan.problem, robot=robot))
 
     def notes(controller: Controller) -> set[tuple[str, str]]:
-        every = _Stage(changed, Scenario(), controller)._notes()[1:]
+        every = _Simulation(changed, Scenario(), controller)._assumptions()[1:]
         words = ("no encoder", "is not known", "counts is a placeholder", "figures of motor")
         return {(n.split(":")[0], word) for n in every for word in words if word in n}
 
@@ -392,7 +392,7 @@ def test_draws_play_the_same_commands_under_scaled_frictions(
     asked: list[Any] = []
     monkeypatch.setattr(
         module,
-        "drawn_frictions",
+        "draw_frictions",
         lambda *given: (asked.append(given), (np.ones((3, 28)), ("n",)))[1],
     )
     monkeypatch.setattr(module, "play_draws", lambda *given, **named: (given, named))
@@ -404,7 +404,7 @@ def test_draws_play_the_same_commands_under_scaled_frictions(
     (used, state, told), named = played
     assert (used, told, named["progress"]) == (arm, made.commands, print)
     assert asked == [(plan.robot, 3, 0.2)]
-    assert np.array_equal(state, arm.start(made.planned[0]))
+    assert np.array_equal(state, arm.initial_state(made.planned[0]))
     assert np.array_equal(named["friction"], np.full((3, 28), 1.5))
     assert np.array_equal(named["offsets"], np.arange(4.0))
     assert np.array_equal(named["planned"], made.planned)

@@ -52,7 +52,7 @@ def simulate_arm(
 
     plant = _Arm(arm, reference)
     times = np.asarray(times, dtype=float)
-    full = arm.at_rest(reference(float(times[0]))[0])
+    full = arm.state_at_rest(reference(float(times[0]))[0])
     x = np.concatenate([full[:20], np.zeros(4)])
     t, end = float(times[0]), float(times[-1])
     modes, since = dict.fromkeys(arm.driven, 0), dict.fromkeys(arm.driven, -np.inf)

@@ -12,7 +12,7 @@ from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import effective_inertia
 from ssm_planner.kinematics.rotations import rotation_symbolic
 from ssm_planner.problem import Drive
-from ssm_planner.simulation.drive import moving_inertia
+from ssm_planner.simulation.drive import inertia_at_motor
 from ssm_planner.simulation.plant import ENERGY, MOTOR, QD, ArmPlant, Q, W
 from ssm_planner.typing import Array
 
@@ -57,8 +57,8 @@ def arm_motion(plant: ArmPlant, time: Array, x: Array, tau: Array) -> ArmMotion:
     for k in driven:
         drive = plant.drive(k)
         motor, w = x[:, MOTOR][:, k], x[:, W][:, k]
-        kinetic = kinetic + 0.5 * moving_inertia(drive) * w**2
-        stretch = np.asarray(plant.compliance.stretch(k, motor / drive.ratio - x[:, k]))
+        kinetic = kinetic + 0.5 * inertia_at_motor(drive) * w**2
+        stretch = np.asarray(plant.compliance.deflection(k, motor / drive.ratio - x[:, k]))
         potential = potential + 0.5 * plant.compliance.stiffness[k] * stretch**2
     work, locked_work, friction_loss, damping_loss = x[:, ENERGY].T
     columns = {name: np.full((len(x), 4), np.nan) for name in ("motor", "w", "tau")}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.comparison.measured import Measured
+from ssm_planner.comparison.measured import AxisRecording
 from ssm_planner.comparison.predicted import predict_axes
 from ssm_planner.plans import Plan
 
@@ -69,7 +69,7 @@ class Executions:
 
     def measured(
         self, run: Run, rng: np.random.Generator, rpm: float = 2.0, torque: float = 0.01
-    ) -> list[Measured]:
+    ) -> list[AxisRecording]:
         """With noise (uniform ± rpm; torque normal, share of the axis's largest) and the recorder's rounding."""
         found = []
         for name in self.names:
@@ -79,7 +79,7 @@ class Executions:
             tau = (run.tau[name] + torque * largest * rng.normal(size=len(w))) / nominal
             increment = 2 * np.pi / COUNTS / ratio
             found.append(
-                Measured(
+                AxisRecording(
                     name,
                     f"{name}.csv",
                     time=run.time[name],
@@ -93,7 +93,7 @@ class Executions:
             )
         return found
 
-    def healthy(self, seed: int) -> list[Measured]:
+    def healthy(self, seed: int) -> list[AxisRecording]:
         """Friction up to 15 % beside the plan's, a servo that lags by up to 2 ms, ±2 rpm of noise and more or less."""
         rng = np.random.default_rng(seed)
         lag = rng.uniform(0, 2e-3)
@@ -102,7 +102,7 @@ class Executions:
             run.tau[name] *= rng.uniform(0.85, 1.15)
         return self.measured(run, rng, rng.uniform(0.5, 3.0), rng.uniform(0.002, 0.03))
 
-    def faulty(self, kind: str, seed: int) -> tuple[list[Measured], str, str]:
+    def faulty(self, kind: str, seed: int) -> tuple[list[AxisRecording], str, str]:
         """(recordings, verdict, kind of finding) that are right of one seeded fault."""
         rng = np.random.default_rng([sorted(FAULTS).index(kind), seed])
         run = self.run()
@@ -113,18 +113,20 @@ class Executions:
         return self.measured(run, rng, rng.uniform(0.5, 3.0)), verdict, finding
 
 
-def decimated(recordings: Sequence[Measured], factor: int, first: int = 0) -> list[Measured]:
+def decimated(
+    recordings: Sequence[AxisRecording], factor: int, first: int = 0
+) -> list[AxisRecording]:
     """Every so many samples of each recording."""
     return [taken(each, slice(first, None, factor)) for each in recordings]
 
 
-def taken(recording: Measured, chosen: slice | np.ndarray) -> Measured:
+def taken(recording: AxisRecording, chosen: slice | np.ndarray) -> AxisRecording:
     """Some samples of a recording."""
     channels = {name: getattr(recording, name) for name in ("time", "w", "tau", "q")}
     return replace(recording, **{k: v if v is None else v[chosen] for k, v in channels.items()})
 
 
-def write(it: Executions, measured: Sequence[Measured], folder: Path) -> dict[str, Path]:
+def write(it: Executions, measured: Sequence[AxisRecording], folder: Path) -> dict[str, Path]:
     """As EPOS recorder exports, with a position channel; paths by joint."""
     paths = {}
     for each in measured:

@@ -19,7 +19,7 @@ from ssm_planner.simulation.plant import (
     INTEGRAL,
     MOTOR,
     REST,
-    STATE,
+    STATE_SIZE,
     ArmPlant,
     Compliance,
     W,
@@ -105,7 +105,7 @@ class ArmSimulation(ArmPlant):
         reference = np.hstack(
             [*columns, np.diff(columns[1], axis=0, append=columns[1][-1:]) / self.period]
         )
-        states, torques = [self.at_rest(q[0])[:, None]], []
+        states, torques = [self.state_at_rest(q[0])[:, None]], []
         padded = np.vstack([reference, np.repeat(reference[-1:], -len(reference) % _CHUNK, axis=0)])
         for first in range(0, len(padded), _CHUNK):
             after, tau = self._run(states[-1][:, -1], padded[first : first + _CHUNK].T)
@@ -123,10 +123,10 @@ class ArmSimulation(ArmPlant):
 
     def _period_function(self) -> ca.Function:
         """(state, reference) → (state after one control period, motor torques in it)."""
-        x, u = ca.SX.sym("x", STATE), ca.SX.sym("u", 16)
+        x, u = ca.SX.sym("x", STATE_SIZE), ca.SX.sym("u", 16)
         tau, integral = self._control(x, u[:4], u[4:8], u[8:12])
         y = ca.vertcat(x[: INTEGRAL.start], integral, x[REST], x[ENERGY])
-        step, friction = self.step_function(), self.friction()
+        step, friction = self.step_function(), self.friction_parameters()
         for _ in range(self.steps):
             y = step(y, tau, u[12:16], 0, friction)
         return ca.Function("period", [x, u], [y, tau], {"cse": True})

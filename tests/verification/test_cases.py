@@ -23,7 +23,7 @@ from ssm_planner.verification.check import check
 def test_outermost_sets_are_those_that_no_other_exceeds_or_is_below() -> None:
     rng = np.random.default_rng(4)
     values = np.round(rng.uniform(0, 1, (40, 3)), 1)
-    found = cases._outermost(dict(zip("abc", values.T, strict=True)))
+    found = cases._extreme_parameter_sets(dict(zip("abc", values.T, strict=True)))
     assert list(found) == ["a", "b", "c"]
     kept = set(map(tuple, np.column_stack(list(found.values())).tolist()))
     every = np.unique(values, axis=0)
@@ -45,7 +45,7 @@ def motion() -> Trajectory:
 
 def test_joints_start_at_the_begin_of_the_motion_alone(robot: Robot) -> None:
     """Static friction counts where a joint starts from rest, and not where pieces join."""
-    found = cases._Motion(motion(), robot, [0.0])
+    found = cases._SampledMotion(motion(), robot, [0.0])
     moving = np.array([True, True, False, True])
     assert np.array_equal(found.start[0], moving)
     assert not found.start[1:].any()
@@ -66,7 +66,9 @@ def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot
     coefficients[:, 2, 3] = 4e-10 * velocity[3]
     coefficients[1, 1, 3] = 8e-10 * velocity[3]
     coefficients[1, 2, 3] *= -1
-    found = cases._Motion(Trajectory(np.array([0.0, 1.0, 2.0]), coefficients, ()), robot, [0.0])
+    found = cases._SampledMotion(
+        Trajectory(np.array([0.0, 1.0, 2.0]), coefficients, ()), robot, [0.0]
+    )
     jumped = np.abs(found.qd / velocity - 3e-8).min(axis=0) < 1e-12
     assert jumped.tolist() == [True, True, False, False]
     assert found.start.any(axis=0).tolist() == [True, True, False, False]
@@ -102,11 +104,11 @@ def test_cases_are_named_by_their_parameters() -> None:
 
 
 def test_without_a_range_there_are_no_cases(robot: Robot) -> None:
-    assert cases.worst_cases(motion(), robot, TaskLimits()) == []
+    assert cases.worst_case_torques(motion(), robot, TaskLimits()) == []
 
 
 def test_payloads_alone_are_named_and_keep_the_stated_friction(robot: Robot) -> None:
-    found = cases.worst_cases(motion(), robot, TaskLimits(payload=(0.01, 0.05)))
+    found = cases.worst_case_torques(motion(), robot, TaskLimits(payload=(0.01, 0.05)))
     assert {quantity.index for quantity in found} == {0, 1, 3}
     masses = set()
     for quantity in found:
@@ -124,7 +126,7 @@ def test_payloads_alone_are_named_and_keep_the_stated_friction(robot: Robot) -> 
 def test_a_joint_without_motor_or_drive_has_no_cases(robot: Robot, lacking: str) -> None:
     tilt = replace(robot.joints[1], **{lacking: None})
     lesser = replace(robot, joints=(robot.joints[0], tilt, *robot.joints[2:]))
-    quantities = cases.worst_cases(motion(), lesser, TaskLimits(payload=(0.01, 0.05)))
+    quantities = cases.worst_case_torques(motion(), lesser, TaskLimits(payload=(0.01, 0.05)))
     assert {quantity.index for quantity in quantities} == {0, 3}
 
 
@@ -159,7 +161,7 @@ def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
             joint = replace(joint, drive=replace(joint.drive, friction_ranges=ranges))
         joints.append(joint)
     robot = replace(robot, joints=tuple(joints))
-    found = cases.worst_cases(whole, robot, limits)
+    found = cases.worst_case_torques(whole, robot, limits)
     t = np.linspace(0.01, 1.99, 100)
     samples = whole.sample(t)
     for i in (0, 1, 3):
@@ -185,7 +187,7 @@ def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
 
 def test_changes_of_sign_leave_zeros_out() -> None:
     rows = np.array([[1, 0, 2, 3], [1, -1, 1, -1], [1, 0, -1, 0], [-1, -2, 0, -3], [0, 1, 0, -1.0]])
-    assert bernstein._changes(rows).tolist() == [0, 3, 1, 0, 1]
+    assert bernstein._count_sign_changes(rows).tolist() == [0, 3, 1, 0, 1]
 
 
 @pytest.mark.parametrize("zeros", [[0.5], [0.25, 0.5], [0.5, 0.75, 0.3], [0.125, 0.25, 0.625]])
@@ -195,7 +197,7 @@ def test_zeros_on_the_ends_of_halves_are_found_once(zeros: list[float], sign: fl
     few = np.repeat(powers, 3, axis=0)
     many = np.repeat(powers, 12, axis=0)
     for rows in (few, many):
-        index, found = bernstein.sign_changes(
+        index, found = bernstein.find_sign_changes(
             bernstein.from_powers(rows), np.full(len(rows), 1e-12)
         )
         assert np.array_equal(index, np.repeat(np.arange(len(rows)), len(zeros)))
@@ -209,12 +211,12 @@ def test_extreme_sets_ask_for_the_largest_torques_and_heat(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
     """The sets are extreme in either direction and in the mean square, in blocks of any size."""
-    monkeypatch.setattr(cases, "BLOCK", block)
+    monkeypatch.setattr(cases, "TORQUES_PER_BLOCK", block)
     masses = [0.0, 0.05]
     coefficients = np.zeros((1, 6, 4))
     coefficients[0, 0], way = [0.3, 1.15, 0.1, -0.01], np.array([0.5, -0.3, 0.2, 4e-3])
     coefficients[0, 2], coefficients[0, 3] = way, -way  # there and back
-    whole = cases._Motion(Trajectory(np.array([0.0, 1.0]), coefficients, ()), robot, masses)
+    whole = cases._SampledMotion(Trajectory(np.array([0.0, 1.0]), coefficients, ()), robot, masses)
     sets = {"mu": np.array([0.06, 0.15, 0.09, 0.12, 0.07])}
     instants = np.arange(len(whole.qd))
     for i in (0, 1, 3):

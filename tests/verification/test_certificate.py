@@ -15,13 +15,13 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification.certificate import (
-    TOLERANCE,
+    ROUNDING_TOLERANCE,
     Certificate,
     LimitCheck,
-    broken_seal,
-    sealed,
+    seal_error,
+    with_seal,
 )
-from ssm_planner.verification.limits import Quantity, Worst
+from ssm_planner.verification.limits import LimitedQuantity, WorstValue
 
 LINE = LimitCheck("velocity", "roll", 0.5, 2.0, 0.75, 1.5, "rad/s")
 
@@ -41,9 +41,9 @@ def test_margins_are_shares_of_the_limit(robot: Robot) -> None:
 
 
 def test_a_limit_is_kept_up_to_rounding() -> None:
-    assert TOLERANCE == 1e-6  # relative to the limit, as documented
-    assert replace(LINE, margin=-TOLERANCE).passed
-    assert not replace(LINE, margin=-1.01 * TOLERANCE).passed
+    assert ROUNDING_TOLERANCE == 1e-6  # relative to the limit, as documented
+    assert replace(LINE, margin=-ROUNDING_TOLERANCE).passed
+    assert not replace(LINE, margin=-1.01 * ROUNDING_TOLERANCE).passed
     good, bad = Certificate((LINE,), "x", 3), replace(LINE, margin=-0.1)
     assert good.passed
     assert not Certificate((), "x", 3).passed
@@ -77,11 +77,11 @@ def test_a_certificate_survives_json_and_refuses_what_is_none() -> None:
 
 def test_the_seal_breaks_with_whatever_it_was_given_for(robot: Robot) -> None:
     limits, way = TaskLimits((TaskRange("tilt", -2.0, -1.5),)), motion()
-    certificate = sealed(Certificate((LINE,), "x", 3), way, robot, limits)
-    other = sealed(Certificate((LINE,), "x", 3), motion(2.0), robot, limits)
+    certificate = with_seal(Certificate((LINE,), "x", 3), way, robot, limits)
+    other = with_seal(Certificate((LINE,), "x", 3), motion(2.0), robot, limits)
     assert certificate.sha256 != other.sha256
-    assert broken_seal(certificate, way, robot, limits) is None
-    assert broken_seal(certificate, motion(), robot, limits) is None
+    assert seal_error(certificate, way, robot, limits) is None
+    assert seal_error(certificate, motion(), robot, limits) is None
     joints = (replace(robot.joints[0], velocity=1.0), *robot.joints[1:])
     for changed in (
         (replace(certificate, instants=4), way, robot, limits),
@@ -93,13 +93,11 @@ def test_the_seal_breaks_with_whatever_it_was_given_for(robot: Robot) -> None:
         (certificate, way, robot, replace(limits, end_rate={"tilt": 0.1})),
         (certificate, way, robot, replace(limits, duty=1.0)),
     ):
-        assert "changed after the check" in str(broken_seal(*changed))
+        assert "changed after the check" in str(seal_error(*changed))
     longer = Trajectory(np.array([0.0, 1.0, 2.1]), way.coefficients, way.phases)
-    assert broken_seal(certificate, longer, robot, limits)
-    assert "no seal" in str(broken_seal(replace(certificate, sha256=None), way, robot, limits))
-    assert "names no limits" in str(
-        broken_seal(replace(certificate, limits=()), way, robot, limits)
-    )
+    assert seal_error(certificate, longer, robot, limits)
+    assert "no seal" in str(seal_error(replace(certificate, sha256=None), way, robot, limits))
+    assert "names no limits" in str(seal_error(replace(certificate, limits=()), way, robot, limits))
 
 
 def test_promises_are_part_of_the_seal_of_those_who_made_them(robot: Robot) -> None:
@@ -108,32 +106,32 @@ def test_promises_are_part_of_the_seal_of_those_who_made_them(robot: Robot) -> N
     one, other = (TaskLimits(motion=(Straight(tilt=tilt),)) for tilt in (-1.8, -1.9))
     again = TaskLimits(motion=(Straight(tilt=-1.8, duration=3.0),))
     for line, part in ((LINE, False), (promise, True)):
-        certificate = sealed(Certificate((line,), "x", 3), way, robot, one)
-        assert (broken_seal(certificate, way, robot, other) is not None) == part
-        assert broken_seal(certificate, way, robot, again) is None
+        certificate = with_seal(Certificate((line,), "x", 3), way, robot, one)
+        assert (seal_error(certificate, way, robot, other) is not None) == part
+        assert seal_error(certificate, way, robot, again) is None
 
 
 @pytest.mark.parametrize("value", [-2.3, -2.0, -1.8, -1.6, -1.0, -0.2])
 def test_a_range_is_judged_at_its_nearer_end(value: float) -> None:
-    quantity = Quantity(TaskRange("tilt", -2.0, -1.0), 1)
+    quantity = LimitedQuantity(TaskRange("tilt", -2.0, -1.0), 1)
     margin = min(value + 2.0, -1.0 - value) / 0.5
     (excess,) = quantity.excess(np.array([value]), np.array([value]))
     assert excess == pytest.approx(-margin)
-    worst = Worst(quantity)
-    worst.offer(float(excess), value, 0.7)
-    worst.offer(float(excess) - 1.0, 5.0, 0.9)
-    check = worst.as_check()
+    worst = WorstValue(quantity)
+    worst.update(float(excess), value, 0.7)
+    worst.update(float(excess) - 1.0, 5.0, 0.9)
+    check = worst.to_limit_check()
     assert check.margin == pytest.approx(margin)
     assert (check.worst, check.time) == (value, 0.7)
     assert check.limit == (-1.0 if value >= -1.5 else -2.0)
-    worst.offer(float(excess), 6.0, 1.1)
+    worst.update(float(excess), 6.0, 1.1)
     assert worst.value == value  # the first of equal values
 
 
 def test_a_magnitude_is_stated_without_its_sign(robot: Robot) -> None:
     limit = robot.joints[0].limit(JointVelocity)
-    worst = Worst(Quantity(limit, 0, 1))
-    worst.offer(-0.5, -0.5 * limit.high, 2.0)
-    check = worst.as_check()
+    worst = WorstValue(LimitedQuantity(limit, 0, 1))
+    worst.update(-0.5, -0.5 * limit.high, 2.0)
+    check = worst.to_limit_check()
     assert (check.worst, check.limit, check.margin) == (0.5 * limit.high, limit.high, 0.5)
-    assert not worst.quantity.kinked
+    assert not worst.quantity.has_kinks

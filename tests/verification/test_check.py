@@ -251,7 +251,7 @@ def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot)
 def test_jumps_are_found_on_either_side_of_a_block(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ssm_planner.verification.pieces.BLOCK", 4)
+    monkeypatch.setattr("ssm_planner.verification.pieces.PIECES_PER_BLOCK", 4)
     trajectory = wavy(np.random.default_rng(1), pieces=11)
     assert limit_of(check(trajectory, robot), "position jump", "tilt").passed
     for k in range(1, 11):
@@ -275,7 +275,7 @@ def test_the_first_look_hides_nothing(
     robot, trajectory = screw(robot), wavy(np.random.default_rng(seed))
     limits = dataclasses.replace(LIMITS, duty=0.0)
     found = check(trajectory, robot, limits)
-    monkeypatch.setattr(sampled_extremes, "PARTS", 1)
+    monkeypatch.setattr(sampled_extremes, "FIRST_PASS_PARTS", 1)
     whole = check(trajectory, robot, limits)
     assert found.instants < 0.7 * whole.instants
     for a, b in zip(found.limits, whole.limits, strict=True):
@@ -288,7 +288,7 @@ def test_the_first_look_hides_nothing(
 def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     trajectory = wavy(np.random.default_rng(2), pieces=10)
     whole = check(trajectory, robot, LIMITS)
-    monkeypatch.setattr("ssm_planner.verification.pieces.BLOCK", 3)
+    monkeypatch.setattr("ssm_planner.verification.pieces.PIECES_PER_BLOCK", 3)
     parts = check(trajectory, robot, LIMITS)
     for a, b in zip(whole.limits, parts.limits, strict=True):
         assert a.margin == pytest.approx(b.margin, abs=3e-8)
@@ -367,7 +367,7 @@ def test_a_motion_of_an_hour_costs_what_its_pieces_cost(
         assert limit_of(found, "motor torque", name).worst >= np.abs(
             values["motor torque", name]
         ).max() * (1 - 1e-9)
-    monkeypatch.setattr(sampled_extremes, "PIECE", (8192, 8192))
+    monkeypatch.setattr(sampled_extremes, "PIECE_INTERVALS_RANGE", (8192, 8192))
     full = check(slow, robot, LIMITS)
     assert found.instants < full.instants / 8
     for a, b in zip(found.limits, full.limits, strict=True):

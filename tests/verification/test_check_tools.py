@@ -30,7 +30,8 @@ def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) 
     powers = np.array([row + [0.0] * (degree - len(row)) for row in rows])
     groups = bernstein.from_powers(powers).T[None]
     value, index, s = (
-        found[0] for found in bernstein.maxima(groups, np.array([1e-12]), np.array([-np.inf]))
+        found[0]
+        for found in bernstein.find_group_maxima(groups, np.array([1e-12]), np.array([-np.inf]))
     )
     grid = np.linspace(0, 1, 2001)
     assert value >= max(float(np.polyval(row[::-1], grid).max()) for row in powers) - 1e-9
@@ -44,13 +45,13 @@ def test_the_largest_value_is_that_of_dense_evaluation(rows: list[list[float]]) 
 @settings(max_examples=150, deadline=None)
 def test_every_simple_zero_is_found(zeros: list[float], sign: int) -> None:
     powers = sign * np.poly(zeros)[None, ::-1]
-    _, found = bernstein.sign_changes(bernstein.from_powers(powers), np.array([1e-12]))
+    _, found = bernstein.find_sign_changes(bernstein.from_powers(powers), np.array([1e-12]))
     assert np.sort(found) == pytest.approx(sorted(zeros), abs=1e-9)
 
 
 def test_no_zeros_within_the_tolerance() -> None:
     powers = np.array([[-1e-12, 2e-12], [-1.0, 2.0]])
-    index, s = bernstein.sign_changes(bernstein.from_powers(powers), np.full(2, 1e-9))
+    index, s = bernstein.find_sign_changes(bernstein.from_powers(powers), np.full(2, 1e-9))
     assert index.tolist() == [1]
     assert s == pytest.approx([0.5])
 
@@ -63,7 +64,7 @@ def test_powers_and_bernstein_coefficients_are_inverse(row: list[float]) -> None
     assert bernstein.to_powers(coefficients) == pytest.approx(powers, abs=1e-10)
     assert coefficients[0, 0] == powers[0, 0]
     assert coefficients[0, -1] == pytest.approx(powers.sum())
-    left, right = bernstein.halves(coefficients)
+    left, right = bernstein.split_at_middle(coefficients)
     for part, s in ((left, 0.25), (right, 0.75)):
         assert polyval(0.5, bernstein.to_powers(part)[0]) == pytest.approx(
             polyval(s, powers[0]), abs=1e-9

@@ -19,8 +19,8 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification.check import check
-from ssm_planner.verification.ends import Jumps, end_velocities
-from ssm_planner.verification.limits import JUMP, JUMP_RATE
+from ssm_planner.verification.ends import JumpRecorder, end_velocities
+from ssm_planner.verification.limits import JUMP_DRIFT_RATE, JUMP_TOLERANCE
 from tests.support.paths import ROOT
 from tests.support.plans import read_back, trapezoids
 
@@ -170,16 +170,16 @@ def test_small_jumps_that_add_up_to_a_teleport_are_refused(
     robot: Robot, joint: int, length: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each jump is within its tolerance, but their sum is a motion that motors cannot follow."""
-    size = 0.999 * JUMP
+    size = 0.999 * JUMP_TOLERANCE
     motion = stairs(0, joint, size, 4001, length)
     name = robot.joints[joint].name
     blocks = []
     for block in (8192, 37):
-        monkeypatch.setattr("ssm_planner.verification.pieces.BLOCK", block)
+        monkeypatch.setattr("ssm_planner.verification.pieces.PIECES_PER_BLOCK", block)
         certificate = check(motion, robot)
         (line,) = (c for c in certificate.limits if (c.name, c.joint) == ("position jump", name))
         assert not line.passed
-        allowed = JUMP_RATE * robot.joints[joint].velocity * length
+        allowed = JUMP_DRIFT_RATE * robot.joints[joint].velocity * length
         assert line.worst == pytest.approx(4000 * size - 3999 * allowed, rel=1e-6)
         blocks.append(line)
     assert blocks[0].worst == pytest.approx(blocks[1].worst, rel=1e-9)
@@ -189,9 +189,13 @@ def test_small_jumps_that_add_up_to_a_teleport_are_refused(
 
 def test_small_jumps_of_velocity_add_up_to_an_acceleration(robot: Robot) -> None:
     joint = robot.joints[0]
-    jump = 0.999 * JUMP * joint.velocity
+    jump = 0.999 * JUMP_TOLERANCE * joint.velocity
     limit = joint.acceleration
-    for share, passes in ((0.5 * JUMP_RATE, True), (2 * JUMP_RATE, False), (1.0, False)):
+    for share, passes in (
+        (0.5 * JUMP_DRIFT_RATE, True),
+        (2 * JUMP_DRIFT_RATE, False),
+        (1.0, False),
+    ):
         motion = stairs(1, 0, jump, 2001, jump / (share * limit))
         certificate = check(motion, robot)
         lines = [c for c in certificate.limits if (c.name, c.joint) == ("velocity jump", "roll")]
@@ -217,16 +221,16 @@ def test_jumps_add_up_over_the_worst_interval_of_time(robot: Robot, parts: int) 
 
     The tolerated drift in the interval is subtracted.
     """
-    jumps, rng = Jumps(robot), np.random.default_rng(2)
+    jumps, rng = JumpRecorder(robot), np.random.default_rng(2)
     time = np.sort(rng.uniform(0.0, 1.0, 12))
-    step = jumps._excused[:2] / 12
+    step = jumps._tolerated_drift[:2] / 12
     jump = np.zeros((12, 3, 4))
     jump[:, :2] = step * rng.exponential(1.0, (12, 2, 4))
     blocks = np.array_split(np.arange(12), parts)
-    level = np.concatenate([jumps._accumulated(jump[k], time[k]) for k in blocks])
+    level = np.concatenate([jumps._accumulated_jumps(jump[k], time[k]) for k in blocks])
     for m in range(12):
         sums = [
-            jump[first : m + 1].sum(axis=0) - jumps._excused * (time[m] - time[first])
+            jump[first : m + 1].sum(axis=0) - jumps._tolerated_drift * (time[m] - time[first])
             for first in range(m + 1)
         ]
         assert level[m] == pytest.approx(np.max(sums, axis=0), rel=1e-9, abs=1e-12)

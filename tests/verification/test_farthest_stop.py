@@ -80,7 +80,7 @@ def test_stops_are_joined_one_after_the_other(robot: Robot) -> None:
     assert none.joined is None
     assert none.motions == (None,) * 5
     assert none.pieces[1].shape == (0, 6, 4)
-    assert none.ends
+    assert none.ends_at_rest
     assert not none.duration.any()
     assert not none.travel.any()
 
@@ -91,7 +91,7 @@ def test_a_motion_done_once_is_not_held_against_what_motors_give_for_all_time(ro
         lines = [line for line in found.limits if line.name == ContinuousTorque.name]
         assert len(lines) == count
         assert any("continuous torque" in note for note in found.unchecked) == (count == 0)
-    assert module.RATE_OF_STOPS < module.RATE
+    assert module.STOP_SAMPLING_RATE < module.SAMPLING_RATE
 
 
 def test_what_is_missing_for_the_torque_of_a_joint_is_named(robot: Robot) -> None:
@@ -128,7 +128,7 @@ def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Rob
         changed = replace(robot, joints=tuple(joints))
         return {
             line.joint: line
-            for line in module._locking(changed, share)
+            for line in module._check_self_locking(changed, share)
             if line.name == SelfLocking.name
         }
 
@@ -160,19 +160,21 @@ def test_the_closer_look_lies_between_the_neighbours_of_the_farthest_stop(
         looks.append(time)
         travel = np.full(len(time), 1e-3)
         travel[k if time is coarse else 1] = 2e-3 if time is coarse else closest
-        return SimpleNamespace(time=time, travel=travel, ends=True)
+        return SimpleNamespace(time=time, travel=travel, ends_at_rest=True)
 
     passed = SimpleNamespace(worst=SimpleNamespace(passed=True, margin=0.5))
     monkeypatch.setattr(module, "quickest_stops", stops)
     monkeypatch.setattr(module, "check_stops", lambda *_: passed)
     for closest in (3e-3, 1.5e-3):
         looks.clear()
-        (line,) = module._farthest_stop(motion(), robot, TaskLimits((StopTravel(0.01),)))
+        (line,) = module._check_stop_travel(motion(), robot, TaskLimits((StopTravel(0.01),)))
         closer = looks[1]
         ends = coarse[max(k - 1, 0)], coarse[min(k + 1, 4)]
         assert (closer[0], closer[-1]) == ends
-        assert len(closer) == module.CLOSER
-        assert np.diff(closer) == pytest.approx((ends[1] - ends[0]) / (module.CLOSER - 1))
+        assert len(closer) == module.REFINEMENT_INSTANTS
+        assert np.diff(closer) == pytest.approx(
+            (ends[1] - ends[0]) / (module.REFINEMENT_INSTANTS - 1)
+        )
         assert line.worst == max(2e-3, closest)
         assert line.time == 1.0 + (closer[1] if closest > 2e-3 else coarse[k])
 

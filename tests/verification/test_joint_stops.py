@@ -18,7 +18,7 @@ from ssm_planner.cli import main
 from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Samples
 from ssm_planner.verification import check_stops, quickest_stops
-from ssm_planner.verification.joint_stops import _stops
+from ssm_planner.verification.joint_stops import _stops_from_states
 from tests.support.paths import PROBLEMS
 from tests.support.random_problems import random_problem
 
@@ -55,7 +55,7 @@ def test_stops_are_as_short_as_by_ruckig(
     robot = with_jerk(tilt_insert.robot, 20.0)
     velocity = np.array(v) * robot.velocities
     acceleration = np.array(a) * robot.accelerations
-    stop = _stops(state(velocity, acceleration), robot, 1.0, together=together)
+    stop = _stops_from_states(state(velocity, acceleration), robot, 1.0, together=together)
     lengths, coefficients = stop[0]
     if not len(lengths):
         assert not velocity.any()

@@ -14,8 +14,8 @@ from ssm_planner.problem import Robot
 from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.verification import path_rows
-from ssm_planner.verification.path_bound import _smallest_values, path_bound
-from ssm_planner.verification.second_opinion import Opinion, judge_path
+from ssm_planner.verification.path_bound import _minimise_integrand, path_bound
+from ssm_planner.verification.second_opinion import Opinion, shortest_path_duration
 from tests.campaign.opinions import weakened, with_friction
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
@@ -30,7 +30,9 @@ ROUNDING = 1e-6
 def test_shipped_plans_are_within_half_a_per_mille_of_their_bound(name: str) -> None:
     made = load_plan(ROOT / "results" / name)
     for span in made.motion.phases:
-        bound = judge_path(made.motion, made.robot, made.limits, (span.start, span.end)).bound
+        bound = shortest_path_duration(
+            made.motion, made.robot, made.limits, (span.start, span.end)
+        ).bound
         assert bound is not None
         duration = span.end - span.start
         assert bound <= (1 + ROUNDING) * duration
@@ -42,7 +44,7 @@ def test_shipped_plans_are_within_half_a_per_mille_of_their_bound(name: str) -> 
 def test_the_bound_of_a_single_joint_is_its_bang_bang_time(joint: int, distance: float) -> None:
     problem = load_problem("tilt_insert")
     motion, expected = bang_bang(problem.robot, joint, distance)
-    bound = judge_path(motion, problem.robot, problem.task_limits, (0.0, 1.5)).bound
+    bound = shortest_path_duration(motion, problem.robot, problem.task_limits, (0.0, 1.5)).bound
     assert bound is not None
     assert (1 - GAP) * expected <= bound <= (1 + ROUNDING) * expected
 
@@ -55,7 +57,7 @@ def test_the_bound_is_valid_for_any_guess_of_the_timing() -> None:
     rng = np.random.default_rng(0)
     bounds = []
     for size in (0.02, 0.2, 0.9):
-        squares = 1 - size * rng.uniform(0, 1, len(path.width) + 1)
+        squares = 1 - size * rng.uniform(0, 1, len(path.lengths) + 1)
         bounds.append(path_bound(made.motion, made.robot, made.limits, span, squares)[0])
     known = [bound for bound in bounds if bound is not None]
     assert known
@@ -66,7 +68,7 @@ def test_the_bound_is_valid_for_any_guess_of_the_timing() -> None:
 def test_a_slow_motion_has_the_bound_of_its_path(speed: float) -> None:
     made = load_plan(ROOT / "results/tilt_insert")
     bounds = [
-        judge_path(motion, made.robot, made.limits, (0.0, motion.phases[0].end)).bound
+        shortest_path_duration(motion, made.robot, made.limits, (0.0, motion.phases[0].end)).bound
         for motion in (made.motion, made.motion.slower(speed))
     ]
     assert bounds[0] == pytest.approx(bounds[1], rel=GAP)
@@ -78,7 +80,7 @@ def test_the_bound_scales_with_the_acceleration_limits(factor: float) -> None:
     problem = load_problem("tilt_insert")
     motion, _ = bang_bang(problem.robot, 2, 0.1)
     bounds = [
-        judge_path(motion, robot, problem.task_limits, (0.0, 1.5)).bound
+        shortest_path_duration(motion, robot, problem.task_limits, (0.0, 1.5)).bound
         for robot in (problem.robot, with_acceleration(problem.robot, factor))
     ]
     assert bounds[1] == pytest.approx(bounds[0] / np.sqrt(factor), rel=GAP)
@@ -97,7 +99,7 @@ def test_a_motion_faster_than_its_bound_breaks_a_torque_limit() -> None:
     wrong = plan(smooth, relaxations=False).motion
     span = 0.0, wrong.phases[0].end
     bounds = [
-        judge_path(wrong, robot, problem.task_limits, span).bound
+        shortest_path_duration(wrong, robot, problem.task_limits, span).bound
         for robot in (problem.robot, smooth.robot)
     ]
     assert bounds[0] > 1.005 * span[1]  # type: ignore[operator]
@@ -109,7 +111,7 @@ def test_the_integral_does_not_depend_on_the_grid(monkeypatch: pytest.MonkeyPatc
     span = made.motion.phases[0].start, made.motion.phases[0].end
     bounds = []
     for intervals in (200, 700):
-        monkeypatch.setattr(path_rows, "INTERVALS", intervals)
+        monkeypatch.setattr(path_rows, "PATH_INTERVALS", intervals)
         bounds.append(path_bound(made.motion, made.robot, made.limits, span)[0])
     assert bounds[0] == pytest.approx(bounds[1], rel=1e-5)
 
@@ -118,7 +120,7 @@ def test_the_smallest_value_is_exact() -> None:
     """The stationary points of 1/y + p y² + κ y are the roots of a cubic."""
     rng = np.random.default_rng(1)
     p, kappa, fastest = rng.uniform(-1, 3, 300), rng.uniform(-1, 3, 300), rng.uniform(0.2, 5, 300)
-    for values in zip(p, kappa, fastest, _smallest_values(p, kappa, fastest), strict=True):
+    for values in zip(p, kappa, fastest, _minimise_integrand(p, kappa, fastest), strict=True):
         weight, slope, end, least = values
         roots = Polynomial([-1.0, 0.0, slope, 2 * weight]).roots()
         real = roots[np.abs(roots.imag) < 1e-9].real
@@ -135,7 +137,7 @@ def test_random_motions_where_the_limits_alternate(seed: int) -> None:
     assert made.trajectory is not None
     phase = next(p for p in made.phases if p.name in ("straight", "free"))
     span = made.trajectory.phases[made.phases.index(phase)]
-    opinion = judge_path(
+    opinion = shortest_path_duration(
         made.trajectory, problem.robot, problem.task_limits, (span.start, span.end)
     )
     assert opinion.bound is not None
@@ -173,7 +175,7 @@ def test_rests_of_the_polynomials_count() -> None:
     motion, expected = bang_bang(problem.robot, 2, 0.4)
     rest = np.array([0.0, 0.7]), hold(motion.sample([1.5]).q[0])
     both = join([("", motion.breaks, motion.coefficients), ("", *rest)])
-    bound = judge_path(both, problem.robot, problem.task_limits, (0.0, 2.2)).bound
+    bound = shortest_path_duration(both, problem.robot, problem.task_limits, (0.0, 2.2)).bound
     assert bound is not None
     assert 0.95 * (expected + 0.7) <= bound <= (1 + ROUNDING) * (expected + 0.7)
 
@@ -187,7 +189,9 @@ def test_the_sensitivity_of_a_bang_bang_motion_follows_from_its_closed_form() ->
     """T = 2 √(d/a), so one percent more acceleration saves half a percent of T."""
     problem = load_problem("tilt_insert")
     motion, expected = bang_bang(problem.robot, 2, 0.1)
-    changes = changes_of(judge_path(motion, problem.robot, problem.task_limits, (0.0, 1.5)))
+    changes = changes_of(
+        shortest_path_duration(motion, problem.robot, problem.task_limits, (0.0, 1.5))
+    )
     assert changes["acceleration", "spin"] == pytest.approx(-0.005 * expected, rel=5e-3)
     assert sum(changes.values()) == pytest.approx(changes["acceleration", "spin"], rel=1e-6)
 
@@ -197,7 +201,9 @@ def test_sensitivities_satisfy_the_scaling_of_time(name: str) -> None:
     """If only limits of speed and acceleration bind, T(v/λ, a/λ²) = λ T(v, a): Euler's theorem."""
     made = load_plan(ROOT / "results" / name)
     for span in made.motion.phases:
-        opinion = judge_path(made.motion, made.robot, made.limits, (span.start, span.end))
+        opinion = shortest_path_duration(
+            made.motion, made.robot, made.limits, (span.start, span.end)
+        )
         changes = changes_of(opinion)
         assert not any(change for (limit, _), change in changes.items() if "torque" in limit)
         orders = {limit: 2 if limit == "acceleration" else 1 for limit, _ in changes}
@@ -210,7 +216,9 @@ def test_a_torque_that_binds_has_a_sensitivity_that_planning_again_confirms() ->
     base = plan(problem, relaxations=False)
     span = base.motion.phases[0]
     ends = span.start, span.end
-    changes = changes_of(judge_path(base.motion, problem.robot, problem.task_limits, ends))
+    changes = changes_of(
+        shortest_path_duration(base.motion, problem.robot, problem.task_limits, ends)
+    )
     (_, joint), change = min(
         ((name, value) for name, value in changes.items() if name[0] == "motor torque"),
         key=lambda item: item[1],

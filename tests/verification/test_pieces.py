@@ -9,9 +9,14 @@ from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Span, Trajectory
 from ssm_planner.verification import pieces as module
-from ssm_planner.verification.ends import Jumps
-from ssm_planner.verification.limits import Worst, quantities
-from ssm_planner.verification.pieces import Pieces, find_extremes, pieces_of, still
+from ssm_planner.verification.ends import JumpRecorder
+from ssm_planner.verification.limits import WorstValue, limited_quantities
+from ssm_planner.verification.pieces import (
+    PieceBlock,
+    piece_blocks,
+    rest_speeds,
+    update_polynomial_extremes,
+)
 
 COUNT = 7
 GRID = np.linspace(0.0, 1.0, 201)
@@ -31,12 +36,14 @@ def motion() -> Trajectory:
 
 
 @pytest.fixture(scope="module")
-def whole(motion: Trajectory) -> Pieces:
-    (pieces,) = pieces_of(motion)
+def whole(motion: Trajectory) -> PieceBlock:
+    (pieces,) = piece_blocks(motion)
     return pieces
 
 
-def test_values_and_times_are_those_of_the_trajectory(motion: Trajectory, whole: Pieces) -> None:
+def test_values_and_times_are_those_of_the_trajectory(
+    motion: Trajectory, whole: PieceBlock
+) -> None:
     piece = np.array([2, 0, 6, 2])
     s = np.array([[0.0, 0.3, 1.0, 0.7], [0.5, 0.1, 0.2, 0.9]])
     for row in s:
@@ -44,26 +51,26 @@ def test_values_and_times_are_those_of_the_trajectory(motion: Trajectory, whole:
         found = whole.evaluate(piece, row)
         for values, name in zip(found, ("q", "qd", "qdd"), strict=True):
             assert values == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
-        assert whole.speeds(piece, row) == pytest.approx(expected.qd, rel=1e-9, abs=1e-9)
+        assert whole.velocities_at(piece, row) == pytest.approx(expected.qd, rel=1e-9, abs=1e-9)
     both = whole.evaluate(piece, s)[0]
     assert both.shape == (2, 4, 4)
     assert both[1] == pytest.approx(whole.evaluate(piece, s[1])[0])
     expected_time = motion.breaks[piece] + s[0] * np.diff(motion.breaks)[piece]
-    assert whole.time(piece, s[0]) == pytest.approx(expected_time)
+    assert whole.times_at(piece, s[0]) == pytest.approx(expected_time)
     out = np.empty((3, 4, 4))
     whole.evaluate(piece, s[0], out)
-    assert whole.speeds(piece, s[0]) == pytest.approx(out[1].T)
+    assert whole.velocities_at(piece, s[0]) == pytest.approx(out[1].T)
 
 
-def test_ends_are_values_there(whole: Pieces) -> None:
+def test_ends_are_values_there(whole: PieceBlock) -> None:
     every = np.arange(COUNT)
-    for ends, s in zip(whole.ends, (0.0, 1.0), strict=True):
+    for ends, s in zip(whole.end_states, (0.0, 1.0), strict=True):
         for order, values in enumerate(whole.evaluate(every, np.full(COUNT, s))):
             assert ends[:, order] == pytest.approx(values, rel=1e-9, abs=1e-9)
 
 
-def test_bounds_hold_every_value(whole: Pieces) -> None:
-    lowest, highest = whole.bounds
+def test_bounds_hold_every_value(whole: PieceBlock) -> None:
+    lowest, highest = whole.coefficient_bounds
     for order in range(3):
         values = whole.evaluate(np.arange(COUNT), np.tile(GRID[:, None], COUNT))[order]
         assert np.all(values.min(axis=(0, 1)) >= lowest[order] - 1e-9)
@@ -71,29 +78,29 @@ def test_bounds_hold_every_value(whole: Pieces) -> None:
 
 
 def test_segments_cover_every_piece_and_speeds_keep_their_signs(
-    whole: Pieces, robot: Robot
+    whole: PieceBlock, robot: Robot
 ) -> None:
-    piece, begin, end = whole.segments(robot)
+    piece, begin, end = whole.split_at_reversals(robot)
     for k in range(COUNT):
         mine = piece == k
         assert begin[mine][0] == 0.0
         assert end[mine][-1] == 1.0
         assert np.array_equal(begin[mine][1:], end[mine][:-1])
         assert np.all(end[mine] > begin[mine])
-        dense = whole.speeds(np.full(201, k), GRID)
+        dense = whole.velocities_at(np.full(201, k), GRID)
         turns = np.count_nonzero(np.diff(np.sign(dense), axis=0))
         assert mine.sum() == turns + 1
     inside = begin + np.array([[0.01], [0.5], [0.99]]) * (end - begin)
-    signs = np.sign(whole.speeds(piece, inside))
+    signs = np.sign(whole.velocities_at(piece, inside))
     assert np.all(signs == signs[1])
 
 
 def test_a_joint_stands_while_it_stays_below_its_threshold(robot: Robot) -> None:
     coefficients = np.zeros((2, 6, 4))
-    coefficients[0, 1] = 0.99 * still(robot)
-    coefficients[1, 1] = -1.01 * still(robot)
-    (pieces,) = pieces_of(Trajectory(np.array([0.0, 1.0, 3.0]), coefficients, ()))
-    assert pieces.moving(robot).tolist() == [[False] * 4, [True] * 4]
+    coefficients[0, 1] = 0.99 * rest_speeds(robot)
+    coefficients[1, 1] = -1.01 * rest_speeds(robot)
+    (pieces,) = piece_blocks(Trajectory(np.array([0.0, 1.0, 3.0]), coefficients, ()))
+    assert pieces.moving_joints(robot).tolist() == [[False] * 4, [True] * 4]
 
 
 @pytest.mark.parametrize("seed", range(1, 5))
@@ -102,11 +109,13 @@ def test_extremes_of_polynomials_are_those_of_dense_evaluation(
 ) -> None:
     motion = random_motion(seed)
 
-    def extremes() -> list[Worst]:
-        judged = [each for each in quantities(robot, TaskLimits()) if each.order is not None]
-        worst = [Worst(quantity) for quantity in judged]
-        for pieces in pieces_of(motion):
-            find_extremes(pieces, worst)
+    def extremes() -> list[WorstValue]:
+        judged = [
+            each for each in limited_quantities(robot, TaskLimits()) if each.order is not None
+        ]
+        worst = [WorstValue(quantity) for quantity in judged]
+        for pieces in piece_blocks(motion):
+            update_polynomial_extremes(pieces, worst)
         return worst
 
     worst = extremes()
@@ -127,8 +136,8 @@ def test_extremes_of_polynomials_are_those_of_dense_evaluation(
         assert each.value == pytest.approx(values[k], rel=0.05, abs=0.05)
         exactly = quantity.excess(np.array([each.value]), np.array([each.value]))
         assert exactly[0] == pytest.approx(each.excess, rel=1e-9, abs=1e-9)
-    monkeypatch.setattr(module, "BLOCK", 2)
-    assert len(list(pieces_of(motion))) == 4
+    monkeypatch.setattr(module, "PIECES_PER_BLOCK", 2)
+    assert len(list(piece_blocks(motion))) == 4
     for one, other in zip(worst, extremes(), strict=True):
         assert (one.excess, one.time) == pytest.approx((other.excess, other.time))
 
@@ -140,13 +149,13 @@ def test_jumps_are_the_differences_at_the_breaks(
     before, after = motion.sample(inner, "left"), motion.sample(inner, "right")
     jerky = Robot(**{**vars_of(robot), "joints": with_jerk(robot)})
     for block in (8192, 2):
-        monkeypatch.setattr(module, "BLOCK", block)
-        jumps = Jumps(jerky)
-        for pieces in pieces_of(motion):
-            jumps.look(pieces)
-        checks = jumps.checks()
+        monkeypatch.setattr(module, "PIECES_PER_BLOCK", block)
+        jumps = JumpRecorder(jerky)
+        for pieces in piece_blocks(motion):
+            jumps.update(pieces)
+        checks = jumps.results()
         assert len(checks) == 9
-        assert len(jumps.checks(straight=True)) == 4
+        assert len(jumps.results(is_table=True)) == 4
         for order, name in enumerate(("q", "qd", "qdd")):
             size = np.abs(getattr(after, name) - getattr(before, name))
             assert jumps.worst[order] == pytest.approx(size.max(axis=0), rel=1e-9)

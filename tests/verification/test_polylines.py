@@ -49,7 +49,7 @@ def test_speeds_and_jumps_are_those_of_the_points(
     block: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(polylines, "BLOCK", block)
+    monkeypatch.setattr(polylines, "PIECES_PER_BLOCK", block)
     found = check(table, robot, resolution=resolution)
     length = np.diff(table.breaks)
     speed = table.pieces(slice(0, 12))[:, 1]

@@ -34,7 +34,7 @@ from ssm_planner.problem.motion import (
 from ssm_planner.problem.problem import Problem, TaskLimits
 from ssm_planner.trajectory import Span, Trajectory, hermite
 from ssm_planner.verification.check import check
-from ssm_planner.verification.promises import promises_kept
+from ssm_planner.verification.promises import check_path_promises
 
 START = Task(0.0, np.radians(-95), 0.0, 0.005)
 END = Tip((0.004, -0.004, -0.012), 0.2)
@@ -202,13 +202,15 @@ def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> Non
     def kept(end: Any) -> Any:
         corner, to = (Tip(tuple(place.tolist()), 0.0) for place in (middle, end))
         lines = Follow(corner, curve="line", blend=1e-4), Follow(to, curve="line")
-        return promises_kept(motion, mechanism, TaskLimits(motion=lines))[0]
+        return check_path_promises(motion, mechanism, TaskLimits(motion=lines))[0]
 
     on = kept(last)
-    assert (on.departure, on.reach) == (pytest.approx(0.0, abs=1e-12), 0.0)
+    assert (on.departure, on.corner_reach) == (pytest.approx(0.0, abs=1e-12), 0.0)
     across = np.cross(along, np.array([0.0, 1.0, 0.0]))
     off = kept(middle + 0.004 * (0.5 * along + np.sqrt(0.75) * across / np.linalg.norm(across)))
-    assert (off.departure, off.reach) == pytest.approx((0.002 * np.sqrt(0.75), 0.002), rel=1e-6)
+    assert (off.departure, off.corner_reach) == pytest.approx(
+        (0.002 * np.sqrt(0.75), 0.002), rel=1e-6
+    )
     assert not any(found.passed for found in off.checks)
 
 
@@ -228,7 +230,9 @@ def test_arcs_and_lines_after_tables_and_scans(
     made = planned(
         Follow(points[-1], points[:-1], curve="samples", name="table"), arc, Straight(roll=0.0)
     )
-    kept = promises_kept(made.motion, Mechanism.from_geometry(made.robot.geometry), made.limits)
+    kept = check_path_promises(
+        made.motion, Mechanism.from_geometry(made.robot.geometry), made.limits
+    )
     assert [each.promise.span.name for each in kept] == ["arc", "roll"]
     assert max(each.departure for each in kept) < 1e-8
     scan = next(entry for entry in laser_scan.motion if isinstance(entry, Scan))

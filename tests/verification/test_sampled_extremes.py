@@ -10,9 +10,9 @@ from ssm_planner.problem.limits import ContinuousTorque, MotorTorque
 from ssm_planner.problem.robot import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.check import check as certify
-from ssm_planner.verification.limits import Quantity
-from ssm_planner.verification.pieces import pieces_of
-from ssm_planner.verification.sampled_extremes import Intervals, RmsTorques, bracket
+from ssm_planner.verification.limits import LimitedQuantity
+from ssm_planner.verification.pieces import piece_blocks
+from ssm_planner.verification.sampled_extremes import RmsTorques, SampledIntervals, bracket_values
 from tests.support.plans import trapezoids
 
 THIRDS = np.array([0.0, 1.0, 2.0, 3.0]) / 3
@@ -32,7 +32,7 @@ def test_a_bracket_holds_the_cubic_twice_as_far_beyond_the_values() -> None:
     for _ in range(200):
         powers = rng.normal(size=4)
         values = np.polyval(powers[::-1], THIRDS)[:, None, None]
-        (low,), (high,) = (side[:, 0] for side in bracket(values, SMOOTH))
+        (low,), (high,) = (side[:, 0] for side in bracket_values(values, SMOOTH))
         dense = np.polyval(powers[::-1], grid)
         over, under = dense.max() - values.max(), values.min() - dense.min()
         assert high >= values.max() + 2 * over - 1e-12
@@ -43,54 +43,56 @@ def test_a_bracket_holds_the_cubic_twice_as_far_beyond_the_values() -> None:
         assert low == pytest.approx(values.min() - 2 * max(*(values.min() - inner), 0.0))
         steepest = np.abs(np.diff(values[:, 0, 0])).max()
         (cornered_low,), (cornered_high,) = (
-            side[:, 0] for side in bracket(values, np.array([True]))
+            side[:, 0] for side in bracket_values(values, np.array([True]))
         )
         assert cornered_high == pytest.approx(high + steepest)
         assert cornered_low == pytest.approx(low - steepest)
 
 
 @pytest.fixture(scope="module")
-def intervals(robot: Robot) -> tuple[Trajectory, Intervals]:
+def intervals(robot: Robot) -> tuple[Trajectory, SampledIntervals]:
     motion = random_motion(4)
-    (pieces,) = pieces_of(motion)
-    segments = pieces.segments(robot)
-    return motion, Intervals.of_segments(pieces, robot, *segments, rate=40.0, max_intervals=6)
+    (pieces,) = piece_blocks(motion)
+    segments = pieces.split_at_reversals(robot)
+    return motion, SampledIntervals.from_segments(
+        pieces, robot, *segments, rate=40.0, max_intervals=6
+    )
 
 
 def test_intervals_cover_the_segments_at_the_rate(
-    intervals: tuple[Trajectory, Intervals], robot: Robot
+    intervals: tuple[Trajectory, SampledIntervals], robot: Robot
 ) -> None:
     motion, cut = intervals
-    (pieces,) = pieces_of(motion)
-    piece, begin, end = pieces.segments(robot)
-    edges = np.flatnonzero(np.append(True, ~cut.joined[:-1]))
+    (pieces,) = piece_blocks(motion)
+    piece, begin, end = pieces.split_at_reversals(robot)
+    edges = np.flatnonzero(np.append(True, ~cut.shares_end[:-1]))
     assert len(edges) == len(piece)
     last = np.append(edges[1:], len(cut.piece)) - 1
     assert np.array_equal(cut.piece[edges], piece)
     assert cut.begin[edges] == pytest.approx(begin)
     assert cut.begin[last] + cut.width[last] == pytest.approx(end)
-    assert not cut.joined[last].any()
-    inner = cut.joined
+    assert not cut.shares_end[last].any()
+    inner = cut.shares_end
     assert (cut.begin + cut.width)[inner] == pytest.approx(cut.begin[1:][inner[:-1]])
     length = (end - begin) * pieces.length[piece]
     wanted = np.clip(np.ceil(length * 40.0 / 3), 1, 6)
     assert np.array_equal(last - edges + 1, wanted)
     assert {1, 6} < set(wanted.astype(int).tolist())
-    speeds = pieces.speeds(cut.piece, cut.begin + cut.width / 2)
+    speeds = pieces.velocities_at(cut.piece, cut.begin + cut.width / 2)
     assert np.array_equal(cut.direction, np.sign(speeds))
-    turning = np.abs(pieces.speeds(piece, np.stack([begin, end]))) < 1e-9
+    turning = np.abs(pieces.velocities_at(piece, np.stack([begin, end]))) < 1e-9
     assert np.array_equal(cut.starting[edges], turning[0])
     assert not np.delete(cut.starting, edges, axis=0).any()
     slow = np.zeros(len(cut.piece), dtype=bool)
     slow[edges] |= turning[0].any(axis=1)
     slow[last] |= turning[1].any(axis=1)
-    assert np.array_equal(cut.slow, slow)
+    assert np.array_equal(cut.near_rest, slow)
     assert slow.any()
     assert not slow.all()
 
 
 def test_parts_are_equal_and_some_in_a_row_end_by_themselves(
-    intervals: tuple[Trajectory, Intervals],
+    intervals: tuple[Trajectory, SampledIntervals],
 ) -> None:
     _, cut = intervals
     begins = np.flatnonzero(cut.starting.any(axis=1))
@@ -102,23 +104,23 @@ def test_parts_are_equal_and_some_in_a_row_end_by_themselves(
         np.repeat(cut.begin[chosen], 4) + shares * np.repeat(cut.width[chosen], 4)
     )
     assert parts.width == pytest.approx(np.repeat(cut.width[chosen], 4) / 4)
-    assert parts.joined.tolist() == [True, True, True, False] * 3
+    assert parts.shares_end.tolist() == [True, True, True, False] * 3
     assert np.array_equal(parts.direction, np.repeat(cut.direction[chosen], 4, axis=0))
     assert np.array_equal(parts.starting[::4], cut.starting[chosen])
     assert not parts.starting.reshape(3, 4, 4)[:, 1:].any()
-    assert np.array_equal(parts.slow, np.repeat(cut.slow[chosen], 4))
+    assert np.array_equal(parts.near_rest, np.repeat(cut.near_rest[chosen], 4))
     row = cut.subset(slice(2, 5))
-    assert not row.joined[-1]
-    assert np.array_equal(row.joined[:-1], cut.joined[2:4])
-    for name in ("piece", "begin", "width", "direction", "starting", "slow"):
+    assert not row.shares_end[-1]
+    assert np.array_equal(row.shares_end[:-1], cut.shares_end[2:4])
+    for name in ("piece", "begin", "width", "direction", "starting", "near_rest"):
         assert np.array_equal(getattr(row, name), getattr(cut, name)[2:5])
 
 
 def test_means_of_squares_are_integrals(robot: Robot) -> None:
     """The square of a linear torque is a parabola, which both rules integrate exactly."""
     limits = [robot.joints[i].limit(MotorTorque) for i in (0, 1)]
-    speed = Quantity(robot.joints[0].limits[0], 0, 0)
-    rms = RmsTorques([speed, *(Quantity(limit, i) for i, limit in enumerate(limits))])
+    speed = LimitedQuantity(robot.joints[0].limits[0], 0, 0)
+    rms = RmsTorques([speed, *(LimitedQuantity(limit, i) for i, limit in enumerate(limits))])
     rng = np.random.default_rng(3)
     begin, slope, duration = rng.normal(size=(6, 3)), rng.normal(size=(6, 3)), rng.uniform(1, 2, 6)
     values = begin + THIRDS[:, None, None] * slope
@@ -130,7 +132,7 @@ def test_means_of_squares_are_integrals(robot: Robot) -> None:
     expected = (duration[:, None] * square).sum(axis=0)[1:]
     assert rms.integrals == pytest.approx(expected)
     motion = random_motion(5)
-    checks = rms.checks(robot, motion, pause=0.5)
+    checks = rms.results(robot, motion, pause=0.5)
     whole = motion.breaks[-1] - motion.breaks[0] + 0.5
     assert [check.worst for check in checks] == pytest.approx(np.sqrt(expected / whole))
     assert [check.time for check in checks] == [motion.breaks[-1]] * 2
@@ -139,14 +141,18 @@ def test_means_of_squares_are_integrals(robot: Robot) -> None:
 
 
 def test_intervals_with_uneven_squares_are_looked_at_again(robot: Robot) -> None:
-    rms = RmsTorques([Quantity(robot.joints[0].limit(MotorTorque), 0)])
+    rms = RmsTorques([LimitedQuantity(robot.joints[0].limit(MotorTorque), 0)])
     even = np.sqrt(2.0 + THIRDS**2)  # its square is a parabola
     bent = np.sqrt(2.0 + THIRDS**3)
     values = np.stack([even, bent, bent], axis=1)[:, :, None]
-    assert rms.uneven(values, np.array([1.0, 1.0, 1e-12])).tolist() == [False, True, False]
-    limits = [Quantity(robot.joints[i].limit(MotorTorque), i) for i in (0, 1)]
+    assert rms.needs_refinement(values, np.array([1.0, 1.0, 1e-12])).tolist() == [
+        False,
+        True,
+        False,
+    ]
+    limits = [LimitedQuantity(robot.joints[i].limit(MotorTorque), i) for i in (0, 1)]
     one_of_two = np.stack([even, bent], axis=1)[:, None, :]
-    assert RmsTorques(limits).uneven(one_of_two, np.ones(1)).tolist() == [True]
+    assert RmsTorques(limits).needs_refinement(one_of_two, np.ones(1)).tolist() == [True]
 
 
 @pytest.mark.parametrize("where", ["start", "reversal"])

@@ -18,7 +18,7 @@ from ssm_planner.plans import FASTER, NOT_IN_PATH, TRADED
 from ssm_planner.problem import Dwell, Free, Robot
 from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory, hold, join
-from ssm_planner.verification.second_opinion import judge_path, second_opinions
+from ssm_planner.verification.second_opinion import second_opinions, shortest_path_duration
 from tests.campaign.opinions import judged, weakened, with_friction
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
@@ -87,7 +87,9 @@ def test_the_timing_of_a_motion_does_not_count(speed: float) -> None:
     made = load_plan(ROOT / "results/tilt_insert")
     motions = made.motion, made.motion.slower(speed)
     durations = [
-        judge_path(motion, made.robot, made.limits, (0.0, motion.phases[0].end)).duration
+        shortest_path_duration(
+            motion, made.robot, made.limits, (0.0, motion.phases[0].end)
+        ).duration
         for motion in motions
     ]
     assert durations[0] == pytest.approx(durations[1], rel=SLOW_ERROR)
@@ -111,7 +113,9 @@ def test_a_joint_without_a_drive_counts(distance: float) -> None:
     problem = load_problem("tilt_insert")
     assert problem.robot.joints[2].drive is None
     motion, expected = bang_bang(problem.robot, 2, distance)
-    duration = judge_path(motion, problem.robot, problem.task_limits, (0.0, 1.5)).duration
+    duration = shortest_path_duration(
+        motion, problem.robot, problem.task_limits, (0.0, 1.5)
+    ).duration
     assert duration == pytest.approx(expected, rel=SLOW_ERROR)
 
 
@@ -120,7 +124,7 @@ def test_rests_within_a_phase_keep_their_duration() -> None:
     motion, expected = bang_bang(problem.robot, 2, 0.4)
     rest = np.array([0.0, 0.7]), hold(motion.sample([1.5]).q[0])
     both = join([("", motion.breaks, motion.coefficients), ("", *rest)])
-    duration = judge_path(both, problem.robot, problem.task_limits, (0.0, 2.2)).duration
+    duration = shortest_path_duration(both, problem.robot, problem.task_limits, (0.0, 2.2)).duration
     assert duration == pytest.approx(expected + 0.7, rel=SLOW_ERROR)
 
 

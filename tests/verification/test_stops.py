@@ -23,16 +23,18 @@ def motion(robot: Robot) -> Trajectory:
 def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -> None:
     """Other instants add a node. The path has its states on both sides of every node."""
     breaks = motion.breaks - 3.0
-    plain = module._Path.from_motion(motion, robot, np.zeros(0))
-    for shift in (-0.4 * module.NEAR, 0.4 * module.NEAR):
+    plain = module._StopPath.from_motion(motion, robot, np.zeros(0))
+    for shift in (-0.4 * module.MIN_BREAK_DISTANCE, 0.4 * module.MIN_BREAK_DISTANCE):
         near = np.clip(breaks + shift, 0.0, breaks[-1])
-        path = module._Path.from_motion(motion, robot, near)
+        path = module._StopPath.from_motion(motion, robot, near)
         assert np.array_equal(path.s, plain.s)
     apart = (breaks[1:] + 2 * breaks[:-1]) / 3
-    path = module._Path.from_motion(motion, robot, apart)
+    path = module._StopPath.from_motion(motion, robot, apart)
     assert all(np.abs(path.s - instant).min() < 1e-12 for instant in (*breaks, *apart))
-    assert np.diff(path.s).min() > module.NEAR
-    assert np.diff(plain.s).max() <= max(module.STEP, breaks[-1] / module.MOST_STEPS) * (1 + 1e-9)
+    assert np.diff(path.s).min() > module.MIN_BREAK_DISTANCE
+    assert np.diff(plain.s).max() <= max(module.MAX_STEP, breaks[-1] / module.MAX_STEPS) * (
+        1 + 1e-9
+    )
     for end, (nodes, side) in enumerate(((path.s[:-1], "right"), (path.s[1:], "left"))):
         samples = motion.sample(3.0 + nodes, side)  # type: ignore[arg-type]
         for found, expected in zip(
@@ -40,7 +42,7 @@ def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -
         ):
             assert found[end] == pytest.approx(expected)
     speeds = np.abs(motion.sample(3.0 + path.s).qd)
-    slow = module.still(robot)
+    slow = module.rest_speeds(robot)
     assert np.array_equal(path.rests, np.all(speeds <= slow, axis=1))
     assert path.rests[[0, -1]].all()
 
@@ -64,12 +66,12 @@ def test_torques_have_rows_unless_friction_depends_on_the_speed(
         )
         joints[i] = replace(joints[i], drive=replace(drive, friction=friction))
     changed = replace(robot, joints=tuple(joints))
-    path = module._Path.from_motion(motion, changed, np.zeros(0))
+    path = module._StopPath.from_motion(motion, changed, np.zeros(0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        bounds = module._Bounds.from_path(path, changed)
+        bounds = module._DecelerationBounds.from_path(path, changed)
     others = 3 - len(varying)
-    assert bounds.varying == varying
-    assert bounds.alone == 4 + 2 * others
+    assert bounds.speed_dependent_joints == varying
+    assert bounds.single_rows == 4 + 2 * others
     assert bounds.terms.shape == (3, 4 + 4 * others, 3 * (len(path.s) - 1))
 
 
@@ -89,7 +91,7 @@ def test_parts_between_rests_have_the_same_stops(
         searched.append(part.duration)
         return original(part, *arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(module, "LEG", 2)
+    monkeypatch.setattr(module, "MIN_LEG_PIECES", 2)
     monkeypatch.setattr(module, "_stops_of_leg", search)
     parts = module.quickest_stops(motion, robot, 200)
     assert len(searched) >= 3
@@ -97,5 +99,5 @@ def test_parts_between_rests_have_the_same_stops(
     assert np.allclose(parts.duration, whole.duration, atol=1e-9)
     assert np.allclose(parts.travel, whole.travel, atol=1e-12)
     assert np.array_equal(np.diff(parts.edges) > 0, np.diff(whole.edges) > 0)
-    assert parts.ends == whole.ends
+    assert parts.ends_at_rest == whole.ends_at_rest
     assert parts.joined is not None

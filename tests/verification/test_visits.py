@@ -17,7 +17,7 @@ from ssm_planner.problem.motion import Dwell, Follow, Free, Joints, Scan, Straig
 from ssm_planner.problem.problem import Problem
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.certificate import Certificate
-from ssm_planner.verification.visits import with_task
+from ssm_planner.verification.visits import with_task_results
 from tests.support.cli import run
 from tests.support.paths import PROBLEMS, ROOT
 
@@ -39,7 +39,7 @@ def table() -> Trajectory:
 
 
 def broken(motion: Trajectory, problem: Problem) -> set[str]:
-    return {line.name for line in with_task(EMPTY, motion, problem).violations}
+    return {line.name for line in with_task_results(EMPTY, motion, problem).violations}
 
 
 def asking(problem: Problem, *motion: object, **changes: object) -> Problem:
@@ -64,11 +64,11 @@ def knot(motion: Trajectory) -> int:
 
 
 def test_a_motion_does_what_its_problem_asks(table: Trajectory, problem: Problem) -> None:
-    found = with_task(EMPTY, table, problem)
+    found = with_task_results(EMPTY, table, problem)
     assert found.verdict == "kept"
     assert {line.name for line in found.limits} == {"target", "path departure"}
     plan = load_plan(SHIPPED).motion
-    assert with_task(EMPTY, plan, problem).verdict == "kept"
+    assert with_task_results(EMPTY, plan, problem).verdict == "kept"
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_a_table_that_leaves_its_line_is_noticed(
     coefficients[:, 0, joint] += values[:-1]
     coefficients[:, 1, joint] += slopes
     bent = Trajectory(table.breaks, coefficients, ())
-    found = with_task(EMPTY, bent, problem)
+    found = with_task_results(EMPTY, bent, problem)
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     from ssm_planner.kinematics.forward import tip_position
 
@@ -187,7 +187,7 @@ def test_a_table_that_leaves_its_line_is_noticed(
 
 
 def test_lines_of_a_plan_are_left_to_the_check(problem: Problem) -> None:
-    found = with_task(EMPTY, load_plan(SHIPPED).motion, problem)
+    found = with_task_results(EMPTY, load_plan(SHIPPED).motion, problem)
     assert "path departure" not in {line.name for line in found.limits}
 
 
@@ -195,13 +195,15 @@ def test_rounded_corners_and_constant_speeds_of_tables_are_not_judged(
     table: Trajectory, problem: Problem
 ) -> None:
     rounded = asking(problem, replace(TILT, blend=0.0005), INSERT)
-    assert [u.name for u in with_task(EMPTY, table, rounded).unjudged] == ["corner rounding"]
+    assert [u.name for u in with_task_results(EMPTY, table, rounded).unjudged] == [
+        "corner rounding"
+    ]
 
 
 def test_what_is_unknown_is_not_judged(table: Trajectory, problem: Problem) -> None:
     eye = load_problem(PROBLEMS / "eye_approach.yaml").eye
     spots = Scan(Task(tilt=-2.0), 0.0015, rows=2, columns=2)
-    found = with_task(EMPTY, table, asking(problem, TILT, spots, INSERT, eye=eye))
+    found = with_task_results(EMPTY, table, asking(problem, TILT, spots, INSERT, eye=eye))
     assert [u.name for u in found.unjudged] == ["target", "path departure"]
 
 

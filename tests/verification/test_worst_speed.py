@@ -43,7 +43,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         limits = [SimpleNamespace(name=kind, joint=joint) for kind, joint in every]
         return SimpleNamespace(limits=limits, passed=speed > 0.05)
 
-    monkeypatch.setattr(slower, "_torques", torques)
+    monkeypatch.setattr(slower, "_peak_and_rms_torques", torques)
     monkeypatch.setattr(slower, "check_slower", check_slower)
     return speeds
 
@@ -78,12 +78,12 @@ def test_torques_of_a_slower_motion_are_those_of_its_samples(robot: Robot) -> No
     coefficients[1, 1, 0], coefficients[1, 2, 0] = 0.8, -0.4
     motion = Trajectory(np.array([0.0, 1.0, 2.0]), coefficients, ())
     factors = np.array([0.1, 0.5, 1.0])
-    peak, rms = slower._torques(motion, robot, factors, 0.0)
-    _, cooled = slower._torques(motion, robot, factors, 3.0)
+    peak, rms = slower._peak_and_rms_torques(motion, robot, factors, 0.0)
+    _, cooled = slower._peak_and_rms_torques(motion, robot, factors, 3.0)
     assert peak.shape == rms.shape == (3, 4)
     assert cooled == pytest.approx(rms * np.sqrt(2.0 / (2.0 + 3.0 * factors))[:, None])
     for k, factor in enumerate(factors):
-        alone = slower._torques(motion.slower(factor), robot, np.array([1.0]), 0.0)
+        alone = slower._peak_and_rms_torques(motion.slower(factor), robot, np.array([1.0]), 0.0)
         assert peak[k] == pytest.approx(alone[0][0], rel=1e-9)
         assert rms[k] == pytest.approx(alone[1][0], rel=1e-9)
     body = RigidBody.from_robot(robot)
@@ -111,7 +111,7 @@ def test_a_jump_of_acceleration_counts_on_both_its_sides(robot: Robot, last: boo
         500.0 / h,
     )  # acceleration grows to 3000 rad/s² at its end
     motion = Trajectory(breaks, coefficients, ())
-    peak, _ = slower._torques(motion, robot, np.array([1.0]), 0.0)
+    peak, _ = slower._peak_and_rms_torques(motion, robot, np.array([1.0]), 0.0)
     samples = motion.sample(breaks[short + 1 : short + 2], "left")
     body = RigidBody.from_robot(robot)
     torque = motor_motion(robot, body, samples, *directions(robot, samples, -1)).torque
@@ -121,7 +121,7 @@ def test_a_jump_of_acceleration_counts_on_both_its_sides(robot: Robot, last: boo
 def test_the_worst_speed_is_found_on_either_side_of_the_grid(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    grid = np.geomspace(0.01, 1.0, slower.FACTORS)
+    grid = np.geomspace(0.01, 1.0, slower.GRID_SPEEDS)
     for place in np.concatenate([grid[20:24] * 1.03, grid[20:24] * 0.97]):
 
         def torques(
@@ -130,7 +130,7 @@ def test_the_worst_speed_is_found_on_either_side_of_the_grid(
             value = np.tile(-np.abs(np.log(factors / at))[:, None], 4)
             return value, value
 
-        monkeypatch.setattr(slower, "_torques", torques)
+        monkeypatch.setattr(slower, "_peak_and_rms_torques", torques)
         values = torques(None, None, grid, 0.0)[0][:, 0]  # type: ignore[index]
         found = slower._worst_speed(None, robot, grid, values, (False, 0), pause=0.0)  # type: ignore[arg-type]
         assert found == pytest.approx(place, rel=1e-3)
@@ -151,11 +151,11 @@ def test_the_worst_factor_is_sought_between_the_neighbours_of_the_largest_value(
         other = np.zeros((len(factors), 4))
         return other, np.column_stack([other[:, :2], peak, other[:, :1]])
 
-    monkeypatch.setattr(slower, "_torques", torques)
+    monkeypatch.setattr(slower, "_peak_and_rms_torques", torques)
     factors = np.geomspace(low, high, 8)
     values = -np.abs(np.log(factors / worst))
     found = slower._worst_speed(None, robot, factors, values, (True, 2), pause=0.0)  # type: ignore[arg-type]
-    assert len(looks) == slower.REFINED
+    assert len(looks) == slower.SPEED_REFINEMENTS
     for before, after in zip([factors, *looks], looks, strict=False):
         k = int(np.argmin(np.abs(np.log(before / worst))))
         ends = before[max(k - 1, 0)], before[min(k + 1, len(before) - 1)]

@@ -13,7 +13,7 @@ from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Point, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.verification.second_opinion import judge_path
+from ssm_planner.verification.second_opinion import shortest_path_duration
 
 Weaker = Callable[[Robot, float], Robot]
 WithJerk = Callable[[Robot, float, float], Robot]
@@ -66,7 +66,7 @@ def test_motor_torque_that_binds_is_kept_and_used(
         limit.margin for limit in result.certificate.limits if limit.name == "motor torque"
     )
     assert -1e-6 <= torque < 1e-3
-    by_toppra = judge_path(
+    by_toppra = shortest_path_duration(
         result.motion, result.robot, result.limits, (0.0, result.duration)
     ).duration
     assert result.duration == pytest.approx(by_toppra, rel=5e-4)

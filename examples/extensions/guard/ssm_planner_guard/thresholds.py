@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.comparison.compare import LAG
-from ssm_planner.comparison.predicted import SPREAD, predict_axes
+from ssm_planner.comparison.compare import DEFAULT_LAG
+from ssm_planner.comparison.predicted import ASSUMED_TORQUE_DEVIATION, predict_axes
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.epos4_setup import drive_axes
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Controller, Joint
-from ssm_planner.simulation.cascade import FILTER, electrics_of, gains_of
+from ssm_planner.simulation.cascade import DERIVATIVE_FILTER, loop_gains, motor_electrics
 from ssm_planner.typing import Array, Mask
 
 TORQUE_NOISE = 0.03
@@ -91,12 +91,12 @@ def thresholds_of(
     ExportError
         If a period is longer than the lag, or so short that the memory of the guard is too small.
     """
-    rows = math.ceil(LAG / period - 1e-9) + 1
-    if not 2 <= rows <= MOST_ROWS or period > LAG * (1 + 1e-9):
-        low, high = 1 / LAG, (MOST_ROWS - 1) / LAG
+    rows = math.ceil(DEFAULT_LAG / period - 1e-9) + 1
+    if not 2 <= rows <= MOST_ROWS or period > DEFAULT_LAG * (1 + 1e-9):
+        low, high = 1 / DEFAULT_LAG, (MOST_ROWS - 1) / DEFAULT_LAG
         raise ExportError(
             f"the guard cannot tick {1 / period:g} times per second (allowed: {low:g} to {high:g}: "
-            f"a drive may follow {1000 * LAG:g} ms late)"
+            f"a drive may follow {1000 * DEFAULT_LAG:g} ms late)"
         )
     joints = plan.robot.joints
     axes = drive_axes(plan.robot, counts_per_turn)
@@ -114,14 +114,14 @@ def thresholds_of(
     accelerations = plan.robot.accelerations
     return Thresholds(
         period=period,
-        lag=LAG,
+        lag=DEFAULT_LAG,
         rows=rows,
         driven=driven,
         position_min=np.array([joint.position[0] for joint in joints]),
         position_max=np.array([joint.position[1] for joint in joints]),
-        position_margin=accelerations * LAG**2 / 2 + INCREMENTS * increment,
+        position_margin=accelerations * DEFAULT_LAG**2 / 2 + INCREMENTS * increment,
         velocity_max=plan.robot.velocities,
-        velocity_margin=accelerations * LAG + increment / period,
+        velocity_margin=accelerations * DEFAULT_LAG + increment / period,
         torque_max=torque_max,
         torque_noise=noise,
         torque_margin=margin,
@@ -134,17 +134,17 @@ def _torque(plan: Plan, joint: Joint, rows: int, increment: float) -> tuple[floa
 
     The position loop amplifies the rounding of the encoder, which is up to one `increment` (rad at
     the motor). The gains are those that `ssm-planner simulate` computes. The derivative term adds
-    FILTER times the proportional term, but not to the mean.
+    DERIVATIVE_FILTER times the proportional term, but not to the mean.
     """
     (axis,) = predict_axes(plan.motion, plan.robot, [joint.name])
     controller = Controller()
-    electrics = electrics_of(joint, controller)
-    gain = gains_of(joint, controller, electrics).p * electrics.torque_constant
+    electrics = motor_electrics(joint, controller)
+    gain = loop_gains(joint, controller, electrics).p * electrics.torque_constant
     reaction = gain * increment
     noise = DEVIATIONS * TORQUE_NOISE * float(np.abs(axis.torque).max())
     mean = noise / math.sqrt(rows) + reaction
-    single = noise + (1 + FILTER) * reaction
+    single = noise + (1 + DERIVATIVE_FILTER) * reaction
     if not axis.has_posterior:
-        return single, mean, SPREAD
+        return single, mean, ASSUMED_TORQUE_DEVIATION
     band = float(np.maximum(axis.high - axis.torque, axis.torque - axis.low).max())
     return single, mean + band, 0.0

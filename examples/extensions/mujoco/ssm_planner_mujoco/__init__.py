@@ -24,7 +24,7 @@ from ssm_planner.formats.c import ROBOT_FILE, export_c
 from ssm_planner.formats.ros2 import link_poses, quaternion
 from ssm_planner.formats.urdf import LINK_CYLINDERS, SMALLEST_INERTIA, SMALLEST_MASS, TOOL_FRAME
 from ssm_planner.laws import drive_step
-from ssm_planner.simulation.playback import compliance_of
+from ssm_planner.simulation.playback import robot_compliance
 
 TIMESTEP = 4e-4
 """Default time step of the model, s."""
@@ -121,7 +121,7 @@ def drives_header(robot: Robot, suffix: str = "") -> str:
         [*(Argument(name, 4) for name in inputs), Argument("h", 0)],
         [Argument("after", 4)],
     )
-    compliance = compliance_of(robot, Controller())
+    compliance = robot_compliance(robot, Controller())
     drives = [joint.drive for joint in robot.joints]
     rows = {
         "RATIO": [0.0 if drive is None else drive.ratio for drive in drives],
