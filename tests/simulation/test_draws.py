@@ -57,7 +57,7 @@ def playback(
         half_step_periods=lambda told: np.zeros(PERIODS, dtype=bool) if halved is None else halved,
         torque_constants=[CONSTANTS.get(k, 0.0) for k in range(4)],
     )
-    monkeypatch.setattr(module, "Vectorised", lambda function: function)
+    monkeypatch.setattr(module, "VectorisedFunction", lambda function: function)
     start, friction = (
         np.zeros(CONTROLLED_STATE_SIZE),
         np.outer(np.arange(1.0, COUNT + 1), np.ones(28)),
