@@ -556,7 +556,9 @@ def _check_departure(
     return checks
 
 
-def _phase_result(limit: PathRequirement, promise: PathPromise, value: float, time: float) -> LimitCheck:
+def _phase_result(
+    limit: PathRequirement, promise: PathPromise, value: float, time: float
+) -> LimitCheck:
     """Return the result of a limit on the path. Its case is the name of the phase."""
     return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
