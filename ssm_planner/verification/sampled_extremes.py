@@ -285,8 +285,9 @@ def bracket_values(values: Array, has_kinks: Mask) -> tuple[Array, Array]:
 
         (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6   and   (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
 
-    A bound exceeds the four values by `OVERSHOOT_FACTOR` times the excess of these coefficients. For
-    a quantity with kinks, it also exceeds them by the largest difference of neighbouring values.
+    A bound exceeds the four values by `OVERSHOOT_FACTOR` times the excess of these coefficients.
+    For a quantity with kinks, it also exceeds them by the largest difference of neighbouring
+    values.
 
     Parameters
     ----------
