@@ -1,4 +1,9 @@
-"""Translate a CasADi Function to a C99 function, with one statement for each operation."""
+"""Translate a CasADi Function to a C99 function, with one statement for each operation.
+
+`write_function` is the main entry. The export formats use it for code that runs on a controller,
+and `elements.kernels` for the compiled part of the package. The operations and their C expressions
+are those of `vectorised.OPERATIONS`, so a Function has the same meaning in NumPy and in C.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,40 +24,38 @@ typedef double ssm_real;
 #define SSM_F(function) function
 #endif
 """
-"""Definitions of the type of all numbers and of macros for its constants and functions."""
+"""C definitions that every generated file needs.
+
+They define the number type `ssm_real` (double, or float if SSM_FLOAT32 is defined), the macro SSM_R
+for constants of this type, and the macro SSM_F for the names of mathematical functions.
+"""
 SCALAR_EXPRESSIONS = {name: operation.c for name, operation in OPERATIONS.items()}
-"""C expressions by operation."""
+"""C expressions of the operations on single numbers, by CasADi's names of the operations."""
 SIGN_FUNCTION = (
     "static ssm_real sign_of(ssm_real x) { return (ssm_real)((x > SSM_R(0.0)) - (x < "
     "SSM_R(0.0))); }\n"
 )
-"""Definition of the sign function."""
+"""C definition of the sign function, which the C library lacks. It requires `REAL_DEFINITIONS`."""
 
 
 @frozen
 class Argument:
-    """Argument of a C function.
-
-    Attributes
-    ----------
-    name : str
-        Its name.
-    size : int
-        Number of values in the array. 0 means a single number that is not an array.
-    """
+    """Argument of a generated C function: an array of `ssm_real`, or a single number."""
 
     name: str
+    """Name of the argument in C."""
     size: int
-    places: Sequence[int] | None = None
-    """Positions in the array of the values of an output. None means consecutive ones."""
+    """Number of values in the array. 0 means that the argument is a single number."""
+    positions: Sequence[int] | None = None
+    """Position of each value of an output in the array. None: the values are consecutive."""
     adds: bool = False
-    """True if the output is added to the content of the array."""
+    """True if the function adds an output to the content of the array. False if it overwrites."""
 
     def element(self, index: int) -> str:
-        """Return the C expression of the value with an index."""
+        """Return the C expression of the value number `index`, for example `q[2]`."""
         if self.size == 0:
             return self.name
-        return f"{self.name}[{index if self.places is None else self.places[index]}]"
+        return f"{self.name}[{index if self.positions is None else self.positions[index]}]"
 
 
 def write_function(
@@ -62,58 +65,73 @@ def write_function(
     outputs: Sequence[Argument],
     expressions: Mapping[str, str] = SCALAR_EXPRESSIONS,
 ) -> str:
-    """Return the text of a C function.
+    """Return the definition of a C function that computes a CasADi Function.
 
-    The text requires `REAL_DEFINITIONS` and `SIGN_FUNCTION` before it. The C function reads all
-    inputs before it writes outputs, so inputs and outputs may overlap.
+    A generated file must contain `REAL_DEFINITIONS` and `SIGN_FUNCTION` before this text. The C
+    function reads all inputs before it writes outputs, so the memory of inputs and outputs may
+    overlap. Its local variables are w0, w1, … for intermediate values and r0, r1, … for results.
 
     Parameters
     ----------
     declaration : str
-        Head of the C function.
+        Head of the C function, for example "static void f(const ssm_real *q, ssm_real *g)".
     function : casadi.Function
         Function of SX with dense inputs and outputs.
     inputs, outputs : sequence of Argument
-        C arguments, one for each input and output of the function.
+        C arguments, one for each input and output of the CasADi Function, in the same order.
     expressions : mapping of str to str
-        C expressions by operation. The default is those of `OPERATIONS`.
+        C expressions by CasADi's names of the operations, with {0} and {1} for the operands.
 
     Returns
     -------
     str
-        Text of the C function.
+        Declaration and body of the C function.
+
+    Raises
+    ------
+    NotImplementedError
+        If the Function contains an operation that `vectorised.OPERATIONS` lacks.
     """
+    # C expression of the value in each register of CasADi's virtual machine.
     value_of: dict[int, str] = {}
     registers: set[int] = set()
     body: list[str] = []
     writes: list[str] = []
     inputs_read: set[int] = set()
-    for step in instructions(function):
-        operands = [value_of[k] for k in step.operands]
-        if step.name == "const":
-            value_of[step.out] = c_literal(step.constant)
-        elif step.name == "input":
-            value_of[step.out] = inputs[step.argument].element(step.index)
-            inputs_read.add(step.argument)
-        elif step.name == "output":
-            output = outputs[step.argument]
+    for instruction in instructions(function):
+        operands = [value_of[k] for k in instruction.operands]
+        if instruction.name == "const":
+            value_of[instruction.out] = c_literal(instruction.constant)
+        elif instruction.name == "input":
+            value_of[instruction.out] = inputs[instruction.argument].element(instruction.index)
+            inputs_read.add(instruction.argument)
+        elif instruction.name == "output":
+            output = outputs[instruction.argument]
             result = f"r{len(writes)}"
             body.append(f"{result} = {operands[0]};")
             assignment = "+=" if output.adds else "="
-            writes.append(f"{output.element(step.index)} {assignment} {result};")
+            writes.append(f"{output.element(instruction.index)} {assignment} {result};")
         else:
-            registers.add(step.out)
-            value_of[step.out] = f"w{step.out}"
-            body.append(f"{value_of[step.out]} = {expressions[step.name].format(*operands)};")
+            registers.add(instruction.out)
+            value_of[instruction.out] = f"w{instruction.out}"
+            body.append(
+                f"{value_of[instruction.out]} = {expressions[instruction.name].format(*operands)};"
+            )
+    # Compilers warn of unused arguments unless the body names them.
     unused = [f"(void){inputs[i].name};" for i in sorted({*range(len(inputs))} - inputs_read)]
     names = [f"w{k}" for k in sorted(registers)] + [f"r{k}" for k in range(len(writes))]
+    # A declaration contains at most 12 variables.
     lines = [f"ssm_real {', '.join(names[i : i + 12])};" for i in range(0, len(names), 12)]
     lines += [*unused, *body, *writes]
     return "\n".join([declaration, "{", *(f"    {line}" for line in lines), "}", ""])
 
 
 def c_literal(value: float) -> str:
-    """Return a number as a C constant of the type `ssm_real`, with all digits."""
+    """Return a number as a C constant of the type `ssm_real`.
+
+    The constant has as many digits as the shortest text that gives the same double. Negative
+    numbers are enclosed in parentheses. Infinity and NaN become the macros of <math.h>.
+    """
     if not math.isfinite(value):
         return "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "(-INFINITY)"
     text = repr(abs(float(value)))

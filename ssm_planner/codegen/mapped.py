@@ -1,4 +1,8 @@
-"""Evaluate CasADi Functions repeatedly at many points, without new Python objects in each call."""
+"""Evaluation of CasADi Functions at many points in one call, with fixed buffers.
+
+`vectorised.call` uses this module for few samples, and for Functions that contain an operation
+which `vectorised` lacks. For many samples, `vectorised.VectorisedFunction` is faster.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -11,10 +15,11 @@ from ssm_planner.typing import Array, Indices
 
 
 class MappedFunction:
-    """CasADi Function that is evaluated at n elements in one call.
+    """CasADi Function that is evaluated at n samples in one call.
 
-    Its arguments are z, the parameters and, if the Function has another argument, multipliers.
-    Results are dense, with the shape (n, size) or (n, rows, columns).
+    The Function has the arguments z (which differs from sample to sample), parameters, and
+    optionally one more argument, for example multipliers. CasADi reads and writes NumPy arrays that
+    this object allocates once.
     """
 
     def __init__(self, function: ca.Function, parameters: Sequence[Array], count: int) -> None:
@@ -23,12 +28,13 @@ class MappedFunction:
         Parameters
         ----------
         function : casadi.Function
-            Function of z, the parameters and optionally multipliers.
+            Function of column vectors: z, the parameters and optionally one more argument.
         parameters : sequence of (size,) or (count, size) arrays
-            Parameters, which may be common to all elements.
+            Values of the parameters. An array (size,) applies to all samples.
         count : int
-            Number n of elements.
+            Number n of samples.
         """
+        # Argument 0 is z, so parameter i is argument i + 1.
         mapped = _map_function(
             function, count, tuple(i + 1 for i, values in enumerate(parameters) if values.ndim == 1)
         )
@@ -49,19 +55,20 @@ class MappedFunction:
         ]
 
     def __call__(self, z: Array, multipliers: Array | None = None) -> list[Array]:
-        """Evaluate the Function.
+        """Evaluate the Function at all samples.
 
         Parameters
         ----------
         z : (n, size) array
-            First argument. Additional columns are ignored.
+            First argument. Columns beyond the size of the argument are ignored.
         multipliers : (n, k) array, optional
-            Last argument.
+            Last argument, if the Function has one after the parameters.
 
         Returns
         -------
         list of arrays
-            One array for each output, with n as its first length.
+            One dense array for each output, (n, size) for a column vector and (n, rows, columns)
+            for a matrix.
         """
         self._arguments[0][...] = z[:, : self._arguments[0].shape[1]]
         if multipliers is not None:
@@ -72,6 +79,7 @@ class MappedFunction:
             if positions is None:
                 results.append(values.copy())
                 continue
+            # CasADi returns the structural nonzeros only.
             padded = np.zeros((shape[0], shape[1] * shape[2]))
             padded[:, positions] = values
             results.append(padded if shape[2] == 1 else padded.reshape(shape))
@@ -80,24 +88,26 @@ class MappedFunction:
 
 @lru_cache(maxsize=128)
 def _map_function(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
-    """Map a Function over several elements.
+    """Return a CasADi Function that evaluates a Function at several samples, one after the other.
 
     Parameters
     ----------
     function : casadi.Function
+        Function to evaluate.
     count : int
-        Number of elements.
+        Number of samples.
     shared : tuple of int
-        Indices of the arguments that all elements have in common.
+        Indices of the arguments that have one value for all samples.
     """
     return function.map(function.name(), "serial", count, list(shared), [])
 
 
 @lru_cache(maxsize=128)
 def _output_layouts(function: ca.Function) -> list[tuple[tuple[int, int], Indices | None]]:
-    """Return the shape of every output, and the row-major positions of its nonzeros.
+    """Return the shape of every output, and the positions of its structural nonzeros.
 
-    The positions are None if all entries are nonzeros in this order.
+    A position is the index into the output in row-major order. The positions are None for a dense
+    column vector, whose nonzeros already have this order.
     """
     outputs: list[tuple[tuple[int, int], Indices | None]] = []
     for i in range(function.n_out()):

@@ -1,4 +1,8 @@
-"""Provide the elementary functions of the closed forms for NumPy arrays and CasADi expressions."""
+"""Elementary functions for NumPy arrays and for CasADi expressions under the same names.
+
+The package writes each closed form (a kinematic relation, a friction law) once, with a namespace of
+functions as an argument or from `namespace_of`. The formula then serves numbers and symbols.
+"""
 
 from functools import cache
 from types import SimpleNamespace
@@ -7,17 +11,17 @@ from typing import Any
 import numpy as np
 
 FUNCTION_NAMES = ("sin", "cos", "sqrt", "exp", "sign", "arctan2", "where", "minimum", "maximum")
-"""Names of the functions in NumPy."""
+"""Names of the functions in a `Namespace`, which are NumPy's names."""
 CASADI_NAMES = {"arctan2": "atan2", "where": "if_else", "minimum": "fmin", "maximum": "fmax"}
 """CasADi's names of functions that have other names in NumPy."""
 
 
 class Namespace(SimpleNamespace):
-    """Elementary functions for one kind of numbers, with NumPy's names (FUNCTION_NAMES).
+    """Elementary functions for arrays or for expressions, with the names in `FUNCTION_NAMES`.
 
-    Each closed form of the package is written once with these functions. The function `nonnegative`
-    replaces negative numbers, which are rounding errors, by 0. It does not change symbols, so that
-    a solver sees NaN outside the domain.
+    The additional function `nonnegative` serves arguments of square roots. In NumPy it replaces
+    negative numbers, which are rounding errors there, by 0. For symbols it changes nothing, so that
+    a solver sees NaN outside the domain of a formula.
     """
 
 
@@ -30,7 +34,7 @@ NUMPY = Namespace(
 
 @cache
 def casadi_namespace() -> Namespace:
-    """Return the functions for expressions of CasADi (SX and MX)."""
+    """Return the functions for CasADi expressions (SX and MX). The first call imports CasADi."""
     import casadi
 
     functions = {name: getattr(casadi, CASADI_NAMES.get(name, name)) for name in FUNCTION_NAMES}
@@ -38,10 +42,10 @@ def casadi_namespace() -> Namespace:
 
 
 def namespace_of(*values: Any) -> Namespace:
-    """Return the functions for the given values.
+    """Return the functions that suit the given values.
 
-    They are those of CasADi if one of the values is a CasADi expression, and otherwise those of
-    NumPy.
+    These are the functions of CasADi if at least one value is a CasADi expression, and otherwise
+    those of NumPy.
     """
     symbolic = any(type(value).__module__.startswith("casadi") for value in values)
     return casadi_namespace() if symbolic else NUMPY

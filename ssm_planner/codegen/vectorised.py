@@ -1,6 +1,10 @@
-"""Evaluate CasADi Functions for many samples, operation by operation, by NumPy or in C.
+"""Evaluation of CasADi Functions for many samples, operation by operation, by NumPy or in C.
 
-For many samples, this is several times faster than CasADi's virtual machine.
+A CasADi Function of SX is a list of scalar operations. CasADi executes the whole list for one
+sample after the other. `VectorisedFunction` executes one operation after the other, each for all
+samples, which is several times faster for many samples. `call` chooses between both ways.
+
+`OPERATIONS` is the only table of CasADi's operations in the package. `codegen.c` uses it too.
 """
 
 import ctypes
@@ -20,27 +24,27 @@ from ssm_planner.typing import Array, frozen
 
 
 def _copy(source: Array, result: Array) -> None:
-    """Copy an operand to the result (n,)."""
+    """Write the values of an operand (n,) to the result (n,)."""
     result[...] = source
 
 
 def _if_else_zero(condition: Array, value: Array, result: Array) -> None:
-    """Write the value if the condition is true, and otherwise 0, (n,) each."""
+    """Write `value` to the result where the condition is not 0, and 0 elsewhere, (n,) each."""
     result[...] = np.where(condition != 0, value, 0.0)
 
 
 @frozen
 class Operation:
-    """Implementation of a CasADi operation in NumPy and in C."""
+    """Implementation of one scalar operation of CasADi in NumPy and in C."""
 
     numpy: Callable[..., Any]
-    """Function of the operands and of `out`, which are rows (n,)."""
+    """Function of one or two operands and of the result `out`, all of which have the shape (n,)."""
     c: str
     """C expression with the macros of `c.REAL_DEFINITIONS`, in which {0} and {1} are operands."""
 
     @property
     def operands(self) -> int:
-        """Number of operands."""
+        """Number of operands, 1 or 2."""
         return 2 if "{1}" in self.c else 1
 
 
@@ -65,7 +69,6 @@ OPERATIONS = {
     "or": Operation(np.logical_or, "(ssm_real)({0} != SSM_R(0.0) || {1} != SSM_R(0.0))"),
     "if_else_zero": Operation(_if_else_zero, "({0} != SSM_R(0.0) ? {1} : SSM_R(0.0))"),
 }
-"""Operations by the name that CasADi gives them."""
 for _name in [
     "exp",
     "log",
@@ -83,43 +86,47 @@ for _name in [
     OPERATIONS[_name] = Operation(getattr(np, _name), f"SSM_F({_name})({{0}})")
 for _name in ["pow", "fmin", "fmax", "atan2", "copysign", "fmod", "hypot"]:
     OPERATIONS[_name] = Operation(getattr(np, _name), f"SSM_F({_name})({{0}}, {{1}})")
-"""Operations by CasADi's name."""
+"""Supported operations by CasADi's names, which are those of its constants OP_… in lower case."""
 
 
 @frozen
 class Instruction:
-    """One operation of a Function.
+    """One operation of a CasADi Function, which reads and writes registers.
 
-    An operation that reads an input or writes an output refers to the element `index` of
-    `argument`.
-
-    Attributes
-    ----------
-    name : str
-        Name of the operation: "const", "input", "output" or a key of `OPERATIONS`.
-    out : int
-        Index of the register of the result.
-    operands : tuple of int
-        Indices of the registers of the operands.
-    constant : float
-        Value of a constant.
-    argument : int
-        Index of the input or output.
+    A register is a memory cell for one number of CasADi's virtual machine. −1 stands for an index
+    that an instruction does not have.
     """
 
     name: str
+    """Name of the operation: "const", "input", "output" or a key of `OPERATIONS`.
+
+    "const" writes a constant to a register, "input" copies an entry of an argument to a register,
+    and "output" copies a register to an entry of a result.
+    """
     out: int = -1
+    """Index of the register that receives the result. An output has none."""
     operands: tuple[int, ...] = ()
+    """Indices of the registers of the operands."""
     constant: float = 0.0
+    """Value of a constant."""
     argument: int = -1
+    """Index of the argument of an input, or of the result of an output."""
     index: int = -1
-    """Index into the elements of the argument or result in column-major order."""
+    """Index of the entry of this argument or result, in column-major order."""
 
 
 def instructions(function: ca.Function) -> Iterator[Instruction]:
-    """Yield the operations of a Function of SX with dense inputs and outputs, in their order.
+    """Yield the operations of a Function in the order in which CasADi executes them.
 
-    Raises NotImplementedError for an operation that is not in `OPERATIONS`.
+    Parameters
+    ----------
+    function : casadi.Function
+        Function of SX with dense inputs and outputs.
+
+    Raises
+    ------
+    NotImplementedError
+        If the Function contains an operation that is not in `OPERATIONS`.
     """
     names = _operation_names()
     for k in range(function.n_instructions()):
@@ -151,14 +158,24 @@ def instructions(function: ca.Function) -> Iterator[Instruction]:
 
 
 def dense_function(name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-    """Return a Function with dense outputs and shared common subexpressions."""
+    """Return a CasADi Function whose outputs are dense and which computes no subexpression twice.
+
+    Parameters
+    ----------
+    name : str
+        Name of the Function.
+    inputs : list of casadi.SX
+        Symbols of the inputs.
+    outputs : list of casadi.SX
+        Expressions of the outputs.
+    """
     shared = ca.cse([ca.densify(output) for output in outputs])
     return ca.Function(name, inputs, shared)
 
 
 @cache
 def _operation_names() -> dict[int, str]:
-    """Return the names of the operations by CasADi's numbers."""
+    """Return CasADi's names of the operations by its numbers OP_…."""
     names = ("const", "input", "output", *OPERATIONS)
     return {
         getattr(ca, f"OP_{name.upper()}"): name
@@ -168,9 +185,15 @@ def _operation_names() -> dict[int, str]:
 
 
 MIN_VECTORISED_SAMPLES = 200
-"""Smallest number of samples for which `call` uses `VectorisedFunction`."""
+"""Smallest number of samples for which `call` uses `VectorisedFunction`.
+
+For fewer samples, CasADi's virtual machine is faster.
+"""
 SAMPLES_PER_BLOCK = 1024
-"""Number of samples in a block, so that the registers stay in the processor's cache."""
+"""Number of samples for which the list of operations is executed at once.
+
+The registers of so many samples stay in the processor's cache.
+"""
 NATIVE_OPERATIONS = (
     "assign",
     "neg",
@@ -195,22 +218,41 @@ NATIVE_OPERATIONS = (
     "fmin",
     "fmax",
 )
-"""Operations of native/vectorised.c in the order of their codes."""
-_REGISTER_MEMORY: list[Array] = []
-"""Memory for the registers of the next call.
+"""Operations that native/vectorised.c implements, in the order of their codes 0, 1, 2, …
 
-A new allocation would take an eighth of the time of the operations.
+IEEE 754 prescribes their results, so that C and NumPy give the same bits.
+"""
+_REGISTER_MEMORY: list[Array] = []
+"""Memory of the registers, kept from one call to the next. The list has at most one array.
+
+A new allocation in each call would take an eighth of the time of the operations.
 """
 
 
 class VectorisedFunction:
-    """Dense Function of SX that is evaluated operation by operation over rows of samples.
+    """CasADi Function of SX that executes one operation after the other, each for all samples.
 
-    NumPy and C give identical results.
+    The C code executes the operations in `NATIVE_OPERATIONS`, and NumPy the others. Without the
+    compiled part NumPy executes all of them, with identical results.
+
+    The operations address their operands by *slots*. A slot is a register, a constant, or an entry
+    of an argument or result, in this order. The object stores in which table each slot lies (0: the
+    registers, 1: the constants, then the arguments and the results) and in which row of this table.
     """
 
     def __init__(self, function: ca.Function) -> None:
-        """Compile a dense Function of SX. Raises NotImplementedError for an unknown operation."""
+        """Translate a CasADi Function to lists of operations.
+
+        Parameters
+        ----------
+        function : casadi.Function
+            Function of SX with dense inputs and outputs, for example from `dense_function`.
+
+        Raises
+        ------
+        NotImplementedError
+            If the Function contains an operation that is not in `OPERATIONS`.
+        """
         self.name = function.name()
         self.rows_in = [function.numel_in(i) for i in range(function.n_in())]
         self.rows_out = [function.numel_out(i) for i in range(function.n_out())]
@@ -233,7 +275,11 @@ class VectorisedFunction:
         self._codes = np.array(codes, dtype=np.dtype(ctypes.c_long)).reshape(-1, 4)
         bounds = np.flatnonzero(np.diff(self._codes[:, 0] < 0)) + 1
         self._parts = []
-        """Runs of operations: start, end, codes (None if C lacks an operation), and count."""
+        """Parts of the program of which either C or NumPy executes all operations.
+
+        A part is a tuple of the indices of its first operation and of the operation after its last
+        one, the address of its codes (None if NumPy executes it), and its number of operations.
+        """
         for start, end in pairwise([0, *bounds.tolist(), len(codes)]):
             code = (
                 ctypes.c_void_p(self._codes[start:].ctypes.data)
@@ -244,37 +290,33 @@ class VectorisedFunction:
         sizes = self._registers, len(constants), *self.rows_in, *self.rows_out
         self._table = np.repeat(np.arange(len(sizes)), sizes)
         self._row = np.concatenate([np.arange(size) for size in sizes])
-        """Table (registers, constants, arguments, results) and row of every slot."""
-        self._seen = sorted(
-            {
-                k
-                for _, *slots in (codes[i] for i in np.flatnonzero(self._codes[:, 0] < 0))
-                for k in slots
-            }
-        )
-        """Slots of operations that are not native."""
-        self._places = list(zip(self._table.tolist(), self._row.tolist(), strict=True))
+        """Index of the table, and index of the row in this table, of every slot."""
+        numpy_codes = self._codes[self._codes[:, 0] < 0]
+        self._numpy_slots = np.unique(numpy_codes[:, 1:]).tolist()
+        """Slots that the operations of NumPy read or write."""
+        self._slot_positions = list(zip(self._table.tolist(), self._row.tolist(), strict=True))
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """Evaluate the Function.
+        """Evaluate the Function for n samples.
 
-        Arrays in Fortran order, in which the n values of an element are adjacent, are fastest. The
-        results have this order.
+        Arguments in Fortran order, in which the n values of an entry are adjacent, are fastest. The
+        results have this order too.
 
         Parameters
         ----------
         *arguments : (n, size) arrays
-            One array for each input, with one row for each sample.
+            One array for each input, with one row for each sample. A row contains the entries of
+            the input in column-major order.
 
         Returns
         -------
         list of (n, size) arrays
-            One array for each output.
+            One array for each output, in the same form.
 
         Raises
         ------
         GeometryError
-            If a shape is wrong.
+            If an argument has another shape.
         """
         n = arguments[0].shape[0]
         for argument, rows in zip(arguments, self.rows_in, strict=True):
@@ -297,9 +339,9 @@ class VectorisedFunction:
         Parameters
         ----------
         work : (registers, samples of a block) array
-            Memory for the registers.
+            Memory of the registers.
         inputs : list of (k, n) arrays
-            Rows of the arguments and of the results.
+            Arguments, then results. The operations write to the latter.
         n : int
             Number of samples.
         """
@@ -310,11 +352,12 @@ class VectorisedFunction:
         ).T
         addresses = starts[self._table] + row_bytes[self._table] * self._row
         stride_bytes[1] = 0  # Constants do not depend on the sample.
+        # Bytes, and numbers, from one sample to the next in each slot.
         moves = stride_bytes[self._table]
         stride = moves // 8
-        moves[: len(work)] = 0
+        moves[: len(work)] = 0  # Every block of samples uses the same registers.
         native = library.load()
-        indices = range(len(addresses)) if native is None else self._seen
+        indices = range(len(addresses)) if native is None else self._numpy_slots
         sample_strides = ctypes.c_void_p(stride.ctypes.data)
         with np.errstate(invalid="ignore", divide="ignore"):
             for start in range(0, n, SAMPLES_PER_BLOCK):
@@ -322,10 +365,12 @@ class VectorisedFunction:
                 pointers = addresses + start * moves
                 samples = ctypes.c_long(count)
                 slots = ctypes.c_void_p(pointers.ctypes.data)
+                # Samples of the block in each table.
                 selections = [slice(count), (), *[slice(start, start + count)] * len(inputs)]
+                # Memory of the slots that NumPy reads and writes.
                 rows = {}
                 for k in indices:
-                    index, row = self._places[k]
+                    index, row = self._slot_positions[k]
                     rows[k] = tables[index][row][selections[index]]
                 for low, high, code, size in self._parts:
                     if native is not None and code is not None:
@@ -337,10 +382,9 @@ class VectorisedFunction:
     def _compile(
         self, function: ca.Function
     ) -> tuple[list[tuple[str, int, int, int]], list[float]]:
-        """Translate a Function to a list of operations.
+        """Translate a Function to a list of operations on slots.
 
-        A *slot* is a register, a constant, or a row of an argument or result. Slots have
-        consecutive indices in this order.
+        Reading an input or a constant needs no operation, because its slot can be an operand.
 
         Returns
         -------
@@ -348,40 +392,55 @@ class VectorisedFunction:
             Name, slot of the first operand, slot of the second operand or −1, and slot of the
             result.
         constants : list of float
+            Values of the slots that are constants.
         """
         sequence = list(instructions(function))
-        constants = [step.constant for step in sequence if step.name == "const"]
-        first_in = self._registers + len(constants)
-        firsts_in = first_in + np.cumsum([0, *self.rows_in])
-        firsts_out = firsts_in[-1] + np.cumsum([0, *self.rows_out])
+        constants = [
+            instruction.constant for instruction in sequence if instruction.name == "const"
+        ]
+        first_slot = self._registers + len(constants)
+        first_input_slots = first_slot + np.cumsum([0, *self.rows_in])
+        first_output_slots = first_input_slots[-1] + np.cumsum([0, *self.rows_out])
         slot = list(range(self._registers))
-        """Slot that contains the value of each register."""
+        """Slot that contains the present value of each register."""
         program: list[tuple[str, int, int, int]] = []
-        slot_count = 0
-        for step in sequence:
-            operand, other_operand = (*(slot[k] for k in step.operands), -1, -1)[:2]
-            if step.name == "const":
-                slot[step.out] = self._registers + slot_count
-                slot_count += 1
-            elif step.name == "input":
-                slot[step.out] = int(firsts_in[step.argument]) + step.index
-            elif step.name == "output":
-                program.append(("assign", operand, -1, int(firsts_out[step.argument]) + step.index))
+        constant_count = 0
+        for instruction in sequence:
+            # An operation has at most two operands. −1 stands for a missing one.
+            operand, other_operand = (*(slot[k] for k in instruction.operands), -1, -1)[:2]
+            if instruction.name == "const":
+                slot[instruction.out] = self._registers + constant_count
+                constant_count += 1
+            elif instruction.name == "input":
+                slot[instruction.out] = (
+                    int(first_input_slots[instruction.argument]) + instruction.index
+                )
+            elif instruction.name == "output":
+                program.append(
+                    (
+                        "assign",
+                        operand,
+                        -1,
+                        int(first_output_slots[instruction.argument]) + instruction.index,
+                    )
+                )
             else:
-                program.append((step.name, operand, other_operand, step.out))
-                slot[step.out] = step.out
+                program.append((instruction.name, operand, other_operand, instruction.out))
+                slot[instruction.out] = instruction.out
         return program, constants
 
 
 def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
-    """Evaluate a Function of column vectors over n samples.
+    """Evaluate a Function of column vectors for n samples.
 
-    A CasADi Function silently accepts a transposed batch if it is square. This function checks the
-    shapes instead.
+    CasADi evaluates one column for each sample, and silently accepts a transposed array if it is
+    square. This function takes one row for each sample, as everywhere in the package, and checks
+    the shapes.
 
     Parameters
     ----------
     function : casadi.Function
+        Function to evaluate.
     *arguments : (n, size) arrays
         One array for each input of the function, whose length is `size`.
 
@@ -393,7 +452,8 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     Raises
     ------
     GeometryError
-        If a shape is wrong. The message names the function, the argument and both shapes.
+        If an argument has another shape. The message names the Function, the argument and
+        both shapes.
     """
     samples = _sample_count(function, arguments)
     if samples == 0:
@@ -406,9 +466,9 @@ def call(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
 
 
 def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
-    """Return the number n of samples in arguments (n, size).
+    """Return the number n of samples in the arguments (n, size) of a Function.
 
-    Raises GeometryError if the shapes are wrong.
+    Raise GeometryError if their number or one of their shapes does not suit the Function.
     """
     sizes = _input_sizes(function)
     if len(arguments) != len(sizes):
@@ -426,13 +486,17 @@ def _sample_count(function: ca.Function, arguments: Sequence[Array]) -> int:
 
 @lru_cache(maxsize=256)
 def _input_sizes(function: ca.Function) -> tuple[int, ...]:
-    """Return the lengths of the inputs of a Function."""
+    """Return the number of rows of each input of a Function."""
     return tuple(function.size1_in(i) for i in range(function.n_in()))
 
 
 @lru_cache(maxsize=64)
 def _vectorised_function(function: ca.Function) -> VectorisedFunction | None:
-    """Return a Function for many samples, or None if it contains an unknown operation."""
+    """Return the vectorised form of a Function.
+
+    The result is None if the Function contains an operation that is not in `OPERATIONS`, or if it
+    is not a Function of SX.
+    """
     if not function.is_a("SXFunction"):
         return None
     inputs = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
@@ -443,9 +507,11 @@ def _vectorised_function(function: ca.Function) -> VectorisedFunction | None:
 
 
 class Layout:
-    """Names and lengths of parameters that form one vector, in NumPy and in CasADi.
+    """Names and lengths of parameters that form one vector.
 
-    For example, Layout(gravity=3, scale=1) packs gravity (3,) and scale into a vector (4,).
+    A program of CasADi or C takes its parameters as one vector. `pack` builds the vector from named
+    values, and `unpack` returns the names, for numbers as well as for CasADi symbols. For example,
+    Layout(gravity=3, scale=1) packs gravity (3,) and scale into a vector (4,).
 
     Attributes
     ----------
@@ -456,7 +522,13 @@ class Layout:
     """
 
     def __init__(self, **lengths: int) -> None:
-        """Place parameters with these lengths one after the other."""
+        """Place the parameters one after the other in the order of the arguments.
+
+        Parameters
+        ----------
+        **lengths : int
+            Number of entries of each parameter.
+        """
         ends = accumulate(lengths.values(), initial=0)
         self.slices = {
             name: slice(*ends_) for name, ends_ in zip(lengths, pairwise(ends), strict=True)
@@ -466,8 +538,15 @@ class Layout:
     def pack(self, **values: Any) -> Array:
         """Return all parameters as one vector (size,).
 
-        Each value may have any shape with the right number of entries. Raises GeometryError if a
-        name is missing or unknown, or if a size is wrong.
+        Parameters
+        ----------
+        **values : array-like
+            Value of each parameter, in any shape with the right number of entries.
+
+        Raises
+        ------
+        GeometryError
+            If a name is missing or unknown, or if a value has another number of entries.
         """
         arrays = {name: np.ravel(value) for name, value in values.items()}
         expected = {name: item.stop - item.start for name, item in self.slices.items()}
@@ -479,16 +558,17 @@ class Layout:
         return np.concatenate([arrays[name] for name in self.slices])
 
     def unpack(self, vector: Any) -> SimpleNamespace:
-        """Return the parameters by name.
+        """Return the parameters of a vector by name.
 
         Parameters
         ----------
-        vector : casadi.SX, (size,), or (…, size) array
-            All parameters. The last axis of an array is divided.
+        vector : (size,) casadi.SX or MX, or (…, size) array
+            All parameters, for an array along its last axis.
 
         Returns
         -------
         SimpleNamespace
+            Each parameter as an attribute, (length,) or (…, length).
         """
         last_axis = isinstance(vector, np.ndarray)
         return SimpleNamespace(

@@ -1,7 +1,10 @@
-"""Rows and costs of the elements of a mesh in C (native/elements.c), for both element models.
+"""Interface to the C code that evaluates path constraints and costs (native/elements.c).
 
-The results equal those of the CasADi Functions `ElementFunctions`, `dense_rows` and `breakaway` of
-the same model, up to rounding.
+The C code computes the same values as the CasADi Functions `ElementFunctions`, `dense_rows` and
+`breakaway` of an element model, up to rounding, but many times per second more. This module passes
+the data of a model to it in one struct of integers and pointers. The structured solver and the
+refinement use `native_elements`, and Ipopt uses `mapped_elements`. Both are None without the
+compiled part, and the callers then evaluate the CasADi Functions.
 """
 
 import ctypes
@@ -44,16 +47,17 @@ from ssm_planner.typing import Array, Arrays, record
 MECHANISM_LAYOUT = Layout(
     omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1
 )
-"""Kinematics in the frames of `rigid_body.axes_frames`.
+"""Numbers that describe the kinematics in C, in the base frame of `rigid_body.axes_frames`.
 
-These are the x and z components of the second and the third axis, the angles of `Mechanism`, and
-the offset of θ2.
+`omega2` and `omega3` are the x and z components of the axes of joints 2 and 3. The following
+numbers are the fields of `Mechanism` with the same names. `offset` is the offset of the angle θ2 of
+joint 2 that `axes_frames` returns.
 """
 EYE_LAYOUT = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
-"""The eye in the base frame of `rigid_body.axes_frames`.
+"""Numbers that describe the eye in C, in the base frame of `rigid_body.axes_frames`.
 
-`lens_frame` contains the columns of the frame of the lens. Each column is divided by its semi-axis
-and by the limit of the lens.
+`lens_frame` contains the columns of the rotation matrix of the lens. Each column is divided by the
+semi-axis of the lens in its direction, and by the result of `lens_limit`.
 """
 DRIVE_LAYOUT = Layout(
     ratio=1,
@@ -74,26 +78,34 @@ DRIVE_LAYOUT = Layout(
     limit=1,
     nominal=1,
 )
-"""One motor with its drive. `limit` and `nominal` are torques of the motor, N·m."""
+"""Numbers that describe one motor with its drive in C, in SI units.
+
+`limit` and `nominal` are the largest and the nominal torque of the motor, N·m. The other numbers
+are the fields of `Drive` and of its friction with the same names.
+"""
 ACCELERATION_DRIVE = DRIVE_LAYOUT.pack(
     **dict.fromkeys(DRIVE_LAYOUT.slices, 0.0)
     | dict.fromkeys(("ratio", "input_inertia", "stribeck_speed", "limit", "nominal"), 1.0)
 )
-"""A drive whose torque is the acceleration of its joint, without a load.
+"""Drive whose motor torque is the acceleration of the joint, as numbers of `DRIVE_LAYOUT`.
 
 It represents joints without a motor in the cost of effort.
 """
 ELEMENTS_PER_VECTOR = 4
-"""Number of elements that C evaluates at once."""
+"""Number of elements that the C code evaluates at once, one in each entry of a vector register."""
 TORQUE_LAWS = ("worm", "antibacklash_screw")
-"""Torque laws of drives with one mesh, and with two nuts."""
+"""Names of the torque laws in C: of drives with one mesh, and of drives with two nuts."""
 Location = Literal["collocation", "between", "breakaway"]
 POINTS_BY_LOCATION: dict[Location, tuple[float, ...]] = {
     "collocation": COLLOCATION_POINTS,
     "between": DENSE_POINTS,
     "breakaway": (0.0,),
 }
-"""Fractions of an element at which the rows are evaluated, by the name of the evaluation."""
+"""Fractions of an element at which the rows are evaluated, by the name of the evaluation.
+
+"collocation": the points of the optimisation program. "between": the points of the refinement.
+"breakaway": the start of the element, with static friction.
+"""
 
 INTEGER_MEMBERS = (
     "straight",
@@ -107,7 +119,12 @@ INTEGER_MEMBERS = (
     "effort",
     "hull",
 )
-"""Integer members of the struct `Elements` of elements.c."""
+"""Integers in the struct `Elements` of elements.c, in its order.
+
+They are: whether the motion follows a path, the number of elements, the number of coordinates, the
+numbers of rows, points, payloads, actuations and motors in the cost, whether the cost is the
+effort, and whether Bernstein coefficients replace velocities (`Instant.qd_hull`).
+"""
 POINTER_MEMBERS = (
     "shares",
     "weights",
@@ -126,11 +143,27 @@ POINTER_MEMBERS = (
     "sigma",
     "fits",
 )
-"""Pointers of this struct to arrays, which follow the integers."""
+"""Pointers to arrays in the struct `Elements`, which follow the integers.
+
+shares, weights
+    Fractions of the points, and their weights in integrals.
+moving, undriven
+    Indices of the moving joints. For each joint, whether it lacks a drive.
+slots
+    For every row that such a robot can have, its position among the active rows, or −1.
+actuation, drives
+    Joint, payload and law of each actuation, and its `DRIVE_LAYOUT`.
+cost, cost_drives, cost_weights
+    Joint and law, `DRIVE_LAYOUT`, and weight of each motor in the cost.
+load, mechanism, eye, limits
+    Rigid bodies with each payload, `MECHANISM_LAYOUT`, `EYE_LAYOUT`, and limits.
+sigma, fits
+    Directions of the joints, and fits of the path, of each element.
+"""
 
 
 class _ElementsStruct(ctypes.Structure):
-    """The struct `Elements` of elements.c."""
+    """The struct `Elements` of elements.c, which contains all data of a model at n elements."""
 
     _fields_ = [
         *((name, ctypes.c_long) for name in INTEGER_MEMBERS),
@@ -140,7 +173,13 @@ class _ElementsStruct(ctypes.Structure):
 
 
 class NativeElements:
-    """The functions of an element model at n elements with given parameters."""
+    """Path constraints and cost of an element model in C, at n elements with given parameters.
+
+    Attributes
+    ----------
+    context : ctypes.Structure
+        Data of the C functions.
+    """
 
     def __init__(
         self,
@@ -150,16 +189,16 @@ class NativeElements:
         count: int,
         location: Location,
     ) -> None:
-        """Prepare the inputs of the C code.
+        """Build the data of the C functions. The object keeps the memory of all arrays alive.
 
         Parameters
         ----------
         library : ctypes.CDLL
-            The compiled library.
+            The compiled part of the package.
         element : ElementModel
             Model of one element of the mesh.
         parameters : sequence of (size,) or (count, size) arrays
-            Parameters of the model.
+            Parameter vectors of the model. Those of shape (size,) apply to all elements.
         count : int
             Number n of elements.
         location : str
@@ -194,32 +233,32 @@ class NativeElements:
             "jacobian": (count, all_rows, size),
             "hessian": (count, size, size),
         }
-        """Shapes of the results by the names of the functions."""
+        """Shapes of the results by the names of the functions, see `call`."""
         if len(inputs.arrays["cost"]):
             self.shapes |= {"cost": (count, 1), "gradient": (count, size)}
         self._library = library
         self.group = ElementGroup.from_library(
             library, self.context, (size, all_rows, int(len(inputs.arrays["cost"]) > 0), count)
         )
-        """The group for the structured solver."""
+        """The same functions in the form that the structured solver reads."""
 
     def call(self, name: str, z: Array, multipliers: Array | None = None) -> Array:
-        """Evaluate one of the functions.
+        """Evaluate one of the functions at all elements.
 
         Parameters
         ----------
         name : str
-            "rows", "jacobian", "hessian", "cost" or "gradient".
+            "rows", "jacobian", "hessian", "cost" or "gradient", as in `ElementFunctions`.
         z : (n, size) array
-            The elements.
+            Vectors z of the elements.
         multipliers : (n, rows) array, optional
-            Multipliers of the rows for the Hessian. With a cost, a last column contains that of the
-            cost.
+            Multipliers λ of the rows, for the Hessian only. With a cost, another column contains
+            the multiplier κ of the cost.
 
         Returns
         -------
         array
-            The results, with the shape in `shapes`.
+            The results of all elements, with the shape in `shapes`.
         """
         result = np.empty(self.shapes[name])
         arrays = [np.ascontiguousarray(z, dtype=float)]
@@ -235,7 +274,7 @@ class NativeElements:
 def _parameter_arrays(
     element: ElementModel, constant_arrays: Arrays, parameters: Sequence[Array], count: int
 ) -> dict[str, Any]:
-    """Return the arrays of `_ElementsStruct` that depend on the parameters of an element model.
+    """Return the arrays of `_ElementsStruct` that depend on the parameters of a model, by name.
 
     Parameters
     ----------
@@ -244,7 +283,8 @@ def _parameter_arrays(
     constant_arrays : dict of arrays
         Arrays that do not depend on the parameters, see `_ElementInputs`.
     parameters : sequence of arrays
-        Parameters of the model.
+        Parameter vectors of the model: the directions of the joints, the fits of a path (only for
+        a motion along one), and the vector in the order of the model's `layout`.
     count : int
         Number of elements.
     """
@@ -274,40 +314,43 @@ def _parameter_arrays(
 
 
 def _addresses(arrays: Arrays) -> dict[str, int]:
-    """Return the addresses of the memory of arrays."""
+    """Return the addresses of the first entries of arrays, by their names."""
     return {name: values.__array_interface__["data"][0] for name, values in arrays.items()}
 
 
 @record
 class _ElementInputs:
-    """Inputs of the C functions that do not depend on the parameters of a model.
-
-    Attributes
-    ----------
-    rows : int
-        Number of rows.
-    offset : float
-        Offset of θ2, rad.
-    """
+    """Data of the C functions that do not depend on the parameters of a model."""
 
     arrays: Arrays
-    """Arrays by their names in `_ElementsStruct`. The limits of the drives are set later."""
+    """Arrays by their names in `_ElementsStruct`.
+
+    The torque limits in `drives` are parameters, so `_parameter_arrays` replaces them.
+    """
     rows: int
+    """Number of active rows at one point."""
     offset: float
+    """Offset of the angle θ2 of joint 2 in the C code, rad. 0 along a path."""
 
 
 @lru_cache(maxsize=64)
 def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs:
-    """Return the constant inputs of the C code that evaluates the rows of an element model.
+    """Return the data of the C functions that do not depend on parameters.
 
-    The C code evaluates the rows at the collocation points, at the points between them, or at a
-    start with static friction. It evaluates the cost only at the collocation points.
+    Parameters
+    ----------
+    element : ElementModel
+        Model of one element of the mesh.
+    location : str
+        Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`. Only torque rows are
+        evaluated at "breakaway", and the cost only at "collocation".
     """
     breakaway = location == "breakaway"
     rows = element.indexed_rows
     if breakaway:
         rows = [row for row in element.all_indexed_rows if row[0] == MotorTorque.name]
     actuation, drives = _actuation_arrays(element, breakaway=breakaway)
+    # Each actuation has three rows: two of a driving motor and one of a braking motor.
     slots = np.full(3 * len(actuation) + element.first_actuation, -1)
     slots[[index for *_, index in rows]] = np.arange(len(rows))
     cost, cost_drives = _cost_arrays(element if location == "collocation" else None)
@@ -334,23 +377,28 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
 
 
 def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
-    """Return the arrays of `_ElementsStruct` that only free motions need."""
+    """Return the arrays of `_ElementsStruct` that differ for free motions, by name."""
     mechanism, eye = _mechanism_and_eye_values(element.mechanism, element.eye)
     load = [load_figures(load.geometry, load.bodies, load.gravity) for load in element.robot.loads]
     return {"moving": element.moving, "load": load, "mechanism": mechanism, "eye": eye}
 
 
 def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array, Array]:
-    """Return the data of all actuations, sorted by load.
+    """Return the data of all a actuations (see `rows.Actuation`), sorted by payload.
 
-    At breakaway, the law of a constant friction coefficient applies.
+    Parameters
+    ----------
+    element : ElementModel
+        Model of one element of the mesh.
+    breakaway : bool
+        True if joints start to move. Their friction coefficient is then constant, the static one.
 
     Returns
     -------
     actuation : (a, 3) array of int
-        Joint, index of the load, and index of the law.
-    drives : (a, DRIVE_LAYOUT) array
-        Values of the drive.
+        Joint, index of the payload, and index of the law (`_law_index`).
+    drives : (a, DRIVE_LAYOUT.size) array
+        Numbers of `DRIVE_LAYOUT`.
     """
     by_load = actuations_by_load(element.robot)
     actuation = np.array(
@@ -359,22 +407,27 @@ def _actuation_arrays(element: ElementModel, *, breakaway: bool) -> tuple[Array,
     drives = np.array([_drive_values(drive, breakaway=breakaway) for *_, drive, _ in by_load])
     actuation = actuation.reshape(-1, 3)
     if breakaway:
+        # The first law of friction in `FRICTION_LAWS` has a constant coefficient.
         actuation[:, 2] -= actuation[:, 2] % len(FRICTION_LAWS)
     return actuation, drives.reshape(-1, DRIVE_LAYOUT.size)
 
 
 def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
-    """Return the data of all motors in the cost.
+    """Return the data of the k motors whose torque is part of the cost.
 
-    With effort as the cost, the joints without a motor are included. If there is no cost, or if
-    `element` is None, the arrays are empty.
+    If the cost is the effort, joints without a motor are included, with `ACCELERATION_DRIVE`.
+
+    Parameters
+    ----------
+    element : ElementModel or None
+        Model of one element of the mesh. None: there is no cost to evaluate (k = 0).
 
     Returns
     -------
-    cost : (q, 2) array of int
-        Joint, and index of the law.
-    drives : (q, DRIVE_LAYOUT) array
-        Values of the drive.
+    cost : (k, 2) array of int
+        Joint, and index of the law (`_law_index`).
+    drives : (k, DRIVE_LAYOUT.size) array
+        Numbers of `DRIVE_LAYOUT`.
     """
     if element is None or element.aim == "time":
         return np.zeros((0, 2), dtype=int), np.zeros((0, DRIVE_LAYOUT.size))
@@ -389,15 +442,21 @@ def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
 
 
 def _interleaved_fits(fits: Array) -> Array:
-    """Return fits (n, size of `straight_element.fit_layout`) in the order of the C code.
+    """Return the fits of a path in the order of the C code.
 
-    The C code evaluates `ELEMENTS_PER_VECTOR` elements at once, so their values are interleaved.
-    The last element is repeated to complete a group. Within an element, the coefficients of each
-    curve are adjacent.
+    The C code evaluates `ELEMENTS_PER_VECTOR` elements at once, so the numbers of so many elements
+    are interleaved. The last element is repeated to complete a group. Within an element, the
+    coefficients of each curve are adjacent.
+
+    Parameters
+    ----------
+    fits : (n, size) array
+        Fit of each element in the order of `straight_element.fit_layout`.
 
     Returns
     -------
     (groups, size, ELEMENTS_PER_VECTOR) array
+        The same numbers.
     """
     group_count = math.ceil(len(fits) / ELEMENTS_PER_VECTOR)
     indices = np.minimum(np.arange(group_count * ELEMENTS_PER_VECTOR), len(fits) - 1)
@@ -409,10 +468,10 @@ def _interleaved_fits(fits: Array) -> Array:
 
 
 def compiled_library() -> ctypes.CDLL | None:
-    """Return the compiled library.
+    """Return the compiled part of the package, or None if it cannot evaluate elements.
 
-    The result is None if the library does not exist. It is also None if another package has added a
-    tool speed, which the C code does not contain.
+    It cannot if it does not exist, or if another package has added a tool speed, which the C code
+    does not contain.
     """
     return load() if list(JACOBIANS) == [TipSpeed] else None
 
@@ -423,19 +482,18 @@ def native_elements(
     count: int,
     location: Location = "collocation",
 ) -> NativeElements | None:
-    """Return the native functions of an element model, or None without the compiled part.
+    """Return the C functions of an element model, or None without the compiled part.
 
     Parameters
     ----------
     element : ElementModel
         Model of one element of the mesh.
     parameters : sequence of (size,) or (count, size) arrays
-        Parameters of the model.
+        Parameter vectors of the model.
     count : int
-        Number of elements.
+        Number n of elements.
     location : str
-        "collocation" for the points `COLLOCATION_POINTS`, "between" for the points `DENSE_POINTS`,
-        or "breakaway" for the start with static friction.
+        Points at which the rows are evaluated, a key of `POINTS_BY_LOCATION`.
     """
     library = compiled_library()
     if library is None:
@@ -444,13 +502,24 @@ def native_elements(
 
 
 class _ElementsCallback(ca.Callback):
-    """A function of `ElementFunctions` for n elements as a CasADi callback.
+    """One of `ElementFunctions`, evaluated in C for n elements, as a function of CasADi.
 
-    Its results have the sparsity of the CasADi Function.
+    Its arguments and results are those of the CasADi Function mapped over n elements. The results
+    have the same sparsity, so a program that contains the callback keeps its structure.
     """
 
     def __init__(self, elements: "_LatestElements", name: str, function: ca.Function) -> None:
-        """Determine the sizes of arguments and results from a CasADi Function for one element."""
+        """Determine the sizes of arguments and results.
+
+        Parameters
+        ----------
+        elements : _LatestElements
+            C functions of the n elements.
+        name : str
+            Name of the function in `ElementFunctions`.
+        function : casadi.Function
+            The CasADi Function for one element.
+        """
         ca.Callback.__init__(self)
         self._elements = elements
         self._name = name
@@ -467,7 +536,7 @@ class _ElementsCallback(ca.Callback):
         rows, columns = sparsity.get_triplet()
         row_starts = np.array(rows, dtype=int) * sparsity.size2()
         self._indices = row_starts + np.array(columns, dtype=int)
-        """Indices of the nonzeros in a dense result."""
+        """Positions of the structural nonzeros in a dense row-major result."""
         self.construct(f"{name}_of_elements", {"enable_fd": False})
 
     def get_n_in(self) -> int:
@@ -486,10 +555,20 @@ class _ElementsCallback(ca.Callback):
         return True
 
     def eval_buffer(self, arguments: Sequence[memoryview], results: Sequence[memoryview]) -> int:
-        """Evaluate the function, as CasADi requires.
+        """Evaluate the function when CasADi calls it.
 
-        Exceptions must not reach CasADi. They are stored, also an interruption by the user, and
-        `MappedElements.check` raises them. Returns the number of stored exceptions.
+        Exceptions must not reach CasADi. This method stores them, also an interruption by the user,
+        and `MappedElements.check` raises them after the solve.
+
+        Parameters
+        ----------
+        arguments, results : sequence of memoryview
+            Memory of the nonzeros of all arguments and results.
+
+        Returns
+        -------
+        int
+            Number of stored exceptions. CasADi takes any number except 0 for a failure.
         """
         elements = self._elements
         try:
@@ -511,7 +590,10 @@ class _ElementsCallback(ca.Callback):
 
 @dataclass(eq=False)
 class _LatestElements:
-    """An element model at n elements whose parameters seldom change."""
+    """C functions of an element model at n elements, for the latest values of its parameters.
+
+    CasADi passes the parameters in every call, although they are the same during a solve.
+    """
 
     library: ctypes.CDLL
     element: ElementModel
@@ -521,7 +603,7 @@ class _LatestElements:
     _cached: tuple[list[Array], NativeElements] | None = None
 
     def with_parameters(self, parameters: list[Array]) -> NativeElements:
-        """Return the functions at these parameters.
+        """Return the C functions for given parameter vectors.
 
         If the parameters equal those of the previous call, the result is the same object.
         """
@@ -540,10 +622,10 @@ class _LatestElements:
 
 
 class MappedElements:
-    """The functions of an element model at n elements for CasADi, with parameters as inputs."""
+    """The `ElementFunctions` of a model, evaluated in C for n elements, for a program of CasADi."""
 
     def __init__(self, library: ctypes.CDLL, element: ElementModel, count: int) -> None:
-        """Use the compiled library for `count` elements."""
+        """Prepare the functions of an element model for `count` elements."""
         self._elements = _LatestElements(library, element, count)
         self._functions: list[_ElementsCallback] = []
 
@@ -556,7 +638,7 @@ class MappedElements:
         return self._functions[-1]
 
     def check(self) -> None:
-        """Raise the first exception of a function, if there is one."""
+        """Raise the first exception that a callback has stored since the last check, if any."""
         failures = self._elements.failures[:]
         self._elements.failures.clear()
         if failures:
@@ -564,27 +646,30 @@ class MappedElements:
 
 
 def mapped_elements(element: ElementModel, count: int) -> MappedElements | None:
-    """Return the mapped functions of an element model, or None without the compiled part."""
+    """Return the C functions of an element model for CasADi, or None without the compiled part."""
     library = compiled_library()
     return None if library is None else MappedElements(library, element, count)
 
 
 def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -> Array:
-    """Evaluate the rows at all points `DENSE_POINTS` of each element.
+    """Evaluate the path constraints at all `DENSE_POINTS` of each element.
+
+    The refinement of a motion calls this function to find constraints that are violated between the
+    collocation points.
 
     Parameters
     ----------
     element : ElementModel
         Model of one element of the mesh.
     z : (n, size) array
-        The elements.
+        Vectors z of the elements.
     parameters : sequence of (size,) or (n, size) arrays
-        Parameters of the model.
+        Parameter vectors of the model.
 
     Returns
     -------
     (n, 9 rows) array
-        Results of `ElementModel.dense_rows`.
+        Values of the active rows at the first point, then those at the second one, and so on.
     """
     n = len(z)
     native = native_elements(element, parameters, n, "between")
@@ -595,18 +680,21 @@ def rows_between(element: ElementModel, z: Array, parameters: Sequence[Array]) -
 
 
 _INTEGER_ARRAYS = ("moving", "undriven", "slots", "actuation", "cost")
-"""Names of the arrays of integers in `_ElementsStruct`."""
+"""Names of those `POINTER_MEMBERS` that point to integers. The others point to doubles."""
 
 
 def _law_index(drive: Drive) -> int:
-    """Return the index of the C function for the torque law and the friction law of a drive."""
+    """Return the index of the C function for the torque law and the friction law of a drive.
+
+    The functions are sorted by `TORQUE_LAWS`, then by `FRICTION_LAWS`.
+    """
     friction = friction_of(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
     return len(FRICTION_LAWS) * drive.two_nuts + FRICTION_LAWS.index(law)
 
 
 def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:
-    """Return the values of a drive (DRIVE_LAYOUT,) without its torque limit, which is set later.
+    """Return the numbers of `DRIVE_LAYOUT` for a drive.
 
     Parameters
     ----------
@@ -615,7 +703,12 @@ def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False
     nominal : float
         Nominal torque of the motor, N·m.
     breakaway : bool
-        Use the static friction coefficient.
+        True if the static friction coefficient replaces the kinetic one.
+
+    Returns
+    -------
+    (DRIVE_LAYOUT.size,) array
+        Numbers of the drive. The torque limit is 1, because it is a parameter of the model.
     """
     friction = friction_of(drive)
     values = {name: getattr(drive, name) for name in DRIVE_LAYOUT.slices if hasattr(drive, name)}
@@ -631,10 +724,28 @@ def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False
 
 
 def _equivalent_thread_values(drive: Drive, mu: float) -> dict[str, float]:
-    """Return the values of a thread without gear stages that has the same torque law as a drive.
+    """Return numbers of a thread without gear stages that has the same torque law as a drive.
 
-    A self-locking mesh always opposes the motor, so the stages only change its effort arm. Another
-    mesh needs a constant friction coefficient `mu`. Raises ProblemError if it is not constant.
+    The C code contains no gear stages before the thread. A self-locking mesh always opposes the
+    motor, so the stages only change the effort arm `gamma` of the drive. For another mesh, this
+    function finds a thread with the same efficiencies in both directions.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with gear stages.
+    mu : float
+        Friction coefficient of the thread.
+
+    Returns
+    -------
+    dict of float
+        Numbers by their names in `DRIVE_LAYOUT`.
+
+    Raises
+    ------
+    ProblemError
+        If the mesh is not self-locking and its friction coefficient is not constant.
     """
     uphill, downhill = mesh_coefficients(drive, mu)
     if downhill <= 0:
@@ -652,7 +763,10 @@ def _equivalent_thread_values(drive: Drive, mu: float) -> dict[str, float]:
 
 
 def _mechanism_and_eye_values(mechanism: Mechanism, eye: Eye | None) -> tuple[Array, Array]:
-    """Return the values of the mechanism (MECHANISM_LAYOUT,) and of the eye (EYE_LAYOUT,)."""
+    """Return the numbers of `MECHANISM_LAYOUT` and those of `EYE_LAYOUT`.
+
+    Without an eye or lens, the latter are not used, and their values do not matter.
+    """
     frames, angles, offset = axes_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
     angle = sum(angles)
     data = MECHANISM_LAYOUT.pack(

@@ -1,13 +1,19 @@
-"""One element of a mesh: limits and costs as CasADi Functions with exact derivatives.
+"""Limits and costs of one element of a mesh, as CasADi Functions with exact derivatives.
 
-An element is an interval of time in which the motion is a cubic. All symbols are in scaled time:
+The mesh divides a motion into intervals of time, called elements. In an element, every coordinate u
+is a cubic polynomial of time. `ElementModel` is the base class of the two models: `FreeElement`,
+whose coordinates are joints, and `StraightElement`, whose only coordinate is the parameter of a
+path. `element_functions` returns what the solvers evaluate. The symbols, in scaled time:
 
     z (4 m + 1,)   one element of m coordinates: u, u̇, ü at its start, ü at its end, its length h
     x (k,)         state at one instant, positions first
     x_c            the state at the fraction c of the length h
     p              parameters; the first is σ (4,), the direction of every joint: +1, −1 or 0
-    g(x, p) ≤ 1    path constraints, one row each
-    ℓ(x, p)        integrand of the cost; on the element L(z) = h Σ_c w_c ℓ(x_c) by Simpson's rule
+    g(x, p) ≤ 1    path constraints; each is one row of g
+    ℓ(x, p)        integrand of the cost
+    L(z)           cost of the element, L = h Σ_c w_c ℓ(x_c) by Simpson's rule with the weights w_c
+
+Scaled time is time divided by the unit of a program, which is about the duration of the motion.
 """
 
 from abc import ABC, abstractmethod
@@ -33,80 +39,72 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import keyword_record, record
 
 COLLOCATION_POINTS = (0.0, 0.5, 1.0)
-"""Fractions c of an element at which the path constraints hold.
+"""Fractions c of an element at which an optimisation program imposes the path constraints.
 
-Both ends are included, because ü may jump there.
+Neighbouring elements both impose them at their common end, because ü may jump there.
 """
 SIMPSON_WEIGHTS = (1 / 6, 4 / 6, 1 / 6)
-"""Weights w_c of these points in integrals (Simpson's rule)."""
+"""Weights w_c of `COLLOCATION_POINTS` in the integral of the cost (Simpson's rule)."""
 DENSE_POINTS = tuple(k / 8 for k in range(9))
-"""Fractions of an element at which the refinement searches violated constraints.
+"""Fractions of an element at which the refinement of a program looks for violated constraints.
 
-They also lie between the collocation points.
+They include the collocation points, and three points between each pair of them.
 """
 Aim = Literal["time", "heat", "effort", "cooling"]
-"""Cost in addition to time.
+"""Cost ℓ of a program in addition to its duration.
 
-"time" adds nothing, "heat" the heat of all motors, "effort" their effort, and "cooling" the
-weighted heat of some motors.
+"time": none. "heat": the heat of all motors (`rows.heat_cost`). "effort": the torque that the speed
+of the motion needs (`rows.effort_cost`). "cooling": the heat of the motors with one weight for each
+motor (`rows.cooling_cost`), for problems in which some motors get too hot.
 """
 
 
-X = TypeVar("X", ca.SX, ca.MX)
+Symbol = TypeVar("Symbol", ca.SX, ca.MX)
 
 
 class Parameter(NamedTuple):
-    """A parameter vector of an element model.
-
-    Attributes
-    ----------
-    size : int
-        Its length.
-    per_element : bool
-        True if every element has its own values.
-    """
+    """Size of one of the parameter vectors p of an element model."""
 
     size: int
+    """Length of the vector."""
     per_element: bool
+    """True if every element has its own values, False if all elements share them."""
 
 
 @keyword_record
 class ElementModel(ABC):
     """Limits and costs of one kind of motion on one element.
 
-    A subclass defines its vectors (`coordinates`, `state_size`, `positions`, `parameters`) and the
-    mathematics of one instant (`state`, `instant`, `rows`). Its `key` contains all properties of
-    the robot that are constants in its expressions. Every other number is a parameter. This class
-    derives the Functions of CasADi. Models with the same key are equal.
-
-    Attributes
-    ----------
-    robot : Robot
-        The robot. Its `corners` are the extremes of a range of friction, if there is one.
+    A subclass defines the sizes of its vectors (`coordinates`, `state_size`, `position_count`,
+    `parameters`) and the mathematics of one instant (`state`, `instant`, `rows`). Its `key`
+    contains all properties of the robot that are constants in its expressions. Every other number
+    is a parameter. From these, this class derives CasADi Functions. Models with the same key are
+    equal, so that the expensive Functions and programs are built only once.
     """
 
     robot: Robot
+    """The robot. If its friction or payload is a range, its `corners` are the extremes."""
     active: frozenset[RowName] | None = None
-    """Rows that the Functions contain. None selects all rows."""
+    """Names and joints of the rows that the Functions contain. None selects all rows."""
     aim: Aim = "time"
     """Cost in addition to time."""
 
     state_size: ClassVar[int]
     """Length k of the state x."""
-    positions: ClassVar[int]
-    """Number of positions among the entries of x."""
+    position_count: ClassVar[int]
+    """Number of positions among the entries of x. They come first."""
     layout: ClassVar[Layout]
-    """Layout of the last parameter."""
+    """Names and lengths of the entries of the last parameter vector."""
 
     @property
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sizes of the parameters p."""
+        """Sizes of the parameter vectors p, in their order."""
 
     @property
     @abstractmethod
     def key(self) -> tuple[Hashable, ...]:
-        """Key of the model. Models with the same key have the same Functions."""
+        """Values that determine the Functions. Models with the same key are equal."""
 
     @property
     @abstractmethod
@@ -119,16 +117,28 @@ class ElementModel(ABC):
 
     @abstractmethod
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return the motion and the limits of the joints in state x (k,), in SI units."""
+        """Return the motion and the limits of the joints in state x (k,), in SI units.
+
+        Parameters
+        ----------
+        x : (k,) casadi.SX
+            State.
+        *p : casadi.SX
+            Parameter vectors with the sizes in `parameters`.
+        """
 
     @abstractmethod
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return all path constraints in state x (k,)."""
+        """Return all path constraints in state x (k,) for the parameter vectors p."""
 
     @property
     @abstractmethod
     def all_indexed_rows(self) -> list[IndexedRow]:
-        """Name, joint and index in native/elements.c of each of `rows`, in their order."""
+        """Name, joint and index of each of `rows`, in their order.
+
+        The index is that of the row in native/elements.c, which has a place for every row that a
+        robot of this kind can have.
+        """
 
     @property
     @abstractmethod
@@ -144,7 +154,7 @@ class ElementModel(ABC):
 
     @property
     def size(self) -> int:
-        """Length of z."""
+        """Length 4 m + 1 of z."""
         return 4 * self.coordinates + 1
 
     def cubic(self, z: ca.SX) -> Cubic:
@@ -158,27 +168,27 @@ class ElementModel(ABC):
 
     @cached_property
     def indexed_rows(self) -> list[IndexedRow]:
-        """Name, joint and index of each active row, in their order."""
+        """Name, joint and index in native/elements.c of each active row, in the order of g."""
         return [
             row for row in self.all_indexed_rows if self.active is None or row[:2] in self.active
         ]
 
     @property
     def row_names(self) -> list[RowName]:
-        """Name of the limit, and joint, of each active row, in their order."""
+        """Name and joint of each active row, in the order of g."""
         return [(name, joint) for name, joint, _ in self.indexed_rows]
 
     @cached_property
     def point(self) -> ca.Function:
-        """Function (x, *p) → g (rows,) of the active rows."""
+        """Function (x, *p) → g (rows,), the values of the active rows in one state."""
         inputs = self._symbols(self.state_size)
         return ca.Function("point", inputs, [_row_values(self._active_rows(*inputs))])
 
     @cached_property
     def cost(self) -> ca.Function | None:
-        """Function (x, *p) → ℓ. None if only time counts.
+        """Function (x, *p) → ℓ, the integrand of the cost. None if only time counts.
 
-        The effort compares the state x with the same positions at infinitely low speed.
+        The effort is the difference to the torques at the same positions with infinitely low speed.
         """
         if self.aim == "time":
             return None
@@ -187,8 +197,8 @@ class ElementModel(ABC):
         instant = self.instant(x, *p)
         joints = self.robot.joints
         if self.aim == "effort":
-            derivatives = ca.SX.zeros(self.state_size - self.positions)
-            infinitely_slow = ca.vertcat(x[: self.positions], derivatives)
+            derivatives = ca.SX.zeros(self.state_size - self.position_count)
+            infinitely_slow = ca.vertcat(x[: self.position_count], derivatives)
             value = effort_cost(instant, self.instant(infinitely_slow, *p), joints)
         elif self.aim == "heat":
             value = heat_cost(instant, joints)
@@ -198,7 +208,7 @@ class ElementModel(ABC):
 
     @cached_property
     def dense_rows(self) -> ca.Function:
-        """Function (z, *p) → g at all points `DENSE_POINTS`, one after the other, (9 rows,)."""
+        """Function (z, *p) → g at all 9 `DENSE_POINTS`, one point after the other, (9 rows,)."""
         inputs = self._symbols(self.size)
         z, p = inputs[0], inputs[1:]
         values = [self.point(self.state(z, c), *p) for c in DENSE_POINTS]
@@ -206,7 +216,10 @@ class ElementModel(ABC):
 
     @cached_property
     def breakaway(self) -> ca.Function:
-        """Function (z, *p) → torque rows at the start of an element with static friction."""
+        """Function (z, *p) → torque rows at the start of an element, with static friction.
+
+        They limit the torque with which joints at rest break away, that is, start to move.
+        """
         inputs = self._symbols(self.size)
         z, p = inputs[0], inputs[1:]
         instant = self.instant(self.state(z, 0.0), *p)
@@ -215,7 +228,7 @@ class ElementModel(ABC):
 
     @cached_property
     def breakaway_joints(self) -> list[int]:
-        """Index of the joint for every row of `breakaway`."""
+        """Index of the joint of every row of `breakaway`, in their order."""
         joints = []
         for i in range(4):
             for _, _, sides in self.robot.actuations(i):
@@ -225,8 +238,8 @@ class ElementModel(ABC):
                     joints.append(i)
         return joints
 
-    def parameter_symbols(self, symbol_class: type[X]) -> list[X]:
-        """Return the parameters p as symbols of the given class, SX or MX."""
+    def parameter_symbols(self, symbol_class: type[Symbol]) -> list[Symbol]:
+        """Return symbols of the parameter vectors p, of the class casadi.SX or MX."""
         return [
             symbol_class.sym(f"p{i}", parameter.size) for i, parameter in enumerate(self.parameters)
         ]
@@ -240,24 +253,28 @@ class ElementModel(ABC):
         ]
 
     def _symbols(self, size: int) -> list[ca.SX]:
-        """Return symbols of a vector (size,) and of all parameters."""
+        """Return symbols of a vector (size,), x or z, and of the parameter vectors p."""
         return [ca.SX.sym("x", size)] + self.parameter_symbols(ca.SX)
 
 
-E = TypeVar("E", bound=ElementModel)
+Model = TypeVar("Model", bound=ElementModel)
 
 
-def shared_model(element: E) -> E:
-    """Return an equal model that was used before, if there is one.
+def shared_model(element: Model) -> Model:
+    """Return the model equal to `element` that was created first, or `element` itself.
 
-    CasADi then builds the Functions of equal models only once.
+    Equal models have the same Functions. A model builds them when they are first needed, and keeps
+    them, so a shared model builds them only once.
     """
-    return cast(E, _first_equal_model(element))
+    return cast(Model, _first_equal_model(element))
 
 
 @lru_cache(maxsize=32)
 def _first_equal_model(element: ElementModel) -> ElementModel:
-    """Return the model itself. The cache therefore returns the first of several equal models."""
+    """Return the model itself.
+
+    For an equal model, the cache returns the result of the first call, which is the first model.
+    """
     return element
 
 
@@ -269,32 +286,28 @@ def _row_values(rows: list[PathConstraint]) -> ca.SX:
 
 @record
 class ElementFunctions:
-    """Functions of (z, *p) that are evaluated on every element.
-
-    With r rows at the 3 points of `COLLOCATION_POINTS`, the results are:
-
-        rows       G = [g(x_c)]_c, (3 r,)
-        jacobian   ∂G/∂z, (3 r, 4 m + 1)
-        hessian    ∇²(λᵀ G + κ L), (4 m + 1, 4 m + 1); its last argument contains λ (3 r,), and κ if
-                   there is a cost
-        cost       L
-        gradient   L and ∇L (4 m + 1,)
-
-    The last two are None if only time counts.
-    """
+    """Functions of (z, *p) that solvers evaluate on every element, for r active rows."""
 
     rows: ca.Function
+    """G = [g(x_c)]_c, the r rows at each of the 3 points of `COLLOCATION_POINTS`, (3 r,)."""
     jacobian: ca.Function
+    """∂G/∂z, (3 r, 4 m + 1)."""
     hessian: ca.Function
+    """∇²(λᵀ G + κ L) with respect to z, (4 m + 1, 4 m + 1).
+
+    The last argument contains the multipliers λ (3 r,), followed by κ if there is a cost L.
+    """
     cost: ca.Function | None
+    """L. None if only time counts."""
     gradient: ca.Function | None
+    """L, and ∇L (4 m + 1,). None if only time counts."""
 
 
 @lru_cache(maxsize=24)
 def element_functions(element: ElementModel) -> ElementFunctions:
-    """Return the rows and the cost of an element with their exact derivatives by CasADi.
+    """Return the rows and the cost of an element, with exact derivatives by CasADi.
 
-    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c, they are
+    With the multipliers λ_c (r,) of the point c, and Simpson's weights w_c, the Functions compute
 
         G(z) = [g(x_c)]_c,   L(z) = h Σ_c w_c ℓ(x_c),   ∇²(Σ_c λ_cᵀ g(x_c) + κ L).
 
@@ -306,6 +319,7 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     Returns
     -------
     ElementFunctions
+        The Functions.
     """
     z = ca.SX.sym("z", element.size)
     p = element.parameter_symbols(ca.SX)

@@ -1,7 +1,9 @@
-"""Element model of a free motion: the coordinates are those of the moving joints.
+"""Element model of a free motion, in which the solver chooses the path of the joints.
 
-They are u = (q − q0)/d with d > 0. The state x = (u, u̇, ü) contains all four joints, (12,), in
-scaled time. Every joint keeps its direction within an element, so the friction law is exact.
+The coordinates of an element are those of the moving joints, u = (q − q0)/d, with the position q0
+of the joint at the start of the motion and a unit of length d > 0. The state x = (u, u̇, ü) contains
+all four joints, (12,), in scaled time. Every joint keeps its direction within an element, so the
+friction law is exact.
 """
 
 import pickle
@@ -44,37 +46,35 @@ from ssm_planner.problem import (
 from ssm_planner.typing import keyword_record
 
 RANGE_LIMITED_COORDINATES = ("roll", "spin")
-"""Task coordinates whose range is a row.
+"""Task coordinates whose range is a path constraint.
 
-They may leave their range between two points inside it. Tilt and depth cannot, because each of them
-depends on one joint.
+A motion may leave a range of roll or spin although all its points lie inside. Tilt and depth cannot
+leave their range, because each of them depends on one joint, which keeps its direction between two
+points.
 """
 RATE_LIMITED_COORDINATES = ("roll", "tilt", "spin")
-"""Task coordinates whose rate is not proportional to that of one joint."""
+"""Task coordinates whose limited rate is a path constraint.
+
+The rate of depth is the velocity of joint 4, so its limit is a bound of that velocity instead.
+"""
 
 
 @keyword_record
 class FreeElement(ElementModel):
-    """Path constraints of a robot and an eye for moving joints.
+    """Path constraints of a robot, of task coordinates and of an eye for a free motion.
 
-    Its parameters are σ (4,) and the values of `layout`.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-        Kinematics of the robot.
-    moving : tuple of int
-        Indices of the moving joints.
-    eye : Eye or None
-        Eye with the retina and the lens.
+    The parameter vectors are the directions σ (4,) of the joints and the values of `layout`.
     """
 
     mechanism: Mechanism
+    """Kinematics of the robot."""
     moving: tuple[int, ...]
+    """Indices of the joints that move. They are the coordinates of the elements."""
     eye: Eye | None = None
+    """Eye with the retina and the lens, which the tool must not touch. None without an eye."""
 
     state_size = 12
-    positions = 4
+    position_count = 4
     layout = Layout(
         q0=4,
         d=4,
@@ -85,22 +85,23 @@ class FreeElement(ElementModel):
         retina_easing=1,
         time_scale=1,
     )
-    """Layout of the parameters.
+    """Names and lengths of the entries of the second parameter vector.
 
-    It contains the first point q0 and the units d of the coordinates, the limits, the ranges of
-    `RANGE_LIMITED_COORDINATES` and the rates of `RATE_LIMITED_COORDINATES`. `retina_easing` is the
-    amount by which the row of the retina may exceed 1. `time_scale` is the length of a scaled
-    second, s.
+    `q0` and `d` are the origins and units of the coordinates. The entries of `LIMIT_SIZES` are the
+    limits of joints and tool. `range_centre` and `range_half_width` describe the ranges of
+    `RANGE_LIMITED_COORDINATES`, and `rate` contains the largest rates of
+    `RATE_LIMITED_COORDINATES`. `retina_easing` is the amount by which the row of the retina may
+    exceed 1. `time_scale` is the unit of scaled time, s.
     """
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sizes of σ and of the other parameters."""
+        """Sizes of the directions σ, and of the vector in the order of `layout`."""
         return Parameter(4, True), Parameter(self.layout.size, False)
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
-        """Key of the kind of motion, robot, moving joints, rows, eye and cost."""
+        """Kind of motion, key of the robot, moving joints, active rows, eye and cost."""
         return (
             "free",
             robot_key(self.robot),
@@ -116,14 +117,20 @@ class FreeElement(ElementModel):
         return len(self.moving)
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return u, u̇ and ü of all joints at the fraction c of an element, (12,)."""
+        """Return u, u̇ and ü of all joints at the fraction c of an element, (12,).
+
+        They are 0 for joints that do not move.
+        """
         x = ca.SX.zeros(12)
         for order, values in enumerate(self.cubic(z).evaluate(c)):
             x[[4 * order + joint for joint in self.moving]] = values
         return x
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return the motion and the limits of the joints in state x (12,)."""
+        """Return the motion and the limits of the joints in state x (12,), in SI units.
+
+        The speeds of the tool and their limits are squared.
+        """
         sigma, packed = p
         limits = self.layout.unpack(packed)
         q, qd, qdd = _joint_motion(x, limits)
@@ -144,7 +151,7 @@ class FreeElement(ElementModel):
         )
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return the rows of tool speeds, torques, ranges, rates and the eye."""
+        """Return the rows of tool speeds, motor torques, task ranges, task rates and the eye."""
         instant = self.instant(x, *p)
         parameters = self.layout.unpack(p[1])
         q, qd, _ = _joint_motion(x, parameters)
@@ -157,7 +164,11 @@ class FreeElement(ElementModel):
 
     @property
     def first_actuation(self) -> int:
-        """Index of the first torque row, after the rows of speeds, task and eye."""
+        """Index of the first torque row in native/elements.c.
+
+        Before it lie the rows of tool speeds, two for each range and rate of task coordinates, and
+        two of the eye (retina and lens).
+        """
         return (
             len(JACOBIANS)
             + 2 * (len(RANGE_LIMITED_COORDINATES) + len(RATE_LIMITED_COORDINATES))
@@ -166,7 +177,7 @@ class FreeElement(ElementModel):
 
     @cached_property
     def all_indexed_rows(self) -> list[IndexedRow]:
-        """Name, joint and index of each row, in the order of `rows`."""
+        """Name, joint and index in native/elements.c of each row, in the order of `rows`."""
         rows: list[IndexedRow] = [
             (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
         ]
@@ -185,7 +196,7 @@ class FreeElement(ElementModel):
 
     @property
     def _active_eye(self) -> Eye | None:
-        """The eye if one of its rows is active, else None."""
+        """The eye if one of its rows is active, otherwise None."""
         if self.eye is None or self.active is None:
             return self.eye
         rows = {(limit.name, None) for limit in self.eye.limits}
@@ -193,7 +204,7 @@ class FreeElement(ElementModel):
 
     @cached_property
     def _jacobians(self) -> list[ca.Function]:
-        """Functions q (4,) → J(q) (k, 4) of all tool speeds."""
+        """Functions q (4,) → J(q) (k, 4). The norm of J q̇ is one of the tool speeds."""
         q = ca.SX.sym("q", 4)
         return [
             ca.Function("jacobian", [q], [jacobian(self.mechanism, q)])
@@ -202,13 +213,13 @@ class FreeElement(ElementModel):
 
 
 def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[PathConstraint]:
-    """Return the rows of the ranges of `RANGE_LIMITED_COORDINATES`.
+    """Return the rows that keep `RANGE_LIMITED_COORDINATES` in their ranges.
 
     Parameters
     ----------
     mechanism : Mechanism
         Kinematics of the robot.
-    q : casadi.SX, (4,)
+    q : (4,) casadi.SX
         Joint positions, rad and m.
     parameters : SimpleNamespace
         Values of `FreeElement.layout`.
@@ -216,7 +227,7 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
     Returns
     -------
     list of PathConstraint
-        Two rows for each range, ±(value − centre)/half_width.
+        Two rows for each range, +(value − centre)/half_width and −(value − centre)/half_width.
     """
     rows = []
     task = task_from_joints_symbolic(mechanism, q)
@@ -231,13 +242,13 @@ def range_rows(mechanism: Any, q: ca.SX, parameters: SimpleNamespace) -> list[Pa
 def rate_rows(
     mechanism: Any, q: ca.SX, qd: ca.SX, parameters: SimpleNamespace
 ) -> list[PathConstraint]:
-    """Return the rows of the rates of `RATE_LIMITED_COORDINATES`.
+    """Return the rows that limit the rates of `RATE_LIMITED_COORDINATES`.
 
     Parameters
     ----------
     mechanism : Mechanism
         Kinematics of the robot.
-    q, qd : casadi.SX, (4,)
+    q, qd : (4,) casadi.SX
         Joint positions and velocities, rad and m.
     parameters : SimpleNamespace
         Values of `FreeElement.layout`.
@@ -245,7 +256,7 @@ def rate_rows(
     Returns
     -------
     list of PathConstraint
-        Two rows for each rate, ±rate/limit.
+        Two rows for each rate, +rate/limit and −rate/limit.
     """
     rows = []
     rates = task_rates_symbolic(mechanism, q, qd)
@@ -257,15 +268,15 @@ def rate_rows(
 
 
 def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[PathConstraint]:
-    """Return the rows of the distances to the retina and to the lens.
+    """Return the rows that keep the tip at a distance from the retina and from the lens.
 
     Parameters
     ----------
     eye : Eye
-        Eye that the tool must not injure.
+        Eye with the clearances that the tip must keep.
     mechanism : Mechanism
         Kinematics of the robot.
-    q : casadi.SX, (4,)
+    q : (4,) casadi.SX
         Joint positions, rad and m.
     easing : casadi.SX
         Amount by which the row of the retina may exceed 1.
@@ -279,5 +290,13 @@ def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[Pa
 
 
 def _joint_motion(x: ca.SX, p: SimpleNamespace) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return q, q̇ and q̈ in SI units, (4,) each, from the state x (12,) and the parameters."""
+    """Return q, q̇ and q̈ in SI units, (4,) each.
+
+    Parameters
+    ----------
+    x : (12,) casadi.SX
+        State u, u̇ and ü of all joints in scaled time.
+    p : SimpleNamespace
+        Values of `FreeElement.layout`. Its q0, d and time_scale define the scaled units.
+    """
     return p.q0 + p.d * x[:4], p.d * x[4:8] / p.time_scale, p.d * x[8:12] / p.time_scale**2

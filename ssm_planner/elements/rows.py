@@ -1,7 +1,10 @@
-"""Path constraints: limits at one instant as symbolic rows (value ≤ 1), and motor costs.
+"""Limits of a motion at one instant as symbolic path constraints, and the costs of the motors.
 
-The limits of a robot are parameters of the program (`joint_limits`). All other properties of the
-robot are constants in the expressions (`robot_key`).
+A path constraint, also called a row, is a scaled expression that must not exceed 1, for example
+|q̇_i| / limit_i. The element models (`free_element`, `straight_element`) build their constraints
+from the functions of this module, with CasADi symbols for the motion (`Instant`). The limits of a
+robot are parameters of the program (`joint_limits`), so one program serves all limits. All other
+properties of the robot are constants in the expressions (`robot_key`).
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array, Arrays, frozen
 
 UNLIMITED = 1e9
-"""Value of a limit that does not exist. It is so large that its row is never active."""
+"""Value that stands for a missing limit, in any unit. No row reaches it."""
 LIMIT_SIZES = {
     "velocity": 4,
     "acceleration": 4,
@@ -51,20 +54,24 @@ LIMIT_SIZES = {
     "speeds": len(JACOBIANS),
     "stop": 1,
 }
-"""Names and lengths of the limits that are parameters: of joints, motors, tool speeds and stops.
+"""Lengths of the limits that are parameters of a program, by name, in SI units.
 
-`cooling` is not a limit. It is the cost of one second of a motor at its nominal torque, in seconds.
+`velocity`, `acceleration` and `jerk` are limits of the joints. `torque` contains the largest motor
+torques, `speeds` the largest speeds of the tool, and `stop` the largest distance in m that the tool
+may travel while the robot stops. `cooling` is not a limit, but the weights of the heat of the
+motors: the seconds of duration that are worth one second of a motor at its nominal torque.
 """
 
 
 TIP_SPEED_INDEX = list(JACOBIANS).index(TipSpeed)
-"""Index of the tip speed among the tool speeds."""
+"""Index of the speed of the tip among the tool speeds, which have the order of `JACOBIANS`."""
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
     """Return the limits of joints and motors by their names in `LIMIT_SIZES`.
 
-    The velocity limit is the smaller one of joint and motor.
+    The velocity limit of a joint is the smaller one of its own limit and of that which follows from
+    the largest speed of its motor.
 
     Parameters
     ----------
@@ -99,12 +106,12 @@ def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
     Parameters
     ----------
     limits : iterable of ToolLimit
-        Limits of a task. A limit that it does not contain is `UNLIMITED`.
+        Limits of a task. The result is `UNLIMITED` where they contain no limit.
 
     Returns
     -------
     dict of arrays
-        `speeds` (kinds,) in SI units and in the order of `JACOBIANS`, and `stop` (1,) in m.
+        `speeds`, one for each of `JACOBIANS`, in SI units, and `stop` (1,) in m.
     """
     limits = tuple(limits)
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)
@@ -113,14 +120,15 @@ def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
 
 
 def tool_row_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[RowName]:
-    """Return the names of the rows of tool limits.
+    """Return the names and joints of the rows that represent limits of the tool.
 
     Parameters
     ----------
     limits : iterable of ToolLimit
         Limits of the tool.
     moving : collection of int
-        Indices of the joints that move. Each of them has its own row for the stop travel.
+        Indices of the joints that move. The limit of the stop travel, the distance that the tool
+        travels while the robot stops, has one row for each of them.
     """
     names: set[RowName] = set()
     for limit in limits:
@@ -132,9 +140,14 @@ def tool_row_names(limits: Iterable[ToolLimit], moving: Collection[int]) -> set[
 
 
 def with_margin(robot: Robot, share: float) -> Robot:
-    """Return the robot with smaller limits.
+    """Return the robot with smaller limits, for a motion that keeps a distance to the true ones.
 
-    Velocity, acceleration and motor torque are multiplied by 1 − share.
+    Parameters
+    ----------
+    robot : Robot
+        The robot.
+    share : float
+        Share by which the limits of velocity, acceleration and motor torque are reduced.
     """
     factor = 1 - share
 
@@ -158,9 +171,9 @@ def with_margin(robot: Robot, share: float) -> Robot:
 def robot_key(robot: Robot) -> bytes:
     """Return a key of all properties of a robot that are constants in an element model.
 
-    These are geometry, bodies, gravity, drives and nominal torques. Limits are parameters. If two
-    keys are equal, the robots have the same properties. The reverse need not hold, which only costs
-    time.
+    These are geometry, bodies, gravity, drives and nominal torques, but no limits, which are
+    parameters. If two keys are equal, the robots have the same properties. Robots with the same
+    properties may have different keys. The program is then built twice.
     """
     drives = [joint.drive for joint in robot.joints]
     nominal = [
@@ -179,80 +192,89 @@ def limits_jerk(robot: Robot) -> bool:
 
 
 BRAKING_ROW_SMOOTHING = 1e-3
-"""Smoothing of the maximum of both torque functions in braking rows, relative to the limit.
+"""Width of the smooth transition in the rows of braking motors, as a share of the torque limit.
 
-The smoothed row is on the safe side.
+A smooth function replaces the maximum of two torques there (`torque_row_values`).
 """
 COST_SMOOTHING = 1e-2
-"""The same smoothing in heat and effort, relative to the nominal torque.
+"""Width of this transition in the costs of heat and effort, as a share of the nominal torque.
 
-The solver would oscillate at a kink of the cost.
+The solver would oscillate at a kink of the cost (`smooth_torque`).
 """
 
 
 MOTORLESS_COST_WEIGHT = 1e-3
-"""Weight of the accelerations of joints without a motor, so small that motors come first."""
+"""Weight of the squared relative accelerations of joints without a motor in the effort.
+
+It is so small that the effort of the motors decides where there are motors.
+"""
 
 
 RowName = tuple[str, int | None]
-"""Name of the limit and joint of a row.
+"""Name of a row: the name of its limit, and the index of its joint (None for the whole arm).
 
-For the torque with the k-th of `Robot.actuations`, the second entry is joint + 4 k. Each of these
-rows can therefore be active without the others.
+A motor has one torque constraint for each entry k of `Robot.actuations`, that is, for each payload
+and extreme of the friction. For these rows the second entry is joint + 4 k, so that each of them
+can be part of a program without the others.
 """
 
 
 IndexedRow = tuple[str, int | None, int]
-"""A RowName, and the index of the row in native/elements.c."""
+"""The two entries of a RowName, and the index of the row in native/elements.c."""
 ROWS_PER_JOINT = 10
-"""Number of rows of one joint along a path.
+"""Number of kinematic rows of one joint along a path in native/elements.c.
 
-There are one row of the velocity and two rows of the stop in either direction, and one row each of
-the acceleration and the jerk in either direction.
+In each of the two directions there are one row of the velocity, two rows of the stop, and one row
+each of the acceleration and the jerk.
 """
 
 
 @frozen
 class PathConstraint:
-    """One scaled inequality: value ≤ 1 keeps the limit `name` of `joint`.
-
-    The joint has the form of the second entry of RowName. It is None for the whole arm.
-    """
+    """One path constraint, also called a row: a limit is kept if `value` is at most 1."""
 
     name: str
+    """Name of the limit."""
     joint: int | None
+    """Index of the joint in the form of `RowName`. None for the whole arm."""
     value: ca.SX
+    """Scaled expression of the limited quantity."""
 
 
 @frozen
 class Instant:
-    """Symbolic state of all joints at one instant, in SI units.
+    """Symbolic motion and limits of all joints at one instant, in SI units.
 
     All expressions have the shape (4,) unless stated otherwise.
-
-    Attributes
-    ----------
-    qd, qdd, qddd : casadi.SX
-        Velocities, accelerations and jerks.
-    sigma : casadi.SX
-        Direction of each joint: +1, −1, or 0 for a joint that does not move.
     """
 
     qd: ca.SX
+    """Joint velocities."""
     qd_hull: ca.SX
-    """Velocities in the velocity rows.
+    """Velocities in the velocity rows, which bound qd in the whole element.
 
-    They are Bernstein coefficients, see `StraightElement.collocation_states`.
+    Along a path they are Bernstein coefficients, see `StraightElement.collocation_states`. In a
+    free motion they are qd.
     """
     qdd: ca.SX
+    """Joint accelerations."""
     qddd: ca.SX
+    """Joint jerks."""
     tau_rigid: ca.SX
-    """Joint torques without friction, (4 loads,), one load of `Robot.loads` after the other."""
+    """Joint torques without friction, (4 loads,).
+
+    The four torques with the first payload of `Robot.loads` are followed by those with the second
+    one, and so on.
+    """
     speeds: ca.SX
-    """Speeds of the tool in the order of `JACOBIANS`, (kinds,), for the velocities qd_hull."""
+    """Speeds of the tool in the order of `JACOBIANS` for the velocities qd_hull.
+
+    In a free motion, they and their limits are squared, because a norm has no derivative at rest.
+    """
     sigma: ca.SX
+    """Direction of each joint: +1, −1, or 0 for a joint that does not move."""
     limits: SimpleNamespace
-    """LIMITS as expressions, so that one program serves all values.
+    """Limits with the names and lengths of `LIMIT_SIZES`.
 
     The torque limit of a joint without a motor is unused.
     """
@@ -261,17 +283,18 @@ class Instant:
 def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> list[PathConstraint]:
     """Return the rows of all kinematic limits along a path.
 
-    They are the tool speeds, and the velocity, acceleration, jerk and stop of every joint. The rows
-    of stops are those of `retiming.constraints.braking_travel`.
+    They are the rows of the tool speeds, and those of the velocity, acceleration, jerk and stop of
+    every joint. The rows of stops impose the same limit as `retiming.constraints.braking_travel`
+    does in TOPP-RA. A joint with a drive gets velocity rows only in its direction σ.
 
     Parameters
     ----------
     instant : Instant
-        Motion and loads at one instant.
+        Motion and limits at one instant.
     joints : tuple of Joint
         Joints of the robot.
     jerk : bool
-        Include the rows of the jerk.
+        True if the rows of the jerk are included.
     """
     rows = speed_rows(instant)
     for i, joint in enumerate(joints):
@@ -284,13 +307,14 @@ def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> l
 def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
     """Return the velocity row of joint i in one direction, and the two rows of its stop.
 
-    With the tip speed v, the stop travel d and the acceleration limit a, the rows of the stop are
-    v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤ a. Here q̇ and q̈ count positive in this direction.
+    The rows of the stop limit the distance d that the tip travels while the joint brakes. With the
+    tip speed v and the acceleration limit a, they are v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤ a. Here q̇
+    and q̈ count positive in the given direction.
 
     Parameters
     ----------
     instant : Instant
-        Motion and loads at one instant.
+        Motion and limits at one instant.
     i : int
         Index of the joint.
     sense : casadi.SX or int
@@ -307,7 +331,10 @@ def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list
 
 
 def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstraint]:
-    """Return the acceleration rows of joint i and, if `jerk` is true, its jerk rows."""
+    """Return the acceleration rows of joint i in both directions.
+
+    If `jerk` is true, the row of the jerk follows each of them.
+    """
     rows = []
     for side in (1, -1):
         value = side * instant.qdd[i] / instant.limits.acceleration[i]
@@ -319,7 +346,7 @@ def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstrai
 
 
 def speed_rows(instant: Instant) -> list[PathConstraint]:
-    """Return the rows of all tool speeds that a problem may limit."""
+    """Return the rows of all speeds of the tool that a problem may limit."""
     return [
         PathConstraint(limit_class.name, None, instant.speeds[k] / instant.limits.speeds[k])
         for k, limit_class in enumerate(JACOBIANS)
@@ -329,16 +356,17 @@ def speed_rows(instant: Instant) -> list[PathConstraint]:
 def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> list[PathConstraint]:
     """Return the torque rows of every motor, with exact friction in the direction of motion.
 
-    Rows at the corners of a range of friction are included.
+    If the friction or the payload of the robot is a range, there are rows for each of its extremes.
 
     Parameters
     ----------
     instant : Instant
-        Motion and loads at one instant.
+        Motion and limits at one instant.
     robot : Robot
-        Robot whose limits the rows represent.
+        Robot whose drives and motors the rows represent.
     breakaway : bool
-        Use the static friction coefficient, for an instant at which the joints start to move.
+        True for an instant at which the joints start to move. The static friction coefficient then
+        applies.
     """
     rows = []
     for i, k, load, drive, sides in _actuations(robot):
@@ -356,23 +384,30 @@ def torque_rows(instant: Instant, robot: Robot, *, breakaway: bool = False) -> l
 def torque_row_values(
     torques: tuple[ca.SX, ca.SX], limit: ca.SX
 ) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX]]:
-    """Return the row values of a driving and of a braking motor.
+    """Return the values of the torque rows of a driving and of a braking motor.
 
-    The torque σ τ in the direction of motion is the larger one of two functions. It is at most the
-    limit if both functions are. It is at least −limit if the larger one is, which a smooth maximum
-    expresses. This maximum never exceeds the exact one, so the row is on the safe side.
+    The torque σ τ in the direction of motion is the larger one of two functions τ_1 and τ_2. A
+    driving motor keeps its limit if both functions are at most the limit. A braking motor keeps it
+    if the larger function is at least −limit. With the relative torques r = τ / limit, and with
+    ε = `BRAKING_ROW_SMOOTHING`, a smooth function replaces the maximum in this row:
+
+        max(r_1, r_2) ≈ (r_1 + r_2)/2 + √((r_1 − r_2)²/4 + ε²) − ε.
+
+    This function never exceeds the exact maximum, so the row is on the safe side.
 
     Parameters
     ----------
     torques : tuple of two casadi.SX
-        The functions, see `directed_torques`.
+        The functions τ_1 and τ_2 of `directed_torques`, N·m.
     limit : casadi.SX
         Torque limit, N·m.
 
     Returns
     -------
     driving : tuple of two casadi.SX
+        Values of the rows of a driving motor.
     braking : tuple of one casadi.SX
+        Value of the row of a braking motor.
     """
     torque_1, torque_2 = torques
     half = (torque_1 - torque_2) / (2 * limit)
@@ -382,15 +417,16 @@ def torque_row_values(
 
 
 Actuation = tuple[int, int, int, Drive, tuple[int, ...]]
-"""A combination of drive and load.
+"""A joint with one of its possible drives and payloads.
 
-It contains the joint, the index in `Robot.actuations`, the index of the load, the drive, and the
-sides of the torque limit (1 for driving, −1 for braking).
+The entries are the index of the joint, the index k in its `Robot.actuations`, the index of the
+payload in `Robot.loads`, the drive (with one extreme of the friction), and the sides of the torque
+limit that the rows impose (1 for a driving motor, −1 for a braking motor).
 """
 
 
 def _actuations(robot: Robot) -> list[Actuation]:
-    """Return all combinations of drive and load, sorted by joint."""
+    """Return the possible drives and payloads of all joints, sorted by joint."""
     actuations = []
     for i in range(4):
         for k, (load, drive, sides) in enumerate(robot.actuations(i)):
@@ -399,17 +435,20 @@ def _actuations(robot: Robot) -> list[Actuation]:
 
 
 def actuations_by_load(robot: Robot) -> list[Actuation]:
-    """Return all combinations of drive and load, sorted by load."""
+    """Return the possible drives and payloads of all joints, sorted by payload.
+
+    native/elements.c has this order, because it computes the torques of one payload after another.
+    """
     return sorted(_actuations(robot), key=lambda item: item[2])
 
 
 def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
-    """Return names and indices of the rows of `torque_rows`.
+    """Return the names of the rows of `torque_rows`, and their indices in native/elements.c.
 
     Parameters
     ----------
     robot : Robot
-        Robot whose limits the rows represent.
+        Robot whose drives and motors the rows represent.
     start : int
         Index of the first torque row in native/elements.c.
     """
@@ -425,14 +464,14 @@ def indexed_torque_rows(robot: Robot, start: int) -> list[IndexedRow]:
 
 
 def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
-    """Return names and indices of the rows of `kinematic_rows`.
+    """Return the names of the rows of `kinematic_rows`, and their indices in native/elements.c.
 
     Parameters
     ----------
     robot : Robot
         Robot whose limits the rows represent.
     jerk : bool
-        Include the rows of the jerk.
+        True if the rows of the jerk are included.
     """
     rows: list[IndexedRow] = [
         (limit_class.name, None, k) for k, limit_class in enumerate(JACOBIANS)
@@ -450,17 +489,20 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
 
 
 def torque_row_names(robot: Robot, i: int) -> set[RowName]:
-    """Return the names of the torque rows of joint i."""
+    """Return the names of the torque rows of joint i, one for each of its actuations."""
     return {(MotorTorque.name, i + 4 * k) for k in range(len(robot.actuations(i)))}
 
 
 def heat_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return Σ (τ_motor/τ_nominal)², to which the heat of the windings is proportional."""
+    """Return Σ (τ_motor/τ_nominal)² over the motors.
+
+    The heat that a motor's windings produce is proportional to its square of the torque.
+    """
     return ca.sumsqr(_relative_torques(instant, joints))
 
 
 def cooling_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return Σ cooling (τ_motor/τ_nominal)², the heat of the motors with weights."""
+    """Return Σ w (τ_motor/τ_nominal)² over the motors, with the weights w = `limits.cooling`."""
     weights = [instant.limits.cooling[i] for i, *_ in motorised(joints)]
     return ca.dot(ca.vertcat(ca.SX(0, 1), *weights), _relative_torques(instant, joints) ** 2)
 
@@ -468,15 +510,15 @@ def cooling_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Return Σ ((τ_motor − τ_slow)/τ_nominal)² + MOTORLESS_COST_WEIGHT Σ (q̈/q̈_max)².
 
-    τ_slow is the torque of an infinitely slow motion at the same position. It overcomes friction
-    and weight, which are present at any speed. If their heat counted, the cost would reward
-    standing still where they are small. The second sum is over joints without a motor or drive,
-    which have no torque to compare. Its weight is so small that the motors come first.
+    The first sum is over the motors. τ_slow is the torque of an infinitely slow motion at the same
+    position. It overcomes friction and weight, which are present at any speed. If their heat
+    counted, the cost would reward standing still where they are small. The second sum is over the
+    joints without a motor or drive, which have no torque to compare.
 
     Parameters
     ----------
     instant : Instant
-        Motion and loads at one instant.
+        Motion and limits at one instant.
     slow : Instant
         The same instant without velocity and acceleration.
     joints : tuple of Joint
@@ -491,7 +533,7 @@ def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> c
 
 
 def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
-    """Return σ τ_motor/τ_nominal of every motor, (motors,), with a smooth maximum."""
+    """Return σ τ_motor/τ_nominal of every motor, (motors,), from `smooth_torque`."""
     values = [
         smooth_torque(drive, instant, i, motor.nominal_torque)
         for i, drive, motor in motorised(joints)
@@ -500,18 +542,19 @@ def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 
 
 def smooth_torque(drive: Drive, instant: Instant, i: int, nominal: float) -> ca.SX:
-    """Return σ τ_motor/τ_nominal of joint i.
+    """Return σ τ_motor/τ_nominal of joint i, smoothed.
 
-    The exact torque is the larger one of two functions. A smooth function replaces this maximum:
+    The exact torque is the larger one of two functions. With their values a and b relative to the
+    nominal torque, a smooth function replaces the maximum:
 
-        max(a, b) ≈ (a + b)/2 + √((a − b)²/4 + COST_SOFTNESS²).
+        max(a, b) ≈ (a + b)/2 + √((a − b)²/4 + COST_SMOOTHING²).
 
     Parameters
     ----------
     drive : Drive
         Drive of the joint.
     instant : Instant
-        Motion and loads at one instant.
+        Motion and limits at one instant.
     i : int
         Index of the joint.
     nominal : float
@@ -528,26 +571,32 @@ def directed_torques(
 ) -> tuple[ca.SX, ca.SX]:
     """Return the two functions whose maximum is the motor torque σ τ_motor.
 
+    One function applies while the motor drives the mesh of the worm or thread, the other one while
+    the load drives the mesh (`dynamics.motor_torque_rows`). For a drive with two nuts they are
+    equal, because the direction of motion alone decides on which side a nut lies.
+
     Parameters
     ----------
     drive : Drive
         Drive of the joint.
     instant : Instant
-        Motion and loads of all joints at one instant.
+        Motion of all joints at one instant.
     i : int
         Index of the joint.
     breakaway : bool
-        Use the static friction coefficient.
+        True if the static friction coefficient applies, because the joint starts to move.
     load : int
-        Index of the payload.
+        Index of the payload in `Robot.loads`.
 
     Returns
     -------
     tuple of two casadi.SX
-        Torques in the direction of motion, N·m. Both are 0 for a joint that does not move.
+        Torques of the motor in the direction of motion, N·m. Both are 0 for a joint that does not
+        move.
     """
     friction = friction_of(drive)
     sigma = instant.sigma[i]
+    # Speed and acceleration of the motor.
     w = drive.ratio * instant.qd[i]
     wd = drive.ratio * instant.qdd[i]
     mu = breakaway_coefficient(friction) if breakaway else friction_coefficient(friction, sigma * w)

@@ -1,16 +1,18 @@
-"""Element model of a motion along a path: the coordinate is the path parameter s ∈ [0, 1].
+"""Element model of a motion along a given path, whose coordinate is the path parameter s ∈ [0, 1].
 
-The state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time. In the velocity rows, ṡ_b replaces ṡ. The
-joints follow the path q(s), with primes for derivatives with respect to s:
+The joints follow the path q(s). With primes for derivatives with respect to s,
 
     q̇ = q' ṡ,   q̈ = q'' ṡ² + q' s̈,   q⃛ = q''' ṡ³ + 3 q'' ṡ s̈ + q' s⃛,
-    τ_rigid = A(s) s̈ + B(s) ṡ² + C(s)
+    τ_rigid = A(s) s̈ + B(s) ṡ² + C(s),
 
-The functions q', A, B, C and the tool speeds |J(q) q'| are smooth. On one element, they are
-replaced by polynomials of degree `FIT_DEGREE` (a *fit*), so the optimisation evaluates no
+where τ_rigid are the joint torques without friction. The functions q', A, B, C and the tool speeds
+|J(q) q'| at ṡ = 1 are called curves. On each element, polynomials of degree `FIT_DEGREE` in s
+replace the curves (a *fit*, computed by `planning.ocp.path_fit`), so the optimisation evaluates no
 kinematics.
 
-Every joint keeps its direction within an element, so the friction law is exact.
+The state is x = (s, ṡ, s̈, s⃛, ṡ_b) in scaled time. ṡ_b replaces ṡ in the velocity rows, see
+`StraightElement.collocation_states`. Every joint keeps its direction within an element, so the
+friction law is exact.
 """
 
 from collections.abc import Hashable
@@ -37,32 +39,29 @@ from ssm_planner.kinematics import JACOBIANS
 from ssm_planner.typing import keyword_record
 
 FIT_DEGREE = 6
-"""Degree of the polynomials in a fit."""
+"""Degree of the polynomials in a fit. native/elements.c is compiled for it."""
 
 
 @keyword_record
 class StraightElement(ElementModel):
     """Path constraints of a robot along any path.
 
-    Its parameters are σ (4,), the fit of the path (`fit_layout`), and the limits (`layout`).
-
-    Attributes
-    ----------
-    jerk : bool
-        Include the rows of the jerk.
+    The parameter vectors are the directions σ (4,) of the joints, the fit of the path
+    (`fit_layout`), and the limits (`layout`).
     """
 
     jerk: bool
+    """True if the rows of the jerk are included."""
 
     coordinates = 1
     state_size = 5
-    positions = 1
+    position_count = 1
     layout = Layout(**LIMIT_SIZES, time_scale=1)
-    """Layout of the limits, and of the length of a scaled second, s."""
+    """Names and lengths of the limits, and of the unit of scaled time `time_scale`, s."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Sizes of σ, of the fit and of the limits."""
+        """Sizes of the directions σ, of the fit and of the limits."""
         return (
             Parameter(4, True),
             Parameter(fit_layout(len(self.robot.loads)).size, True),
@@ -71,44 +70,50 @@ class StraightElement(ElementModel):
 
     @cached_property
     def key(self) -> tuple[Hashable, ...]:
-        """Key of the kind of motion, the robot, the rows and the cost."""
+        """Kind of motion, key of the robot, presence of jerk rows, active rows and cost."""
         return "straight", robot_key(self.robot), self.jerk, self.active, self.aim
 
     def state(self, z: ca.SX, c: float) -> ca.SX:
-        """Return s, ṡ, s̈, s⃛ and ṡ at the fraction c of an element, (5,)."""
+        """Return s, ṡ, s̈, s⃛ and ṡ_b = ṡ at the fraction c of an element, (5,)."""
         cubic = self.cubic(z)
         s, speed, acceleration = cubic.evaluate(c)
         return ca.vertcat(s, speed, acceleration, cubic.jerk, speed)
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
-        """Return the collocation states with the Bernstein coefficients of ṡ as ṡ_b.
+        """Return the states at the collocation points, with Bernstein coefficients of ṡ as ṡ_b.
 
         The velocity ṡ is a parabola within an element. If its three Bernstein coefficients keep a
-        bound, ṡ keeps it on the whole element.
+        bound, ṡ keeps it in the whole element. The outer coefficients are ṡ at both ends.
         """
         start, middle, end = super().collocation_states(z)
         middle[4] = self.cubic(z).middle_velocity
         return [start, middle, end]
 
     def rows(self, x: ca.SX, *p: ca.SX) -> list[PathConstraint]:
-        """Return the kinematic rows and the torque rows."""
+        """Return the kinematic rows, then the torque rows."""
         instant = self.instant(x, *p)
         rows = kinematic_rows(instant, self.robot.joints, self.jerk)
         return rows + torque_rows(instant, self.robot)
 
     @property
     def first_actuation(self) -> int:
-        """Index of the first torque row, after the rows of speeds and joints."""
+        """Index of the first torque row in native/elements.c.
+
+        Before it lie the rows of the tool speeds and the kinematic rows of four joints.
+        """
         return len(JACOBIANS) + 4 * ROWS_PER_JOINT
 
     @cached_property
     def all_indexed_rows(self) -> list[IndexedRow]:
-        """Name, joint and index of each row, in the order of `rows`."""
+        """Name, joint and index in native/elements.c of each row, in the order of `rows`."""
         torques = indexed_torque_rows(self.robot, self.first_actuation)
         return indexed_kinematic_rows(self.robot, self.jerk) + torques
 
     def instant(self, x: ca.SX, *p: ca.SX) -> Instant:
-        """Return the motion and the limits of the joints from the fit of the path."""
+        """Return the motion and the limits of the joints in state x (5,), in SI units.
+
+        The kinematics and the load of the robot follow from the fit of the path.
+        """
         sigma, fit_parameters, packed = p
         parameters = self.layout.unpack(packed)
         scale = parameters.time_scale
@@ -131,10 +136,18 @@ class StraightElement(ElementModel):
 
 @cache
 def curves_layout(loads: int) -> Layout:
-    """Return the layout of the quantities that a fit contains.
+    """Return the names and sizes of the curves that a fit approximates.
 
-    These are q', A, B and C of the four joints, and the tool speeds at ṡ = 1. A, B and C occur once
-    for each of the `loads` payloads.
+    Parameters
+    ----------
+    loads : int
+        Number of payloads.
+
+    Returns
+    -------
+    Layout
+        q' (dq), A (inertia), B (velocity) and C (gravity) of the four joints, and the tool speeds
+        at ṡ = 1. There are A, B and C for each payload.
     """
     return Layout(
         dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS)
@@ -143,10 +156,16 @@ def curves_layout(loads: int) -> Layout:
 
 @cache
 def fit_layout(loads: int) -> Layout:
-    """Return the layout of a fit on [centre − half_width, centre + half_width] in s.
+    """Return the names and sizes of the numbers that make up a fit.
 
-    It contains the coefficients of `curves_layout` with respect to ξ⁰, ξ¹, …, with
+    A fit applies to the interval of s with the given centre and half width. Its coefficients are
+    those of ξ⁰ for all curves (in the order of `curves_layout`), then those of ξ¹, and so on, with
     ξ = (s − centre)/half_width.
+
+    Parameters
+    ----------
+    loads : int
+        Number of payloads.
     """
     return Layout(centre=1, half_width=1, coefficients=(FIT_DEGREE + 1) * curves_layout(loads).size)
 
@@ -154,24 +173,24 @@ def fit_layout(loads: int) -> Layout:
 def path_derivatives(
     parameters: ca.SX, s: ca.SX, loads: int, jerk: bool
 ) -> tuple[SimpleNamespace, ca.SX, ca.SX]:
-    """Evaluate a fit at s.
+    """Evaluate a fit at s, and the derivatives of its first curve q'.
 
     Parameters
     ----------
-    parameters : casadi.SX, (size,)
-        Values of `fit_layout`.
+    parameters : (size,) casadi.SX
+        Fit, in the order of `fit_layout`.
     s : casadi.SX
         Path parameter.
     loads : int
         Number of payloads.
     jerk : bool
-        Evaluate q''' as well. Otherwise it is 0.
+        True if q''' is evaluated. Otherwise it is 0.
 
     Returns
     -------
     curves : SimpleNamespace
-        The quantities of `curves_layout`.
-    ddq, dddq : casadi.SX, (4,)
+        Values of the curves by their names in `curves_layout`.
+    ddq, dddq : (4,) casadi.SX
         q'' and q'''.
     """
     fit = fit_layout(loads).unpack(parameters)
@@ -187,18 +206,19 @@ def path_derivatives(
 
 
 def _evaluate_polynomials(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
-    """Evaluate polynomials at xi by Horner's rule.
+    """Evaluate several polynomials at one point by Horner's rule.
 
     Parameters
     ----------
-    coefficients : casadi.SX, (curves, powers)
-        Coefficients of xi⁰, xi¹, …
+    coefficients : (curves, powers) casadi.SX
+        Coefficients of ξ⁰, ξ¹, … of each polynomial.
     xi : casadi.SX
-        Points at which the polynomials are evaluated.
+        Point ξ.
 
     Returns
     -------
-    casadi.SX, (curves,)
+    (curves,) casadi.SX
+        Values of the polynomials.
     """
     value = coefficients[:, -1]
     for k in range(coefficients.size2() - 2, -1, -1):
@@ -207,5 +227,16 @@ def _evaluate_polynomials(coefficients: ca.SX, xi: ca.SX) -> ca.SX:
 
 
 def _differentiate_polynomials(coefficients: ca.SX) -> ca.SX:
-    """Return the coefficients (curves, powers − 1) of the derivatives of polynomials."""
+    """Return the coefficients of the derivatives of several polynomials.
+
+    Parameters
+    ----------
+    coefficients : (curves, powers) casadi.SX
+        Coefficients of ξ⁰, ξ¹, … of each polynomial.
+
+    Returns
+    -------
+    (curves, powers − 1) casadi.SX
+        Coefficients of the derivatives with respect to ξ.
+    """
     return ca.horzcat(*[k * coefficients[:, k] for k in range(1, coefficients.size2())])

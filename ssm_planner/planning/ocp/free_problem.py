@@ -123,7 +123,7 @@ class FreeProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of velocity, acceleration and jerk of the coordinates in scaled units, (m,) each."""
+        """Limits of u̇, ü and u⃛ in scaled units, (m,) each."""
         velocity, acceleration, jerk = (
             self.scaled(self.joint_limits[name], order)
             for order, name in enumerate(KINEMATIC_LIMITS, 1)

@@ -118,7 +118,7 @@ class ProgramSymbols:
 
     @property
     def variables(self) -> ca.MX:
-        """Variables of the program: the states of all elements, then the durations of the blocks."""
+        """Variables of the program: states of all elements, then durations of the blocks."""
         return ca.vertcat(ca.vec(self.x), self.times)
 
     @property

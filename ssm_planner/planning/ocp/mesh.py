@@ -109,7 +109,8 @@ def _element_ends(borders: Array, count: int) -> Array:
     """Divide every arc between two borders into elements of equal length.
 
     There are `count` elements in all, or more if an arc would otherwise have less than
-    `MIN_ELEMENTS_PER_ARC`. The number is thus the same for most motions, so that one compiled program serves many of them.
+    `MIN_ELEMENTS_PER_ARC`. The number is thus the same for most motions, so that one compiled
+    program serves many of them.
 
     Parameters
     ----------

@@ -160,7 +160,7 @@ class OcpProblem(ABC):
 
     @property
     def always_active(self) -> frozenset[RowName]:
-        """Path constraints that are part of the program even if the guess is far from their limits."""
+        """Path constraints that are part of the program whatever the guess."""
         return frozenset()
 
     @property

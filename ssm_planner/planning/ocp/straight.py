@@ -249,7 +249,7 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def complete_element(self) -> StraightElement:
-        """Element model with the path constraints of all limits of moving joints and of the tool."""
+        """Element model with the path constraints of moving joints, motors and the tool."""
         moving = np.abs(self.path.coarse_samples.dq).max(axis=0) > 0
         rows: set[RowName] = set().union(*(torque_row_names(self.robot, i) for i in range(4)))
         for i in np.flatnonzero(moving):
