@@ -1,13 +1,15 @@
-"""Generator of native/kernels.h, the parts of an element as C code.
+"""Generator of native/kernels.h, which contains the physical laws of an element as C code.
 
-Each part computes values from a few variables v. It consists of up to three C functions:
+The generator writes each law from the same CasADi expressions that the element models use, so that
+C and CasADi agree. A part of the model, for example the torque of a drive, computes a few
+values from a few variables v. It consists of up to three C functions:
 
     NAME_at     the values
     NAME_by     the values, and their Jacobian row by row
     NAME_bend   adds the upper triangle of the Hessian of Σ λ_i value_i, with multipliers λ
 
 native/elements.c combines the parts by the chain rule. Run `python -m ssm_planner.elements.kernels`
-after a change of a physical law.
+after a change of a physical law. A test compares the file with the result of `kernels_text`.
 """
 
 from collections.abc import Sequence
@@ -43,7 +45,7 @@ from ssm_planner.problem import FRICTION_LAWS
 from ssm_planner.trajectory import Cubic
 
 KERNELS_HEADER = Path(__file__).parents[1] / "native" / "kernels.h"
-"""The generated file."""
+"""Path of the generated file."""
 VECTOR_EXPRESSIONS = SCALAR_EXPRESSIONS | {
     "not": "SSM_F(is)({0} == SSM_R(0.0))",
     "lt": "SSM_F(is)({0} < {1})",
@@ -54,15 +56,21 @@ VECTOR_EXPRESSIONS = SCALAR_EXPRESSIONS | {
     "or": "SSM_F(is)(({0} != SSM_R(0.0)) | ({1} != SSM_R(0.0)))",
     "if_else_zero": "SSM_F(where)({0} != SSM_R(0.0), {1})",
 }
-"""C expressions of operations on vectors of elements. Conditions have the value 0 or 1."""
-# The first entry abbreviates powers of e, which the exponential laws of friction contain.
+"""C expressions of the operations on vectors, which contain one number for each of 4 elements.
+
+A condition has the value 0 or 1 in each entry.
+"""
+# The first entry replaces powers of e, which the exponential laws of friction contain.
 ABBREVIATIONS = {
     "SSM_F(pow)(SSM_R(2.718281828459045), ": "V(exp)(",
     "SSM_F(": "V(",
     "SSM_R(": "R(",
     "ssm_real": "real",
 }
-"""Abbreviations in the generated text."""
+"""Text in the generated functions, and the shorter text that replaces it.
+
+The C sources define the shorter names as macros.
+"""
 MAX_LINE_LENGTH = 120
 """Largest number of characters in a generated line."""
 Symbols = dict[str, ca.SX]
@@ -71,9 +79,10 @@ Symbols = dict[str, ca.SX]
 
 @dataclass
 class _KernelWriter:
-    """Collects functions in C."""
+    """Collector of generated C functions."""
 
     texts: list[str] = field(default_factory=list)
+    """Definitions of the C functions so far."""
 
     def add_part(
         self,
@@ -83,23 +92,20 @@ class _KernelWriter:
         values: Sequence[Any],
         kinds: str = "at by bend",
     ) -> None:
-        """Write C functions for the values of a part of the model and for their derivatives.
-
-        NAME_at computes the values, NAME_by also their Jacobian, and NAME_bend adds the Hessian of
-        their weighted sum.
+        """Add the C functions of one part of the model: NAME_at, NAME_by and NAME_bend.
 
         Parameters
         ----------
         name : str
-            Beginning of the names.
+            Common beginning of the names, NAME.
         constants : dict of casadi.SX
-            Inputs that are not differentiated.
+            Inputs that are not differentiated, by name.
         v : (str, casadi.SX)
-            Name and symbols of the variables.
+            Name and symbols of the variables of the derivatives.
         values : sequence of casadi.SX
-            The values.
+            Expressions of the values.
         kinds : str
-            Endings of the functions to write.
+            Endings of those of the three functions that native/elements.c needs.
         """
         variable_name, symbols = v
         inputs = {**constants, variable_name: symbols}
@@ -113,16 +119,18 @@ class _KernelWriter:
             self.function(f"{name}_bend", {**inputs, "lam": lam}, {"bend": bend}, adds=True)
 
     def function(self, name: str, inputs: Symbols, outputs: Symbols, *, adds: bool = False) -> None:
-        """Write one function whose outputs are stored row by row, without structural zeros.
+        """Add one C function. Its outputs are dense arrays, row by row.
+
+        The function only writes entries that are not structurally zero.
 
         Parameters
         ----------
         name : str
             Name of the C function.
         inputs, outputs : dict of casadi.SX
-            Arguments by name.
+            Symbols of the inputs and expressions of the outputs, by name.
         adds : bool
-            Add the results to the content of the outputs.
+            True if the function adds its results to the content of the outputs.
         """
         results = []
         arguments = []
@@ -149,7 +157,7 @@ class _KernelWriter:
 
 
 def _pack_statements(text: str) -> str:
-    """Put several statements of a C function on each line."""
+    """Put as many statements of a C function on each line as `MAX_LINE_LENGTH` allows."""
     statements = text.split("\n")
     lines = statements[:2]  # the declaration and the opening brace
     line = ""
@@ -164,7 +172,8 @@ def _pack_statements(text: str) -> str:
 def kernels_text() -> str:
     """Return the text of native/kernels.h.
 
-    The text consists of the sizes of all arrays as macros, and of the functions of all parts.
+    It consists of the sizes of all arrays and the positions of their entries as macros, and of the
+    C functions of all parts of an element.
     """
     writer = _KernelWriter()
     sizes = {
@@ -197,10 +206,15 @@ def kernels_text() -> str:
 
 
 def _write_posture_rows(writer: _KernelWriter) -> int:
-    """Write the rows of a free motion that depend on positions and velocities.
+    """Add the rows of a free motion that depend on the positions and velocities of the joints.
 
-    Expressions that depend only on the robot are computed once by the function `prepare`. Returns
-    the number of values that it computes.
+    Subexpressions that depend only on the robot, the eye and the limits do not change during a
+    solve. The C function `prepare` computes them once.
+
+    Returns
+    -------
+    int
+        Number of values that `prepare` computes.
     """
     y = _symbols("y", 12)
     inputs = {
@@ -211,7 +225,8 @@ def _write_posture_rows(writer: _KernelWriter) -> int:
     groups = _posture_rows(inputs, y)
     everything = ca.vertcat(*inputs.values())
     expression = ca.vertcat(*chain.from_iterable(groups.values()))
-    # Expressions of robot properties alone are computed once.
+    # `parametric` are the subexpressions that depend on `everything` alone, and `shared` are the
+    # symbols that replace them in the rows.
     shared: Any
     parametric: Any
     expression, shared, parametric = ca.extract_parametric(expression, everything)
@@ -229,14 +244,15 @@ def _write_posture_rows(writer: _KernelWriter) -> int:
 
 
 def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
-    """Return the rows of a free motion by the names of their functions in C.
+    """Return the rows of a free motion by the names of their C functions.
 
     Parameters
     ----------
     inputs : dict of casadi.SX
-        Values of `MECHANISM_LAYOUT`, EYE_LAYOUT and `FreeElement.layout`.
-    y : casadi.SX, (12,)
-        Joint positions, velocities and accelerations.
+        Symbols "mechanism", "eye" and "limits" of the numbers in `MECHANISM_LAYOUT`, `EYE_LAYOUT`
+        and `FreeElement.layout`.
+    y : (12,) casadi.SX
+        Joint positions, velocities and accelerations, in the frames of `rigid_body.axes_frames`.
     """
     xp = casadi_namespace()
     q, qd, _ = _split_state(y)
@@ -271,9 +287,9 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
 
 
 def _write_drive_torques(writer: _KernelWriter) -> None:
-    """Write the rows of a motor's torque, and the torque relative to its nominal value.
+    """Add the rows of a motor's torque, and the torque relative to its nominal value ("pull").
 
-    There is one function for each torque law (one mesh, or two nuts) and each law of friction.
+    There is one part of each for every torque law (one mesh, or two nuts) and law of friction.
     """
     drive_symbols = _symbols("drive", DRIVE_LAYOUT.size)
     sigma = _symbols("sigma", 1)
@@ -296,7 +312,7 @@ def _write_drive_torques(writer: _KernelWriter) -> None:
 
 
 def _write_path_motion(writer: _KernelWriter) -> None:
-    """Write the motion, the load and the tool speed of a joint along a path."""
+    """Add the motion, the load and the tool speed of one joint along a path."""
     x = _symbols("x", 5)
     packed = _symbols("limits", StraightElement.layout.size)
     fit_range = _symbols("place", 2)
@@ -305,7 +321,7 @@ def _write_path_motion(writer: _KernelWriter) -> None:
     )
 
     def instant(*names: str) -> tuple[Symbols, Instant]:
-        """Return the inputs, and an instant whose fit contains only these curves."""
+        """Return the C inputs, and an instant whose fit contains only the named curves."""
         curves = curves_layout(1)
         coefficients = _symbols("curve", (FIT_DEGREE + 1) * len(names))
         fit = ca.SX.zeros(fit_layout(1).size)
@@ -328,7 +344,10 @@ def _write_path_motion(writer: _KernelWriter) -> None:
 
 
 def _write_joint_limits(writer: _KernelWriter) -> None:
-    """Write the rows of velocity, stop, acceleration and jerk of one joint along a path."""
+    """Add the rows of velocity, stop, acceleration and jerk of one joint along a path.
+
+    The part "sense" contains the rows of one direction, and "pace" those of acceleration and jerk.
+    """
     v = _symbols("v", 3)
     sigma = _symbols("sigma", 1)
     bounds = _symbols("bounds", 4)
@@ -355,10 +374,10 @@ def _write_joint_limits(writer: _KernelWriter) -> None:
 
 
 def _write_states(writer: _KernelWriter) -> None:
-    """Write the state of one coordinate at a fraction of an element as a function of its z.
+    """Add the state of one coordinate at a fraction of an element, as a function of z.
 
-    The input `hull` is 1 if the bound of the velocity is the middle Bernstein coefficient, and
-    otherwise 0.
+    The part "state" serves free motions, and "line" serves motions along a path. The input `hull`
+    is 1 if the middle Bernstein coefficient replaces the velocity ṡ_b, and otherwise 0.
     """
     z = _symbols("z", 5)
     share = _symbols("share", 1)
@@ -374,7 +393,7 @@ def _write_states(writer: _KernelWriter) -> None:
 
 
 def _symbols(name: str, size: int) -> ca.SX:
-    """Return symbols of a vector (size,)."""
+    """Return the symbols of a vector (size,)."""
     return ca.SX.sym(name, size)
 
 
@@ -384,7 +403,10 @@ def _split_state(y: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _object_array(value: ca.SX) -> Any:
-    """Return the entries of an expression as an array (n,) of expressions."""
+    """Return the n entries of an expression as a NumPy array (n,) of expressions.
+
+    The kinematic formulas for arrays then apply to it.
+    """
     array = np.empty(value.numel(), dtype=object)
     array[:] = ca.vertsplit(ca.vec(value))
     return array

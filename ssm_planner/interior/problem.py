@@ -1,12 +1,16 @@
-"""A nonlinear program on a mesh of cubic elements.
+"""Nonlinear program on a mesh of cubic elements, in the form that the structured solver reads.
 
     min   w_t Σ T + w_c Σ_k L(z_k) + Σ_k h_k Σ_i p_i (a_0² + a_0 a_1 + a_1²)_i + e var(T / T_least)
     s.t.  G_j(z_k) ≤ bound of every group j at its elements k,   A z_k ≤ bound,   T ≥ T_least,
           low ≤ Σ T ≤ high,   z_k[i] = value for a few (k, i),   some unknowns are fixed
 
-The vector z_k (5 m + 1,) is element k of a `spline`, and a_0 and a_1 are ü at its ends. G and L
-depend on all entries of z_k except the last m. The unknowns are x = (c, T). The C code in
-native/program.c and derivatives.c evaluates values and derivatives.
+The unknowns are the coefficients c of a spline (`spline.Spline`) and the durations T of the blocks,
+which are groups of neighbouring elements. They determine the vector z_k (5 m + 1,) of every element
+k: its m coordinates u, their derivatives, its length h_k, and middle Bernstein coefficients. a_0
+and a_1 are ü of the coordinates at the ends of the element. The rows G (path constraints) and the
+cost L depend on all entries of z_k except the last m. `planning.ocp.structured` builds programs,
+and `solve` solves them. The C code in native/program.c and derivatives.c evaluates their values and
+derivatives.
 """
 
 import ctypes
@@ -23,7 +27,7 @@ _Derivatives = ctypes.CFUNCTYPE(ctypes.c_int, *[_P] * 4, ctypes.POINTER(_P))
 
 
 class ElementGroup(ctypes.Structure):
-    """The C struct of this name in native/elements.h: functions of several elements."""
+    """Functions G and L of several elements in C: the struct of this name in native/elements.h."""
 
     _fields_ = (
         *(("context", _P), ("size_z", _L), ("rows", _L), ("costs", _L), ("count", _L)),
@@ -34,16 +38,16 @@ class ElementGroup(ctypes.Structure):
     def from_library(
         cls, library: ctypes.CDLL, context: ctypes.Structure, sizes: tuple[int, int, int, int]
     ) -> "ElementGroup":
-        """Build a group that native/elements.c evaluates.
+        """Build a group whose functions native/elements.c evaluates.
 
         Parameters
         ----------
         library : ctypes.CDLL
-            The compiled library.
+            The compiled part of the package.
         context : ctypes.Structure
             Data of the functions. The caller must keep it alive.
         sizes : tuple of four int
-            Sizes of z, rows, costs and elements.
+            Length of z without its last m entries, and numbers of rows, costs and elements.
         """
         values = ctypes.cast(library.ssm_values_of, _Values)
         derivatives = ctypes.cast(library.ssm_derivatives_of, _Derivatives)
@@ -51,75 +55,73 @@ class ElementGroup(ctypes.Structure):
 
 
 class NativeGroup(Protocol):
-    """An object that owns an ElementGroup and all memory to which it points."""
+    """An object that owns the functions of a group and all memory to which they point."""
 
     group: ElementGroup
+    """The functions."""
 
 
 @record
 class RowGroup:
-    """Rows G(z) ≤ bound at some of the elements."""
+    """Rows G(z) ≤ bound at q elements, and the cost L of these elements."""
 
     native: NativeGroup
     """The functions G and L with their derivatives."""
     elements: Indices
-    """Indices (q,) of the elements, in any order. An element may occur several times."""
+    """Indices of the elements in any order, (q,). An element may occur several times."""
     bound: Array
-    """Bounds (q, r). The bound of an unlimited row is infinite."""
+    """Upper bounds of the r rows at each element, (q, r). Infinite where a row is unlimited."""
     cost_weight: float = 0.0
     """Weight w_c of the cost L of these elements."""
 
 
 @keyword_record
 class Program:
-    """A program with n elements, m coordinates and b blocks."""
+    """A program with n elements, m coordinates and b blocks, in the notation of the module."""
 
     spline: Spline
+    """Relation between the unknowns and the elements."""
     groups: tuple[RowGroup, ...]
+    """Nonlinear constraints and costs of the elements."""
     matrix: Array
-    """A, (l, 5 m + 1)."""
+    """Matrix A of l linear constraints that all elements have in common, (l, 5 m + 1)."""
     bound: Array
-    """Bounds (n, l) of A z. The bound of an unlimited row is infinite."""
+    """Upper bounds of A z for each element, (n, l). Infinite where a row is unlimited."""
     free: Array
-    """True for unknowns that are variable, (rows, m)."""
+    """True for unknowns of the spline that may change, (spline.rows, m). The others are fixed."""
     equal: tuple[Indices, Indices, Array]
-    """Fixed entries of elements: index of the element, index in z, and value, (q,) each."""
+    """Equality constraints z_k[i] = value: the indices k and i, and the values, (q,) each."""
     least_times: Array
-    """Smallest times T_least of the blocks, (b,)."""
+    """Smallest durations T_least of the blocks, (b,)."""
     duration: tuple[float, float]
-    """Bounds (low, high) of Σ T. Equal bounds fix the duration."""
+    """Bounds (low, high) of the total duration Σ T. Equal bounds fix it."""
     time_weight: float
     """Weight w_t of the duration."""
     smoothing: Array
-    """Weights p, (m,)."""
+    """Weights p of the squared accelerations, (m,)."""
     block_variance_weight: float
-    """Weight e of the variance of T/T_least, which favours equal blocks."""
+    """Weight e of the variance of T/T_least, which makes the durations of the blocks unique."""
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Numbers of inequality rows and of equalities.
+        """Numbers of inequality and of equality constraints.
 
-        The inequality rows are those of the groups, of A, of the times, and of the duration.
+        The inequality constraints are, in this order, the rows of the groups, those of A, T ≥
+        T_least, and the finite bounds of the duration. A fixed duration is an equality constraint.
         """
         low, high = self.duration
-        has_duration = low == high
-        bounds_of_duration = 0 if has_duration else int(np.isfinite(high)) + int(low > 0)
+        is_fixed = low == high
+        duration_bounds = 0 if is_fixed else int(np.isfinite(high)) + int(low > 0)
         group_rows = sum(group.bound.size for group in self.groups)
-        rows = group_rows + self.bound.size + self.spline.blocks + bounds_of_duration
-        return rows, len(self.equal[2]) + int(has_duration)
+        rows = group_rows + self.bound.size + self.spline.blocks + duration_bounds
+        return rows, len(self.equal[2]) + int(is_fixed)
 
 
 @record
 class Point:
-    """An iterate of the solver.
-
-    Attributes
-    ----------
-    c : (rows, m) array
-        Unknowns of the spline.
-    times : (b,) array
-        Times T of the blocks.
-    """
+    """Values of all unknowns of a program."""
 
     c: Array
+    """Unknowns of the spline, (spline.rows, m)."""
     times: Array
+    """Durations T of the blocks, (b,)."""

@@ -1,8 +1,10 @@
-"""Python interface of the structured interior-point solver in C (`native/solver.c`).
+"""Interface to the structured interior-point solver in C (native/solver.c).
 
-The solver minimises a sequence of barrier functions by Newton steps with a filter line search. Its
-linear systems are small positive definite band matrices with a border. Without the compiled part
-(`native.library`), only Ipopt solves programs.
+An interior-point method adds μ times a logarithmic barrier of the inequality constraints to the
+objective, and decreases the barrier weight μ step by step. The solver minimises each barrier
+function by Newton steps with a filter line search. It is called structured because it uses the
+chain of elements: its linear systems are small positive definite band matrices with a border.
+Without the compiled part of the package, only Ipopt solves programs.
 """
 
 import ctypes
@@ -14,55 +16,47 @@ from ssm_planner.native import library
 from ssm_planner.typing import Array, record
 
 OPTIMALITY_TOLERANCE = 1e-8
-"""Largest residual of the optimality conditions at the solution."""
+"""Largest residual of the optimality conditions (KKT) at a solution, also of Ipopt."""
 TOLERANCE_PER_BARRIER = 11.0
-"""Tolerance divided by the last weight μ of the barrier."""
+"""Ratio of `OPTIMALITY_TOLERANCE` to the last barrier weight μ. native/solver.c has the same value.
+
+Ipopt uses the same weight when it confirms a solution.
+"""
 FIRST_BARRIER = 1e-4
-"""First weight μ of the barrier in a cold start."""
+"""First barrier weight μ of a cold start, that is, of one without multipliers. Also Ipopt's."""
 
 
 @record
 class State:
-    """The final state of a solve, from which another solve may start.
-
-    Attributes
-    ----------
-    point : Point
-        The last iterate.
-    equality_multipliers : array
-        Multipliers of the equalities.
-    """
+    """The final state of a solve, at which the solve of a similar program may start."""
 
     point: Point
+    """Unknowns at the last iterate."""
     slacks: Array
-    """Slacks of all rows (`Program.sizes`). The slack of an unlimited row is 1."""
+    """Differences between bound and value of all inequality constraints, as in `Program.sizes`.
+
+    The slack of an unlimited row is 1.
+    """
     multipliers: Array
-    """Multipliers of all rows. The multiplier of an unlimited row is 0."""
+    """Lagrange multipliers of all inequality constraints, 0 for an unlimited row."""
     equality_multipliers: Array
+    """Lagrange multipliers of the equality constraints."""
 
 
 @record
 class Outcome:
-    """The result of a solve.
-
-    Attributes
-    ----------
-    converged : bool
-        True if the stopping test was met.
-    iterations : int
-        Number of iterations.
-    state : State
-        The solution, or the last iterate.
-    objective : float
-        Value of the objective.
-    """
+    """The result of a solve."""
 
     converged: bool
+    """True if the last iterate satisfies the optimality conditions within the tolerance."""
     iterations: int
+    """Number of iterations."""
     state: State
+    """State at the last iterate."""
     z: Array
-    """Elements, (n, 5 m + 1)."""
+    """Vectors z of all elements at the last iterate, (n, 5 m + 1)."""
     objective: float
+    """Value of the objective at the last iterate."""
 
 
 def solve(
@@ -90,8 +84,9 @@ def solve(
         Largest exponent e with which the weight of the barrier decreases, μ → μ^e. A smaller
         exponent takes more iterations.
     centring_tolerance : float
-        Relative deviation of slack times multiplier from the last weight of the barrier. The solver
-        uses it for multipliers that it computes from slacks. It is not a condition of convergence.
+        Largest relative deviation of slack times multiplier from the last barrier weight, if the
+        caller needs a solution close to the central path. Infinite otherwise. To meet it, the
+        solver computes multipliers from the slacks. It is not a condition of convergence.
 
     Returns
     -------
@@ -101,13 +96,14 @@ def solve(
     Raises
     ------
     RuntimeError
-        Without the compiled part.
+        Without the compiled part of the package.
     MemoryError
         If the solver cannot allocate memory.
     """
     native = library.load()
     if native is None:
         raise RuntimeError("the structured solver is not compiled on this machine")
+    # The solver writes its results to arrays that exist before the call.
     initial = start if warm is None else warm.point
     rows, equalities = program.sizes
     point = Point(np.array(initial.c, dtype=float), np.array(initial.times, dtype=float))
@@ -132,19 +128,20 @@ def solve(
 
 
 _CONVERGED = 1
+"""Status of `ssm_solve` after convergence. 0: no convergence. Larger: not enough memory."""
 _P = ctypes.c_void_p
 _L = ctypes.c_long
 _D = ctypes.c_double
 
 
 class _Group(ctypes.Structure):
-    """A group of rows as C sees it, in the layout of `RowGroup` in native/interior.h."""
+    """A `RowGroup` in C: the struct of this name in native/interior.h."""
 
     _fields_ = (("functions", ElementGroup), ("elements", _P), ("bound", _P), ("cost_weight", _D))
 
 
 class _Program(ctypes.Structure):
-    """A program as C sees it, in the layout of `Program` in native/interior.h."""
+    """A `Program` in C: the struct of this name in native/interior.h."""
 
     _fields_ = (
         *((name, _L) for name in ("kind", "coordinates", "elements", "blocks", "linear_rows")),
@@ -164,7 +161,7 @@ class _Program(ctypes.Structure):
 
 
 class _Options(ctypes.Structure):
-    """The options of a solve, in the layout of `Patience` in native/interior.h."""
+    """The options of a solve in C: the struct `Patience` in native/interior.h."""
 
     _fields_ = (
         ("iterations", _L),
@@ -176,7 +173,7 @@ class _Options(ctypes.Structure):
 
 
 class _State(ctypes.Structure):
-    """The final state of a solve, in the layout of `State` in native/interior.h."""
+    """A `State` and further results in C: the struct `State` in native/interior.h."""
 
     _fields_ = (
         *(
@@ -189,10 +186,10 @@ class _State(ctypes.Structure):
 
 
 class _NativeProgram:
-    """A program in the layout of C, and all memory to which it points."""
+    """A program as a C struct, and all memory to which it points."""
 
     def __init__(self, program: Program) -> None:
-        """Convert a program. The object keeps the memory alive."""
+        """Convert a program. The object keeps the memory of all arrays alive."""
         self._kept: list[object] = []
         groups = (_Group * len(program.groups))(
             *(
@@ -235,15 +232,15 @@ class _NativeProgram:
         )
 
     def _doubles(self, values: object) -> int:
-        """Return the address of an array of doubles."""
+        """Copy values to an array of C doubles if necessary, and return its address."""
         return self._keep(values, float)
 
     def _longs(self, values: object) -> int:
-        """Return the address of an array of C longs."""
+        """Copy values to an array of C longs if necessary, and return its address."""
         return self._keep(values, np.dtype(ctypes.c_long))
 
     def _keep(self, values: object, dtype: object) -> int:
-        """Return the address of a contiguous array, and keep its memory."""
+        """Convert values to a contiguous array, keep it alive, and return its address."""
         array = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[call-overload]
         self._kept.append(array)
         return array.ctypes.data

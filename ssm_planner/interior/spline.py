@@ -1,22 +1,24 @@
-"""Splines of cubic elements whose unknowns satisfy the dynamics by construction.
+"""Splines of cubic elements, whose unknowns make the motion continuous by construction.
 
-On element k, the m coordinates are a cubic. It is described by z = (u, u̇, ü at its start, ü at its
-end, h, u̇_b), where h is the length of the element and u̇_b is the middle Bernstein coefficient of
-u̇. Each element depends on four row vectors c_j (m,) of unknowns, which it shares with its
-neighbours:
+The structured solver needs no constraints that join neighbouring elements, because its unknowns
+are the coefficients of a spline. In element k, the m coordinates u are cubic polynomials of time.
+The vector z = (u, u̇, ü at the start, ü at the end, h, u̇_b) describes them. h is the length of the
+element, and u̇_b is the middle Bernstein coefficient of the parabola u̇. z depends on four
+consecutive rows of unknowns c_j (m,), some of which also belong to the neighbouring elements:
 
     (u, u̇, ü_0, ü_1, u̇_b)_k = M(η_k) (c_f, …, c_{f+3}),   f = first(k)
 
-The vector η_k contains lengths of time near the element. They are affine functions of the times
-T (b,) of the blocks: η_k = E_k T + e. There are two kinds of splines:
+The vector η_k contains lengths of time near the element. They are affine functions of the durations
+T (b,) of the blocks, which are groups of elements: η_k = E_k T + e. There are two kinds of splines:
 
-`hermite`   The unknowns are u and u̇ S/S_0 at the nodes, with S = Σ T. Here f = 2 k, u and u̇ are
-            continuous, and η = (h_k, S/S_0). A change of T therefore stretches the whole motion,
-            and not only the cubics between fixed velocities. The factor S/S_0 is replaced by 1 if
-            the motion begins or ends at speed.
-`bspline`   The unknowns are coefficients over simple knots, which are threefold at both ends. Here
-            f = k, ü is continuous as well, and η = (h_{k−2}, …, h_{k+2}), with 0 beyond the ends. M
-            follows from the blossom of the spline (de Boor, A Practical Guide to Splines, ch. IX).
+`hermite`   The unknowns are u and u̇ S/S_0 at the nodes (the ends of the elements), with S = Σ T and
+            a constant reference S_0. Here f = 2 k, u and u̇ are continuous, and η = (h_k, S/S_0). A
+            change of T therefore stretches the whole motion, and not only the cubics between fixed
+            velocities. The factor S/S_0 is replaced by 1 if the motion begins or ends at speed.
+`bspline`   The unknowns are coefficients of B-splines over simple knots, which are threefold at
+            both ends. Here f = k, ü is continuous as well, and η = (h_{k−2}, …, h_{k+2}), with 0
+            beyond the ends. M follows from the blossom of the spline (de Boor, A Practical Guide to
+            Splines, ch. IX).
 
 The C code in native/spline.c computes M and its derivatives with respect to η.
 """
@@ -28,23 +30,28 @@ import numpy as np
 from ssm_planner.typing import Array, Indices, record
 
 ROWS_PER_ELEMENT = 4
-"""Number of rows of unknowns on which an element depends."""
+"""Number of rows of unknowns on which the vector z of one element depends."""
 Kind = Literal["hermite", "bspline"]
-"""Kind of a spline."""
+"""Kind of a spline: "hermite" has continuous u and u̇, and "bspline" has continuous ü as well."""
 
 
 @record
 class Spline:
-    """A spline with n elements, m coordinates and b blocks."""
+    """A spline with n elements, m coordinates and b blocks, in the notation of the module."""
 
     kind: Kind
+    """Kind of the spline."""
     coordinates: int
+    """Number m of coordinates."""
     fractions: Array
-    """Length of every element relative to the length of its block, (n,)."""
+    """Length of every element as a share of the duration of its block, (n,)."""
     block: Indices
     """Index of the block of every element, (n,)."""
     stretched_from: float | None = None
-    """Total time S_0 of Hermite nodes, s. None if the nodes contain u̇ itself."""
+    """Reference S_0 of the duration in scaled time.
+
+    None if the unknowns of a Hermite spline contain u̇ itself. A B-spline does not use S_0.
+    """
 
     @property
     def elements(self) -> int:
@@ -58,26 +65,26 @@ class Spline:
 
     @property
     def stride(self) -> int:
-        """Number of rows of unknowns by which neighbouring elements differ."""
+        """Difference of the indices `first` of two neighbouring elements."""
         return 2 if self.kind == "hermite" else 1
 
     @property
     def rows(self) -> int:
-        """Number of rows of unknowns."""
+        """Number of rows c_j of unknowns."""
         return self.stride * (self.elements - 1) + ROWS_PER_ELEMENT
 
     @property
     def rows_of_elements(self) -> Indices:
-        """Indices of the rows of unknowns of every element, (n, 4)."""
+        """Indices of the four rows of unknowns on which every element depends, (n, 4)."""
         return np.arange(self.elements)[:, None] * self.stride + np.arange(ROWS_PER_ELEMENT)
 
     def unknowns(self, u: Array, v: Array, acceleration: Array, h: Array) -> Array:
-        """Return the unknowns of the spline that interpolates given nodes.
+        """Return the unknowns of the spline for a motion that is given at the ends of the elements.
 
         Parameters
         ----------
         u, v, acceleration : (n + 1, m) arrays
-            u, u̇ and ü at the nodes. A Hermite spline does not use ü.
+            u, u̇ and ü at the ends of the elements. A Hermite spline does not use ü.
         h : (n,) array
             Lengths of the elements.
 

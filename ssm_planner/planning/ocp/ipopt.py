@@ -9,7 +9,11 @@ import casadi as ca
 from ssm_planner.codegen.vectorised import Layout
 from ssm_planner.elements.compiled import MappedElements
 from ssm_planner.elements.element import ElementFunctions, ElementModel
-from ssm_planner.interior.solve import OPTIMALITY_TOLERANCE, TOLERANCE_PER_BARRIER
+from ssm_planner.interior.solve import (
+    FIRST_BARRIER,
+    OPTIMALITY_TOLERANCE,
+    TOLERANCE_PER_BARRIER,
+)
 from ssm_planner.planning.ocp.nlp import NlpStructure
 from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import record
@@ -25,7 +29,7 @@ COLD_START_ITERATIONS = 300
 COMMON_OPTIONS = {
     "print_level": 0,
     "sb": "yes",
-    "tol": 1e-8,
+    "tol": OPTIMALITY_TOLERANCE,
     # 0 selects the AMD ordering. MUMPS would choose METIS on fine meshes, which takes longer.
     "mumps_pivot_order": 0,
 }
@@ -36,7 +40,7 @@ BRIEF_START_ELEMENT_ITERATIONS = 4800
 Of 20 motions that began at speed, 17 took at most 65 iterations. Failures take up to 300.
 """
 OPTIONS_BY_START: dict[Start, dict[str, Any]] = {
-    "cold": {"mu_init": 1e-4, "bound_push": 1e-2, "bound_frac": 1e-2},
+    "cold": {"mu_init": FIRST_BARRIER, "bound_push": 1e-2, "bound_frac": 1e-2},
     # Ipopt computes multipliers as barrier weight / slack. At the last barrier weight of the
     # structured solver they are that solver's multipliers, so Ipopt begins at the solution.
     "confirming": {
