@@ -43,8 +43,6 @@ CENTRING_TOLERANCE = 1e-3
 Equalities = tuple[Indices, Indices, Array]
 """Given entries of the elements: index of the element, index in its vector z, and value, (e,) each.
 """
-_NO_EQUALITIES: Equalities = np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0)
-"""No equality constraints."""
 
 
 def solve_structured(
@@ -286,34 +284,36 @@ def _boundary_values(
     n, m = structure.elements, structure.coordinates
     is_fixed = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
     state_values = np.vstack([data.lower[:, : 2 * m], data.end])
-    if spline.kind == "hermite":
-        return (
-            ~is_fixed.reshape(spline.rows, m),
-            state_values.reshape(spline.rows, m),
-            _NO_EQUALITIES,
-        )
-    free = np.ones((spline.rows, m), dtype=bool)
-    values = np.zeros((spline.rows, m))
-    moving = structure.moving
-    for k, i in np.argwhere(~moving):
-        free[spline.rows_of_elements[k], i] = False
-        values[spline.rows_of_elements[k], i] = state_values[k, i]
     equalities: list[tuple[Any, Any, Any]] = []
-    # At both ends u is given and ü = 0, so the outermost coefficients are known if u̇ is 0 too.
-    # With another u̇, only the first one is known, and u̇ and ü become equality constraints.
-    for row_order, k, velocity, entries in (
-        ((0, 1, 2), 0, state_values[0, m:], (m, 2 * m)),
-        ((-1, -2, -3), n - 1, state_values[-1, m:], (4 * m + 1, 3 * m)),
-    ):
-        values[list(row_order)] = state_values[k + (k > 0), :m]
-        free[row_order[0]] = False
-        free[list(row_order[1:])] &= velocity != 0
-        for i in np.flatnonzero(velocity):
-            equalities += [(k, entries[0] + i, velocity[i]), (k, entries[1] + i, 0.0)]
-    equalities += _via_equalities(structure, data)
-    if not equalities:
-        return free, values, _NO_EQUALITIES
-    index, entry, value = np.array(equalities).T
+    if spline.kind == "hermite":
+        # The unknowns are u and u̇ at the ends of the elements.
+        free = ~is_fixed.reshape(spline.rows, m)
+        values = state_values.reshape(spline.rows, m)
+    else:
+        free = np.ones((spline.rows, m), dtype=bool)
+        values = np.zeros((spline.rows, m))
+        # The coefficients of a coordinate that rests in an element are equal to its position.
+        for k, i in np.argwhere(~structure.moving):
+            free[spline.rows_of_elements[k], i] = False
+            values[spline.rows_of_elements[k], i] = state_values[k, i]
+        # At both ends u is given and ü = 0, so the outermost coefficients are known if u̇ is 0 too.
+        # With another u̇, only the first one is known, and u̇ and ü become equality constraints. At
+        # the end of the motion, the middle Bernstein coefficient of u̇ (entry 4 m + 1 of z) replaces
+        # u̇, to which it is equal because ü = 0.
+        for rows, k, velocity, (velocity_entry, acceleration_entry) in (
+            ([0, 1, 2], 0, state_values[0, m:], (m, 2 * m)),
+            ([-1, -2, -3], n - 1, state_values[-1, m:], (4 * m + 1, 3 * m)),
+        ):
+            values[rows] = state_values[k + (k > 0), :m]
+            free[rows[0]] = False
+            free[rows[1:]] &= velocity != 0
+            for i in np.flatnonzero(velocity):
+                equalities += [
+                    (k, velocity_entry + i, velocity[i]),
+                    (k, acceleration_entry + i, 0.0),
+                ]
+        equalities += _via_equalities(structure, data)
+    index, entry, value = np.array(equalities, dtype=float).reshape(-1, 3).T
     return free, values, (index.astype(int), entry.astype(int), value)
 
 
