@@ -237,6 +237,8 @@ def test_a_command_of_the_documents_runs(
     """Within this process, in a folder like a checkout. One plan has figures."""
     if line != WITH_FIGURES:
         request.getfixturevalue("no_figures")
+    if line.startswith("identify"):
+        request.getfixturevalue("few_points")
     monkeypatch.chdir(place)
     folder = f"out/{line.split()[0]}"
     if "key.pem" in line or "public.pem" in line:

@@ -14,6 +14,7 @@ import pytest
 
 from ssm_planner.problem.problem import Problem
 from ssm_planner.view.server import ViewServer
+from tests.support.cases import selected
 from tests.support.page_laws import CONTRAST, OVERFLOW, UNNAMED, serious
 
 from .conftest import Visit
@@ -219,7 +220,7 @@ def contradiction(shown: dict[str, Any]) -> str:
 
 def test_no_verdict_is_stale_in_random_interactions(visit: Open, server: ViewServer) -> None:
     """Random answers replace the planner. VIEW_INTERACTIONS=10000 takes about four minutes."""
-    rounds = int(os.environ.get("VIEW_INTERACTIONS", "700")) // 20
+    rounds = int(os.environ.get("VIEW_INTERACTIONS", selected("300", every="700"))) // 20
     opened = visit(server.url)
     page = opened.page
     opened.wait(PLANNED, seconds=60)
@@ -252,7 +253,7 @@ def test_curves_follow_a_slider(visit: Open, server: ViewServer) -> None:
     page, draw = opened.page, random.Random(7)
     opened.wait(PLANNED, seconds=60)
     seconds = []
-    for _ in range(20):
+    for _ in range(selected(8, every=20)):
         mu = draw.uniform(0.1, 0.2)
         path = draw.choice(["joints.roll.drive.friction.mu", "joints.tilt.drive.friction.mu"])
         seconds.append(
@@ -295,10 +296,10 @@ def type_in(page: Any, field: str, text: str) -> None:
 
 
 def test_bad_entries_are_refused_beside_their_fields(visit: Open, server: ViewServer) -> None:
-    """40 seeded entries: each a message at its field, in the unit of the field; what was valid stays in use."""
+    """Seeded entries: each a message at its field, in the unit of the field; what was valid stays in use."""
     opened = visit(server.url)
     page, draw = opened.page, random.Random(19)
-    for _ in range(40):
+    for _ in range(selected(20, every=40)):
         field = draw.choice(FIELDS)
         low, high = (float(page.get_attribute(f"#{field}", end)) for end in ("min", "max"))
         good = page.input_value(f"#{field}")

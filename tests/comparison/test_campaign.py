@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,8 @@ from ssm_planner.comparison.measured import AxisRecording, read_axis_recording
 from ssm_planner.errors import RecordingError
 from ssm_planner.plans import load_plan
 from ssm_planner.simulation.recorder import write_recordings
-from ssm_planner.simulation.simulate import Scenario, simulate
-from tests.support.cases import selected
+from ssm_planner.simulation.simulate import Scenario, SimulationResult, simulate
+from tests.support.cases import drawn, selected
 from tests.support.executions import (
     COUNTS,
     FAULTS,
@@ -106,7 +107,7 @@ def test_the_stated_smallest_fault_is_found(shipped: Executions, rate: int) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("speed", [0.05, 0.1, 0.137, 0.5, 0.9])
+@pytest.mark.parametrize("speed", drawn(2, [0.05, 0.1, 0.137, 0.5, 0.9]))
 def test_a_slower_run_is_compared_at_its_speed(speed: float) -> None:
     """Alone, with other axes, with and without positions, declared and estimated."""
     it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 2e-3, speed)
@@ -195,9 +196,12 @@ CAUSES: dict[str, tuple[Callable[[Recordings, int], Recordings], str]] = {
 }
 
 
+SPOILT = [(cause, speed) for cause in CAUSES for speed in drawn(1, [1.0, 0.1], cause)]
+"""Every cause at one of the speeds."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("speed", [1.0, 0.1])
-@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize(("cause", "speed"), SPOILT)
 def test_a_wrong_recording_is_not_held_and_its_cause_is_named(cause: str, speed: float) -> None:
     it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 5e-3, speed)
     if (cause, speed) == ("milliseconds", 0.1):
@@ -230,11 +234,18 @@ def test_a_speed_that_no_run_can_have_is_refused(shipped: Executions, speed: flo
         compared(shipped, shipped.healthy(0), speed=speed)
 
 
+@cache
+def simulated(speed: float) -> SimulationResult:
+    """Return the shipped plan as simulated at a speed."""
+    plan = load_plan(RESULTS / "tilt_insert" / "plan.json")
+    return simulate(plan, Scenario(speed=speed, instants=1))
+
+
 @pytest.mark.slow
 def test_a_simulated_commissioning_run_is_held(shipped: Executions, tmp_path: Path) -> None:
     """Controllers, encoders and friction of the simulation, which shares no code with `compare`."""
     plan = shipped.plan
-    result = simulate(plan, Scenario(speed=0.1, instants=1))
+    result = simulated(0.1)
     recordings = [
         read_axis_recording(path, plan.robot, joint, COUNTS)
         for joint, path in write_recordings(result, tmp_path).items()
@@ -447,7 +458,7 @@ def test_limits_that_are_not_judged_are_listed(shipped: Executions) -> None:
 def test_a_simulated_run_is_held_at_any_rate(
     shipped: Executions, tmp_path: Path, speed: float
 ) -> None:
-    result = simulate(shipped.plan, Scenario(speed=speed, instants=1))
+    result = simulated(speed)
     for rate in (2000, 500, 100):
         recordings = [
             read_axis_recording(path, shipped.plan.robot, joint, COUNTS)

@@ -1,7 +1,7 @@
 """Random problems over random robots: each ends in a passed certificate or a named reason.
 
 More of them, with second looks at those not solved: tests/benchmarks/fuzz_plans.py.
-EVERY_CASE=1 plans twice as many.
+EVERY_CASE=1 plans four times as many.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import pytest
 
 from ssm_planner.pipeline.run import plan
 from ssm_planner.problem.problem import Problem
-from tests.support.cases import selected
+from tests.support.cases import drawn
 from tests.support.random_problems import faults, random_problem
 
-MISSIONS = [*selected([2000, 2002], every=range(2000, 2004)), 30022, 30083, 30436, 30582]
+MISSIONS = [*drawn(1, range(2000, 2004)), 30022, 30083, 30436, 30582]
 
 
-@pytest.mark.parametrize("seed", selected(range(1000, 1018), every=range(1000, 1036)))
+@pytest.mark.parametrize("seed", drawn(9, range(1000, 1036)))
 def test_a_certificate_or_a_named_reason(tilt_insert: Problem, seed: int) -> None:
     problem = random_problem(tilt_insert, seed, most=1)
     assert faults(problem, plan(problem)) == []

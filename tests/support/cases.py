@@ -19,12 +19,13 @@ def selected(part: Cases, *, every: Cases) -> Cases:
     return every if EVERY_CASE else part
 
 
-def drawn(count: int, cases: Sequence[Case]) -> list[Case]:
+def drawn(count: int, cases: Sequence[Case], of: str = "") -> list[Case]:
     """Return as many of the cases as asked for, in their order, or all with EVERY_CASE=1.
 
-    The same DRAW in the environment draws the same cases. They must be alike: a case that is the
-    only one of its kind is not drawn but always run.
+    The same DRAW in the environment, and the same name `of` what the cases are for, draw the same
+    cases. They must be alike: a case that is the only one of its kind is not drawn but always run.
     """
     if EVERY_CASE:
         return list(cases)
-    return [cases[k] for k in sorted(random.Random(DRAW).sample(range(len(cases)), count))]
+    places = random.Random(DRAW + of).sample(range(len(cases)), count)
+    return [cases[k] for k in sorted(places)]

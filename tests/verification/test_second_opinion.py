@@ -20,6 +20,7 @@ from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.trajectory import Trajectory, hold, join
 from ssm_planner.verification.second_opinion import second_opinions, shortest_path_duration
 from tests.campaign.opinions import judged, weakened, with_friction
+from tests.support.cases import drawn
 from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
 
@@ -69,7 +70,7 @@ def test_other_shipped_problems(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", [0, 6])
+@pytest.mark.parametrize("first", drawn(1, [0, 6]))
 def test_random_plans(first: int) -> None:
     """No duration is below a proven bound, and toppra does not find a certified plan too fast."""
     base = load_problem("tilt_insert")
