@@ -30,6 +30,7 @@ from ssm_planner.problem.problem import Eye, Lens, Problem
 from ssm_planner.problem.robot import read_only_array
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.check import check
+from tests.support.cases import drawn
 
 START = {"roll": -0.2, "tilt": -1.7, "spin": 0.0, "depth": 0.004}
 GOAL = {"roll": 0.2, "tilt": -2.2, "spin": 0.6, "depth": 0.014}
@@ -202,7 +203,7 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
     assert coarse.breaks[-1] / fine.breaks[-1] - 1 < 2e-3
 
 
-@pytest.mark.parametrize("strength", [2.19e-3, 4e-3, 6.72e-3])
+@pytest.mark.parametrize("strength", drawn(2, [2.19e-3, 4e-3, 6.72e-3]))
 @pytest.mark.slow
 def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(
     laser_scan: Problem, strength: float
