@@ -65,7 +65,9 @@ def check_torque_bands(
     checks : list of LimitCheck
         Accelerations that certainly exceed their limit, and torques that could be judged.
     unjudged : list of Unjudged
-        Other torques with their bands.
+        Other torques with their bands. The upper end of a band assumes the limits of acceleration
+        and the nominal friction and payload, so it is left out if the table exceeds one of these
+        limits or if the task states a range of friction or payload.
     """
     t = trajectory.breaks
     q = trajectory.positions(t)
@@ -108,7 +110,9 @@ def check_torque_bands(
         elif certain and high <= limit.high:
             checks.append(LimitCheck.from_extreme(limit, high, float(extreme_times[2, i])))
         else:
-            band = f"{undefined}; the largest is from {low:.3g} to {high:.3g} {limit.unit}"
+            band = f"{undefined}; the largest is at least {low:.3g} {limit.unit}"
+            if certain:
+                band += f" and at most {high:.3g} {limit.unit}"
             unjudged.append(Unjudged(limit.name, limit.joint, band))
     return checks, unjudged
 

@@ -120,9 +120,23 @@ def test_a_band_that_contains_the_limit_is_stated(robot: Robot) -> None:
     reasons = {u.joint: u.reason for u in found.unjudged if u.name == TORQUE}
     assert reasons.keys() == true.keys()
     for name, reason in reasons.items():
-        low, high = (float(reason.split(f"{word} ")[1].split(" ")[0]) for word in ("from", "to"))
+        low, high = (float(reason.split(f"at {word} ")[1].split(" ")[0]) for word in ("least", "most"))
         assert 0 < low <= true[str(name)] * 1.01
         assert high >= true[str(name)] * 0.99
+
+
+@pytest.mark.parametrize("cause", ["too fast", "range of payload"])
+def test_a_band_has_no_upper_end_if_its_assumption_fails(robot: Robot, cause: str) -> None:
+    """The upper end assumes the limits of acceleration and the nominal payload."""
+    motion = smooth(robot)
+    s = motion.uniform(1000.0)
+    strong = with_torques(robot, {name: 3 * x for name, x in peaks(motion, robot).items()})
+    limits = TaskLimits(payload=(0.0, 0.05) if cause == "range of payload" else None)
+    t = s.t / 5 if cause == "too fast" else s.t
+    found = check(through(s.q, t), strong, limits, resolution=np.zeros(4))
+    reasons = [u.reason for u in found.unjudged if u.name == TORQUE]
+    assert reasons
+    assert all("at least" in reason and "at most" not in reason for reason in reasons)
 
 
 def test_a_range_of_friction_or_payload_is_never_kept_by_the_nominal_band(robot: Robot) -> None:
