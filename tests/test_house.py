@@ -6,6 +6,7 @@ import ast
 import inspect
 import re
 import runpy
+import subprocess
 from collections.abc import Collection, Iterator
 from functools import cache
 from pathlib import Path
@@ -36,6 +37,17 @@ ARRAY = re.compile(r"\b(Array|ArrayLike|Indices|NDArray)\b")
 COMMAND = {f"run_{name}" for name in COMMANDS}
 """The two functions of every command, described in `cli` once."""
 Definition = ast.FunctionDef | ast.ClassDef
+
+
+def test_the_top_level_contains_only_what_the_project_consists_of() -> None:
+    """A file that a tool left behind, such as a log, is found when it is committed."""
+    folders = {"docs", "examples", "problems", "results", "ssm_planner", "tests"}
+    files = {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "Makefile"}
+    files |= {"README.md", "constraints.txt", "pyproject.toml"}
+    command = ["git", "-C", str(PACKAGE.parent), "ls-files"]
+    listing = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    entries = {name.partition("/")[0] for name in listing.splitlines()}
+    assert {name for name in entries if not name.startswith(".")} <= folders | files
 
 
 @cache
