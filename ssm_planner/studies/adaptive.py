@@ -1,7 +1,8 @@
-"""Generate candidates by adaptive search. The methods are TPE and NSGA-II of the package Optuna.
+"""Generate candidates by adaptive search with the package Optuna (TPE or NSGA-II).
 
-Candidates are requested in batches of constant size, and their results are reported in the same
-order. Therefore, the search does not depend on the number of workers or on interruptions.
+The runner of a study requests candidates in batches of constant size, and reports their results in
+the same order. Therefore, the candidates do not depend on the number of workers or on
+interruptions.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -18,14 +19,26 @@ POPULATION_SIZE = 32
 """Population size of NSGA-II, which equals two batches."""
 
 ReportResults = Callable[[Candidates], None]
-"""Function that reports the results of a batch to the search."""
+"""Function that passes the results of a batch of candidates to the search."""
 
 
 def candidate_batches(study: Study) -> Iterator[tuple[list[Design], ReportResults]]:
     """Yield batches of candidates, each with a function that reports their results.
 
     The caller must report the results of a batch, in the order of its candidates, before it
-    requests the next batch. Raises ProblemError if Optuna is not installed.
+    requests the next batch.
+
+    Yields
+    ------
+    designs : list of Design
+        Designs of the candidates in the batch.
+    report_results : callable
+        Function that passes their results to the search.
+
+    Raises
+    ------
+    ProblemError
+        If the package Optuna is not installed.
     """
     try:
         import optuna
@@ -46,30 +59,33 @@ def candidate_batches(study: Study) -> Iterator[tuple[list[Design], ReportResult
     else:
         sampler = optuna.samplers.NSGAIISampler(population_size=POPULATION_SIZE, **options)
     count = len(study.minimise)
-    engine = optuna.create_study(directions=["minimize"] * count, sampler=sampler)
+    optuna_study = optuna.create_study(directions=["minimize"] * count, sampler=sampler)
     for start in range(0, search.points, BATCH_SIZE):
-        trials = [engine.ask() for _ in range(min(BATCH_SIZE, search.points - start))]
+        trials = [optuna_study.ask() for _ in range(min(BATCH_SIZE, search.points - start))]
         designs = [_ask_for_design(study, trial) for trial in trials]
 
-        def tell(rows: Candidates, trials: Sequence[Any] = tuple(trials)) -> None:
+        def report_results(rows: Candidates, trials: Sequence[Any] = tuple(trials)) -> None:
             """Report the results of a batch to the search."""
             for trial, row in zip(trials, rows, strict=True):
                 costs = row.costs(study.minimise)
                 trial.set_user_attr("rejected", costs is None)
                 # A rejected candidate violates the constraint. Its values only need to be finite.
-                engine.tell(trial, [1e6] * count if costs is None else costs)
+                optuna_study.tell(trial, [1e6] * count if costs is None else costs)
 
-        yield designs, tell
+        yield designs, report_results
 
 
 def _constraint_value(trial: Any) -> tuple[float]:
-    """Return the constraint of a trial, which is positive if the candidate was rejected."""
+    """Return the constraint of a trial for Optuna: 1 if the candidate was rejected, otherwise −1.
+
+    Optuna regards a positive value as a violation.
+    """
     is_rejected = trial.user_attrs.get("rejected", False)
     return (1.0,) if is_rejected else (-1.0,)
 
 
 def _ask_for_design(study: Study, trial: Any) -> Design:
-    """Request the design of one trial from Optuna."""
+    """Ask Optuna for the value of each variable, and return the design of a trial."""
     design: dict[str, str] = {}
     for variable in study.vary:
         if isinstance(variable, Choice):

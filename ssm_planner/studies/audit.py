@@ -1,4 +1,8 @@
-"""Audit the results of a study: plan the front and random rows again, and compare the figures."""
+"""Audit the results of a study: plan some candidates again, and compare their figures.
+
+An audit shows whether the stored results were changed, and whether this computer obtains the same
+results. Figures are the numerical results of a candidate, such as its duration.
+"""
 
 from __future__ import annotations
 
@@ -42,15 +46,16 @@ class Audit:
     """
 
     planned: tuple[int, ...]
-    """Numbers of the candidates that were planned again. The study's own robot has −1."""
+    """Numbers of the candidates that were planned again. The original robot has the number −1."""
     faults: tuple[str, ...] = ()
-    """Figures that differ, rows that were changed or are missing, and a table that differs."""
+    """Descriptions of figures that differ, of changed or missing rows, and of a table that differs.
+    """
     notes: tuple[str, ...] = ()
-    """Differences within the tolerance, and differences between the programs."""
+    """Descriptions of differences within the tolerance, and of differences between the programs."""
 
     @property
     def passed(self) -> bool:
-        """True if there are no faults."""
+        """True if the audit found no fault."""
         return not self.faults
 
 
@@ -63,17 +68,17 @@ def audit_study(
 ) -> Audit:
     """Plan and check some candidates of a study again, and compare them with the stored results.
 
-    These candidates are the study's own robot, the front, and a random 5 % of the others. All rows
-    are compared with their hashes, and their designs with those of the search. The designs of an
-    adaptive search are not compared.
+    These candidates are the original robot, the Pareto front, and a random 5 % of the others. All
+    rows are compared with their hashes, and their designs with those of the search. The designs of
+    an adaptive search are not compared, because they depend on results.
 
     Parameters
     ----------
     folder : str or Path
         Folder of the results.
     tolerance : float
-        Largest permitted difference of a figure, as a share of the larger value. The default only
-        permits rounding. Another processor may change figures by up to 0.5 %.
+        Largest permitted difference of a figure, relative to the larger of the two values. The
+        default only permits rounding. Another processor may change figures by up to 0.5 %.
     workers : int, optional
         Number of worker processes, 1 to 256. The default is the number of processors.
     progress : StudyProgress
@@ -130,15 +135,28 @@ def audit_study(
     stored_rows = [original or new_rows[0]] + sample
     for row, new_row in zip(stored_rows, new_rows, strict=True):
         for text, is_near in _result_differences(row, new_row, tolerance):
-            (notes if is_near else messages).append(f"candidate {row.number}: {text}")
+            outcome = notes if is_near else messages
+            outcome.append(f"candidate {row.number}: {text}")
     numbers = [ORIGINAL_NUMBER] + [row.number for row in sample]
     return Audit(tuple(numbers), tuple(messages), tuple(notes))
 
 
 def _row_faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterator[tuple[int, str]]:
-    """Yield the number and the fault of each row that is not a result of the study.
+    """Find the rows that cannot be results of the study.
 
-    `entries` contains the rows by number, or None for a row that was changed.
+    Parameters
+    ----------
+    study : Study
+        Study that the store describes.
+    entries : mapping of int to Candidate or None
+        Row of each candidate by its number, or None for a row that was changed.
+
+    Yields
+    ------
+    number : int
+        Number of the candidate.
+    fault : str
+        Description of the fault.
     """
     designs = repeat(None, study.count) if study.search.adaptive else study.designs()
     for number, design in enumerate(designs):
@@ -154,10 +172,21 @@ def _row_faults(study: Study, entries: Mapping[int, Candidate | None]) -> Iterat
 
 
 def _result_differences(stored: Candidate, new: Candidate, tolerance: float) -> Iterator[Any]:
-    """Yield each difference between two results of a candidate.
+    """Compare two results of one candidate.
 
-    Each item contains a text and whether the difference is within the tolerance, which is a share
-    of the larger value.
+    Parameters
+    ----------
+    stored, new : Candidate
+        Stored result, and result of the audit.
+    tolerance : float
+        Permitted difference of a figure, relative to the larger value.
+
+    Yields
+    ------
+    text : str
+        Description of a state, stage or figure that differs.
+    is_near : bool
+        True if the difference is within the tolerance.
     """
     stored_values = {"state": stored.state, "stage": stored.stage, **stored.figures}
     new_values = {"state": new.state, "stage": new.stage, **new.figures}

@@ -1,4 +1,9 @@
-"""Evaluate one candidate robot: plan its motions, select motors and gears, check, and size."""
+"""Evaluate one candidate robot: plan its motions, select motors and gears, check, and size.
+
+The runner of a study sends an `Evaluation` to its workers, which call `evaluate_batch`. The
+numerical results of a candidate, such as its duration and motor mass, are called figures. They are
+plain values, so that they can be stored.
+"""
 
 import ctypes
 import gc
@@ -45,17 +50,22 @@ from ssm_planner.typing import Fields, JsonObject, record
 from ssm_planner.verification.check import check
 
 CHECKS_WITH_MARGIN = (*MARGINS, "heat")
-"""Motor checks whose margins must reach the required one."""
+"""Checks of a motor whose margins must reach the required motor margin."""
 MARGIN_ALLOWANCE = 1e-4
-"""Additional margin of motors, because planner and sizing evaluate different instants."""
+"""Additional motor margin for the planner, as a fraction of a limit.
+
+The planner and the sizing evaluate different instants, so the sizing may find a slightly larger
+load.
+"""
 
 MEMORY_THRESHOLD = 200e6
-"""Memory above which a worker discards cached programs, bytes."""
+"""Memory of a worker above which it discards cached programs of the planner, bytes."""
 MEMORY_GROWTH_THRESHOLD = 60e6
-"""Growth of the memory above which it discards them again, bytes."""
-_memory_after_release = [0]
+"""Growth of the memory since the last time after which a worker discards them again, bytes."""
+_memory_after_release = 0
+"""Memory of the process after it last discarded cached programs, bytes."""
 SPEED_COUNT = 6
-"""Number of speeds that are tried from the fastest motion to the candidate's pace."""
+"""Number of speeds from the fastest motion to the candidate's pace, both included."""
 
 TrajectoryByMotion = Mapping[str, Trajectory]
 """Trajectories by name of the motion."""
@@ -64,7 +74,11 @@ ProblemByMotion = Mapping[str, Problem]
 
 
 class CandidateRejected(Exception):
-    """End of an evaluation that rejects a candidate, with the figures that were computed."""
+    """Exception that ends the evaluation of an infeasible candidate.
+
+    It contains the stage that rejected the candidate, the reason, and the figures that were
+    computed before.
+    """
 
     def __init__(self, stage: str, reason: str, figures: Fields | None = None) -> None:
         super().__init__(reason)
@@ -74,12 +88,28 @@ class CandidateRejected(Exception):
 
 @record
 class Evaluation:
-    """A function that evaluates a candidate with all motions of a study. It can be pickled."""
+    """A function that evaluates one candidate with all motions of a study.
+
+    It is an object, so that it can be pickled for worker processes.
+    """
 
     study: Study
 
     def __call__(self, number: int, design: Design) -> Candidate:
-        """Return the results of a candidate. A fault of this program gives the state "failed"."""
+        """Evaluate a candidate, and return its results. This method never raises an exception.
+
+        Parameters
+        ----------
+        number : int
+            Number of the candidate.
+        design : Design
+            Values of the candidate by path.
+
+        Returns
+        -------
+        Candidate
+            Result with the state "done", "infeasible", or "failed" for a fault of this program.
+        """
         try:
             return Candidate(number, "done", design, figures=self._evaluate(design))
         except CandidateRejected as error:
@@ -92,10 +122,24 @@ class Evaluation:
             return Candidate(number, "failed", design, None, f"{type(error).__name__}: {error}")
 
     def _evaluate(self, design: Design) -> JsonObject:
-        """Evaluate a candidate in all stages: plan, select motors and gears, check and size.
+        """Plan the motions of a candidate, select its motors and gears, check, and size.
 
-        Returns the results by name, in SI units. Raises Rejected for an infeasible candidate, and
-        ProblemError for invalid values.
+        If parts are selected, the motions are first planned without the motors of these joints.
+        These fastest motions, slowed down by the pace, determine the parts. Each motion is then
+        checked with these parts, and planned again if it violates a limit. Planning and check use
+        motors whose limits are reduced by the motor margin, so that the motions keep this margin.
+
+        Returns
+        -------
+        dict
+            Figures in SI units by name, and the names of the selected parts by path.
+
+        Raises
+        ------
+        CandidateRejected
+            If the candidate is infeasible.
+        ProblemError
+            If a value of the design is invalid.
         """
         study = self.study
         margin = study.require.motor_margin
@@ -104,25 +148,25 @@ class Evaluation:
         fast_motions: TrajectoryByMotion = {}
         if study.selected:
             original_problems = dict(candidate_problems(study, design))
-            undriven = {
+            motorless_problems = {
                 name: _remove_selected_motors(study, problem)
                 for name, problem in original_problems.items()
             }
-            fast_motions = _plan_motions(undriven, {})
+            fast_motions = _plan_motions(motorless_problems, {})
             components = select_components(study, original_problems, fast_motions, slowdown)
         problems = dict(candidate_problems(study, {**design, **components}))
-        reduced_problems = {
+        derated_problems = {
             name: derate_motors(problem, margin) for name, problem in problems.items()
         }
         try:
-            motions = _plan_motions(reduced_problems, fast_motions)
+            motions = _plan_motions(derated_problems, fast_motions)
         except CandidateRejected as error:
             raise CandidateRejected(error.stage, str(error), components) from error
         results: JsonObject = components | _motion_results(problems, motions)
         results |= _geometry_results(next(iter(problems.values())))
         if slowdown > 1 and not _keeps_margin(results, margin):
             results |= _slower_motion_results(
-                problems, reduced_problems, fast_motions, slowdown, margin=margin
+                problems, derated_problems, fast_motions, slowdown, margin=margin
             )
         if not _keeps_margin(results, margin):
             reason = (
@@ -135,7 +179,7 @@ class Evaluation:
 
 def _slower_motion_results(
     problems: ProblemByMotion,
-    reduced: ProblemByMotion,
+    derated: ProblemByMotion,
     fast_motions: TrajectoryByMotion,
     slowdown: float,
     *,
@@ -143,26 +187,29 @@ def _slower_motion_results(
 ) -> JsonObject:
     """Return the results of the fastest slower motion that keeps the motor margin.
 
-    The planner does not limit heat and voltage, so slower motions are tried for them. Without such
-    a motion, the results are those of the slowest motion that passes the check, or empty.
+    The planner does not limit the heat of a motor and the voltage. If the planned motions exceed
+    these limits, slower motions may keep them. If no speed keeps the margin, the results are those
+    of the slowest motion that passes the check. They are empty if none passes.
 
     Parameters
     ----------
-    problems, reduced : Problems
-        Problem of each motion by name, with the motors of the candidate and with motors that are
-        reduced by the margin.
-    fast_motions : Motions
+    problems, derated : ProblemByMotion
+        Problem of each motion by name, with the motors of the candidate and with motors whose
+        limits are reduced by the margin.
+    fast_motions : TrajectoryByMotion
         Fastest trajectory of each motion by name.
     slowdown : float
-        Largest factor on the durations.
+        Largest factor by which the durations may grow.
     margin : float
-        Required motor margin, as a share.
+        Required motor margin, as a fraction of the limit.
     """
     results: JsonObject = {}
     for speed in np.geomspace(1.0, 1.0 / slowdown, SPEED_COUNT)[1:]:
-        slower = {name: motion.slower(float(speed)) for name, motion in fast_motions.items()}
-        if all(_passes_check(slower[name], problem) for name, problem in reduced.items()):
-            results = _motion_results(problems, slower)
+        slower_motions = {
+            name: motion.slower(float(speed)) for name, motion in fast_motions.items()
+        }
+        if all(_passes_check(slower_motions[name], problem) for name, problem in derated.items()):
+            results = _motion_results(problems, slower_motions)
             if _keeps_margin(results, margin):
                 break
     return results
@@ -176,34 +223,35 @@ def evaluate_batch(
     Parameters
     ----------
     pickled : bytes
-        Pickled `Evaluation`, which a worker reads only once.
+        Pickled `Evaluation`. A worker unpickles it only once.
     candidates : sequence of (int, Design)
         Number and design of each candidate.
 
     Returns
     -------
-    rows
-        Results of the candidates.
-    seconds
+    rows : list of Candidate
+        Results of the candidates, in their order.
+    seconds : float
         Duration of the evaluation, s.
-    worker_program
-        Description of the worker's program.
+    worker_program : dict
+        Description of the worker's program, which must equal that of the runner.
     """
+    global _memory_after_release
     evaluation = _unpickle_evaluation(pickled)
     start = time.monotonic()
     rows = []
     for number, design in candidates:
         rows.append(evaluation(number, design))
         if _resident_memory() > max(
-            MEMORY_THRESHOLD, _memory_after_release[0] + MEMORY_GROWTH_THRESHOLD
+            MEMORY_THRESHOLD, _memory_after_release + MEMORY_GROWTH_THRESHOLD
         ):
             _release_memory()
-            _memory_after_release[0] = _resident_memory()
+            _memory_after_release = _resident_memory()
     return rows, time.monotonic() - start, describe_program()
 
 
 def _resident_memory() -> int:
-    """Return the memory of the process in bytes, or 0 if the system does not provide /proc."""
+    """Return the resident memory of the process in bytes, or 0 on systems without /proc."""
     try:
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * mmap.PAGESIZE
     except OSError:
@@ -224,14 +272,17 @@ def _release_memory() -> None:
 
 @lru_cache(maxsize=1)
 def _unpickle_evaluation(pickled: bytes) -> Evaluation:
-    """Unpickle an evaluation. The latest one is cached."""
+    """Unpickle an evaluation, and keep it for the next batch of the same study."""
     return pickle.loads(pickled)
 
 
 def candidate_problems(study: Study, design: Design) -> Iterator[tuple[str, Problem]]:
     """Yield the name and the problem of each motion of a study, with a candidate as the robot.
 
-    Raises ProblemError if the candidate is invalid.
+    Raises
+    ------
+    ProblemError
+        If the candidate is not a valid robot.
     """
     tree = study.resolved(design)
     for name, motion in study.motions.items():
@@ -241,8 +292,9 @@ def candidate_problems(study: Study, design: Design) -> Iterator[tuple[str, Prob
 def plan_candidate(study: Study, row: Candidate) -> dict[str, Plan]:
     """Plan the motions of a candidate again, and return the plans by name of the motion.
 
-    The robot has the motors and gears that were selected for the candidate. The plans keep the
-    motor margin that the study requires.
+    The study stores figures but no plans, so `study show` calls this function. The robot has the
+    motors and gears that were selected for the candidate. The planner keeps the motor margin of the
+    study, but each returned plan contains the problem with the full limits of the motors.
     """
     plans = {}
     for name, problem in candidate_problems(study, study.complete_design(row.design, row.figures)):
@@ -255,9 +307,19 @@ def plan_candidate(study: Study, row: Candidate) -> dict[str, Plan]:
 
 
 def _plan_motions(problems: ProblemByMotion, previous: TrajectoryByMotion) -> TrajectoryByMotion:
-    """Plan a trajectory for each problem. Raises Rejected for the first one without a plan.
+    """Plan a trajectory for each problem.
 
-    A trajectory in `previous` is used again if it passes the check of the problem.
+    Parameters
+    ----------
+    problems : ProblemByMotion
+        Problem of each motion.
+    previous : TrajectoryByMotion
+        Earlier trajectories. Such a trajectory is used again if it passes the check of its problem.
+
+    Raises
+    ------
+    CandidateRejected
+        If a motion has no plan.
     """
     motions = {}
     for name, problem in problems.items():
@@ -273,20 +335,25 @@ def _plan_motions(problems: ProblemByMotion, previous: TrajectoryByMotion) -> Tr
 
 
 def _passes_check(motion: Trajectory, problem: Problem) -> bool:
-    """Return True if a trajectory passes the check with the robot and the limits of a problem."""
+    """Return True if a trajectory keeps all limits of a problem and its robot."""
     return check(motion, problem.robot, problem.task_limits).passed
 
 
 def derate_motors(problem: Problem, margin: float) -> Problem:
-    """Reduce the torque, the continuous torque and the speed of all motors by a margin.
+    """Reduce the limits of all motors, so that the planner keeps a margin.
 
-    `margin` is a share of these limits. The planner then keeps the margin.
+    Parameters
+    ----------
+    problem : Problem
+        Problem with the robot whose motors are reduced.
+    margin : float
+        Fraction by which the torque, the continuous torque and the speed are reduced.
     """
     if margin == 0:
         return problem
     share = 1 - margin - MARGIN_ALLOWANCE
 
-    def reduced(joint: Joint) -> Joint:
+    def derate(joint: Joint) -> Joint:
         """Return a joint whose motor has the reduced limits."""
         motor = joint.motor
         if motor is None:
@@ -299,7 +366,7 @@ def derate_motors(problem: Problem, margin: float) -> Problem:
         )
         return unchecked_copy(joint, motor=motor)
 
-    return _with_changed_joints(problem, reduced)
+    return _with_changed_joints(problem, derate)
 
 
 def _with_changed_joints(problem: Problem, change: Callable[[Joint], Joint]) -> Problem:
@@ -309,16 +376,16 @@ def _with_changed_joints(problem: Problem, change: Callable[[Joint], Joint]) -> 
 
 
 def _remove_selected_motors(study: Study, problem: Problem) -> Problem:
-    """Remove the motors of all joints whose motor or gear is selected."""
+    """Remove the motors of all joints whose motor or gear is selected after the planning."""
     selected_joints = {choice.path.split(".")[1] for choice in study.selected}
 
-    def undriven(joint: Joint) -> Joint:
-        """Return a joint without its motor if the motor or the gear is selected."""
+    def without_motor(joint: Joint) -> Joint:
+        """Return a joint, without its motor if the motor or the gear is selected."""
         if joint.name in selected_joints:
             return replace(joint, motor=None, alternatives=())
         return joint
 
-    return _with_changed_joints(problem, undriven)
+    return _with_changed_joints(problem, without_motor)
 
 
 def select_components(
@@ -326,20 +393,20 @@ def select_components(
 ) -> dict[str, str]:
     """Select a motor and a gear for each joint with such a choice.
 
-    The function selects the first pair by rank that keeps the study's margins in every motion. It
-    evaluates the whole catalogue at once with arrays. Only the first pairs undergo all checks, such
-    as the check of heat.
+    For each joint, the function takes the first pair of motor and gear, in the order of the rank,
+    that keeps the motor margin of the study in every motion. It first judges the entire catalogue
+    with arrays. Only the first remaining pairs undergo all checks, such as the check of heat.
 
     Parameters
     ----------
     study : Study
         Study with the choices of motors and gears.
-    problems : Problems
+    problems : ProblemByMotion
         Problem of each motion by name.
-    motions : Motions
+    motions : TrajectoryByMotion
         Fastest trajectory of each motion by name.
     slowdown : float
-        Factor on the durations of these motions.
+        Factor by which the durations of these motions grow.
 
     Returns
     -------
@@ -348,7 +415,7 @@ def select_components(
 
     Raises
     ------
-    Rejected
+    CandidateRejected
         If no pair suits a joint.
     """
     loads = []
@@ -366,12 +433,12 @@ def select_components(
 def _select_pair(
     study: Study, joint: str, loads: Sequence[tuple[JointLoad, Conditions]]
 ) -> dict[str, str]:
-    """Select the motor and the gear of one joint. Raises Rejected if no pair is suitable.
+    """Select the motor and the gear of one joint.
 
     Parameters
     ----------
     study : Study
-        Study with the required margin.
+        Study with the required motor margin.
     joint : str
         Name of the joint.
     loads : sequence of (JointLoad, Conditions)
@@ -380,7 +447,12 @@ def _select_pair(
     Returns
     -------
     dict
-        Label of the selected motor and of the selected gear by the path of their choice.
+        Names of the selected motor and of the selected gear by the path of their choice.
+
+    Raises
+    ------
+    CandidateRejected
+        If no pair keeps the motor margin. The reason counts the pairs that each check rules out.
     """
     motor_choice, motors = _component_options(study, joint, "motor")
     gear_choice, gears = _component_options(study, joint, "drive")
@@ -406,7 +478,22 @@ def _select_pair(
 def _admissible_pairs(
     selections: Sequence[JointSelection], rank: Any, margin: float
 ) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of gear and motor indices that keep the margin in every motion, by rank."""
+    """Yield the pairs of motor and gear that keep the margin in every motion, by rank.
+
+    Parameters
+    ----------
+    selections : sequence of JointSelection
+        Judgement of all pairs for each motion.
+    rank : str
+        Quantity that ranks the pairs, such as "mass".
+    margin : float
+        Required motor margin, as a fraction of the limit.
+
+    Yields
+    ------
+    gear, motor : int
+        Indices of the pair in the lists of gears and motors.
+    """
     smallest = [np.nanmin(list(selection.margins.values()), axis=0) for selection in selections]
     not_excluded = np.all([selection.adequate >= 0 for selection in selections], axis=0)
     admissible = not_excluded & (np.min(smallest, axis=0) >= margin)
@@ -422,7 +509,7 @@ def _admissible_pairs(
 
 
 def _checked_margins(verdict: MotorVerdict) -> list[float]:
-    """Return the margins of the checks `CHECKS_WITH_MARGIN` of a motor that are evaluated."""
+    """Return the known margins of the checks `CHECKS_WITH_MARGIN` of a motor."""
     margins = {
         check.name: check.margin for check in verdict.checks if check.name in CHECKS_WITH_MARGIN
     }
@@ -446,10 +533,10 @@ def _component_options(
 
     Returns
     -------
-    choice
-        The study's choice of the component, or None.
-    options
-        One part for each entry of the choice. Without a choice, the part in the robot file.
+    choice : Choice or None
+        Choice of the study for this component.
+    options : list of Part
+        One part for each entry of the choice. Without a choice, the part of the robot file.
     """
     path = f"joints.{joint}.{component}"
     choice = next((choice for choice in study.selected if choice.path.startswith(path)), None)
@@ -469,7 +556,7 @@ def _component_options(
 
 
 def _keeps_margin(results: Fields, margin: float) -> bool:
-    """Return True if the results keep the motor margin, or if the margin is unknown."""
+    """Return True if the results keep a motor margin, or if the motor margin is not known."""
     available = results["motor_margin"]
     return available is None or available >= margin
 
@@ -487,9 +574,14 @@ def _motion_results(problems: ProblemByMotion, motions: TrajectoryByMotion) -> J
 
 
 def _motor_results(sizings: Sequence[Sizing]) -> JsonObject:
-    """Return the smallest motor margin, the largest torques and the mass of the motors.
+    """Summarise the sizings of all motions.
 
-    All values are in SI units. The mass is None if the mass of a motor is unknown.
+    Returns
+    -------
+    dict
+        The smallest motor margin, the largest peak and RMS torques (N·m) and the mass of all motors
+        (kg). A value is None if it is not known, for example the mass if one motor does not state
+        it.
     """
     results: JsonObject = {}
     margins: list[float] = []
@@ -512,7 +604,7 @@ def _motor_results(sizings: Sequence[Sizing]) -> JsonObject:
 
 
 def _geometry_results(problem: Problem) -> JsonObject:
-    """Return α, β and the tilt range of a robot, rad."""
+    """Return the angles α and β between the joint axes and the ends of the tilt range, rad."""
     from ssm_planner.kinematics import Mechanism, tilt_interval
 
     mechanism = Mechanism.from_robot(problem.robot)

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+"""Markers of the states and stages in the figure `map`."""
 STAGE_COLOURS = ("0.45", COLOURS[1], COLOURS[2], FIFTH_COLOUR, COLOURS[3])
+"""Colours of the stages that reject candidates in the figure `map`."""
 
 
 def write_study_figures(
@@ -33,23 +35,33 @@ def write_study_figures(
     front: Candidates,
     folder: Path,
 ) -> Files:
-    """Write the figures `front` and `map` as PNG and PDF, and return the paths by name.
+    """Write the figures `front` and `map` as PNG and PDF.
 
-    The figure `front` needs two objectives, and the figure `map` two variables. Raises ExportError
-    if a file cannot be written.
+    The figure `front` requires at least two objectives, and the figure `map` at least two
+    variables.
 
     Parameters
     ----------
     study : Study
-        The study.
+        Study that is shown.
     reference : Candidate
-        Result of the study's own robot.
-    rows : Candidates
+        Result of the original robot.
+    rows : sequence of Candidate
         Results of all candidates.
-    front : Candidates
+    front : sequence of Candidate
         Results of the candidates on the front.
     folder : Path
         Folder of the files.
+
+    Returns
+    -------
+    dict
+        Paths by name, see `reporting.figures.style.save_rendered`.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     plots: dict[str, Figure] = {}
     names = [
@@ -67,7 +79,21 @@ def write_study_figures(
 def _plot_front(
     axes: "Axes", rows: Candidates, reference: Candidate, front: Candidates, names: list[str]
 ) -> None:
-    """Plot the planned candidates, the front and the study's own robot over two objectives."""
+    """Plot two objectives of all planned candidates, of the front and of the original robot.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel of matplotlib.
+    rows : sequence of Candidate
+        Results of all candidates.
+    reference : Candidate
+        Result of the original robot.
+    front : sequence of Candidate
+        Results of the candidates on the front.
+    names : list of str
+        Names of the objectives on the horizontal and on the vertical axis.
+    """
 
     def plot(candidates: Candidates, style: str, size: int, colour: str, label: str) -> None:
         """Plot candidates with the first objective to the right and the second one upwards."""
@@ -87,7 +113,7 @@ def _plot_front(
 
 
 def _plot_map(axes: "Axes", study: Study, rows: Candidates) -> None:
-    """Plot the state of every candidate over the first two variables."""
+    """Plot the state of every candidate over the first two variables of a study."""
     horizontal = variable_column(study, study.paths[0], rows)
     vertical = variable_column(study, study.paths[1], rows)
     points: dict[str, list[tuple[float, float]]] = {}

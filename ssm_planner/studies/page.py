@@ -1,4 +1,8 @@
-"""Write the page of a study with its front, rejections, parallel coordinates and sensitivity."""
+"""Write the page of a study with its front, rejections, parallel coordinates and sensitivity.
+
+`write_study_page` fills in the template study.html. The terminal and the figures use the functions
+that name and format results, such as `axis_title` and `format_result`.
+"""
 
 import re
 from collections import Counter
@@ -37,13 +41,13 @@ def write_study_page(
     Parameters
     ----------
     study : Study
-        The study.
-    rows : Candidates
-        Result of the study's own robot, followed by the results of its candidates.
-    front : Candidates
+        Study that is shown.
+    rows : sequence of Candidate
+        Result of the original robot, followed by the results of the candidates.
+    front : sequence of Candidate
         Results of the candidates on the front.
     path : Path
-        File of the page.
+        File of the page. The page links to the reports of candidates in the same folder.
     finished : bool
         False while the study runs. The page then reloads itself.
 
@@ -65,7 +69,7 @@ def write_study_page(
 
 
 def _template_values(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
-    """Return the variables of the template."""
+    """Return the values of the variables in the template study.html."""
     states = sorted(Counter(row.state for row in rows).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
     objectives = " and ".join(map(plain_words, study.minimise))
@@ -101,7 +105,7 @@ def _rejection_rows(rows: Candidates) -> list[JsonObject]:
 def _front_table(study: Study, front: Candidates) -> JsonObject:
     """Return the header and the rows of the table of the front.
 
-    Its columns are the objectives, the variables and the selected parts.
+    The columns are the number, the objectives, the variables and the selected parts.
     """
     names = [name for name in study.minimise if any(name in row.figures for row in front)]
     header = ["number"] + [axis_title(name) for name in names] + list(study.paths)
@@ -115,7 +119,17 @@ def _front_table(study: Study, front: Candidates) -> JsonObject:
 
 
 def compare_with_original(study: Study, reference: Candidate, front: Candidates) -> str:
-    """Describe the result of the study's own robot, and how many candidates beat it."""
+    """Describe the result of the original robot, and how many candidates are better.
+
+    Parameters
+    ----------
+    study : Study
+        Study that is shown.
+    reference : Candidate
+        Result of the original robot.
+    front : sequence of Candidate
+        Results of the candidates on the front.
+    """
     results = ", ".join(format_result(name, reference.figures) for name in study.minimise)
     missing = [plain_words(name) for name in study.minimise if reference.figures.get(name) is None]
     count = len(dominating_candidates(reference, front, study.minimise))
@@ -156,7 +170,7 @@ def _script_data(study: Study, rows: Candidates, front: Candidates) -> JsonObjec
 def _plotted_results(study: Study, rows: Candidates) -> list[str]:
     """Return the names of the objectives, durations and margins that the page plots.
 
-    A result is plotted if all planned candidates have it and if it differs between them.
+    A result is plotted if its values differ and if it is known for every candidate that has it.
     """
     values_by_name: dict[str, set[Any]] = {}
     for row in rows:
@@ -174,10 +188,23 @@ def _plotted_results(study: Study, rows: Candidates) -> list[str]:
 
 
 def variable_column(study: Study, path: str, rows: Candidates) -> JsonObject:
-    """Return the values that the candidates have at one path of the robot file.
+    """Return the values of one variable for all candidates.
 
-    The result has the keys `title`, `at` and `labels`. The key `at` contains numbers in the unit of
-    the title. For a choice, it contains the indices of the chosen entries in `labels`.
+    Parameters
+    ----------
+    study : Study
+        Study with the variable.
+    path : str
+        Path of the variable in the robot file.
+    rows : sequence of Candidate
+        Candidates whose designs are read.
+
+    Returns
+    -------
+    dict
+        `title` contains the path and the unit. `at` contains a number for each candidate: the value
+        in this unit, or the index of the chosen entry in `labels`. `labels` contains the names of
+        all entries, or None for a range.
     """
     variable = study.vary[study.paths.index(path)]
     if isinstance(variable, Varied):
@@ -189,9 +216,15 @@ def variable_column(study: Study, path: str, rows: Candidates) -> JsonObject:
 
 
 def sensitivity_rows(study: Study, rows: Candidates) -> list[JsonObject]:
-    """Return how much of each objective's variance each variable explains, in %.
+    """Return how much of the variance of each objective each variable explains.
 
-    The result has one entry for each path. Only planned candidates are evaluated.
+    Only candidates that are done are evaluated, and all values are 0 if there are too few of them.
+
+    Returns
+    -------
+    list of dict
+        Entry for each variable: its `path`, and its `shares` of the variance of each objective in
+        %.
     """
     finished = [row for row in rows if row.state == "done"]
     shares_by_path = []
@@ -211,13 +244,14 @@ def correlation_ratio(positions: Array, value: Array) -> float:
 
     It is 0 for independent quantities and 1 if one quantity determines the other. The positions are
     divided into bins of equal count. A correction for the number of bins makes the expected value 0
-    for independent quantities.
+    for independent quantities: η² = 1 − (W/(n − k))/s², where W is the sum of squares within the k
+    bins, n is the number of values and s² is their sample variance.
 
     Parameters
     ----------
-    positions : (n,)
+    positions : (n,) array
         Quantity that explains the values.
-    value : (n,)
+    value : (n,) array
         Values whose variance is explained. Values that are not finite are ignored.
     """
     finite = np.isfinite(value)
@@ -239,15 +273,29 @@ def correlation_ratio(positions: Array, value: Array) -> float:
 
 
 def design_texts(study: Study, row: Candidate) -> dict[str, str]:
-    """Return the choices of a candidate by path, with a typographic minus sign."""
+    """Return the values of a candidate's design, including the selected parts, by path.
+
+    A minus sign at the beginning becomes a typographic one.
+    """
     full_design = study.complete_design(row.design, row.figures)
     return {path: re.sub(r"^-", "−", str(value)) for path, value in full_design.items()}
 
 
 def result_unit(name: str) -> tuple[str, float]:
-    """Return the display unit of a result, and the factor that converts SI values to this unit.
+    """Return the display unit of a result.
 
-    The unit is "" for results without a unit.
+    Parameters
+    ----------
+    name : str
+        Name of the result, such as "duration.tilt_insert". The part before the dot determines the
+        unit.
+
+    Returns
+    -------
+    unit : str
+        The unit, which is empty for a dimensionless result.
+    factor : float
+        Factor that converts SI values to this unit.
     """
     quantity_name = name.split(".")[0]
     if quantity_name == "motor_margin":
@@ -262,12 +310,20 @@ def axis_title(name: str) -> str:
 
 
 def format_result(name: str, results: Fields) -> str:
-    """Format a result with its name and unit, for example as "motor mass 0.239 kg"."""
+    """Format a result with its name and unit, for example as "motor mass 0.239 kg".
+
+    Parameters
+    ----------
+    name : str
+        Name of the result.
+    results : mapping
+        Figures of a candidate.
+    """
     value = number(displayed_result(name, results), 4)
     return f"{plain_words(name)} {value} {result_unit(name)[0]}".strip()
 
 
 def displayed_result(name: str, results: Fields) -> float | None:
-    """Return a result in its display unit, or None if it is missing."""
+    """Return a result in its display unit, or None if it is not known."""
     value = results.get(name)
     return None if value is None else float(value) * result_unit(name)[1]

@@ -1,4 +1,7 @@
-"""Describe the program and the inputs that determine the results of a study."""
+"""Describe the program and the inputs that determine the results of a study.
+
+A stored result is used again only if the hash of this description (`context_hash`) is the same.
+"""
 
 import hashlib
 import json
@@ -27,8 +30,11 @@ SOURCE_SUFFIXES = (".py", ".c", ".h", ".csv")
 def describe_program() -> dict[str, str]:
     """Describe the program that computes the results.
 
-    Returns the hash of the package's sources, whether the compiled part is in use, and the versions
-    of the numerical libraries and of packages that extend this one, by name.
+    Returns
+    -------
+    dict
+        Texts by name: the hash of the package's sources, whether the compiled part is in use, and
+        the versions of the numerical libraries and of packages that extend this one.
     """
     folder = Path(__file__).parents[1]
     digest = hashlib.sha256()
@@ -51,7 +57,8 @@ def describe_program() -> dict[str, str]:
 def describe_study(study: Study) -> JsonObject:
     """Describe the program and all inputs of a study as JSON types.
 
-    The description does not contain the name of the study and of its file.
+    The name of the study and of its file are left out, because they do not affect the results. The
+    hashes of tables that motions read are included.
     """
     inputs = {**asdict(study), "program": describe_program(), "tables": {}}
     del inputs["name"], inputs["file"]
@@ -64,7 +71,20 @@ def describe_study(study: Study) -> JsonObject:
 
 
 def study_from_description(description: JsonObject, name: str) -> Study:
-    """Return the study with a description. Raises ProblemError if no study has this description."""
+    """Return the study that `describe_study` described.
+
+    Parameters
+    ----------
+    description : dict
+        Description of the study.
+    name : str
+        Name of the study, which a description does not contain.
+
+    Raises
+    ------
+    ProblemError
+        If no study has this description.
+    """
     try:
         return TypeAdapter(Study).validate_python({**description, "name": name})
     except ValidationError as error:
@@ -72,15 +92,21 @@ def study_from_description(description: JsonObject, name: str) -> Study:
 
 
 def context_hash(description: JsonObject) -> str:
-    """Return the hash of all that determines the result of a design.
+    """Return the hash of everything that determines the result of a design.
 
-    The search and the objectives are not part of it, so rows remain valid if only these change.
+    The search and the objectives are left out, so results remain valid if only these change.
     """
     return hash_contents(json.dumps({**description, "search": 0, "minimise": 0}, sort_keys=True))
 
 
 def describe_differences(previous: JsonObject, current: JsonObject) -> list[str]:
-    """Return in words what differs between two descriptions of studies or of programs."""
+    """Describe what differs between two descriptions of studies or programs.
+
+    Returns
+    -------
+    list of str
+        Name of each entry that differs. For texts, both values are added.
+    """
     texts = []
     for name in sorted(previous.keys() | current.keys()):
         old = previous.get(name)

@@ -1,4 +1,8 @@
-"""Run a study: screen candidates, let workers evaluate the others, and store the results."""
+"""Run a study: screen candidates, let workers evaluate the others, and store the results.
+
+`study` is the entry. Its `StudyRunner` rejects candidates by the screens, sends the remaining ones
+to worker processes in batches, and writes the results into the store.
+"""
 
 from __future__ import annotations
 
@@ -39,36 +43,42 @@ from ssm_planner.studies.workers import WorkerDied, Workers
 from ssm_planner.typing import frozen
 
 STORE_FILE = "study.sqlite"
+"""Name of the database with the results of all candidates."""
 TABLE_FILE = "table.csv"
+"""Name of the table of all candidates."""
 PAGE_FILE = "study.html"
+"""Name of the page of a study."""
 ORIGINAL_NUMBER = -1
-"""Number of the study's own robot."""
+"""Number of the original robot, that is, the robot of the study file without changes."""
 SCREENING_BLOCK_SIZE = 4096
 """Number of candidates that are screened at once."""
 WRITE_INTERVAL = 0.5
-"""Interval between writes of the store, s."""
+"""Shortest time between two writes of the store, s."""
 PAGE_INTERVAL = 10.0
-"""Shortest interval between two pages of a running study, s."""
+"""Shortest time between two pages of a running study, s."""
 QUEUED_BATCHES_PER_WORKER = 8
 """Number of batches per worker that are submitted in advance, so that no worker has to wait."""
 QUEUED_BATCHES_FOR_EXECUTOR = 512
-"""Number of batches that are submitted in advance to an executor of unknown size."""
+"""Number of batches that are submitted in advance to an executor whose size is not known."""
 BATCH_DURATION = 0.25
-"""Target duration of a batch, s. An executor has a fixed cost for each batch."""
+"""Desired duration of a batch, s. Larger batches reduce the cost of communication."""
 MAX_BATCH_SIZE = 64
 """Largest number of candidates in a batch."""
 MAX_WORKERS = 256
+"""Largest number of worker processes."""
 
 CandidateTask = tuple[str, int, Design]
-"""Key, number and design of a candidate that workers evaluate."""
+"""Key in the store, number and design of a candidate that workers evaluate."""
 
 
 class StudyError(SsmPlannerError):
-    """Error for an executor that has lost its workers."""
+    """Error for an executor that has lost its workers, or whose workers have another program."""
 
 
 StudyProgress = Callable[[int, int, dict[str, int]], None]
-"""Function of the number of finished candidates, the total, and the number in each state."""
+"""Function that is called with the number of finished candidates, the number of all candidates, and
+the number of finished candidates in each state.
+"""
 
 
 @frozen
@@ -84,11 +94,12 @@ class StudyResult:
 
     study: Study
     rows: tuple[Candidate, ...]
+    """Results of all candidates in the order of their numbers."""
     folder: Path
     finished: bool
-    """False after an interruption."""
+    """False if the study was interrupted."""
     own: Candidate
-    """The study's own robot without changes."""
+    """Result of the original robot, that is, the robot of the study file without changes."""
     notes: tuple[str, ...] = ()
     """Remarks that a reader of the results must know."""
 
@@ -105,15 +116,15 @@ class StudyResult:
 
     @property
     def better(self) -> tuple[Candidate, ...]:
-        """Candidates that beat the study's own robot in one objective and are worse in none.
+        """Candidates that are better than the original robot in one objective and worse in none.
 
-        Empty if that robot lacks an objective or violates a requirement.
+        Empty if an objective of the original robot is not known, or if it violates a requirement.
         """
         return dominating_candidates(self.own, self.front, self.study.minimise)
 
     @property
     def front(self) -> tuple[Candidate, ...]:
-        """Candidates that no other candidate dominates, in the order of the first objective."""
+        """Pareto front: candidates that no other candidate dominates, by the first objective."""
         return pareto_front(self.rows, self.study.minimise)
 
 
@@ -127,9 +138,9 @@ def study(
 ) -> StudyResult:
     """Evaluate the candidates of a study, and write the store, the table, the page and the figures.
 
-    Candidates with results in the store are not evaluated again if the inputs and the program are
-    the same. Rows of other inputs or another program stay in the store, but the result does not
-    contain them. Ctrl-C ends a run, and the same call continues it.
+    Results that an earlier run has stored are used again if the inputs and the program are the
+    same. Rows of other inputs or another program stay in the store, but the result does not contain
+    them. Ctrl-C ends a run, and the same call continues it.
 
     Parameters
     ----------
@@ -141,7 +152,7 @@ def study(
         Number of worker processes, 1 to 256. The default is the number of processors.
     executor : Executor, optional
         Any `concurrent.futures.Executor`, such as that of Dask, which replaces the worker
-        processes. It is not shut down.
+        processes. This function does not shut it down.
     progress : StudyProgress
         Function that is called after each result.
 
@@ -153,8 +164,8 @@ def study(
     Raises
     ------
     ProblemError
-        If the study is invalid, if a row of the store was changed, or if another program writes
-        the same store.
+        If the study is invalid, if a row of the store was changed, or if another program writes the
+        same store.
     ExportError
         If a file cannot be written, or if it is a symbolic link.
     StudyError
@@ -187,7 +198,13 @@ def study(
 
 
 def open_existing_store(folder: Path) -> Store:
-    """Open the store of the results in a folder. Raises ProblemError if it does not exist."""
+    """Open the store of the results in a folder.
+
+    Raises
+    ------
+    ProblemError
+        If the folder does not contain a store.
+    """
     if not (folder / STORE_FILE).is_file():
         raise ProblemError(
             "this folder does not contain the results of a study",
@@ -207,7 +224,7 @@ def open_runner(
 ) -> Iterator[StudyRunner]:
     """Yield the runner of a study, and end its workers at the end of the block.
 
-    The arguments and errors are those of `study`.
+    The parameters and errors are those of `study`. The audit of a study uses this function as well.
     """
     if workers is not None and not 1 <= workers <= MAX_WORKERS:
         raise ProblemError(
@@ -229,7 +246,30 @@ def open_runner(
 
 
 class StudyRunner:
-    """Runner of a study. It screens candidates, sends them to the workers and writes the store."""
+    """Runner of a study, which screens candidates, sends them to workers and stores the results.
+
+    Parameters
+    ----------
+    study : Study
+        Study that is run.
+    store : Store
+        Database of the results.
+    executor : Executor
+        Workers that evaluate batches of candidates.
+    max_pending : int
+        Largest number of batches that are submitted before their results arrive.
+    progress : StudyProgress
+        Function that is called after each result.
+
+    Attributes
+    ----------
+    notes : list of str
+        Remarks that a reader of the results must know.
+    keys : list of str
+        Keys of all candidates that were submitted, in the order of their numbers.
+    original_key : str
+        Key of the original robot.
+    """
 
     def __init__(
         self,
@@ -258,20 +298,23 @@ class StudyRunner:
         self.keys: list[str] = []
         self.original_key = candidate_key({}, self._context)
         self._pending: dict[Future[Any], Sequence[CandidateTask]] = {}
-        # Decaying sums over the latest batches.
+        # Duration (s) and number of candidates of the latest batches, as sums with decaying weights.
         self._batch_seconds, self._batch_candidates = BATCH_DURATION, 1.0
         self._unwritten_results: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()
         self._next_page = self._last_write + PAGE_INTERVAL
         self._states: Counter[str] = Counter()
         self._stored_states: dict[str, tuple[int | None, str]] = {}
-        # Executors treat the pickle as bytes, so the study is pickled only once.
+        # The study is pickled only once. Executors transfer the resulting bytes unchanged.
         self._pickled_evaluation = pickle.dumps(Evaluation(study))
 
     def run(self, sample: Sequence[Design] | None = None) -> None:
-        """Evaluate all candidates, beginning with the study's own robot.
+        """Evaluate the original robot and then all candidates.
 
-        With a `sample`, only these designs are evaluated.
+        Parameters
+        ----------
+        sample : sequence of Design, optional
+            Designs that replace the candidates of the search, as in an audit.
         """
         self._store.add_candidates([(ORIGINAL_NUMBER, self.original_key, {})])
         self._stored_states = self._store.states()
@@ -281,10 +324,10 @@ class StudyRunner:
         if self._study.search.adaptive and sample is None:
             from ssm_planner.studies.adaptive import candidate_batches
 
-            for designs, tell in candidate_batches(self._study):
+            for designs, report_results in candidate_batches(self._study):
                 self._submit_passing(designs)
                 self._wait_for_pending()
-                tell(self.rows()[-len(designs) :])
+                report_results(self.rows()[-len(designs) :])
             return
         remaining = self._study.designs() if sample is None else iter(sample)
         while block := list(islice(remaining, SCREENING_BLOCK_SIZE)):
@@ -292,11 +335,11 @@ class StudyRunner:
         self._wait_for_pending()
 
     def rows(self) -> list[Candidate]:
-        """Return the stored results of the study's own robot and of the submitted candidates."""
+        """Return the stored results of the original robot and of all submitted candidates."""
         return self._store.rows([self.original_key] + self.keys)
 
     def flush(self) -> None:
-        """Write finished candidates into the store. Also write the page if the last one is old."""
+        """Write finished results into the store, and write the page if the last one is old."""
         if self._unwritten_results:
             self._store.write_results(self._unwritten_results)
             self._unwritten_results = []
@@ -305,7 +348,10 @@ class StudyRunner:
             self._write_page()
 
     def _write_page(self) -> None:
-        """Write the page of the running study. Pages take at most 2 % of the time."""
+        """Write the page of the running study.
+
+        The time until the next page is at least 50 times that of writing this page.
+        """
         rows = self.rows()
         page = self._store.path.with_name(PAGE_FILE)
         front = pareto_front(rows, self._study.minimise)
@@ -314,20 +360,24 @@ class StudyRunner:
         self._next_page = now + max(PAGE_INTERVAL, 50 * (now - self._last_write))
 
     def _submit_passing(self, designs: Sequence[Design]) -> None:
-        """Screen candidates, and send those that pass to the workers."""
+        """Screen candidates, store the rejections, and send the other candidates to the workers.
+
+        Candidates with a stored result are only counted. The size of the batches follows from the
+        duration of earlier batches.
+        """
         waiting: list[CandidateTask] = []
-        new: list[tuple[int, str, Design]] = []
+        unnumbered: list[tuple[int, str, Design]] = []
         for number, design in enumerate(designs, len(self.keys)):
             key = candidate_key(design, self._context)
             self.keys.append(key)
             known_number, state = self._stored_states.get(key, (None, "waiting"))
             if known_number != number:
-                new.append((number, key, design))
+                unnumbered.append((number, key, design))
             if state == "waiting":
                 waiting.append((key, number, design))
             else:
                 self._count_state(state)
-        self._store.add_candidates(new)
+        self._store.add_candidates(unnumbered)
         batch: list[CandidateTask] = []
         rejections = self._screens.reject([design for _, _, design in waiting])
         for task, rejection in zip(waiting, rejections, strict=True):
@@ -337,8 +387,8 @@ class StudyRunner:
                 self._record_result(key, Candidate(number, "infeasible", design, stage, reason))
                 continue
             batch.append(task)
-            size = BATCH_DURATION * self._batch_candidates / self._batch_seconds
-            if len(batch) >= min(size, MAX_BATCH_SIZE):
+            batch_size = BATCH_DURATION * self._batch_candidates / self._batch_seconds
+            if len(batch) >= min(batch_size, MAX_BATCH_SIZE):
                 while len(self._pending) >= self._max_pending:
                     self._collect_results()
                 self._submit_batch(batch)
@@ -359,10 +409,15 @@ class StudyRunner:
         self.flush()
 
     def _collect_results(self) -> None:
-        """Wait for the result of at least one batch.
+        """Wait until a batch is finished or WRITE_INTERVAL has passed, and record its results.
 
-        The candidates of a batch that ended its worker are submitted again, one by one. Raises
-        StudyError if the executor fails in another way, or if a worker has another program.
+        If a batch ended its worker process, its candidates are submitted again one by one. A single
+        candidate that ends its worker at every attempt gets the state "quarantined".
+
+        Raises
+        ------
+        StudyError
+            If the executor fails in another way, or if a worker has another program.
         """
         worker_error: BaseException | None = None
         for future in wait(self._pending, timeout=WRITE_INTERVAL, return_when=FIRST_COMPLETED).done:
@@ -399,7 +454,7 @@ class StudyRunner:
             ) from worker_error
 
     def _record_result(self, key: str, row: Candidate) -> None:
-        """Add a result to those of the next write, and count its state."""
+        """Keep a result for the next write into the store, and count its state."""
         self._unwritten_results.append((key, row))
         if key != self.original_key:
             self._count_state(row.state)
@@ -407,6 +462,6 @@ class StudyRunner:
             self.flush()
 
     def _count_state(self, state: str) -> None:
-        """Count the state of a candidate, and report the progress."""
+        """Count the state of a finished candidate, and report the progress."""
         self._states[state] += 1
         self._progress(self._states.total(), self._total, self._states)

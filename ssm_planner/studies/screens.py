@@ -1,8 +1,8 @@
 """Reject candidates by closed-form tests, before any planning and for all candidates at once.
 
 The tests are called screens. They check the reach (paper, eq. 9), the self-locking of every drive,
-and the torque that starts each straight motion from rest against weight and static friction. A
-candidate that a screen cannot evaluate passes it.
+and the motor torque that starts each straight motion from rest against weight and static friction.
+A candidate that a screen cannot evaluate passes it, and the planner judges it later.
 """
 
 import math
@@ -22,32 +22,44 @@ from ssm_planner.typing import Array, frozen
 from ssm_planner.units import quantity
 
 GEOMETRY_ANGLES = ("alpha", "home_tilt", "home_roll")
-"""Keys of the robot file that define a geometry."""
+"""Keys of the robot file that define a geometry: the angle α, and tilt and roll at q = 0."""
 START_FRACTION = 1e-6
-"""Share of a straight motion from which the directions of its joints are computed."""
+"""Fraction of a straight motion after which the directions of its joints are determined."""
 DEGREE = math.pi / 180
+"""One degree, rad."""
 
 
 @frozen
 class Rejection:
-    """The stage that rejected a candidate, and the reason."""
+    """The stage that rejected a candidate, and the reason in words."""
 
     stage: str
     reason: str
 
 
 Rejections = list[Rejection | None]
-"""Rejection of each candidate, or None if it passes."""
+"""Rejection of each candidate, or None if the candidate passes."""
 
 
 JointOptions = dict[str, Joint | ProblemError]
-"""Joint with each entry of a choice by name of the entry, or the error if the entry is invalid."""
+"""Joint with each entry of a choice, by name of the entry.
+
+An invalid entry has its error instead of a joint.
+"""
 StraightMove = tuple[list[float], list[float]]
-"""Start and end of a straight motion in task coordinates, rad and m."""
+"""Roll, tilt, spin and depth at the start and at the end of a straight motion, rad and m."""
 
 
 class Screens:
-    """The screens of one study. They can be applied to many candidates at once."""
+    """The screens of one study, which can be applied to many candidates at once.
+
+    Attributes
+    ----------
+    study : Study
+        Study whose candidates are screened.
+    robot : Robot or None
+        A valid robot of the study. None if none of three tried candidates is valid.
+    """
 
     def __init__(self, study: Study) -> None:
         self.study = study
@@ -58,7 +70,18 @@ class Screens:
         self._joint_options = self._optional_joints()
 
     def reject(self, designs: Sequence[Design]) -> Rejections:
-        """Apply all screens. Returns the rejection of each candidate, or None if it passes."""
+        """Apply all screens to candidates.
+
+        Parameters
+        ----------
+        designs : sequence of Design
+            Designs of the candidates.
+
+        Returns
+        -------
+        list of Rejection or None
+            Rejection of each candidate, or None if the candidate passes all screens.
+        """
         if not designs:
             return []
         rejections: Rejections = [None] * len(designs)
@@ -72,7 +95,7 @@ class Screens:
 
     @property
     def _bodies_vary(self) -> bool:
-        """True if masses, bodies or gravity differ between candidates."""
+        """True if the bodies (links) or gravity may differ between candidates."""
         if any(path.startswith(("bodies", "gravity")) for path in self.study.paths):
             return True
         return any("parts" in body for body in self.study.robot["bodies"])
@@ -80,7 +103,8 @@ class Screens:
     def _valid_problems(self) -> Iterator[Problem]:
         """Yield the problem of each motion, with a candidate for which all problems are valid.
 
-        The result is empty if none of three candidates is valid.
+        The candidates at the beginning, in the middle and at the end of all ranges are tried.
+        Nothing is yielded if none of them is valid.
         """
         for position in (0.0, 0.5, 1.0):
             design = self.study.design([position] * len(self.study.vary))
@@ -99,7 +123,10 @@ class Screens:
     def _geometry_family(self, designs: Sequence[Design]) -> Family | None:
         """Return the geometries of all designs as arrays.
 
-        None if other keys than `GEOMETRY_ANGLES` define the geometry.
+        Returns
+        -------
+        Family or None
+            None if other keys of the robot file than `GEOMETRY_ANGLES` define the geometry.
         """
         geometry = self.study.robot["geometry"]
         axes_vary = any(path.startswith("geometry.axes") for path in self.study.paths)
@@ -116,7 +143,15 @@ class Screens:
         return Family(columns[0], columns[1], columns[2], sign)
 
     def _screen_reach(self, family: Family, rejections: Rejections) -> None:
-        """Reject candidates that do not reach the required tilts or the tilts of the motions."""
+        """Reject candidates that do not reach the required tilts or the tilts of the motions.
+
+        Parameters
+        ----------
+        family : Family
+            Geometries of n candidates.
+        rejections : list of Rejection or None
+            Rejection of each candidate, which is set in place. Earlier rejections remain.
+        """
         require = self.study.require
         tilt_requirements: list[tuple[str, Array, float]] = []
         if require.reach is not None:
@@ -136,7 +171,15 @@ class Screens:
                     rejections[i] = Rejection("reach", reason)
 
     def _screen_parts(self, designs: Sequence[Design], rejections: Rejections) -> None:
-        """Reject candidates with an invalid drive or motor, or with a drive that does not lock."""
+        """Reject candidates with an invalid drive or motor, or with a drive that does not lock.
+
+        Parameters
+        ----------
+        designs : sequence of Design
+            Designs of the candidates.
+        rejections : list of Rejection or None
+            Rejection of each candidate, which is set in place. Earlier rejections remain.
+        """
         for path, options in self._joint_options.items():
             faults = {label: self._part_rejection(option) for label, option in options.items()}
             for i, design in enumerate(designs):
@@ -144,7 +187,10 @@ class Screens:
                     rejections[i] = faults[design[path]]
 
     def _part_rejection(self, joint: Joint | ProblemError) -> Rejection | None:
-        """Return the rejection if a joint is invalid or its drive does not lock, otherwise None."""
+        """Return the rejection if a joint is invalid or its drive does not lock, otherwise None.
+
+        A drive must lock if the study requires it, or if the file of the drive states it.
+        """
         if isinstance(joint, ProblemError):
             return Rejection("parts", joint.reason)
         drive = joint.drive
@@ -157,10 +203,14 @@ class Screens:
         return None
 
     def _optional_joints(self) -> dict[str, JointOptions]:
-        """Build one joint for each drive or motor that the study can choose.
+        """Build one joint for each drive or motor among which the search chooses.
 
-        All other values are those of the first candidate. The result contains the joints by path of
-        the choice and name of the entry, or the error if an entry is invalid.
+        All other values are those of a valid candidate.
+
+        Returns
+        -------
+        dict
+            Joint, or error of an invalid entry, by path of the choice and by name of the entry.
         """
         joints: dict[str, JointOptions] = {}
         for variable in self.study.vary:
@@ -182,9 +232,19 @@ class Screens:
     def _screen_start(
         self, designs: Sequence[Design], family: Family, rejections: Rejections
     ) -> None:
-        """Reject designs whose motors cannot start a motion from rest on any branch.
+        """Reject candidates whose motors cannot start a straight motion from rest.
 
-        The reason is that of the first branch.
+        A candidate is rejected only if its motors are too weak on both branches of the inverse
+        kinematics. The reason is that of the positive branch.
+
+        Parameters
+        ----------
+        designs : sequence of Design
+            Designs of n candidates.
+        family : Family
+            Geometries of these candidates.
+        rejections : list of Rejection or None
+            Rejection of each candidate, which is set in place. Earlier rejections remain.
         """
         if self.robot is None:
             return
@@ -203,7 +263,17 @@ class Screens:
     def _start_rejections(
         self, family: Family, branch: int, designs: Sequence[Design]
     ) -> Rejections:
-        """Return the rejection of each design whose motors are too weak on one branch, or None."""
+        """Return the rejection of each design whose motors are too weak on one branch, or None.
+
+        Parameters
+        ----------
+        family : Family
+            Geometries of n candidates.
+        branch : int
+            Branch of the inverse kinematics, +1 or −1.
+        designs : sequence of Design
+            Designs of these candidates.
+        """
         starts, ends = np.array(self._moves).swapaxes(0, 1)
         steps = starts + START_FRACTION * (ends - starts)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -224,9 +294,21 @@ class Screens:
         return rejections
 
     def _weight_efforts(self, family: Family, q: Array) -> Array:
-        """Return the efforts of the weight on the joints at q (n, k, 4), (n, k, 4), N·m and N.
+        """Return the efforts of the weight on the joints.
 
         The bodies keep their place relative to the axes of their joints.
+
+        Parameters
+        ----------
+        family : Family
+            Geometries of n candidates.
+        q : (n, k, 4) array
+            Joint positions of each candidate in k configurations, rad and m.
+
+        Returns
+        -------
+        (n, k, 4) array
+            Efforts, N·m for the rotary joints and N for the translation.
         """
         assert self.robot is not None
         count = len(family.alpha)
@@ -235,9 +317,19 @@ class Screens:
         return static_loads(axes, masses, self._centres_of_mass(family), self.robot.gravity, q)
 
     def _centres_of_mass(self, family: Family) -> Array:
-        """Return the centres of mass in the base frame at q = 0, (n, 4, 3), m.
+        """Return the centres of mass of the four bodies in the base frame at q = 0.
 
-        The z axis of a body's frame stays along the axis of its joint.
+        Each body is rotated together with the axis of its joint, by the smallest rotation.
+
+        Parameters
+        ----------
+        family : Family
+            Geometries of n candidates.
+
+        Returns
+        -------
+        (n, 4, 3) array
+            Centres of mass, m.
         """
         assert self.robot is not None
         new_axes = (family.omega1, family.omega2, family.omega3, family.omega3)
@@ -250,10 +342,23 @@ class Screens:
     def _joint_variants(
         self, name: str, designs: Sequence[Design]
     ) -> Iterator[tuple[Joint, Array]]:
-        """Yield each variant of a joint, and the indices of the designs that contain it.
+        """Yield each combination of drive and motor of a joint, and the designs that contain it.
 
-        Variants differ in their drive and motor. A variant whose drive and motor do not fit
-        together is left out.
+        A combination whose drive and motor do not fit together is left out.
+
+        Parameters
+        ----------
+        name : str
+            Name of the joint.
+        designs : sequence of Design
+            Designs of the candidates.
+
+        Yields
+        ------
+        joint : Joint
+            Joint with the drive and the motor.
+        members : (m,) array of int
+            Indices of the designs.
         """
         assert self.robot is not None
         original = self.robot.joints[JOINTS.index(name)]
@@ -277,18 +382,22 @@ class Screens:
 
 
 def _motor_rejections(joint: Joint, load: Array, direction: Array) -> dict[int, Rejection]:
-    """Return the rejection of each robot whose motor cannot start a joint, by index.
-
-    The result is empty if the joint lacks a motor or the friction of its drive.
+    """Find the robots whose motor cannot start a joint from rest.
 
     Parameters
     ----------
     joint : Joint
-        Joint of the candidate.
-    load : (n, k)
-        Efforts of the weight in k configurations of n robots, N·m or N.
-    direction : (n, k)
-        Directions of the starts, +1, −1, or 0 for a joint that rests.
+        Joint with its drive and motor.
+    load : (n, k) array
+        Efforts of the weight on the joint of n robots in k configurations, N·m or N.
+    direction : (n, k) array
+        Directions in which the joint starts, +1 or −1, or 0 for a joint that rests.
+
+    Returns
+    -------
+    dict
+        Rejection by index of the robot. Empty if the joint lacks a motor or the friction of its
+        drive.
     """
     drive, motor = joint.drive, joint.motor
     if drive is None or motor is None or drive.friction is None:
@@ -306,7 +415,18 @@ def _motor_rejections(joint: Joint, load: Array, direction: Array) -> dict[int, 
 
 
 def _parse_angles(texts: Sequence[str]) -> Array:
-    """Convert texts such as "30 deg" to angles (n,) in rad. All texts have the same unit."""
+    """Convert texts such as "30 deg" to angles.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        n quantities, which all have the same unit.
+
+    Returns
+    -------
+    (n,) array
+        Angles, rad.
+    """
     unit = texts[0].strip().partition(" ")[2]
     factor = quantity(f"1 {unit}", "angle")
     return np.array([float(text.strip().partition(" ")[0]) for text in texts]) * factor
@@ -315,18 +435,21 @@ def _parse_angles(texts: Sequence[str]) -> Array:
 def _rotate_with_axis(point: Array, old: Array, new: Array) -> Array:
     """Rotate a point by the smallest rotation that turns one axis into another.
 
+    With the rotation axis a = old × new (not normalised), c = old · new and a point p, the result
+    is p + a × p + a × (a × p)/(1 + c), which is Rodrigues' formula.
+
     Parameters
     ----------
-    point : (3,)
+    point : (3,) array
         Point that is rotated.
-    old : (3,)
+    old : (3,) array
         Unit vector of the axis before the rotation.
-    new : (n, 3)
-        Unit vectors of the axis after each of n rotations.
+    new : (n, 3) array
+        Unit vectors of the axis after each of n rotations. None may be opposite to `old`.
 
     Returns
     -------
-    (n, 3)
+    (n, 3) array
         The point after each rotation.
     """
     axis = np.cross(old, new)
@@ -336,10 +459,22 @@ def _rotate_with_axis(point: Array, old: Array, new: Array) -> Array:
 
 
 def _required_tilts_and_moves(problems: Sequence[Problem]) -> tuple[Array, list[StraightMove]]:
-    """Return the tilts (k,) that all motions must reach, rad, and their straight motions.
+    """Return the tilts that the motions must reach, and their straight motions.
 
     Only motions whose ends are given in task coordinates are evaluated. The evaluation of a problem
-    ends at its first other motion.
+    ends at its first motion that is not straight, because the further positions are not known.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        Problem of each motion of the study.
+
+    Returns
+    -------
+    tilts : (k,) array
+        Tilts at the ends of the motions, rad.
+    moves : list of StraightMove
+        Ends of the straight motions.
     """
     tilts: list[float] = []
     moves: list[StraightMove] = []

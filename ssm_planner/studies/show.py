@@ -1,4 +1,8 @@
-"""Write the robot file, the plans and the pages of one candidate, or compare two candidates."""
+"""Write the robot file, the plans and the pages of one candidate, or compare two candidates.
+
+The commands `study show` and `study compare` call this module. It reads the results that `study`
+has stored.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,10 +24,19 @@ from ssm_planner.typing import Fields, JsonObject
 
 
 def load_candidates(study: Study, folder: Path) -> dict[int, Candidate]:
-    """Return the candidates of a study by number, from the store in `folder`.
+    """Return the stored candidates of a study by number.
 
-    Raises ProblemError if there is no store, or if it contains the rows of another study or of
-    another program.
+    Parameters
+    ----------
+    study : Study
+        Study whose results are read.
+    folder : Path
+        Folder of the results.
+
+    Raises
+    ------
+    ProblemError
+        If there is no store, or if it contains the rows of another study or of another program.
     """
     current = describe_study(study)
     with open_existing_store(folder) as store:
@@ -54,9 +67,28 @@ def find_candidate(rows: Mapping[int, Candidate], number: int) -> Candidate:
 def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
     """Write the robot file, the plans and the pages of a candidate, and return their paths.
 
-    The files are written into `folder`/candidate_N, where `folder` contains the results of the
-    study. The page of the study then has links to the pages of the candidate. Raises ProblemError
-    for a motion without a plan, and ExportError if a file cannot be written.
+    The page of the study is written again, so that it links to the pages of the candidate.
+
+    Parameters
+    ----------
+    study : Study
+        Study that contains the candidate.
+    folder : Path
+        Folder of the results. The files are written into its subfolder candidate_N.
+    number : int
+        Number N of the candidate.
+
+    Returns
+    -------
+    list of Path
+        The robot file, and all files of the plans.
+
+    Raises
+    ------
+    ProblemError
+        If the candidate does not exist, or if one of its motions has no plan.
+    ExportError
+        If a file cannot be written.
     """
     rows = load_candidates(study, folder)
     row = find_candidate(rows, number)
@@ -83,10 +115,27 @@ def write_candidate(study: Study, folder: Path, number: int) -> list[Path]:
 
 
 def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int) -> JsonObject:
-    """Return the designs and the results of two candidates side by side, as JSON types.
+    """Return the designs and the figures of two candidates side by side, as JSON types.
 
-    The keys are study, numbers, design and figures. Raises ProblemError if a candidate does not
-    exist.
+    Parameters
+    ----------
+    study : Study
+        Study that contains the candidates.
+    folder : Path
+        Folder of the results.
+    number_1, number_2 : int
+        Numbers of the candidates.
+
+    Returns
+    -------
+    dict
+        `study` and `numbers` identify the candidates. `design` and `figures` contain pairs of
+        values by name.
+
+    Raises
+    ------
+    ProblemError
+        If a candidate does not exist.
     """
     rows = load_candidates(study, folder)
     a = find_candidate(rows, number_1)
@@ -102,5 +151,5 @@ def compare_candidates(study: Study, folder: Path, number_1: int, number_2: int)
 
 
 def _value_pairs(a: Fields, b: Fields) -> dict[str, tuple[Any, Any]]:
-    """Return the values of both mappings by name, with None for missing values."""
+    """Return the values of two mappings as pairs by name. A missing value is None."""
     return {name: (a.get(name), b.get(name)) for name in {**a, **b}}

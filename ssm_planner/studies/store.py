@@ -1,9 +1,9 @@
 """Store the candidates of a study in an SQLite database, with one row for each candidate.
 
 Only one process writes the database, and others may read it at any time. The key of a row is a hash
-of the design, the inputs of the study and the program. Each row contains a hash of its content. The
-database contains results but no plans. Plans are computed again on request. Rows of earlier studies
-and programs remain in the database, but they have no number.
+of the design, the inputs of the study and the program. Each row contains a hash of its content, so
+that changes are noticed. The database contains results but no plans, which are computed again on
+request. Rows of earlier studies and programs remain in the database, but they have no number.
 """
 
 import csv
@@ -35,9 +35,9 @@ State = Literal["waiting", "done", "infeasible", "failed", "quarantined"]
 - "quarantined": it ended its worker process at every attempt.
 """
 STORE_VERSION = 2
-"""Version of the database's layout."""
+"""Version of the layout of the database."""
 LOCK_TIMEOUT = 0.5
-"""Time to wait for another process that holds the lock of a store, s."""
+"""Longest time to wait for another process that holds the lock of a store, s."""
 OUTPUT_PREFIXES = ("study.", "table.", "front.", "map.", "candidate_")
 """Beginnings of the names of all files and folders that a study writes."""
 _TABLES = f"""
@@ -50,6 +50,11 @@ CREATE TABLE IF NOT EXISTS study (
     id INTEGER PRIMARY KEY, description TEXT NOT NULL, sha256 TEXT NOT NULL
 );
 PRAGMA user_version = {STORE_VERSION};
+"""
+"""SQL that creates the tables.
+
+`candidates` contains the results by key, `numbers` the key of each candidate of the latest study,
+and `study` the description of this study.
 """
 
 
@@ -65,23 +70,31 @@ class Candidate:
     """
 
     number: int
+    """Number of the candidate in the search. The original robot has the number −1."""
     state: State
     design: Fields
     """Values of the variables by path."""
     stage: str | None = None
-    """Stage that rejected an infeasible candidate."""
+    """Stage that rejected an infeasible candidate, such as "reach" or "plan"."""
     reason: str | None = None
-    """Reason of the rejection or fault."""
+    """Reason of the rejection or fault, in words."""
     figures: Fields = field(default_factory=dict)
-    """Results by name, in SI units."""
+    """Numerical results in SI units and names of selected parts, by name of the result."""
 
     @property
     def rejection(self) -> str | None:
-        """Stage or state in which the candidate was rejected, or None if it was not."""
+        """Stage, or else state, in which the candidate was rejected, or None if it was not."""
         return None if self.state in ("done", "waiting") else self.stage or self.state
 
     def costs(self, objectives: Sequence[str]) -> list[float] | None:
-        """Return the objectives as numbers to minimise, or None if one is unknown."""
+        """Return the values of objectives with the sign that makes all of them costs to minimise.
+
+        Returns
+        -------
+        list of float or None
+            Cost of each objective. A margin is multiplied by −1, because it is maximised. None if
+            the candidate is not done or an objective is not known.
+        """
         if self.state != "done":
             return None
         costs: list[float] = []
@@ -98,9 +111,14 @@ Candidates = Sequence[Candidate]
 
 
 def candidate_key(design: Fields, context: str) -> str:
-    """Return the key of a design in the store.
+    """Return the key of a candidate in the store.
 
-    `context` identifies the inputs of the study and the program.
+    Parameters
+    ----------
+    design : mapping
+        Values of the candidate by path.
+    context : str
+        Hash of the inputs of the study and of the program, see `provenance.context_hash`.
     """
     return hash_contents(context, _to_json(design))[:32]
 
@@ -113,9 +131,17 @@ def hash_contents(*contents: object) -> str:
 class Store(AbstractContextManager["Store"]):
     """Database that contains the candidates of a study by key. It is used as a context manager.
 
-    Opening raises ProblemError if the file is not such a database, or if another process writes it.
-    Opening raises ExportError if the file cannot be written, or if a file of the study is a
-    symbolic link.
+    Parameters
+    ----------
+    path : Path
+        File of the database, which is created if it does not exist.
+
+    Raises
+    ------
+    ProblemError
+        If the file is not such a database, or if another process writes it.
+    ExportError
+        If the file cannot be written, or if a file of the study is a symbolic link.
     """
 
     def __init__(self, path: Path) -> None:
@@ -154,7 +180,15 @@ class Store(AbstractContextManager["Store"]):
             raise
 
     def _open_database(self) -> None:
-        """Open the database and create its tables. Raises ProblemError or ExportError."""
+        """Open the database and create its tables.
+
+        Raises
+        ------
+        ProblemError
+            If the file has another format.
+        ExportError
+            If the file cannot be written.
+        """
         with self._converting_errors():
             self._connection = sqlite3.connect(self.path, isolation_level=None)
             (version,) = self._connection.execute("PRAGMA user_version").fetchone()
@@ -173,10 +207,21 @@ class Store(AbstractContextManager["Store"]):
             self._connection.executescript(_TABLES)
 
     def set_description(self, description: JsonObject, context: str) -> JsonObject:
-        """Store the description of the current study, and return the previous one.
+        """Store the description of the current study, and return that of the previous study.
 
-        If they differ, the rows of the previous study lose their numbers. `context` identifies the
-        inputs and the program. The result is empty if there is no previous study.
+        If the descriptions differ, the rows of the previous study lose their numbers.
+
+        Parameters
+        ----------
+        description : dict
+            Description of the study and the program as JSON types.
+        context : str
+            Hash of the inputs and the program, with which `entries` verifies the keys of the rows.
+
+        Returns
+        -------
+        dict
+            Description of the previous study. Empty if there is none.
         """
         previous = self.description()
         self._context = context
@@ -190,7 +235,7 @@ class Store(AbstractContextManager["Store"]):
     def description(self) -> JsonObject:
         """Return the description of the latest study, which is empty if there is none.
 
-        Raises ProblemError if it was changed.
+        Raises ProblemError if the description was changed.
         """
         for text, sha256 in self._query("SELECT description, sha256 FROM study"):
             with suppress(ValueError, RecursionError):
@@ -201,9 +246,14 @@ class Store(AbstractContextManager["Store"]):
         return {}
 
     def add_candidates(self, designs: Iterable[tuple[int, str, Fields]]) -> None:
-        """Add candidates with the state "waiting". Existing candidates get the new number.
+        """Add candidates with the state "waiting".
 
-        `designs` contains the number, the key and the design of each candidate.
+        A candidate that already exists keeps its result and gets the new number.
+
+        Parameters
+        ----------
+        designs : iterable of (int, str, Design)
+            Number, key and design of each candidate.
         """
         rows = [(number, key, _to_json(design)) for number, key, design in designs]
         self._execute_many(
@@ -216,7 +266,13 @@ class Store(AbstractContextManager["Store"]):
         )
 
     def write_results(self, rows: Iterable[tuple[str, Candidate]]) -> None:
-        """Write the results of candidates. `rows` contains the key and the result of each."""
+        """Write the results of candidates.
+
+        Parameters
+        ----------
+        rows : iterable of (str, Candidate)
+            Key and result of each candidate.
+        """
         self._execute_many(
             "UPDATE candidates SET state = ?1, stage = ?2, reason = ?3, figures = ?4, "
             "sha256 = hash_contents(key, ?1, ?2, ?3, design, ?4) WHERE key = ?5",
@@ -234,10 +290,22 @@ class Store(AbstractContextManager["Store"]):
         return {key: (number, state) for key, number, state in rows}
 
     def rows(self, keys: Iterable[str] | None = None) -> list[Candidate]:
-        """Return the candidates with these keys in their order.
+        """Return candidates with their results.
 
-        The default is all candidates of the latest study by number. Raises ProblemError if a row
-        was changed after the study had written it.
+        Parameters
+        ----------
+        keys : iterable of str, optional
+            Keys of the candidates. The default is all candidates of the latest study by number.
+
+        Returns
+        -------
+        list of Candidate
+            Candidates in the order of the keys. Unknown keys are left out.
+
+        Raises
+        ------
+        ProblemError
+            If a row was changed after the study had written it.
         """
         candidates = []
         for key, number, row in self.entries():
@@ -254,9 +322,16 @@ class Store(AbstractContextManager["Store"]):
         return [by_key[key] for key in keys if key in by_key]
 
     def entries(self) -> Iterator[tuple[str, int, Candidate | None]]:
-        """Yield the key, the number and the row of each candidate of the latest study, by number.
+        """Yield the candidates of the latest study in the order of their numbers.
 
-        The row is None if it was changed after the study had written it.
+        Yields
+        ------
+        key : str
+            Key of the row.
+        number : int
+            Number of the candidate.
+        row : Candidate or None
+            The candidate, or None if the row was changed after the study had written it.
         """
         for number, key, *contents, sha256 in self._query(
             "SELECT number, key, CAST(state AS TEXT), CAST(stage AS TEXT), CAST(reason AS TEXT), "
@@ -269,12 +344,12 @@ class Store(AbstractContextManager["Store"]):
             yield key, number, _candidate_from_row(number, *contents) if intact else None
 
     def _query(self, statement: str) -> list[tuple[Any, ...]]:
-        """Return all rows of a query."""
+        """Execute a query, and return all rows of its result."""
         with self._converting_errors():
             return self._connection.execute(statement).fetchall()
 
     def _execute_many(self, statement: str, rows: Iterable[tuple[Any, ...]]) -> None:
-        """Execute a statement for all rows in one transaction."""
+        """Execute a statement once for each row of parameters, in one transaction."""
         with self._converting_errors():
             self._connection.execute("BEGIN IMMEDIATE")
             try:
@@ -287,7 +362,9 @@ class Store(AbstractContextManager["Store"]):
 
     @contextmanager
     def _converting_errors(self) -> Iterator[None]:
-        """Convert errors of SQLite to ExportError (disk) or ProblemError (damaged file)."""
+        """Convert errors of SQLite: a fault of the disk to ExportError, a damaged file to
+        ProblemError.
+        """
         try:
             yield
         except sqlite3.OperationalError as error:
@@ -301,16 +378,27 @@ class Store(AbstractContextManager["Store"]):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        """Close the database and release its lock."""
         self._connection.close()
         self._lock.__exit__(None, None, None)
 
 
 _to_json = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":")).encode
-"""Encode a value as JSON. Equal values give equal texts."""
+"""Encode a value as JSON. Equal values give equal texts, so that their hashes are equal."""
 
 
 def _candidate_from_row(number: int, state: Any, *contents: Any) -> Candidate | None:
-    """Return the candidate in a row, or None if no study writes such a row."""
+    """Return the candidate of a row, or None if no study writes such a row.
+
+    Parameters
+    ----------
+    number : int
+        Number of the candidate.
+    state : str
+        State of the candidate.
+    *contents
+        Stage, reason, design as JSON and figures as JSON.
+    """
     stage, reason, design, figures = contents
     try:
         results = json.loads(figures, parse_constant=lambda _: None)  # NaN is unknown
@@ -322,24 +410,32 @@ def _candidate_from_row(number: int, state: Any, *contents: Any) -> Candidate | 
 
 
 def _is_result(name: str, value: Any) -> bool:
-    """Return True if a value can be a result: a component, a finite number or unknown (None)."""
+    """Return True if a value can be a result.
+
+    The result of a path of joints is the name of a part. All other results are finite numbers, or
+    None if they are not known.
+    """
     if name.startswith("joints."):
         return isinstance(value, str)
     return value is None or (not isinstance(value, str) and math.isfinite(value))
 
 
 def check_not_link(path: Path) -> None:
-    """Raise ExportError if a result is a symbolic link, because the target would change."""
+    """Raise ExportError if a file is a symbolic link, because writing would change its target."""
     if path.is_symlink():
         raise ExportError(f"{path}: cannot be written: is a symbolic link; remove it")
 
 
 def write_table(rows: Candidates, path: Path) -> None:
-    """Write candidates as a table, as Parquet if the path ends with ".parquet" and else as CSV.
+    """Write candidates as a table, as Parquet if the path ends with ".parquet", otherwise as CSV.
 
-    The columns are the attributes of the candidates, their designs and their results. Missing
-    values are empty. Raises ExportError if the file cannot be written, or if Parquet is requested
-    without pyarrow.
+    The columns are the attributes of the candidates, their designs and their figures. Missing
+    values are empty.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written, or if Parquet is requested without the package pyarrow.
     """
     attributes = ("number", "state", "stage", "reason")
     table = {name: [getattr(row, name) for row in rows] for name in attributes}
@@ -366,9 +462,21 @@ def write_table(rows: Candidates, path: Path) -> None:
 def pareto_front(rows: Candidates, objectives: Sequence[str]) -> tuple[Candidate, ...]:
     """Return the Pareto front: the candidates that no other candidate dominates.
 
-    A candidate dominates another one if it is not worse in any objective. Margins are maximised,
-    and all other objectives are minimised. Candidates that are not done or lack an objective are
-    ignored. The front is sorted by the first objective.
+    A candidate dominates another one if it is not worse in any objective. Among equal candidates,
+    the first one remains. Margins are maximised, and all other objectives are minimised. Candidates
+    that are not done or lack an objective are ignored.
+
+    Parameters
+    ----------
+    rows : sequence of Candidate
+        Candidates with their results.
+    objectives : sequence of str
+        Names of the figures that are compared.
+
+    Returns
+    -------
+    tuple of Candidate
+        The front, sorted by the first objective.
     """
     points: list[tuple[list[float], int, Candidate]] = []
     for row in rows:
@@ -387,9 +495,21 @@ def pareto_front(rows: Candidates, objectives: Sequence[str]) -> tuple[Candidate
 def dominating_candidates(
     reference: Candidate, front: Candidates, objectives: Sequence[str]
 ) -> tuple[Candidate, ...]:
-    """Return the candidates of a front that dominate the candidate `reference`.
+    """Return the candidates of a front that dominate a reference candidate.
 
-    The result is empty if `reference` is not done or lacks an objective.
+    Parameters
+    ----------
+    reference : Candidate
+        Candidate that is compared, such as the original robot.
+    front : sequence of Candidate
+        Candidates of the Pareto front.
+    objectives : sequence of str
+        Names of the figures that are compared.
+
+    Returns
+    -------
+    tuple of Candidate
+        Empty if the reference is not done or lacks an objective.
     """
     if not pareto_front((reference,), objectives):
         return ()

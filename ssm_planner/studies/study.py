@@ -1,4 +1,9 @@
-"""Define a study as an immutable value: variables, motions, requirements and objectives."""
+"""Define a study as an immutable value: variables, motions, requirements and objectives.
+
+A study compares many variants of a robot. A variant is called a candidate, and the values that
+distinguish it from the robot of the study file are called its design. `study_file.load_study` reads
+a `Study` from YAML, and `run.study` evaluates its candidates.
+"""
 
 import copy
 import itertools
@@ -18,22 +23,38 @@ from ssm_planner.typing import Array, Fields, JsonObject, frozen, record
 from ssm_planner.units import BadQuantity, quantity
 
 Design = Mapping[str, str]
-"""Value at each varied path of the robot file: a quantity with unit, or the name of an entry."""
+"""Values that define a candidate, by the path of the robot file at which they vary.
+
+A value is a quantity with its unit, such as "30 deg", or the name of an entry of a `Choice`. The
+robot of the study file itself has an empty design.
+"""
 OBJECTIVES = ("duration", "motor_mass", "motor_margin", "peak_torque", "reach_margin")
-"""Results that `minimise` can name. Margins are maximised."""
+"""Results that `minimise` can name. Results whose name ends with "margin" are maximised."""
 GEAR_KEYS = ("worm", "screw")
-"""Last key of a path that replaces the gear of a drive, such as `joints.tilt.drive.worm`."""
+"""Last keys of a path that replaces the gear of a drive, such as `joints.tilt.drive.worm`."""
 MAX_CANDIDATES = 10_000_000
-"""Largest number of candidates. The results of more would not fit into memory."""
+"""Largest number of candidates. The results of more candidates would not fit into memory."""
 SOBOL_BLOCK_SIZE = 4096
-"""Number of points of a Sobol' sequence that are drawn at once, a power of 2."""
+"""Number of points of a Sobol' sequence that are drawn at once. It must be a power of 2."""
 PACE_PATH = "pace"
-"""Path of the factor (at least 1) by which motions are slowed down for the selection of parts."""
+"""Path of the pace, a factor of at least 1 by which motions are slowed down.
+
+The pace is not a key of the robot file. A slower motion permits weaker motors and gears.
+"""
 
 
 @frozen
 class Varied:
-    """A quantity that varies between two values, in the unit of the file.
+    """A quantity that varies between two values.
+
+    Parameters
+    ----------
+    path : str
+        Dotted path of the quantity in the robot file, such as "geometry.alpha".
+    low, high : float
+        Ends of the range, in `unit`.
+    unit : str
+        Unit in the robot file, such as "deg". It is empty for a quantity without a unit.
 
     Examples
     --------
@@ -48,11 +69,17 @@ class Varied:
     unit: str
 
     def value_at(self, position: float) -> str:
-        """Return the value with its unit at a position from 0 (`low`) to 1 (`high`)."""
+        """Return a value of the range with its unit.
+
+        Parameters
+        ----------
+        position : float
+            Position in the range, from 0 (`low`) to 1 (`high`).
+        """
         return f"{self.low + position * (self.high - self.low):.8g} {self.unit}".rstrip()
 
     def grid(self, count: int) -> list[str]:
-        """Return `count` equidistant values with their unit, including both ends."""
+        """Return `count` equidistant values with their unit, from `low` to `high`."""
         return [self.value_at(position) for position in np.linspace(0, 1, count)]
 
     at = Renamed("value_at")
@@ -61,6 +88,9 @@ class Varied:
 @frozen
 class Choice:
     """A choice among several entries, such as the motors of a catalogue.
+
+    The search selects an entry for every candidate. If `select` is set, the entry is selected after
+    the motions are known, as the first one in a ranking that suffices for them.
 
     Examples
     --------
@@ -72,19 +102,25 @@ class Choice:
 
     path: str
     contents: Fields
-    """Content that an entry has in the robot file, by name of the entry."""
+    """Content of each entry in the form of the robot file, by name of the entry."""
     select: str | None = None
-    """Rank by which the first suitable entry is selected. None means that entries are searched."""
+    """Quantity that ranks the suitable entries, such as "mass". None lets the search choose."""
     beside: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Mass (kg) and length (m) that a catalogue states, by name of the entry."""
+    """Mass (kg) and length (m) that the catalogue states in addition, by name of the entry."""
 
     def value_at(self, position: float) -> str:
-        """Return the name of the entry at a position from 0 to 1."""
+        """Return the name of an entry.
+
+        Parameters
+        ----------
+        position : float
+            Position from 0 (first entry) to 1 (last entry). Each entry occupies an equal part.
+        """
         names = list(self.contents)
         return names[min(int(position * len(names)), len(names) - 1)]
 
     def grid(self, count: int) -> list[str]:
-        """Return the names of all entries, for any `count`."""
+        """Return the names of all entries, for any `count`, because a grid contains every entry."""
         return list(self.contents)
 
     at = Renamed("value_at")
@@ -105,13 +141,13 @@ class Requirements(Value):
     """
 
     reach: Annotated[Interval, "angle"] | None = None
-    """Range of signed tilts that the workspace must contain, rad."""
+    """Range of signed tilt angles that the workspace must contain, rad."""
     reach_margin: Annotated[NotNegative, "angle"] = 0.0
-    """Additional tilt at both ends of this range, rad."""
+    """Additional tilt that the workspace must contain beyond each end of this range, rad."""
     self_locking: bool = False
-    """True if every drive must hold its load without torque."""
+    """True if every drive must hold its load without motor torque."""
     motor_margin: NotNegative = 0.0
-    """Smallest margin that every motor must keep in torque, speed, heat and voltage, as a share."""
+    """Smallest margin of every motor in torque, speed, heat and voltage, relative to the limit."""
 
 
 @frozen
@@ -129,17 +165,17 @@ class Search:
     points: int = 256
     """Number of candidates. For a grid, the number of values in each range."""
     seed: int = 0
-    """Seed of the random numbers. Equal seeds give equal candidates."""
+    """Seed of the random numbers. The same seed gives the same candidates."""
 
     @property
     def adaptive(self) -> bool:
-        """True if later candidates depend on the results of earlier ones."""
+        """True if the results of earlier candidates determine later ones."""
         return self.method in ("tpe", "nsga2")
 
 
 @record
 class Study:
-    """A comparison of many variants of a robot, the candidates, over a set of motions.
+    """A comparison of many variants of a robot, the candidates, which all perform the same motions.
 
     Examples
     --------
@@ -151,17 +187,17 @@ class Study:
 
     name: str
     robot: Fields
-    """Content of the robot file, in which drives and motors replace the names of their files."""
+    """Content of the robot file. The contents of drive and motor files replace their names."""
     motions: Mapping[str, Fields]
-    """Contents of problem files without their robot, by name."""
+    """Contents of the problem files without their robot, by name of the motion."""
     vary: tuple[Variable, ...]
-    """Variables of the search."""
+    """Variables for which the search chooses values."""
     require: Requirements
     minimise: tuple[str, ...]
     search: Search
     file: str | None = None
     selected: tuple[Choice, ...] = ()
-    """Choices of motors and gears that follow from the motions of a candidate."""
+    """Choices of motors and gears whose entries are selected after the motions are known."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.count <= MAX_CANDIDATES:
@@ -174,7 +210,10 @@ class Study:
 
     @property
     def count(self) -> int:
-        """Number of candidates."""
+        """Number of candidates that the search generates.
+
+        A grid combines all values of all variables. Other searches have `search.points` candidates.
+        """
         if self.search.method != "grid":
             return self.search.points
         return math.prod(
@@ -184,12 +223,16 @@ class Study:
 
     @cached_property
     def paths(self) -> tuple[str, ...]:
-        """Paths of the robot file that vary."""
+        """Paths of the robot file for which the search chooses values."""
         return tuple(variable.path for variable in self.vary)
 
     @property
     def notes(self) -> list[str]:
-        """Remarks that a reader of the results must know."""
+        """Remarks that a reader of the results must know.
+
+        The only remark concerns bodies (links) with a stated mass and inertia. They keep these
+        values although the geometry or the motors of the candidates differ.
+        """
         fixed_bodies = [body["name"] for body in self.robot["bodies"] if "parts" not in body]
         paths = [variable.path for variable in self.vary + self.selected]
         affecting = [
@@ -205,7 +248,7 @@ class Study:
 
     @property
     def own_words(self) -> str:
-        """Description of the study's own robot, with which the candidates are compared."""
+        """Description of the original robot, with which the page compares the candidates."""
         if self.selected:
             return "The study's own robot with motors and gears selected in the same way, at pace 1"
         return "The study's own robot as it stands"
@@ -213,7 +256,12 @@ class Study:
     def complete_design(self, design: Design, figures: Fields) -> dict[str, str]:
         """Add the selected motors and gears to the design of a candidate.
 
-        `figures` are the results of the candidate, which contain the names of the selected parts.
+        Parameters
+        ----------
+        design : Design
+            Values that the search chose.
+        figures : mapping
+            Results of the candidate. They contain the name of each selected part under its path.
         """
         result = dict(design)
         for choice in self.selected:
@@ -222,7 +270,11 @@ class Study:
         return result
 
     def designs(self) -> Iterator[Design]:
-        """Yield the designs of all candidates. The search must not be adaptive."""
+        """Yield the designs of all candidates in the order of their numbers.
+
+        The search must not be adaptive, because the designs of an adaptive search depend on
+        results.
+        """
         search = self.search
         if search.method == "grid":
             grids = [variable.grid(search.points) for variable in self.vary]
@@ -232,7 +284,13 @@ class Study:
         yield from map(self.design, sobol_points(len(self.vary), search.points, search.seed))
 
     def design(self, point: Sequence[float] | Array) -> Design:
-        """Return the design at a point (d,) of the unit cube, with one coordinate per variable."""
+        """Return the design at a point of the unit cube.
+
+        Parameters
+        ----------
+        point : (d,) array
+            Position of each of the d variables of `vary`, from 0 to 1.
+        """
         return {
             variable.path: variable.value_at(float(x))
             for variable, x in zip(self.vary, point, strict=True)
@@ -241,7 +299,7 @@ class Study:
     def resolved(self, design: Design) -> JsonObject:
         """Return the content of a candidate's robot file.
 
-        An empty design gives the study's own robot.
+        An empty design gives the original robot.
         """
         contents = {
             variable.path: variable.contents
@@ -254,11 +312,24 @@ class Study:
 
 
 def robot_with_design(robot: Fields, contents: Mapping[str, Fields], design: Design) -> JsonObject:
-    """Return the content of a robot file with the values of a design.
+    """Return the content of a robot file in which the values of a design replace the original ones.
 
-    `robot` is the original content, in which drives and motors replace the names of their files.
-    `contents` has the contents of all entries by name, by the path of a choice. Raises ProblemError
-    if a choice has no such entry.
+    The function also replaces the rotor inertia that a drive's input inertia contains if the design
+    changes the motor.
+
+    Parameters
+    ----------
+    robot : mapping
+        Original content. The contents of drive and motor files replace their names.
+    contents : mapping of str to mapping
+        Contents of the entries of each choice by name. The key is the path of the choice.
+    design : Design
+        Values by path.
+
+    Raises
+    ------
+    ProblemError
+        If a choice does not have the entry that the design names.
     """
     tree = copy.deepcopy(dict(robot))
     for path, text in design.items():
@@ -275,7 +346,24 @@ def robot_with_design(robot: Fields, contents: Mapping[str, Fields], design: Des
 
 
 def sobol_points(dimensions: int, points: int, seed: int) -> Iterator[Array]:
-    """Yield the points (dimensions,) of a scrambled Sobol' sequence in the unit cube."""
+    """Yield the points of a scrambled Sobol' sequence.
+
+    These points fill the unit cube more evenly than random points.
+
+    Parameters
+    ----------
+    dimensions : int
+        Number of coordinates of a point.
+    points : int
+        Number of points.
+    seed : int
+        Seed of the scrambling.
+
+    Yields
+    ------
+    (dimensions,) array
+        Coordinates from 0 to 1.
+    """
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(dimensions, scramble=True, seed=seed)
@@ -286,7 +374,18 @@ def sobol_points(dimensions: int, points: int, seed: int) -> Iterator[Array]:
 def _set_at_path(tree: JsonObject, path: str, content: Any) -> None:
     """Set the content at a dotted path of a robot file's content, in place.
 
-    If the path ends with a gear, the content is merged into the existing drive.
+    If the path ends with a key of `GEAR_KEYS`, `content` describes a gear. Its entries are then set
+    in the existing drive, and the old dimensions of the gear are removed except for the thread
+    angle.
+
+    Parameters
+    ----------
+    tree : dict
+        Content of the robot file, which is changed.
+    path : str
+        Dotted path. A number stands for an index of a list.
+    content : object
+        New value, or the entries of a gear by their path in the drive.
     """
     keys = path.split(".")
     final_key = keys.pop()
@@ -304,10 +403,17 @@ def _set_at_path(tree: JsonObject, path: str, content: Any) -> None:
 
 
 def _replace_rotor(joint: JsonObject, original: Fields) -> None:
-    """Replace the rotor inertia that a drive's input inertia contains by that of the new motor.
+    """Exchange the rotor inertia in the input inertia of a drive, in place.
 
-    `original` is the joint of the study's own robot. If the file of its motor does not state the
-    rotor inertia, the new rotor inertia is added, which gives an upper bound.
+    The input inertia of a drive includes the rotor of its motor. If the file of the original motor
+    does not state a rotor inertia, the new rotor inertia is only added, which gives an upper bound.
+
+    Parameters
+    ----------
+    joint : dict
+        Content of the candidate's joint, whose drive is changed.
+    original : mapping
+        Content of the same joint of the original robot.
     """
     if "drive" not in joint:
         return
@@ -324,7 +430,7 @@ def _replace_rotor(joint: JsonObject, original: Fields) -> None:
 def _stated_inertia(mapping: Fields | None, key: str) -> float:
     """Return the inertia that a drive or motor states under a key, kg·m².
 
-    Missing and invalid values count as 0, because the loader of motors reports invalid values.
+    Missing and invalid values count as 0. The loader of the robot reports invalid values later.
     """
     entry = (mapping or {}).get(key)
     value = entry.get("value") if isinstance(entry, Mapping) else entry
@@ -337,7 +443,8 @@ def _stated_inertia(mapping: Fields | None, key: str) -> float:
 def leads_to_container(tree: Fields, path: str) -> bool:
     """Return True if a path leads to an existing mapping or list of a robot file.
 
-    The last key of the path may be new.
+    The last key of the path may be new. If it is a gear, the drive must already contain the
+    geometry of a gear.
     """
     node: Any = tree
     keys = path.split(".")

@@ -1,4 +1,8 @@
-"""Load a study file, and the files of the robot, motions and catalogues that it names."""
+"""Load a study file, and the files of the robot, motions and catalogues that it names.
+
+`load_study` is the entry. `StudyModel` describes the keys of a study file for the loader, the JSON
+schema and the documentation.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +54,10 @@ from ssm_planner.units import BadQuantity, share
 
 
 def _parse_margin(value: object) -> float:
-    """Return a share from 0 to below 1. Raises BadQuantity."""
+    """Convert a fraction (0.2) or a percentage ("20 %") to a fraction from 0 to below 1.
+
+    Raises BadQuantity for all other values.
+    """
     margin = share(value)
     if 0 <= margin < 1:
         return margin
@@ -61,11 +68,11 @@ class SearchModel(Model):
     """How candidates are generated."""
 
     method: Literal["sobol", "grid", "tpe", "nsga2"] = "sobol"
-    """Scrambled Sobol points; a grid; or with the extra `optuna` TPE or NSGA-II."""
+    """Scrambled Sobol' points, a grid, or TPE or NSGA-II of the optional package `optuna`."""
     points: Annotated[int, Field(ge=1, le=MAX_CANDIDATES)] = 256
-    """Number of candidates, at least 1; for a grid, values per range."""
+    """Number of candidates, at least 1. For a grid, the number of values in each range."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """The same seed gives the same candidates."""
+    """Seed of the random numbers. The same seed gives the same candidates."""
 
 
 _MARGIN_FIELD = Share(
@@ -74,25 +81,26 @@ _MARGIN_FIELD = Share(
 RequirementsModel = build_class_model(
     Requirements, {"motor_margin": (Annotated[float, _MARGIN_FIELD], 0.0)}
 )
+"""Model of the keys under `require`, in which the motor margin may be a percentage."""
 
 
 class StudyModel(Model):
     """Keys of a study file."""
 
     name: Text | None = None
-    """Name of the study; default: the file's name without its ending."""
+    """Name of the study. The default is the name of the file without its ending."""
     robot: Reference
-    """Robot file from which the candidates differ."""
+    """Robot file that the candidates vary."""
     motions: Annotated[list[Text], Field(min_length=1, max_length=50)]
-    """Problem files or shipped names; the candidate replaces their robot."""
+    """Problem files or names of shipped problems. The candidate replaces their robot."""
     vary: JsonObject
-    """Dotted paths of the robot file, each {from: …, to: …}, {choices: [ … ]} or {catalogue: FILE,
-    select: mass}; pace.
+    """Dotted paths of the robot file, or `pace`. Each path has a range {from: …, to: …}, a list
+    {choices: …}, or {catalogue: FILE}, with {select: mass} to select by rank.
     """
     require: Annotated[Any, Keys(RequirementsModel)] = RequirementsModel()
     """Conditions that a candidate must meet."""
     minimise: Annotated[list[Literal[OBJECTIVES]], Field(min_length=1)]  # type: ignore[valid-type]
-    """Objectives; margins are maximised."""
+    """Objectives. Margins are maximised, all other objectives are minimised."""
     search: SearchModel = SearchModel()
     """How candidates are generated."""
 
@@ -158,10 +166,27 @@ def study_from(section: Section) -> Study:
 
 
 def _load_motions(section: Section, names: Sequence[str]) -> JsonObject:
-    """Return the contents of problem files without robot and name, by the names of the files.
+    """Load the problem files of a study.
 
-    Included motions are expanded, and the paths of tables are absolute. Raises ProblemError if a
-    file is missing, invalid or named twice.
+    Included motions are expanded, and the paths of tables become absolute, so that the result does
+    not depend on other problem files.
+
+    Parameters
+    ----------
+    section : Section
+        Content of the study file.
+    names : sequence of str
+        Entries of the key `motions`.
+
+    Returns
+    -------
+    dict
+        Content of each problem file without its robot and name, by name of the file.
+
+    Raises
+    ------
+    ProblemError
+        If a file is missing, invalid or named twice.
     """
     motions: JsonObject = {}
     for i, name in enumerate(names):
@@ -179,9 +204,14 @@ def _load_motions(section: Section, names: Sequence[str]) -> JsonObject:
 
 
 def resolved_robot_content(robot: Section) -> JsonObject:
-    """Return the content of a robot file, in which drives and motors replace the names of files.
+    """Return the content of a robot file that does not depend on other files.
 
-    Raises ProblemError if the robot is invalid.
+    The contents of drive and motor files replace their names. The view uses this function as well.
+
+    Raises
+    ------
+    ProblemError
+        If the robot or one of these files is invalid.
     """
     robot_from(robot)
     tree = {**robot.value, "joints": {}}
@@ -201,7 +231,22 @@ def resolved_robot_content(robot: Section) -> JsonObject:
 
 
 def _parse_variable(section: Section, path: str, robot: JsonObject) -> Variable:
-    """Convert the entry for a path to a variable. Raises ProblemError if the entry is invalid."""
+    """Convert one entry of the key `vary` to a variable.
+
+    Parameters
+    ----------
+    section : Section
+        Content of the entry.
+    path : str
+        Key of the entry, which is a path of the robot file.
+    robot : dict
+        Content of the robot file.
+
+    Raises
+    ------
+    ProblemError
+        If the robot does not have the path, or if the entry has none of the permitted forms.
+    """
     if not leads_to_container(robot, path):
         raise section.error(
             "the robot file does not contain this path",
@@ -228,10 +273,20 @@ def _parse_variable(section: Section, path: str, robot: JsonObject) -> Variable:
 
 
 def _listed_contents(section: Section, key: str) -> JsonObject:
-    """Return the contents of listed choices by name.
+    """Return the content of each entry of a list of choices, by name of the entry.
 
-    The contents of files replace the names of drives and motors. `key` is the last key of the
-    path, such as "motor". Raises ProblemError if the list is invalid.
+    Parameters
+    ----------
+    section : Section
+        Content with the key `choices`.
+    key : str
+        Last key of the path, such as "motor". A text in a list of drives or motors names a file,
+        and the content of this file replaces the text.
+
+    Raises
+    ------
+    ProblemError
+        If the list is empty or is not a list, or if a file is invalid.
     """
     choices = section.value["choices"]
     if not isinstance(choices, list) or not choices:
@@ -248,10 +303,24 @@ def _listed_contents(section: Section, key: str) -> JsonObject:
 def _check_selection(
     section: Section, vary: Sequence[Variable], selected: Sequence[Choice]
 ) -> None:
-    """Check the variables of a study. Raises ProblemError if they are invalid.
+    """Check that the search varies something, and that parts and paces are valid.
 
-    At least one variable must be searched, only motors and gears can be selected, and every pace
-    must be at least 1.
+    Only motors and gears can be selected by rank. A pace must be at least 1, and it only has an
+    effect if a part is selected.
+
+    Parameters
+    ----------
+    section : Section
+        Content of the study file, for messages.
+    vary : sequence of Variable
+        All variables.
+    selected : sequence of Choice
+        Those among them whose entries are selected by rank.
+
+    Raises
+    ------
+    ProblemError
+        If a condition is violated.
     """
     if len(selected) == len(vary):
         raise section.error(
@@ -283,7 +352,13 @@ def _is_valid_pace(variable: Variable) -> bool:
 
 
 def _parse_range(section: Section, path: str) -> Varied:
-    """Convert the keys `from` and `to` to a range. Raises ProblemError if they are invalid."""
+    """Convert the keys `from` and `to` to a range.
+
+    Raises
+    ------
+    ProblemError
+        If an end is not a number, if the units differ, or if `from` is not below `to`.
+    """
     numbers = []
     units = []
     for end in ("from", "to"):
@@ -307,10 +382,26 @@ def _parse_range(section: Section, path: str) -> Varied:
 
 
 def _load_catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, dict[str, float]]]:
-    """Read the catalogue that an entry names, which is a CSV file or a folder of YAML files.
+    """Load the catalogue that an entry of `vary` names.
 
-    Returns the contents of all entries by name, and their masses (kg) and lengths (m) if the
-    catalogue states them. Raises ProblemError if the catalogue is invalid.
+    Parameters
+    ----------
+    section : Section
+        Content with the key `catalogue`, which names a CSV file or a folder of YAML files.
+    path : str
+        Path of the robot file. Its last key tells whether the catalogue contains gears or motors.
+
+    Returns
+    -------
+    contents : dict
+        Contents of all entries by name.
+    sizes : dict
+        Mass (kg) and length (m) of each entry by name, as far as the catalogue states them.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is missing or invalid.
     """
     folder = Path() if section.file is None else section.file.parent
     file = folder / str(section.value["catalogue"])
@@ -323,9 +414,15 @@ def _load_catalogue(section: Section, path: str) -> tuple[JsonObject, dict[str, 
 
 
 def _check_first_candidate(section: Section, study: Study) -> None:
-    """Check that the robot is valid with the first value of each variable.
+    """Check that the candidate with the first value of each variable is a valid robot.
 
-    Raises ProblemError, which names the path of the invalid value.
+    An invalid value is thus reported with its line before any candidate is evaluated. Errors that
+    no path of the study explains are ignored here, because other candidates may still be valid.
+
+    Raises
+    ------
+    ProblemError
+        If this robot is invalid because of a path of the study, which the message names.
     """
     tree = study.resolved(study.design([0.0] * len(study.vary)))
     try:

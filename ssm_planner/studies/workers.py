@@ -1,6 +1,6 @@
 """Run tasks in supervised worker processes.
 
-The class has the interface of `concurrent.futures.Executor`. If a process of Python's own process
+`Workers` has the interface of `concurrent.futures.Executor`. If a process of Python's own process
 pool dies, the entire pool fails. This pool replaces a dead process and repeats its task. If a task
 has ended several workers, it fails with `WorkerDied`, and all other tasks continue.
 """
@@ -25,6 +25,7 @@ T = TypeVar("T")
 DEFAULT_ATTEMPTS = 3
 """Default number of workers that one task may end before it fails."""
 _WORKER_PROGRAM = "from ssm_planner.studies.workers import serve; serve()"
+"""Program of a worker process."""
 
 
 class WorkerDied(SsmPlannerError):
@@ -93,7 +94,15 @@ class Workers(Executor):
                 thread.join()
 
     def _supervise(self, index: int) -> None:
-        """Send tasks to the worker with an index, and replace the worker if it dies."""
+        """Send tasks to one worker process, and replace the process if it dies.
+
+        Each worker has a thread that runs this method until `shutdown`.
+
+        Parameters
+        ----------
+        index : int
+            Index of the worker.
+        """
         process: subprocess.Popen[bytes] | None = None
         while True:
             task = self._tasks.get()
@@ -103,21 +112,25 @@ class Workers(Executor):
             if not future.set_running_or_notify_cancel():
                 continue
             answer: bytes | None = None
-            died = 0
+            death_count = 0
             # A task that ends its worker is repeated, unless `shutdown` was called meanwhile.
-            while answer is None and died < self._attempts and not (died and self._closed):
+            while (
+                answer is None
+                and death_count < self._attempts
+                and not (death_count and self._closed)
+            ):
                 if process is None or process.poll() is not None:
                     process = self._processes[index] = _start_worker()
                     if self._ended:  # This worker started after `shutdown` had killed the others.
                         process.kill()
                 answer = self._ask(process, message)
-                died += answer is None
-            _resolve_future(future, answer, died)
+                death_count += answer is None
+            _resolve_future(future, answer, death_count)
         if process is not None:
             _terminate_worker(process)
 
     def _ask(self, process: subprocess.Popen[bytes], message: bytes) -> bytes | None:
-        """Return the worker's answer, or None if the worker died."""
+        """Send a task to a worker, and return its answer. None means that the worker died."""
         assert process.stdin is not None
         assert process.stdout is not None
         try:
@@ -128,13 +141,20 @@ class Workers(Executor):
             return None
 
 
-def _resolve_future(future: Future[Any], answer: bytes | None, died: int) -> None:
+def _resolve_future(future: Future[Any], answer: bytes | None, death_count: int) -> None:
     """Set the result or the exception of a future from a worker's answer.
 
-    The answer is None if the task ended its worker `died` times.
+    Parameters
+    ----------
+    future : Future
+        Future of the task.
+    answer : bytes or None
+        Pickled answer. None if the task ended its worker at every attempt.
+    death_count : int
+        Number of workers that the task ended.
     """
     if answer is None:
-        future.set_exception(WorkerDied(f"ended its worker process {died} times"))
+        future.set_exception(WorkerDied(f"ended its worker process {death_count} times"))
         return
     succeeded, value = pickle.loads(answer)
     if succeeded:
@@ -144,7 +164,7 @@ def _resolve_future(future: Future[Any], answer: bytes | None, died: int) -> Non
 
 
 def _start_worker() -> subprocess.Popen[bytes]:
-    """Start a worker process with one thread for linear algebra."""
+    """Start a worker process with a single thread for linear algebra."""
     # One thread for each worker is enough, because the workers share the processors.
     single_thread = dict.fromkeys(
         ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"
@@ -187,7 +207,7 @@ def serve() -> None:
     """Run a worker process: execute pickled calls from standard input until it closes.
 
     A call consists of the function, its arguments and its keyword arguments. The answer on standard
-    output contains the result or the exception of the call.
+    output is a pickled pair: True and the result, or False and the exception.
     """
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # The output of libraries must not mix with the answers.
@@ -205,7 +225,10 @@ def serve() -> None:
 
 
 def _failed_answer(error: Exception) -> bytes:
-    """Return the answer for a failed call. An exception that cannot be pickled becomes text."""
+    """Return the answer for a call that failed with an exception.
+
+    An exception that cannot be pickled is replaced by a RuntimeError with its text.
+    """
     try:
         pickle.loads(pickle.dumps(error))
         return pickle.dumps((False, error))
