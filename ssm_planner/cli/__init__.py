@@ -1,4 +1,8 @@
-"""Command line: parse arguments, call the library, print results and return the exit status."""
+"""Command line: parse arguments, call the library, print results and return the exit status.
+
+`main` is the entry. The tables commands.csv and arguments.csv define the commands and their
+arguments. Each command is a function `run_<command>` in a module of this package.
+"""
 
 import argparse
 import errno
@@ -20,19 +24,23 @@ from ssm_planner.errors import ProblemError, SsmPlannerError, suggestion
 from ssm_planner.package_table import package_table
 
 BAD_INPUT, INTERNAL_FAULT, INTERRUPTED, CLOSED_PIPE, TERMINATED = 2, 3, 130, 141, 143
-"""Exit statuses that do not come from a command."""
+"""Exit statuses that do not come from a command: invalid input, a fault of this program, Ctrl-C, a
+reader that closed the pipe, and SIGTERM.
+"""
 DEBUG_VARIABLE = "SSM_PLANNER_DEBUG"
 """Environment variable that makes an internal fault show its traceback."""
 ISSUE_LIST = "the issue list of ssm_planner"
+"""Place where users report faults, as printed in messages."""
 GARBAGE_THRESHOLD = 50_000
 """Number of new objects after which Python collects garbage.
 
-The default is too small here: imported modules create many objects that are never garbage.
+Python's default is too small here, because imported modules create many objects that are never
+garbage.
 """
 RETRY_DELAY = 0.01
-"""Delay before the program repeats an interruption that the interpreter ignored, s."""
+"""Delay before the program sends an interruption again that the interpreter ignored, s."""
 OUTPUT_ERROR_NUMBERS = (errno.EBADF, errno.ENOSPC, errno.EIO)
-"""Numbers of errors that mean that stdout cannot be written."""
+"""Error numbers of the operating system which mean that stdout cannot be written."""
 
 COMMANDS = {
     name: values for name, *values in package_table(Path(__file__).with_name("commands.csv"))
@@ -57,6 +65,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ----------
     arguments : sequence of str, optional
         Name of the command and its arguments. The default is the command line of the process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 to 4 as `ssm-planner --help` lists them, 130 after Ctrl-C, 141 if the reader
+        of stdout has closed the pipe, and 143 after SIGTERM.
     """
     if arguments is None:
         gc.set_threshold(GARBAGE_THRESHOLD)
@@ -99,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _fix_numerical_kernels() -> None:
-    """Make NumPy and SciPy round alike on every processor with AVX2 and FMA.
+    """Make NumPy and SciPy round alike on every processor with the instructions AVX2 and FMA.
 
     OpenBLAS and NumPy choose their kernels for the processor when they load, and each kernel rounds
     differently. Environment variables determine this choice, so this function sets them before
@@ -121,9 +135,18 @@ def _fix_numerical_kernels() -> None:
 
 
 def _name_error_by_option(error: ProblemError, arguments: Sequence[str]) -> None:
-    """Replace the name and value of a Python argument in an error by those of its option.
+    """Replace the name of a Python argument in an error by the option that the user typed.
 
-    `arguments` is the command line. Errors in files are not changed.
+    An error of the library names an argument such as `current_limit`. Its key and value are
+    replaced by those of the option `--current-limit`, if the command line contains it. Errors in
+    files are not changed.
+
+    Parameters
+    ----------
+    error : ProblemError
+        Error of the library, which is changed.
+    arguments : sequence of str
+        Command line.
     """
     names = [] if error.key is None or error.file is not None else error.key.split(".")
     for name in reversed(names):
@@ -139,7 +162,15 @@ def _name_error_by_option(error: ProblemError, arguments: Sequence[str]) -> None
 
 
 def _report_error(error: SsmPlannerError, as_json: bool = False) -> int:
-    """Print an error on stderr, and as JSON on stdout if requested. Return the exit status."""
+    """Print an error on stderr, and return the exit status.
+
+    Parameters
+    ----------
+    error : SsmPlannerError
+        Error that ended the command.
+    as_json : bool
+        Also print the error as a JSON object on stdout.
+    """
     print(f"ssm-planner: {error}", file=sys.stderr)
     if as_json:
         import json
@@ -154,21 +185,23 @@ def _report_error(error: SsmPlannerError, as_json: bool = False) -> int:
 
 
 def _discard_output() -> None:
-    """Redirect stdout to the null device, because Python flushes its buffer at exit."""
+    """Redirect stdout to the null device, because Python writes its buffer again at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _SignalHandling:
     """Context in which SIGTERM and SIGHUP interrupt the command like Ctrl-C.
 
-    `received` is the number of the signal, or None.
+    Attributes
+    ----------
+    received : int or None
+        Number of the signal that arrived, or None.
+    ends_process : bool
+        True if the program ends after the context. Further signals are then ignored.
     """
 
     def __init__(self, ends_process: bool) -> None:
-        """Create the context.
-
-        If `ends_process` is true, the program ends after the context, and ignores further signals.
-        """
+        """Create the context. `ends_process` is true if the program ends after it."""
         self.received: int | None = None
         self.ends_process = ends_process
         self._previous_handlers: dict[int, Any] = {}
@@ -190,6 +223,7 @@ class _SignalHandling:
             signal.signal(number, signal.SIG_IGN if self.ends_process else handler)
 
     def _receive_signal(self, number: int, _: FrameType | None) -> None:
+        """Handle a signal: store its number and interrupt the command."""
         self.received = number
         raise KeyboardInterrupt
 
@@ -205,6 +239,7 @@ class _SignalHandling:
             threading.Timer(RETRY_DELAY, self._send_signal).start()
 
     def _send_signal(self) -> None:
+        """Send the signal again, unless the context has ended."""
         if sys.unraisablehook == self._repeat_ignored:
             signal.pthread_kill(threading.main_thread().ident or 0, self.received or signal.SIGINT)
 
@@ -226,7 +261,7 @@ def _report_interruption(signals: _SignalHandling) -> int:
 
 
 def _report_fault(error: Exception) -> int:
-    """Print an internal fault in one line, and return the exit status."""
+    """Print an internal fault with its place in the source, and return the exit status."""
     if os.environ.get(DEBUG_VARIABLE):
         import traceback
 
@@ -261,8 +296,18 @@ def _prepare_streams() -> None:
 def _build_parser(command_line: Sequence[str]) -> argparse.ArgumentParser:
     """Build the argument parser.
 
-    Only the commands whose names occur in `command_line` have their arguments, so that the program
-    starts quickly. Raises UsageError for an unknown command.
+    Only the commands whose names occur in the command line get their arguments, so that the program
+    starts quickly.
+
+    Parameters
+    ----------
+    command_line : sequence of str
+        Name of the command and its arguments.
+
+    Raises
+    ------
+    UsageError
+        If the command is unknown.
     """
     from ssm_planner.cli.terminal import Parser, UsageError
 

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from ssm_planner.problem import Robot, TaskLimits
 
 PLAN_FILE = "plan.json"
+"""Name of the file of a plan in its folder."""
 STATUS_OF_VERDICT = {"kept": OK, "violated": FAILED, "not judged": UNJUDGED}
+"""Exit status of each verdict of a check."""
 STATUS_OF_PROOF = {"PROVEN": OK, "REFUTED": FAILED, "OPEN": UNJUDGED}
 """Exit status of each verdict of a proof."""
 
@@ -90,7 +92,8 @@ def run_check(options: Namespace) -> int:
 def _check_proof_options(options: Namespace) -> None:
     """Raise ProblemError if an option contradicts --proof, or if --checker is given without it.
 
-    The proof uses the robot, the limits and the speed of a plan.json.
+    The proof uses the robot, the limits and the speed of a plan.json, so options that replace these
+    are refused.
     """
     if not options.proof:
         if options.checker is not None:
@@ -107,7 +110,7 @@ def _check_proof_options(options: Namespace) -> None:
 
 
 def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
-    """Return a table of the bounds of all limits, and the verdict, as lines of text."""
+    """Return a table of the proven bounds of all limits, and count the verdicts."""
     from ssm_planner.reporting import proof_table
 
     counts = dict.fromkeys(STATUS_OF_PROOF, 0)
@@ -118,7 +121,15 @@ def proof_lines(proofs: Sequence[ssm.Proof]) -> list[str]:
 
 
 def _signature_fault(folder: Path, key: Path) -> str | None:
-    """Return the reason why a folder is not an export that was signed with a key, or None."""
+    """Return the reason why a key does not confirm the signature of an export, or None if it does.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the export.
+    key : Path
+        File with the public key.
+    """
     from ssm_planner.formats import read_manifest, signature_error
 
     try:
@@ -128,9 +139,20 @@ def _signature_fault(folder: Path, key: Path) -> str | None:
 
 
 def _allow_unjudged(certificate: ssm.Certificate, text: str) -> ssm.Certificate:
-    """Return the certificate with the limits that may remain unjudged (option --allow-unjudged).
+    """Return a certificate in which some limits may remain unjudged.
 
-    `text` contains their names, separated by commas. Raises ProblemError for an unknown name.
+    Parameters
+    ----------
+    certificate : Certificate
+        Result of the check.
+    text : str
+        Value of the option --allow-unjudged: names of limits, or the last words of names, separated
+        by commas.
+
+    Raises
+    ------
+    ProblemError
+        If a name is unknown.
     """
     from ssm_planner.verification import ACCELERATION_DEPENDENT_LIMITS
 
@@ -175,7 +197,7 @@ def _run_speed_check(
     Raises
     ------
     ProblemError
-        If the option --speed or the trajectory does not permit such a check.
+        If the value of --speed is invalid, or if the trajectory consists of straight segments.
     """
     from ssm_planner.verification import check_slower, check_speeds
 
@@ -209,9 +231,9 @@ def _run_speed_check(
 
 
 def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
-    """Return a table of the speeds at which each limit is nearest, as lines of text.
+    """Return a table that states at which speed each limit has its smallest margin.
 
-    It contains the limits that a slower motion may violate.
+    It contains the limits that a slower motion may violate, although the planned motion keeps them.
     """
     from ssm_planner.display import number
     from ssm_planner.reporting import Table, limit_cells
@@ -310,10 +332,7 @@ def read_with_robot(
 
 
 def _with_declared_rates(options: Namespace, limits: "TaskLimits") -> "TaskLimits":
-    """Return the limits with the rates at both ends that the options declare.
-
-    Raises ProblemError if a rate is invalid.
-    """
+    """Return the limits with the speeds at both ends that --start-rate and --end-rate declare."""
     if options.start_rate is not None:
         limits = replace(limits, start_rate=_parse_rates("--start-rate", options.start_rate))
     if options.end_rate is not None:
@@ -323,6 +342,13 @@ def _with_declared_rates(options: Namespace, limits: "TaskLimits") -> "TaskLimit
 
 def _parse_rates(option: str, text: str) -> dict[str, float] | None:
     """Parse the value of the option --start-rate or --end-rate.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option, for messages.
+    text : str
+        Value of the option, such as "tilt=-10deg/s,depth=5mm/s".
 
     Returns
     -------

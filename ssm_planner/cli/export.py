@@ -12,7 +12,11 @@ from ssm_planner.typing import Keywords
 
 
 def add_format_arguments(parser: ArgumentParser) -> None:
-    """Add the options of all formats to the command `export`."""
+    """Add the options of all formats to the command `export`.
+
+    A format declares its options with their help texts. If formats have an option in common, its
+    help lists the formats for each text.
+    """
     for option, texts in _format_options().items():
         parsed = ARGPARSE_SETTINGS.get(option, {})
         flag = f"--{'no-' if parsed.get('action') == 'store_false' else ''}{option}"
@@ -64,8 +68,15 @@ def run_export(options: Namespace) -> int:
 def _parse_encoder_counts(texts: list[str]) -> int | dict[str, int]:
     """Parse texts of the form [JOINT=]N, which state the encoder increments per motor turn.
 
-    The result is one number for all joints, or a mapping by joint. Raises ExportError for other
-    texts.
+    Returns
+    -------
+    int or dict
+        One number for all joints, or a number by joint.
+
+    Raises
+    ------
+    ExportError
+        If a text has another form, or if a number for all joints and one for a joint are given.
     """
     counts: dict[str, int] = {}
     for text in texts:
@@ -88,4 +99,4 @@ ARGPARSE_SETTINGS: dict[str, Keywords] = {
     "stops": {"type": int, "metavar": "N"},
     "bag": {"action": "store_false"},
 }
-"""Arguments of argparse by option. All other options are texts."""
+"""Keyword arguments of `add_argument` by option. All other options are texts."""

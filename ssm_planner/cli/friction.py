@@ -56,7 +56,9 @@ def _check_design_options(options: Namespace) -> None:
 
 
 def _run_design(options: Namespace) -> int:
-    """Design a recording session, write it as CSV, and return the exit status."""
+    """Design a recording session, write it as CSV, print what it determines, and return the exit
+    status.
+    """
     progress = progress_reporter(f"designing a session for {options.drive}")
     session = ssm.design_session(options.drive, options.count, options.top_speed)
     name = f"{options.drive.stem}_session.csv"
@@ -117,9 +119,19 @@ def _write_drive_files(
 
 
 def _fixed_parameter(text: str) -> tuple[str, float]:
-    """Parse NAME=VALUE, and return the name and the value in SI units.
+    """Parse the value NAME=NUMBER of the option --fix.
 
-    Raises ProblemError for other texts.
+    Returns
+    -------
+    name : str
+        Name of the parameter.
+    value : float
+        Its value in SI units.
+
+    Raises
+    ------
+    ProblemError
+        If the text has another form.
     """
     name, _, value = text.partition("=")
     try:
@@ -136,7 +148,12 @@ def _fixed_parameter(text: str) -> tuple[str, float]:
 def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
     """Return the table of the identified parameters as lines of text.
 
-    `result` is the output of --json, and `drive` the identified drive.
+    Parameters
+    ----------
+    result : dict
+        Output of --json.
+    drive : Drive
+        Identified drive, which determines the units.
     """
     from ssm_planner.display import number
     from ssm_planner.identification import unit_of
@@ -189,8 +206,22 @@ def run_predict(options: Namespace) -> int:
 def _write_figures(prediction: ssm.Prediction, folder: Path | None) -> Files:
     """Draw the predicted and the measured torque of a recording as PNG and PDF.
 
-    The result contains the paths by name. It is empty without a folder. Raises ExportError if a
-    file cannot be written.
+    Parameters
+    ----------
+    prediction : Prediction
+        Prediction for the recording.
+    folder : Path or None
+        Folder of the figures. None writes nothing.
+
+    Returns
+    -------
+    dict
+        Paths by name.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     if folder is None:
         return {}

@@ -44,9 +44,15 @@ def _solution_lines(solutions: ssm.JointSolutions) -> Iterator[str]:
 def run_workspace(options: Namespace) -> int:
     """Print the workspace of a robot, or the designs that reach a tilt range.
 
-    The function returns the exit status.
+    Returns
+    -------
+    int
+        Exit status.
 
-    Raises ProblemError if neither a robot nor a range is stated.
+    Raises
+    ------
+    ProblemError
+        If the command line contains neither a robot nor a range.
     """
     if options.robot is None and options.reach is None:
         raise ProblemError("workspace needs a robot file, or a tilt range: --reach -140deg -80deg")
@@ -66,8 +72,12 @@ def run_workspace(options: Namespace) -> int:
 def _workspace_result(robot: ssm.Robot, output: Path | None) -> JsonObject:
     """Return the workspace of a robot as JSON types.
 
-    With a folder `output`, the figures are written there, and their paths are added under the key
-    `files`.
+    Parameters
+    ----------
+    robot : Robot
+        Robot whose workspace is computed.
+    output : Path or None
+        Folder of the figures. Their paths are added to the result under the key `files`.
     """
 
     result = ssm.workspace(robot).to_dict()
@@ -82,11 +92,13 @@ def _workspace_result(robot: ssm.Robot, output: Path | None) -> JsonObject:
 def _design_region_result(
     reach: ssm.Range, margin: float, robot: ssm.Robot | None, output: Path | None
 ) -> JsonObject:
-    """Return the designs (α, β) that reach a tilt range, as JSON types.
+    """Return the designs that reach a tilt range, as JSON types.
+
+    A design consists of the angles α and β between neighbouring joint axes.
 
     Parameters
     ----------
-    reach : (2,)
+    reach : (float, float)
         Lowest and highest tilt, rad.
     margin : float
         Additional tilt at both ends, rad.
@@ -98,7 +110,9 @@ def _design_region_result(
     Returns
     -------
     dict
-        Keys alpha, beta, region, margin, reachable, and optionally robot and files.
+        `alpha` and `beta` of the design with the smallest α (rad, None if no design reaches the
+        range), the vertices `region` of all designs, `margin`, `reachable`, and optionally `robot`
+        and `files`.
     """
     from ssm_planner.kinematics import design_margin, design_region
 

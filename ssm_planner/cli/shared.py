@@ -1,6 +1,7 @@
 """Functions that several commands use.
 
-They add arguments, convert values, report progress on stderr, and print or write results.
+They add arguments to parsers, convert values, report progress on stderr, and print or write
+results.
 """
 
 import csv
@@ -26,7 +27,7 @@ from ssm_planner.typing import Files, Keywords
 OK, FAILED, UNJUDGED = 0, 1, 4
 """Exit statuses: all checks passed, a check failed, and a limit could not be judged."""
 LARGEST_RATE = 100_000.0
-"""Largest rate of written files, Hz. A file of a faster rate would not fit into memory."""
+"""Largest rate of written files, Hz. A file with a higher rate would not fit into memory."""
 
 
 def output_file(path: Path | None, suffix: str, default: Path) -> Path:
@@ -47,12 +48,21 @@ def output_file(path: Path | None, suffix: str, default: Path) -> Path:
 
 
 def quantity_argument(kind: str) -> Callable[[str], float]:
-    """Return the function by which argparse converts a quantity such as `-140deg` to SI units.
+    """Return a function with which argparse converts a quantity such as `-140deg` to SI units.
 
-    `kind` is a key of units.KINDS, such as "length". The function raises ArgumentTypeError.
+    Parameters
+    ----------
+    kind : str
+        Kind of quantity, a key of units.KINDS such as "length".
+
+    Returns
+    -------
+    callable
+        Function from a text to a number in SI units. It raises ArgumentTypeError for other texts.
     """
 
     def convert(text: str) -> float:
+        """Convert the text of an argument to SI units."""
         from ssm_planner.units import BadQuantity, quantity
 
         try:
@@ -66,7 +76,7 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
 def rate_argument(text: str) -> float:
     """Convert a text such as `500`, `500 Hz` or `1kHz` to a rate in Hz.
 
-    argparse calls this function. Raises ArgumentTypeError for other texts and for rates above
+    argparse calls this function. It raises ArgumentTypeError for other texts and for rates above
     `LARGEST_RATE`.
     """
     match = re.fullmatch(r"([0-9.e+]+)\s*(?:(k?)hz)?", text.strip().lower())
@@ -96,11 +106,11 @@ VALUE_TYPES: dict[str, Callable[[str], Any]] = {
     "float": float,
     "rate": rate_argument,
 }
-"""Functions that convert the text of a value."""
+"""Function that converts the text of a value, by its type in arguments.csv."""
 
 
 def add_arguments(parser: ArgumentParser, command: str) -> None:
-    """Add the arguments of a command to its parser."""
+    """Add the arguments of a command, which arguments.csv lists, to its parser."""
     groups: dict[str, Any] = {"": parser}
     with ARGUMENTS.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -112,7 +122,7 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
 
 
 def _argument_settings(row: Mapping[str, str]) -> Keywords:
-    """Return the arguments of `add_argument` for a row of `ARGUMENTS`."""
+    """Return the keyword arguments of `add_argument` for one row of arguments.csv."""
     value_type = row["kind"]
     number = row["number"]
     metavars = row["metavar"].split()
@@ -150,7 +160,7 @@ def parse_quantity(option: str, text: str, kind: str, whole: str | None = None) 
     text : str
         The quantity with its unit.
     kind : str
-        Key of units.KINDS.
+        Kind of quantity, a key of units.KINDS.
     whole : str, optional
         Complete value of the option, for messages. The default is `text`.
 
@@ -182,16 +192,21 @@ def parse_speed(text: str) -> float:
 
 
 REPORT_INTERVAL = 1.0
-"""Shortest interval between two reports of counted steps, s."""
+"""Shortest interval between two reports of a step that counts items, s."""
 ALWAYS_REPORTED_STEPS = 5
-"""Number of the first counted steps that are always reported."""
+"""Number of the first counted items that are always reported."""
 
 
 def progress_reporter(message: str = "") -> Progress:
-    """Return a function that prints each step on stderr with the elapsed time.
+    """Return a function that prints each step of a command on stderr with the elapsed time.
 
-    If a step counts items, an estimate of the remaining time is added. On a terminal, a counted
-    step replaces the line of the previous one. `message` describes a step that is printed at once.
+    If a step counts items, an estimate of the remaining time is added. On a terminal, such a step
+    replaces the line of the previous one.
+
+    Parameters
+    ----------
+    message : str
+        Description of a first step, which is printed at once. It may be empty.
     """
     start = last_report = series_start = time.perf_counter()
     first_done = -1
@@ -231,7 +246,15 @@ def progress_reporter(message: str = "") -> Progress:
 
 
 def fill_in_template(template: str, **values: Any) -> list[str]:
-    """Fill in a template of this package, and return the lines of the text."""
+    """Fill in a template of cli/templates, and return the lines of the text.
+
+    Parameters
+    ----------
+    template : str
+        File name of the template.
+    **values
+        Values of the variables in the template.
+    """
     from ssm_planner.display import environment, render_template
 
     templates = environment("ssm_planner.cli", escape=False, degrees=math.degrees)
@@ -331,5 +354,7 @@ def write_results(
 
 
 def _to_json(document: Any) -> str:
-    """Format a document as JSON text. Paths become texts, and numbers must be finite."""
+    """Format a document as JSON text. Paths become texts, and infinite or undefined numbers raise
+    ValueError.
+    """
     return json.dumps(document, indent=1, allow_nan=False, default=os.fspath)

@@ -69,11 +69,13 @@ def run_size(options: Namespace) -> int:
 
 
 MAX_PAIRS = 10
-"""Largest number of pairs of motor and gear in the output, per joint."""
+"""Largest number of pairs of motor and gear that the output lists for each joint."""
 
 
 def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Conditions") -> int:
-    """Check every motor of a catalogue with every gear, and return the exit status."""
+    """Judge every motor of a catalogue with every gear, print the best pairs, and return the exit
+    status.
+    """
     from ssm_planner.loading import CatalogueEntry, drives_with_gears, read_gearheads, read_motors
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
     from ssm_planner.sizing import select
@@ -177,10 +179,25 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
 
 
 def read_candidates(texts: Sequence[str], duty: "DutyCycle") -> dict[str, list[ssm.Motor]]:
-    """Load the candidate motors that texts such as `[JOINT=]FILE` name, and return them by joint.
+    """Load the candidate motors that the option --motor names.
 
-    A file without a joint applies to all joints that the duty cycle moves. Raises ProblemError if a
-    joint is unknown or a file is invalid.
+    Parameters
+    ----------
+    texts : sequence of str
+        Values `[JOINT=]FILE` of the option. A file without a joint applies to all driven joints
+        that the motion moves.
+    duty : DutyCycle
+        Motion for which the motors are sized.
+
+    Returns
+    -------
+    dict
+        Candidate motors by joint.
+
+    Raises
+    ------
+    ProblemError
+        If a joint is unknown or a file is invalid.
     """
     from ssm_planner.problem import JOINTS
 
@@ -206,9 +223,10 @@ def read_candidates(texts: Sequence[str], duty: "DutyCycle") -> dict[str, list[s
 
 
 def selected_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
-    """Return the smallest adequate motor of each joint, or its largest candidate if there is none.
+    """Return the smallest adequate motor of each joint.
 
-    Joints without candidates are left out.
+    If no candidate of a joint is adequate, its largest candidate is returned. Joints without
+    candidates are left out.
     """
     return {
         joint.load.joint: (joint.smallest or joint.candidates[-1]).motor
@@ -218,7 +236,10 @@ def selected_motors(sizing: "Sizing") -> dict[str, ssm.Motor]:
 
 
 def _conditions_from_options(options: Namespace, duty: "DutyCycle") -> "Conditions":
-    """Return the operating conditions that the options and the duty cycle state."""
+    """Return the operating conditions that the options state.
+
+    Without the option --pause, the duty cycle determines the pause.
+    """
     from ssm_planner.sizing import REFERENCE_TEMPERATURE, Conditions
 
     return Conditions(

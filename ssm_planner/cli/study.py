@@ -44,8 +44,24 @@ def run_study(options: Namespace) -> int:
 def _parse_words(words: Sequence[str]) -> tuple[str, list[int], str]:
     """Parse the words of the command.
 
-    Returns "study", "show", "compare" or "audit", the numbers of the candidates, and the study file
-    or the folder of the results. Raises ProblemError.
+    Parameters
+    ----------
+    words : sequence of str
+        A study file, or "show", "compare" or "audit" with its arguments.
+
+    Returns
+    -------
+    verb : str
+        "study", "show", "compare" or "audit".
+    numbers : list of int
+        Numbers of candidates.
+    file : str
+        Study file, or folder of the results for "audit".
+
+    Raises
+    ------
+    ProblemError
+        If the arguments do not suit the verb.
     """
     verb = words[0]
     if verb not in ("show", "compare", "audit"):
@@ -117,9 +133,12 @@ def _run_audit(folder: Path, options: Namespace) -> int:
 
 @contextmanager
 def _dask_executor(address: str | None) -> Iterator[Executor | None]:
-    """Yield the executor of a Dask scheduler at an address, or None without an address.
+    """Yield the executor of a Dask scheduler, or None without an address.
 
-    Raises ProblemError if the package is not installed, or if no scheduler answers.
+    Raises
+    ------
+    ProblemError
+        If the package distributed is not installed, or if no scheduler answers.
     """
     if address is None:
         yield None
@@ -184,7 +203,10 @@ def _study_lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> lis
 
 
 def _comparison_lines(document: JsonObject) -> list[str]:
-    """Return the table that compares two candidates as lines of text."""
+    """Return the table that compares two candidates as lines of text.
+
+    `document` is the output of --json, see `studies.show.compare_candidates`.
+    """
     from ssm_planner.reporting import Table
     from ssm_planner.studies.page import axis_title, result_unit
 

@@ -12,9 +12,9 @@ from ssm_planner.display import columns
 from ssm_planner.errors import SsmPlannerError, suggestion
 
 LABEL_PATTERN = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
-"""Beginning of a line: a label that at least two spaces follow, or only the indentation."""
+"""Pattern of the beginning of a line: its label and the spaces after it, or its indentation."""
 MAX_LABEL_WIDTH = 20
-"""Largest number of characters of a label with which continuation lines are aligned."""
+"""Largest width of a label with which continuation lines are aligned, characters."""
 MAX_LINES, LAST_LINES = 25, 6
 """Largest number of lines of a shortened text, and the number of last lines that it keeps."""
 RED, GREEN, YELLOW = 31, 32, 33
@@ -28,11 +28,13 @@ VERDICT_COLOURS = (
     (GREEN, r"PASSED|held in reality|suffices?"),
     (YELLOW, r"not known|not checked|not decided|placeholder figures|CANNOT TELL"),
 )
-"""Colours of the words of a verdict."""
+"""Colour of the words that state a verdict: ANSI code and pattern."""
 VERDICT_PATTERN = re.compile(
     "|".join(rf"(?P<c{colour}>\b(?:{pattern})\b)" for colour, pattern in VERDICT_COLOURS)
 )
+"""Pattern of all words that state a verdict. The name of the matching group is "c" and the code."""
 UNKNOWN_OPTION_PATTERN = re.compile(r"unrecognized arguments: (.*)")
+"""Pattern of the message with which argparse reports unknown options."""
 
 
 class UsageError(SsmPlannerError):
@@ -40,10 +42,10 @@ class UsageError(SsmPlannerError):
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser that raises UsageError with the usage and a suggestion."""
+    """Argument parser that raises UsageError instead of ending the process."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise UsageError with the message, the usage and a suggestion for unknown options."""
+        """Raise UsageError with the message, the usage and a suggestion for an unknown option."""
         hint = ""
         match = UNKNOWN_OPTION_PATTERN.fullmatch(message)
         if match:
@@ -52,7 +54,7 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}{hint}\n{self.format_usage().strip()}")
 
     def options(self) -> Iterator[str]:
-        """Yield every option of the parser, and those of all commands whose modules were loaded."""
+        """Yield every option of the parser and of the commands whose arguments were added."""
         for action in self._actions:
             yield from action.option_strings
             if isinstance(action, argparse._SubParsersAction):
@@ -61,10 +63,17 @@ class Parser(argparse.ArgumentParser):
 
 
 def wrap_line(line: str, width: int) -> list[str]:
-    """Wrap a line to at most `width` characters, without breaking words.
+    """Wrap a line without breaking words.
 
     Continuation lines start below the first character after the label of the line, if it has one. A
     line that names a file is not wrapped, so that its path can be copied.
+
+    Parameters
+    ----------
+    line : str
+        Line to wrap.
+    width : int
+        Largest number of characters in a line.
     """
     if len(line) <= width or line.startswith("file  "):
         return [line]
@@ -79,7 +88,7 @@ def wrap_line(line: str, width: int) -> list[str]:
 def shorten(lines: Iterable[str]) -> list[str]:
     """Wrap lines to the terminal, and omit the middle of a text of more than `MAX_LINES` lines.
 
-    The last LAST_LINES lines remain, because they contain the verdict.
+    The last `LAST_LINES` lines remain, because they contain the verdict.
     """
     wrapped: list[str] = []
     for line in lines:
@@ -92,7 +101,7 @@ def shorten(lines: Iterable[str]) -> list[str]:
 def print_lines(lines: Iterable[str]) -> None:
     """Print lines, wrapped to the width of the terminal and with coloured verdicts.
 
-    Colours are omitted if stdout is not a terminal.
+    Colours are omitted if stdout is not a terminal, or if the variable NO_COLOR is set.
     """
     has_colours = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
     if os.environ.get("NO_COLOR"):
@@ -104,5 +113,5 @@ def print_lines(lines: Iterable[str]) -> None:
 
 
 def _colour_match(match: re.Match[str]) -> str:
-    """Add the ANSI codes of its colour to a word. The name of the matched group is the code."""
+    """Add the ANSI codes of its colour to a matched word of a verdict."""
     return f"\x1b[{(match.lastgroup or '')[1:]}m{match[0]}\x1b[0m"

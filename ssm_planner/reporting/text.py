@@ -1,7 +1,8 @@
 """Format plans and sizing results as text and tables for the terminal and for pages.
 
 Functions whose names end in `_lines` return lines for the terminal. Functions whose names end in
-`_table` return a `Table`, which the terminal and the pages show.
+`_table` return a `Table`, which the terminal and the pages show. This module does not load the
+planner, so that `check` starts quickly.
 """
 
 import math
@@ -36,7 +37,7 @@ if TYPE_CHECKING:  # `check` prints tables without loading the planner.
     from ssm_planner.verification.proof import Proof
 
 SizingObject = Mapping[str, Any]
-"""JSON object that `size --json` prints and that plan.json contains."""
+"""JSON object of a sizing, which `size --json` prints and plan.json contains."""
 VERDICT_LABELS = {True: "yes", False: "NO", None: "not known"}
 """Word for each value of an `adequate` entry. None means that data are missing."""
 MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
@@ -44,19 +45,22 @@ MOTOR_MARGINS = ("torque", "speed", "continuous_torque", "voltage", "heat")
 KELVIN = 273.15
 """0 °C in K."""
 LOWER_BOUND_LIMITS = (SelfLocking.name, RetinaClearance.name, LensClearance.name)
-"""Limits below which a quantity must not fall."""
+"""Limits below which a quantity must not fall. All other limits are upper bounds or ranges."""
 ACTIVE_MARGIN = 0.005
-"""Largest margin of a limit that counts as active, as in the plots of the report."""
+"""Largest margin with which a limit counts as active, that is, as reached by the fastest motion.
+
+The plots of the report use the same value.
+"""
 CHECK_BY_RATING = {
     "max_torque": "torque",
     "max_speed": "speed",
     "nominal_torque": "continuous_torque",
 }
-"""Name of the check whose limit is a value of the motor file, by the key of this value."""
+"""Name of the check that a rating of a motor limits, by the key of the rating in the motor file."""
 MAX_SENSITIVITIES = 3
-"""Number of sensitivities in the summary of a plan, the largest first."""
+"""Number of sensitivities in the summary of a plan. The largest ones are shown."""
 CONFIRMATION_TOLERANCE = 1e-6
-"""Largest relative difference of durations at which Ipopt confirms a motion."""
+"""Largest relative difference of durations with which Ipopt confirms a motion."""
 
 
 @frozen
@@ -66,11 +70,11 @@ class Table:
     Attributes
     ----------
     header : sequence of str
-        Headings of the columns. A text contains them with ", " in between.
+        Headings of the columns. A single text contains all headings with ", " in between.
     rows : sequence of sequences of str
         Rows with one cell for each column.
     numeric_columns : sequence of int
-        Indices of right-aligned columns.
+        Indices of the columns with numbers, which are aligned on the right.
     caption : str
         Title above the table. It may be empty.
     """
@@ -128,7 +132,8 @@ class Table:
         """Return the width of each column, so that a line has at most `limit` characters.
 
         Columns become narrower in steps of one character. Columns of numbers shrink first, and the
-        widest of them before the others. No column becomes narrower than its longest word.
+        widest of them before the others. No column becomes narrower than its longest word, so a
+        line may remain too long.
         """
         widths = []
         smallest = []
@@ -173,7 +178,7 @@ def unit_of_limit(limit: "LimitCheck | Kept", degree: str = "deg") -> tuple[str,
     Parameters
     ----------
     limit : LimitCheck or Kept
-        A result in SI units.
+        Result of a limit in a certificate or in a comparison, in SI units.
     degree : str
         Symbol of degrees, "deg" for the terminal and "°" for pages.
 
@@ -217,14 +222,15 @@ def limit_cells(
 
 
 def _format_in_milli(value: float) -> str:
-    """Format a value in mN·m, mm or mrad with four significant digits."""
+    """Format a thousandfold value, such as a torque in mN·m, with four significant digits."""
     return number(1e3 * value, 4)
 
 
 def limits_table(limits: Iterable[LimitCheck]) -> Table:
     """Build the table of all limits, smallest margin first.
 
-    A limit on jumps appears only if it is exceeded.
+    A limit on jumps, which only verifies the continuity of the motion, appears only if it is
+    exceeded.
     """
     rows = []
     for limit in sorted(limits, key=lambda limit: limit.margin):
@@ -235,10 +241,10 @@ def limits_table(limits: Iterable[LimitCheck]) -> Table:
 
 
 def phases_table(plan: "Plan") -> Table:
-    """Build the table of the phases with their durations in s.
+    """Build the table of the phases with their durations.
 
-    The columns contain the duration, the duration by toppra, the bound along the path, and the
-    lower bound for all paths. The last row is the total.
+    The columns contain the duration, the duration that toppra obtains, the lower bound for motions
+    along the same path, and the lower bound for all paths, in s. The last row is the total.
     """
     entries: list[tuple[str, PhaseSummary | Plan]] = [(phase.name, phase) for phase in plan.phases]
     entries.append(("total", plan))
@@ -250,7 +256,7 @@ def phases_table(plan: "Plan") -> Table:
 
 
 def sensitivities_table(plan: "Plan") -> Table:
-    """Build the table of the time that a motion saves if a limit grows by one percent."""
+    """Build the table of the time that a motion saves if a limit is raised by one percent."""
     rows = []
     for item in plan.sensitivities or ():
         saved = -item.seconds_per_percent
@@ -274,8 +280,8 @@ def tip_error_table(plan: "Plan") -> Table:
 def candidates_table(plan: "Plan") -> Table:
     """Build the table of the candidate motions of every phase.
 
-    The columns contain the lower bound, the estimate and the duration of a candidate in s, and the
-    outcome of the search.
+    The planner tries several ways to move in a phase. The columns contain the lower bound, the
+    estimate and the duration of such a candidate in s, and the outcome of the search.
     """
     names = [phase.name for phase in plan.phases]
     rows = []
@@ -290,10 +296,10 @@ def candidates_table(plan: "Plan") -> Table:
 
 
 def explanation_lines(plan: "Plan") -> list[str]:
-    """Return the lines that `--explain` prints.
+    """Return the lines that `plan --explain` prints.
 
-    They list the candidates of every phase. They also state how much time a further reversal would
-    save, if the planner knows it.
+    They list the candidate motions of every phase. They also state how much time a further reversal
+    of a joint would save, if the planner knows it.
     """
     savings = [
         f"{phase.name}: a further reversal would save {phase.reversal_multiplier:.1e} of the "
@@ -309,7 +315,7 @@ def explanation_lines(plan: "Plan") -> list[str]:
 def joints_table(plan: "Plan") -> Table:
     """Build the table of the joint positions at the start and at the end of the motion.
 
-    Several sets of joint positions reach the same point. The table shows which of them the plan
+    Several sets of joint positions reach the same tool pose. The table shows which of them the plan
     uses.
     """
     ends = plan.motion.sample(np.array([0.0, plan.motion.duration])).q
@@ -323,7 +329,8 @@ def joints_table(plan: "Plan") -> Table:
 def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     """Build the table that compares the requirements on the motors with their ratings.
 
-    Each cell contains the required value and the rating, such as "2.1 of 3.5".
+    Each cell contains the required value and the rating, such as "2.1 of 3.5". Placeholder figures
+    are ratings that the motor file marks as assumed.
     """
     rows = []
     for requirement in requirements:
@@ -406,7 +413,7 @@ def answer_lines(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
     """Yield the lines that answer the main questions about a plan.
 
     There is one line each for the duration, the check, the closest limit, the motors and the
-    report.
+    report. The first nine characters of a line are its label.
 
     Parameters
     ----------
@@ -451,8 +458,9 @@ def answer_lines(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
 def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
     """Return the limit with the smallest margin among those that are not active.
 
-    The fastest motion reaches some limits, which are called active. Active limits and limits on
-    jumps are left out. The result is None if no other limit exists.
+    The fastest motion always reaches some limits, which are called active. They are left out, as
+    are limits on jumps, because they do not show how close the motion comes to the other limits.
+    The result is None if no other limit exists.
     """
     slack = (
         limit for limit in limits if limit.margin > ACTIVE_MARGIN and limit.name not in JUMP_NAMES
@@ -461,7 +469,10 @@ def closest_inactive_limit(limits: Iterable[LimitCheck]) -> LimitCheck | None:
 
 
 def rates_text(rates: Mapping[str, float]) -> str:
-    """Format rates of task coordinates (rad/s, m/s), for example as “tilt -10 deg/s”."""
+    """Format rates of task coordinates (rad/s, m/s), for example as “tilt -10 deg/s”.
+
+    Rates of 0 are left out.
+    """
     texts = []
     for name, rate in rates.items():
         unit, scale = display_unit("m" if name == "depth" else "rad")
@@ -471,7 +482,10 @@ def rates_text(rates: Mapping[str, float]) -> str:
 
 
 def solver_text(plan: "Plan") -> str:
-    """Name the solver of a plan, and the phases that only Ipopt could solve."""
+    """Name the solver of a plan, and the phases that only Ipopt could solve.
+
+    The planner solves a phase by its own structured solver, or by Ipopt if this fails.
+    """
     by_ipopt = [phase.name for phase in plan.phases if phase.solver == "Ipopt"]
     if not by_ipopt:
         return "structured"
@@ -511,8 +525,9 @@ def confirmation_texts(plan: "Plan") -> tuple[str, str]:
 def range_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on the effect of uncertain friction and payload on a plan.
 
-    The first line states the ranges and the additional duration. One line for each motor states its
-    worst case. There is no line if the problem does not contain ranges.
+    The first line states the ranges of friction and payload that the problem contains, and the
+    additional duration. A further line for each motor states its worst case. There is no line if
+    the problem does not contain ranges.
     """
     friction = plan.problem.friction
     payload = plan.problem.payload
@@ -555,7 +570,10 @@ def path_lines(plan: "Plan") -> list[str]:
 
 
 def proof_text(plan: "Plan") -> str:
-    """Return the share of the limits that are proven, as an addition to "limits kept"."""
+    """Return how many limits are proven at every instant, as an addition to "limits kept".
+
+    It is empty if the plan does not contain a proof.
+    """
     if not plan.proof or plan.certificate is None:
         return ""
     unproven = len(plan.unproven)
@@ -582,8 +600,8 @@ def proof_table(proofs: Sequence["Proof"]) -> Table:
 def condition_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on the conditions that a problem contains in addition to its limits.
 
-    The conditions are corners, constant tip speeds, rates at the start and at the end, and ranges
-    of friction and payload. The lines about toppra and about violated limits follow.
+    These are corners, constant tip speeds, rates at the start and at the end, and ranges of
+    friction and payload. The lines about toppra and about violated limits follow.
     """
     yield from path_lines(plan)
     for verb, rates in (("starts", plan.problem.start_rate), ("ends", plan.problem.end_rate)):
@@ -600,7 +618,8 @@ def condition_lines(plan: "Plan") -> Iterator[str]:
 def cross_check_lines(plan: "Plan") -> Iterator[str]:
     """Yield lines on how the duration compares with toppra's duration and with the proven bound.
 
-    Phases that toppra cannot judge are listed with the reason.
+    They also state the tip error and the most effective limits. Phases that toppra cannot judge are
+    listed with the reason.
     """
     result = plan.cross_check
     if result is not None:
@@ -649,7 +668,7 @@ def summarise_sizing(sizing: SizingObject) -> tuple[str, str, str]:
     Returns
     -------
     mark : str
-        "good", "bad" or "open".
+        "good", "bad", or "open" if data are missing.
     verdict : str
         Short text, such as "Motors and gears suffice".
     reason : str
@@ -692,10 +711,10 @@ def summarise_sizing(sizing: SizingObject) -> tuple[str, str, str]:
 
 
 def placeholder_values(sizing: SizingObject) -> Iterator[str]:
-    """Yield the joint and name of each assumed value on which a check depends.
+    """Yield the joint and name of each placeholder on which a check depends.
 
-    A motor file may mark values as placeholders. If such a value is a rating, the text also states
-    how much lower the rating may be.
+    A placeholder is a value that a motor or drive file marks as assumed. If such a value is a
+    rating, the text also states how much lower the rating may be.
     """
     for motor in sizing["motors"]:
         margins = motor["margins"]
@@ -716,8 +735,11 @@ def placeholder_values(sizing: SizingObject) -> Iterator[str]:
 def skipped_checks(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
     """Yield the checks that were skipped because data are missing.
 
-    Each entry contains the joint, the motor or gear, its skipped checks, and the data that these
-    checks need. Motors and gears without skipped checks are left out.
+    Yields
+    ------
+    joint, component, checks, data : str
+        Joint, name of the motor or gear, its skipped checks, and the data that these checks need.
+        Motors and gears without skipped checks are left out.
     """
     gear_checks = _gear_checks(sizing)
     components = [(gear["joint"], gear["drive"], gear["not_checked"]) for gear in sizing["gears"]]
@@ -735,7 +757,7 @@ def skipped_checks(sizing: SizingObject) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _open_checks(sizing: SizingObject) -> list[str]:
-    """Name the checks that are open for at least one joint. All gear checks count as one."""
+    """Name the checks that are open for at least one joint. All checks of gears count as one."""
     gear_checks = _gear_checks(sizing)
     names: dict[str, None] = {}  # a set that keeps the order
     for component in sizing["motors"] + sizing["gears"]:
@@ -766,9 +788,10 @@ def _gear_checks(sizing: SizingObject) -> set[str]:
 
 
 def sizing_lines(sizing: Sizing) -> list[str]:
-    """Return lines of text that report a sizing without its verdict (`sizing_verdict_lines`).
+    """Return lines of text that report a sizing without its verdict, see `sizing_verdict_lines`.
 
-    They list unknown data, the requirements, the parts of the peak torque, candidates and gears.
+    They list unknown data, the requirements, the parts of the peak torque, the judged motors and
+    the gears.
     """
     confidence = "at the stated friction"
     if all(joint.band.known for joint in sizing.joints):
@@ -794,9 +817,9 @@ def what_if_lines(payload: WhatIf, duration: WhatIf) -> Iterator[str]:
     Parameters
     ----------
     payload : WhatIf
-        Answer about the payload, kg.
+        Largest payload with which the motors suffice, kg.
     duration : WhatIf
-        Answer about the duration, as a multiple of the present one.
+        Shortest duration with which the motors suffice, as a multiple of the present one.
     """
     for question, answer, form in (
         ("largest payload", payload, "{:.4g} kg"),
@@ -851,7 +874,11 @@ def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
 
 
 def _requirements_table(sizing: Sizing) -> Table:
-    """Build the table of the required torques, speeds and powers of each joint."""
+    """Build the table of the required torques, speeds and powers of each joint.
+
+    If the uncertainty of the friction is known, the upper bounds of the torques at the stated
+    confidence are added.
+    """
     head = "joint, peak mN·m, RMS mN·m, mean mN·m, peak rpm, peak rad/s², peak W, mean W, Joule W"
     rows = []
     confidence = sizing.conditions.confidence
@@ -881,7 +908,8 @@ def _requirements_table(sizing: Sizing) -> Table:
 def _torque_parts_table(sizing: Sizing) -> Table:
     """Build the table of the parts of the peak torque, mN·m.
 
-    A part has a positive sign if it increases the magnitude of the torque.
+    A part is the contribution of one cause, such as friction. It has a positive sign if it
+    increases the magnitude of the torque.
     """
     rows = []
     for joint in sizing.joints:
@@ -893,7 +921,7 @@ def _torque_parts_table(sizing: Sizing) -> Table:
 
 
 def _candidate_lines(sizing: Sizing) -> list[str]:
-    """Return the table of all assessed motors with the margins of their checks, as lines."""
+    """Return the table of all judged motors with the margins of their checks, as lines."""
     head = ["joint", "motor", "adequate", "binds"]
     head += [plain_words(name) for name in MOTOR_MARGINS]
     head += ["gear", "winding"]
@@ -938,7 +966,7 @@ def _gears_table(sizing: Sizing) -> Table:
 
 
 def _motor_notes(sizing: Sizing) -> Iterator[str]:
-    """Yield the notes of all assessed motors, and the times until their windings are too hot."""
+    """Yield the notes of all judged motors, and the times until their windings are too hot."""
     notes: dict[str, None] = {}  # a set that keeps the order
     for verdict in sizing.verdicts + sizing.alternatives:
         heat = verdict.heat

@@ -298,7 +298,7 @@ class StudyRunner:
         self.keys: list[str] = []
         self.original_key = candidate_key({}, self._context)
         self._pending: dict[Future[Any], Sequence[CandidateTask]] = {}
-        # Duration (s) and number of candidates of the latest batches, as sums with decaying weights.
+        # Duration (s) and number of candidates of the latest batches, as decaying sums.
         self._batch_seconds, self._batch_candidates = BATCH_DURATION, 1.0
         self._unwritten_results: list[tuple[str, Candidate]] = []
         self._last_write = time.monotonic()

@@ -1,4 +1,7 @@
-"""Sample every quantity that a page plots. A sampled quantity is called a channel."""
+"""Sample every quantity that a page plots. A sampled quantity is called a channel.
+
+`sample_channels` is the entry. `encode_channels` converts its result for the scripts of a page.
+"""
 
 import base64
 import math
@@ -62,14 +65,14 @@ def sample_channels(plan: Plan, t: Array) -> Arrays:
     ----------
     plan : Plan
         Plan that is reported.
-    t : (n,)
+    t : (n,) array
         Instants, s. After the end of the motion, quantities keep their last value.
 
     Returns
     -------
-    Arrays
-        Values (n,) in SI units by name of the channel. The name "qd2" means the velocity of the
-        joint with index 2, and "split0_load" the component "load" of the motor torque of joint 0.
+    dict of (n,) arrays
+        Values in SI units by name of the channel. The name "qd2" means the velocity of the joint
+        with index 2, and "split0_load" the component "load" of the motor torque of joint 0.
     """
     trajectory = plan.motion
     samples = trajectory.sample(trajectory.breaks[0] + np.minimum(t, trajectory.duration))
@@ -96,7 +99,7 @@ def sample_channels(plan: Plan, t: Array) -> Arrays:
 
 
 def encode_channels(channels: Arrays) -> dict[str, str]:
-    """Encode channels (n,) for the scripts of a page.
+    """Encode channels, (n,) each, for the scripts of a page.
 
     Each channel becomes the base64 text of little-endian doubles, which is exact and fast to read.
     """

@@ -1,4 +1,7 @@
-"""Write a page that compares two plans."""
+"""Write a page that compares two plans, which are called A and B.
+
+`comparison_data` also provides the curves of the local view.
+"""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
@@ -85,8 +88,14 @@ def comparison_data(plans: Sequence[Plan]) -> JsonObject:
 def _margin_panels(plan: Plan, samples: Arrays) -> Iterator[Panel]:
     """Yield one panel for each motor with the margin of its torque and speed.
 
-    The margin is the smaller distance of both from their limits, as a share of the limit. The
-    function adds it to `samples` as a channel (n,).
+    The margin is the smaller distance of both from their limits, relative to the limit.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is shown.
+    samples : dict of (n,) arrays
+        Sampled quantities of the plan. The margins are added as channels `margin<joint index>`.
     """
     for i, joint in enumerate(plan.robot.joints):
         if joint.motor is not None and f"tau{i}" in samples:
@@ -162,7 +171,7 @@ def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tupl
     a, b : float or None
         The values. None if a plan does not have the value.
     relative : bool
-        Give the change in per cent of A. Otherwise, give the difference.
+        If true, the change is given in per cent of A, otherwise as a difference.
     """
     change = NOTHING
     if a is not None and b is not None and (a or not relative):
@@ -173,8 +182,14 @@ def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tupl
 def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
     """Merge the panels of plans A and B into one panel for each quantity.
 
-    The key "side" is 0 for A and 1 for B, and selects the colour. It is None for a limit that both
-    plans have.
+    In a merged panel, the key "side" of a limit is 0 for A and 1 for B, and selects the colour. It
+    is None for a limit that both plans have. The key "sides" lists the plans that have the
+    quantity.
+
+    Parameters
+    ----------
+    panels : sequence of list of Panel
+        Panels of each plan.
     """
     merged: dict[tuple[str, str], Panel] = {}
     for side, name in enumerate(PLAN_NAMES[: len(panels)]):
@@ -198,7 +213,7 @@ def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
 
 
 def _split_by_series(panel: Panel) -> Iterator[Panel]:
-    """Yield a separate panel for each series of a panel."""
+    """Yield a separate panel for each curve of a panel."""
     for series in panel["series"]:
         joint = series["joint"]
         title = panel["title"]

@@ -1,6 +1,7 @@
 """Render self-contained pages from the templates in reporting/templates.
 
-A page contains its styles, scripts and data. It loads nothing from the network.
+A page contains its styles, scripts and data. It loads nothing from the network. The other modules
+of this package call `render_page` with the content of their pages.
 """
 
 import json
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 PACKAGE = "ssm_planner.reporting"
 """Package that contains the templates and assets."""
 EMBEDDED_LIBRARIES = (("three.js 0.187.0", "three"), ("uPlot 1.6.32", "uplot"))
-"""Name with version, and file stem in assets/vendor, of each library.
+"""Name with version, and file stem in assets/vendor, of each embedded JavaScript library.
 
 Every page contains copies of these libraries and therefore their licences.
 """

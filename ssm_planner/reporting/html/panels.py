@@ -1,6 +1,8 @@
 """Build the panels of a page.
 
-A panel is a plot with its series, its limits and the intervals in which these limits are active.
+A panel is a plot with its series (curves), its limits and the intervals in which these limits are
+active, that is, reached by the motion. `build_panels` is the entry. The script assets/plots.js
+draws the panels.
 """
 
 from collections.abc import Iterator
@@ -47,18 +49,22 @@ from ssm_planner.units import RPM
 Panel = JsonObject
 """A plot on the page, as JSON types. `new_panel` lists its keys."""
 CoordinateLimit = TypeVar("CoordinateLimit", TaskRange, TaskRate)
+"""Class of limits that apply to one task coordinate."""
 ACTIVE_TOLERANCE = 0.005
-"""Largest distance from an active limit, as a share of the limit or of a range's half width."""
+"""Largest distance of a quantity from a limit that counts as active.
+
+It is relative to the limit, or to half the width of a range.
+"""
 MAX_MERGED_GAP = 0.01
 """Gap between two active intervals below which they are merged, s."""
 COORDINATE_GROUPS = (([0, 1, 2], "rad", "Task: roll, tilt, spin"), ([3], "m", "Task: depth"))
-"""Indices, unit and title of the coordinates that share a panel."""
+"""Indices, unit and title of the task coordinates that share a panel."""
 TEMPERATURE_SECTION = (
     "Steady-state temperature of the repeated motion at 25\N{NO-BREAK SPACE}°C ambient"
 )
 """Heading of the panels of temperatures."""
 MAP_POINTS = 81
-"""Number of speeds in the map of a motor."""
+"""Number of speeds in the torque–speed map of a motor."""
 
 
 def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
@@ -69,7 +75,7 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
     plan : Plan
         A plan with a trajectory.
     channels : dict of (n,) arrays
-        Sampled quantities by name, see `channels_of`.
+        Sampled quantities by name, see `sample_channels`.
 
     Returns
     -------
@@ -236,9 +242,9 @@ def active_intervals(
 
     Parameters
     ----------
-    t : (n,)
+    t : (n,) array
         Instants, s.
-    values : (n,)
+    values : (n,) array
         Quantity at these instants.
     low, high : float
         Bounds of the quantity. They may be infinite.
@@ -265,9 +271,9 @@ def active_intervals(
 
 
 def _merged_runs(t: Array, active: Mask) -> list[Range]:
-    """Return the start and end times in s of all runs of true values.
+    """Return the start and end times of all runs of true values, in s.
 
-    Runs with a gap shorter than MAX_MERGED_GAP are merged.
+    Runs with a gap shorter than `MAX_MERGED_GAP` are merged.
 
     Parameters
     ----------
@@ -341,7 +347,8 @@ def motor_map(i: int, motor: Motor) -> JsonObject:
     Returns
     -------
     dict
-        JSON types: the largest and the continuous torque in mN·m at MAP_POINTS motor speeds in rpm.
+        JSON types: the largest and the continuous torque in mN·m at `MAP_POINTS` motor speeds in
+        rpm.
     """
     conditions = Conditions()
     speed = np.linspace(0.0, motor.max_speed, MAP_POINTS)
@@ -414,7 +421,9 @@ def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel
 
 
 def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
-    """Yield one panel for each driven joint with the components of its motor torque.
+    """Yield one panel for each driven joint with the parts of its motor torque.
+
+    A part is the contribution of one cause, such as friction or inertia.
 
     Parameters
     ----------
@@ -502,7 +511,17 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
 def _ordered_limits(
     limits: TaskLimits, limit_type: type[CoordinateLimit], indices: list[int]
 ) -> list[CoordinateLimit]:
-    """Return the limits of one class on selected coordinates, in the order `TASK_COORDINATES`."""
+    """Return the limits of one class on the selected coordinates, in the order of `TASK`.
+
+    Parameters
+    ----------
+    limits : TaskLimits
+        Limits of the task.
+    limit_type : type
+        Class of the limits, `TaskRange` or `TaskRate`.
+    indices : list of int
+        Indices of the coordinates.
+    """
     by_coordinate = {
         limit.coordinate: limit for limit in limits.limits if isinstance(limit, limit_type)
     }

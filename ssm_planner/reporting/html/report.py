@@ -1,6 +1,7 @@
 """Write report.html, the page of a plan.
 
-The page is self-contained, and its content follows from plan.json alone.
+The page is self-contained, and its content follows from plan.json alone. `write_report` is the
+entry.
 """
 
 import math
@@ -62,21 +63,21 @@ from ssm_planner.verification import Certificate, LimitCheck
 JOINT_COLUMNS = "joint, kind, position, velocity, acceleration, jerk, drive, motor"
 """Headings of the table of the joints."""
 MIN_SHOWN_LIMITS = 10
-"""Number of limits that the page always shows."""
+"""Number of limits that the page shows without a click. Violated limits are always shown."""
 MAX_CLAUSES = 5
 """Largest number of clauses in the sentence about the motion."""
 COORDINATE_TOLERANCE = 1e-6
-"""Change below which a coordinate counts as unchanged, rad or m."""
+"""Change below which a task coordinate counts as unchanged, rad or m."""
 MIN_ACTIVE_FRACTION = 0.15
-"""Share of the duration during which a limit must be active to appear in the sentence."""
+"""Fraction of the duration during which a limit must be active to appear in the sentence."""
 JOINT_LIMITS = tuple(
     limit.name for limit in (JointVelocity, JointAcceleration, JointJerk, MotorSpeed, MotorTorque)
 )
 """Names of limits that apply to one joint."""
 LENGTH_COORDINATES = ("tip x", "y", "z", "depth", "q4")
-"""Parts of a target whose unit is that of a length."""
+"""Names in the description of a target whose unit is that of a length."""
 JOINT_POSITIONS = ("q1", "q2", "q3", "q4")
-"""Names of the joint positions in a target."""
+"""Names of the joint positions in the description of a target."""
 LimitRow = tuple[LimitCheck, tuple[str, ...]]
 """A limit of the certificate, and its cells from `limit_cells`."""
 VerdictMark = tuple[str, str, str]
@@ -140,7 +141,7 @@ def write_no_plan(plan: Plan, path: Path, changes: Sequence[tuple[str, float]] =
     Parameters
     ----------
     plan : Plan
-        The result of planning.
+        Result of the planning, which states the reason.
     path : Path
         File of the page.
     changes : sequence of (str, float)
@@ -192,8 +193,9 @@ def repetition_text(duty: float | None) -> str:
 def report_data(plan: Plan) -> JsonObject:
     """Return the data for the scripts of the page as JSON types.
 
-    They contain the sampled quantities, the panels, phases, joints and stops of the tip, the maps
-    of the motors, and the scene of the 3D view. Times count from the start of the motion, s.
+    They contain the sampled quantities, the panels, phases, joints and stops of the tip, the
+    torque–speed maps of the motors, and the scene of the 3D view. Times count from the start of the
+    motion, s.
     """
     channels = sample_channels(plan, time_grid(plan.motion.duration))
     motors = {
@@ -272,7 +274,14 @@ def _limiting_text(plan: Plan, panels: list[Panel]) -> str:
     """Name at most two limits that are active for the longest time.
 
     Position limits are left out, because they do not determine the duration. A limit must be active
-    for the share `MIN_ACTIVE_FRACTION` of the duration.
+    for the fraction `MIN_ACTIVE_FRACTION` of the duration.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is reported.
+    panels : list of Panel
+        Panels of the plan, which contain the intervals of active limits.
     """
     times: dict[str, dict[int, float]] = {}
     for panel in panels:
@@ -332,7 +341,8 @@ def _rest_positions(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObjec
     Returns
     -------
     list of dict
-        Position in m, and whether it is a spot of a scan. Equal positions appear once.
+        `position` contains the coordinates in m, and `spot` is true for a spot of a scan. Equal
+        positions appear once.
     """
     spots = {phase.name for phase in plan.phases if _is_spot(phase)}
     t = channels["t"]
@@ -348,8 +358,8 @@ def _rest_positions(plan: Plan, channels: Mapping[str, Array]) -> list[JsonObjec
 def _limit_groups(certificate: Certificate | None) -> list[tuple[str, list[LimitRow]]]:
     """Divide the limits of a certificate into three groups, each sorted by margin.
 
-    The first group contains the tightest limits, among them all violated ones. The second group
-    contains the other limits, and the third group the limits on jumps that are kept.
+    The first group contains the limits with the smallest margins, among them all violated ones. The
+    second group contains the other limits, and the third group the limits on jumps that are kept.
 
     Returns
     -------
@@ -399,14 +409,15 @@ def _certificate_mark(plan: Plan) -> VerdictMark:
 
 
 def _controlled_stops_summary(plan: Plan) -> JsonObject | None:
-    """Summarise the controlled stops of a plan.
+    """Summarise the controlled stops of a plan, which begin at many instants of the motion.
 
     Returns
     -------
     dict or None
-        The entry `longest` contains the start of the longest stop in s and its duration in ms. The
-        entry `farthest` contains the start of the stop with the largest travel in s and its travel
-        in mm. The result is None if the plan does not contain stops.
+        `count` is the number of stops, `passed` is true if all of them keep the limits, and
+        `broken` contains the violated limits. `longest` contains the start of the longest stop in s
+        and its duration in ms. `farthest` contains the start of the stop with the largest travel in
+        s and its travel in mm. The result is None if the plan does not contain stops.
     """
     stops = plan.stops
     if stops is None:

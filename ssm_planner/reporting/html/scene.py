@@ -17,7 +17,7 @@ LINK_RADIUS = 0.11
 BAND_RADIUS = 0.075
 """Radius of the sphere on which the tilt band is drawn, m."""
 MAX_VERTEX_ANGLE = math.radians(5.0)
-"""Largest angle between two vertices of the band, rad."""
+"""Largest angle between two neighbouring vertices of the band, rad."""
 
 
 def robot_scene(robot: Robot, limits: TaskLimits) -> JsonObject:
@@ -81,7 +81,8 @@ def tilt_band(mechanism: Mechanism, tilt: Range, roll: Range) -> JsonObject:
     Returns
     -------
     dict
-        Numbers of rows and columns, and the coordinates of the vertices in m, one after the other.
+        `rows` and `columns` are the numbers of vertices in the directions of tilt and roll.
+        `vertices` contains the coordinates of all vertices in m, one after the other.
     """
     tilts = _angle_grid(tilt[0], tilt[1])
     rolls = _angle_grid(max(roll[0], -math.pi), min(roll[1], math.pi))

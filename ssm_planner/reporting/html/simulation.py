@@ -97,12 +97,12 @@ def simulation_data(plan: Plan, result: SimulationResult) -> JsonObject:
 
 
 def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Arrays:
-    """Return the channels of the simulated motion.
+    """Return the channels, that is, the sampled quantities, of the simulated motion.
 
     Parameters
     ----------
     plan : Plan
-        Plan that is reported.
+        Plan that was simulated.
     result : SimulationResult
         Result of the simulation.
     t : (n,) array
@@ -173,10 +173,16 @@ def _single_channel_panel(
 
     Parameters
     ----------
-    section, title, unit, channel : str
-        Heading, title, SI unit and channel of the panel.
+    section : str
+        Heading under which the panel appears.
+    title : str
+        Title of the panel.
+    unit : str
+        SI unit of the channel.
+    channel : str
+        Name of the channel.
     sides : tuple of int
-        Indices of the motions that have this channel, `PLANNED` or SIMULATED.
+        Indices of the motions that have this channel, `PLANNED` or `SIMULATED`.
     """
     return {
         **new_panel(section, title, unit, [(channel, title, 0)]),
