@@ -9,8 +9,10 @@ from dataclasses import field
 from ssm_planner.registry import Registry
 from ssm_planner.typing import record
 
-_STOPS_OPTION = "add controlled stops from N instants"
-_COUNTS_OPTION = "increments per motor turn (4 × encoder counts) if the motor file has no encoder"
+_STOPS_OPTION = "also write controlled stops that begin at N instants of the motion"
+_COUNTS_OPTION = (
+    "encoder increments per motor turn (4 × encoder counts), for motor files without an encoder"
+)
 
 
 @record
@@ -60,8 +62,8 @@ FORMATS = Registry(
             "ssm_planner.formats.csv:export_csv",
             "table with units in the header",
             {
-                "rate": "equidistant rows (default: as the limits require)",
-                "columns": "groups of columns such as q,qd,torque, or counts",
+                "rate": "number of equidistant rows per second (default: as many rows as keep the limits between them)",
+                "columns": "groups of columns to write, such as q,qd,torque, or counts",
                 "counts_per_turn": _COUNTS_OPTION,
                 "stops": _STOPS_OPTION,
             },
@@ -72,8 +74,8 @@ FORMATS = Registry(
             "ssm_planner.formats.epos4:export_epos4",
             "set points and drive objects for maxon EPOS4",
             {
-                "rate": "setpoints per second (default 1000)",
-                "mode": "cyclic mode (default csp)",
+                "rate": "number of set points per second (default: 1000)",
+                "mode": "cyclic synchronous mode of the drives: position (csp, the default), velocity (csv) or torque (cst)",
                 "counts_per_turn": _COUNTS_OPTION,
                 "stops": _STOPS_OPTION,
             },
@@ -91,10 +93,10 @@ FORMATS = Registry(
             "ssm_planner.formats.ros2:export_ros2",
             "JointTrajectory and rosbag2",
             {
-                "rate": "states in the bag (default 100)",
-                "effort": "add joint efforts: motor torque with friction, times ratio",
-                "bag": "no rosbag2",
-                "rigid_effort": "add rigid-body efforts, without drives and friction",
+                "rate": "number of joint states per second in the bag (default: 100)",
+                "effort": "add the joint efforts of the motors, that is, motor torque including friction, times the ratio of the drive",
+                "bag": "do not write a rosbag2",
+                "rigid_effort": "add the joint efforts of the rigid bodies alone, without drives and friction",
             },
             reader="ssm_planner.formats.ros2:read_ros2",
         ),

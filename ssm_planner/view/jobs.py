@@ -1,4 +1,7 @@
-"""Plan motions for the view: one at a time, in a separate process that can be killed."""
+"""Plan motions for the local view: one at a time, in a separate process that can be killed.
+
+`PlanningJobs` keeps the pages and the planning runs of one server.
+"""
 
 import secrets
 import tempfile
@@ -28,7 +31,7 @@ MAX_KEPT_RUNS = 8
 
 @frozen
 class PlanningOutcome:
-    """Answer of the planner's process.
+    """Result of one planning run.
 
     Attributes
     ----------
@@ -43,7 +46,7 @@ class PlanningOutcome:
     relaxation: str | None = None
     """Description of the smallest change of a limit that permits a motion."""
     changes: Mapping[float, str] = field(default_factory=dict)
-    """Changes of limits in words, by their share of this change."""
+    """Changes of limits in words, by the fraction of the full relaxation."""
     desk: JsonObject | None = None
     """Curves and results of the motions for the page, see `comparison_data`."""
 
@@ -82,10 +85,10 @@ class PlanningJob:
 
 
 class PlanningJobs:
-    """The planning runs of one server, and its studies by the path of their page."""
+    """The planning runs of one server, and its pages by their path."""
 
     def __init__(self, page: ViewedProblem) -> None:
-        """Create the study of the first page and a folder for progress."""
+        """Create the first page, and a folder for the progress of the planning runs."""
         self.pages = {"/": page}
         self._jobs: dict[str, PlanningJob] = {}
         self._lock = threading.Lock()
@@ -93,14 +96,26 @@ class PlanningJobs:
         self._folder = tempfile.TemporaryDirectory(prefix="ssm_planner_view_")
 
     def requested_page(self, request: JsonObject) -> ViewedProblem:
-        """Return the study whose page made a request. Raises ProblemError if it is unknown."""
+        """Return the page that made a request. Raises ProblemError if it is unknown."""
         return _find_requested(self.pages, request, "of")
 
     def edit(self, request: JsonObject) -> JsonObject:
-        """Answer {text} with {page}.
+        """Create a page for a problem that the user has edited.
 
-        The text is a problem in YAML, and the answer is the path of a new page for this problem.
-        Raises ProblemError if the text is invalid.
+        Parameters
+        ----------
+        request : dict
+            `text` is a problem in YAML.
+
+        Returns
+        -------
+        dict
+            `page` is the path of the new page.
+
+        Raises
+        ------
+        ProblemError
+            If the text is invalid.
         """
         page = f"/{secrets.token_urlsafe(16)}"
         self.pages[page] = self.requested_page(request).edit(str(request.get("text")))
@@ -114,10 +129,11 @@ class PlanningJobs:
         Parameters
         ----------
         request : dict
-            The keys of `Study.problem_content`, and three others. `of` is the path of the page, "/"
-            or one from `edit`. `relaxed` replaces an infeasible problem by its relaxation. It is
-            true, or a share by which the change of the limits is multiplied. `pinned` is another
-            request, whose motion A is planned for comparison with the motion B of this request.
+            The keys of `ViewedProblem.problem_content`, and three others. `of` is the path of the
+            page, "/" or one from `edit`. `relaxed` replaces an infeasible problem by its
+            relaxation, a problem with changed limits that has a motion. It is true, or a fraction
+            by which the change of the limits is multiplied. `pinned` is another request, whose
+            motion A is planned for comparison with the motion B of this request.
 
         Raises
         ------
@@ -142,16 +158,32 @@ class PlanningJobs:
         return {"job": identity}
 
     def progress(self, request: JsonObject) -> JsonObject:
-        """Answer {job} with {steps, done, message, relaxation, changes, desk, plan}.
+        """Return the state of a run, see `PlanningJob.to_dict`.
 
-        Raises ProblemError if the run is unknown.
+        Parameters
+        ----------
+        request : dict
+            `job` is the name of the run.
+
+        Raises
+        ------
+        ProblemError
+            If the run is unknown.
         """
         return _find_requested(self._jobs, request, "job").to_dict()
 
     def cancel(self, request: JsonObject) -> JsonObject:
-        """Kill the planner's process, and answer {job} as `progress` does.
+        """Kill the planner's process, and return the state of the run as `progress` does.
 
-        Raises ProblemError if the run is unknown.
+        Parameters
+        ----------
+        request : dict
+            `job` is the name of the run.
+
+        Raises
+        ------
+        ProblemError
+            If the run is unknown.
         """
         job = _find_requested(self._jobs, request, "job")
         with self._lock:
@@ -165,9 +197,16 @@ class PlanningJobs:
             self._kill_planner()
 
     def document(self, text_type: str, identity: str) -> str | None:
-        """Return the "report" or the "plan" of a run, or None if it does not exist.
+        """Return a document of a run, or None if it does not exist.
 
         The planner's process produces the text.
+
+        Parameters
+        ----------
+        text_type : str
+            "report" for the HTML page, or "plan" for plan.json.
+        identity : str
+            Name of the run.
         """
         job = self._jobs.get(identity)
         if job is None or job.outcome is None or job.outcome.plan is None:
@@ -209,10 +248,14 @@ class PlanningJobs:
 
 
 def _find_requested(items: Mapping[str, T], request: JsonObject, key: str) -> T:
-    """Return the study or the run that a request names under a key.
+    """Return the page or the run that a request names under a key.
 
-    Without the key, the name is "/", which is the first page. Raises ProblemError if the name is
-    unknown.
+    Without the key, the name is "/", which is the first page.
+
+    Raises
+    ------
+    ProblemError
+        If the name is unknown.
     """
     item = items.get(str(request.get(key, "/")))
     if item is None:
@@ -227,13 +270,13 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Plann
     ----------
     requests : sequence of (str, Problem, Any)
         Name of the motion, problem, and the relaxation that replaces an infeasible problem, see
-        `Jobs.start`.
+        `PlanningJobs.start`.
     steps : Path
         File to which the progress is appended.
 
     Returns
     -------
-    Outcome
+    PlanningOutcome
         Result of the last problem, with the curves of all motions.
 
     Raises

@@ -1,7 +1,7 @@
-"""Render the local view's page, and answer its requests about a mechanism, in JSON types.
+"""Render the page of the local view, and answer its requests about a mechanism.
 
 A request is a JSON object that the script of the page sends. The methods of `ViewedProblem` state
-the keys of their requests and answers.
+the keys of their requests and answers, which consist of JSON types in SI units and rad.
 """
 
 import math
@@ -38,21 +38,24 @@ from ssm_planner.typing import JsonObject, Range, record
 from ssm_planner.units import display_unit, quantity
 
 PAPER_ANGLES = math.radians(30.0), math.radians(109.778)
-"""Angles α and β of the paper's robot, rad. A page without a problem shows them."""
+"""Angles α and β of the paper's robot, rad. A page without a problem shows this robot."""
 ANGLE_TOLERANCE = 1e-9
-"""Difference up to which angles α and β equal those of the robot, rad."""
+"""Largest difference of angles α and β that count as equal to those of the robot, rad.
+
+Numbers in requests may exceed their range by the same amount.
+"""
 Pose = tuple[float, float, float, float]
 """Roll, tilt, spin and depth, rad and m."""
 SUGGESTED_MARGINS = tuple(math.radians(degrees) for degrees in (5.0, 2.0, 1.0))
-"""Margins of the tilt range for suggested α and β, rad, largest first."""
+"""Margins of the tilt range that suggested angles α and β should keep, rad, largest first."""
 ADJUSTABLE_KEYS = (("geometry", "ratio"), ("geometry", "lead"), ("friction", "mu"))
 """Groups and keys of the quantities of a drive that a user can change on the page."""
 MAX_ADJUSTMENT_FACTOR = 3.0
 """Largest factor by which a user can change such a quantity, up or down."""
 MAX_DWELL = 3600.0
-"""Longest dwell, s."""
+"""Longest dwell in a request, s."""
 MAX_PAYLOAD = 0.5
-"""Largest payload, kg."""
+"""Largest payload in a request, kg."""
 MAX_POSE: Pose = 4 * math.pi, math.pi, 4 * math.pi, 1.0
 """Largest magnitudes of the task coordinates in a request, rad and m."""
 MIN_ANGLE, MAX_ANGLE = math.radians(1.0), math.radians(179.0)
@@ -73,7 +76,7 @@ def _stated_value(value: Any) -> Any:
 
 
 def _coordinate_text(name: str, value: float) -> str:
-    """Return a task coordinate (rad or m) as text with its unit."""
+    """Format a task coordinate (rad or m) as text with its unit."""
     return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
@@ -82,8 +85,8 @@ def view_page(study: "ViewedProblem", token: str) -> str:
 
     Parameters
     ----------
-    study : Study
-        Design study that the page shows.
+    study : ViewedProblem
+        Problem that the page shows.
     token : str
         Secret that every POST request of the page must contain.
     """
@@ -100,14 +103,14 @@ def view_page(study: "ViewedProblem", token: str) -> str:
 
 @record
 class ViewedProblem:
-    """State of a page of the view.
+    """The problem that a page of the view shows, with the answers to requests of this page.
 
     Attributes
     ----------
     problem : Problem or None
         A problem with a robot. None means the paper's mechanism without limits and motors.
     edited : Section or None
-        Content that replaces that of the problem's file.
+        Content that a user has edited. It replaces that of the problem's file.
     """
 
     problem: Problem | None
@@ -115,7 +118,7 @@ class ViewedProblem:
 
     @property
     def robot_mechanism(self) -> Mechanism:
-        """The mechanism with the angles of the robot."""
+        """Mechanism with the angles of the original robot."""
         if self.problem is None:
             return Mechanism.from_angles(*PAPER_ANGLES)
         return Mechanism.from_robot(self.problem.robot)
@@ -169,7 +172,7 @@ class ViewedProblem:
         )
 
     def edit(self, text: str) -> "ViewedProblem":
-        """Return the study of a text that replaces the problem file.
+        """Return the page for a text that replaces the problem file.
 
         Parameters
         ----------
@@ -196,9 +199,9 @@ class ViewedProblem:
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
-        """Variables that the page offers: motors, gears, ratios, leads and friction.
+        """Quantities that a user can change: motors, gears, ratios, leads and friction.
 
-        Each of them has the form of a variable of a study.
+        They have the form of the variables of a study.
         """
         folder = shipped_folder()
         motors = read_catalogue(folder / "motors") | read_catalogue(
@@ -269,9 +272,12 @@ class ViewedProblem:
         return content | {"name": f"{content.get('name', 'robot')} with {', '.join(changes)}"}
 
     def _design(self, request: JsonObject) -> dict[str, str]:
-        """Return the design of a request: values with units, by the path of the variable.
+        """Return the values that a request gives to variables, with their units, by path.
 
-        Raises ProblemError if a value is invalid, or if a path is unknown.
+        Raises
+        ------
+        ProblemError
+            If a value is invalid, or if a path is unknown.
         """
         values = request.get("design") or {}
         paths = {variable.path: variable for variable in self.variables}
@@ -292,8 +298,11 @@ class ViewedProblem:
     def start(self) -> JsonObject:
         """Return the initial values of the page.
 
-        They contain the angles, the pose and the tilt range (rad, m), the payload (kg), the joints,
-        and whether the page can plan.
+        Returns
+        -------
+        dict
+            `values` contains the angles, the pose and the tilt range (rad and m), the payload (kg)
+            and the parts. The other keys are `depth_range` (m), `joints`, `can_plan` and `name`.
         """
         mechanism = self.robot_mechanism
         low, high = tilt_interval(mechanism)
@@ -320,11 +329,25 @@ class ViewedProblem:
         }
 
     def workspace(self, request: JsonObject) -> JsonObject:
-        """Answer {alpha, beta, tilt_range} with {tilt_range, reached, margin, own, scene}.
+        """Answer a request about the workspace of a mechanism.
 
-        `tilt_range` of the answer is the range that the mechanism reaches, rad. `margin` is the
-        smaller distance of the requested range from its ends, rad. `own` is true if the angles are
-        those of the robot. Raises ProblemError if a value is invalid.
+        Parameters
+        ----------
+        request : dict
+            `alpha`, `beta` and the required `tilt_range`, rad.
+
+        Returns
+        -------
+        dict
+            `tilt_range` is the range that the mechanism reaches, and `margin` the smaller distance
+            of the required range from its ends, rad. `reached` is true if the margin is not
+            negative. `own` is true if the angles are those of the robot. `scene` describes the 3D
+            view.
+
+        Raises
+        ------
+        ProblemError
+            If a value is invalid.
         """
         mechanism, same = self.mechanism(request)
         required = requested_tilt_range(request)
@@ -343,10 +366,22 @@ class ViewedProblem:
         }
 
     def suggest(self, request: JsonObject) -> JsonObject:
-        """Answer {tilt_range} with {alpha, beta, margin}, rad.
+        """Suggest the smallest α that reaches a tilt range.
 
-        The result is the smallest α that reaches the range with the largest possible entry of
-        `SUGGESTED_MARGINS`. Raises ProblemError if no angles reach the range.
+        Parameters
+        ----------
+        request : dict
+            `tilt_range`, rad.
+
+        Returns
+        -------
+        dict
+            `alpha`, `beta`, and the largest `margin` of `SUGGESTED_MARGINS` that they keep, rad.
+
+        Raises
+        ------
+        ProblemError
+            If no angles reach the range.
         """
         required = requested_tilt_range(request)
         for margin in SUGGESTED_MARGINS:
@@ -405,10 +440,22 @@ class ViewedProblem:
         return problem_from(Section(self._file, node_from_data(self.problem_content(request))))
 
     def problem_file(self, request: JsonObject) -> JsonObject:
-        """Answer a request with {text}, the YAML text of its problem.
+        """Return the problem of a request as YAML that does not depend on other files.
 
-        The request is that of `problem_content`. The text does not depend on other files. Raises
-        ProblemError.
+        Parameters
+        ----------
+        request : dict
+            Request in the form that `problem_content` describes.
+
+        Returns
+        -------
+        dict
+            `text` is the YAML.
+
+        Raises
+        ------
+        ProblemError
+            If a value is invalid.
         """
         import yaml
 
@@ -416,11 +463,24 @@ class ViewedProblem:
         return {"text": yaml.safe_dump(content, sort_keys=False, allow_unicode=True)}
 
     def ik(self, request: JsonObject) -> JsonObject:
-        """Answer {alpha, beta, pose} with {reachable, error, branches}.
+        """Answer a request for the inverse kinematics of a pose.
 
-        `error` is the error of the orientation, rad. `branches` contains {joints, branch,
-        in_limits, tip} for each solution, in the order of the distance from home. Raises
-        ProblemError.
+        Parameters
+        ----------
+        request : dict
+            `alpha` and `beta` of the mechanism (rad), and the `pose` (rad and m).
+
+        Returns
+        -------
+        dict
+            `reachable` tells whether the pose can be reached, and `error` is the error of the
+            orientation, rad. `branches` contains {joints, branch, in_limits, tip} for each
+            solution, in the order of the distance from home.
+
+        Raises
+        ------
+        ProblemError
+            If a value is invalid.
         """
         mechanism, _ = self.mechanism(request)
         limits = None
@@ -449,7 +509,10 @@ class ViewedProblem:
 def requested_pose(request: JsonObject, key: str) -> Pose:
     """Return four task coordinates of a request, rad and m.
 
-    Raises ProblemError if the entry is not a list of four numbers in their ranges.
+    Raises
+    ------
+    ProblemError
+        If the entry is not a list of four numbers in their ranges.
     """
     values = request.get(key)
     if not isinstance(values, list) or len(values) != len(TASK_COORDINATES):

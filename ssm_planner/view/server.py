@@ -1,4 +1,8 @@
-"""Serve one page on the loopback interface, and accept requests from this page only."""
+"""Serve the page of the local view on the loopback interface, to this computer only.
+
+`serve_view` is the entry. The server accepts requests only from its own page, which knows a secret
+token.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ from ssm_planner.view.jobs import PlanningJobs
 from ssm_planner.view.page import ViewedProblem, view_page
 
 ADDRESS = "127.0.0.1"
-"""Address of the loopback interface."""
+"""Address of the loopback interface, which other computers cannot reach."""
 MAX_REQUEST_SIZE = 262144
 """Largest size of a request, bytes."""
 SECURITY_HEADERS = {
@@ -34,9 +38,9 @@ SECURITY_HEADERS = {
 }
 """Headers of all responses. They prevent access by other pages."""
 CONTENT_TYPES = {"report": "text/html", "plan": "application/json"}
-"""Content types of /<kind>/<job>."""
+"""Content types of the documents of a planning run at /<document>/<run>."""
 AnswerFunction = Callable[[JsonObject], JsonObject]
-"""Function that answers a request."""
+"""Function that answers a request of the page."""
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -136,8 +140,8 @@ def serve_view(problem: Problem | str | Path | None = None, port: int = 0) -> Vi
 class RequestHandler(BaseHTTPRequestHandler):
     """Handler of the requests of a browser.
 
-    It answers GET for the page and for finished reports, and POST with JSON and the token of the
-    page.
+    It answers GET for the page and for the documents of planning runs, and POST with JSON and the
+    token of the page.
     """
 
     server: ViewServer
@@ -147,7 +151,7 @@ class RequestHandler(BaseHTTPRequestHandler):
     sys_version = ""
 
     def do_GET(self) -> None:
-        """Send the page, or the report or plan of a run."""
+        """Send the page, or the report or plan.json of a planning run."""
         if not self._known_host():
             return
         page = self.server.jobs.pages.get(self.path)
@@ -164,7 +168,7 @@ class RequestHandler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.OK, text, CONTENT_TYPES[text_type])
 
     def do_POST(self) -> None:
-        """Answer a request of the page."""
+        """Answer a request of the page's script with JSON."""
         if not self._known_host():
             return
         answer = self.server.answers.get(self.path)
@@ -187,7 +191,7 @@ class RequestHandler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.BAD_REQUEST, str(error), key, reason)
 
     def _known_host(self) -> bool:
-        """Return whether the browser used a name of this server, or refuse the request.
+        """Return True if the browser used a name of this server. Otherwise, refuse the request.
 
         A page of another host can resolve its own name to this machine. This check prevents its
         access.
@@ -215,7 +219,13 @@ class RequestHandler(BaseHTTPRequestHandler):
         return request
 
     def _fault(self) -> tuple[HTTPStatus, str] | None:
-        """Return the fault in the headers of a POST request, or None. The body is not read."""
+        """Check the headers of a POST request, without reading its body.
+
+        Returns
+        -------
+        tuple or None
+            Status and reason of a refusal, or None if the headers are valid.
+        """
         origin = self.headers.get("Origin")
         length = self.headers.get("Content-Length", "")
         token = self.headers.get("X-Token", "")
@@ -267,4 +277,4 @@ class RequestHandler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Suppress the log."""
+        """Suppress the log of requests."""

@@ -1,4 +1,7 @@
-"""Draw the motion of a plan as a film of the arm and the eye, without a GPU and a network."""
+"""Draw the motion of a plan as a film of the arm and the eye, without a GPU and a network.
+
+`film` is the entry. The report uses `mechanism_still` for its picture of the mechanism.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 FRAME_RATE = 25.0
-"""Pictures per second. A GIF states the time of a picture in hundredths of a second."""
+"""Pictures per second. A GIF states the duration of a picture in hundredths of a second."""
 MAX_FILM_DURATION = 30.0
 """Longest film, s. Longer motions are shown faster."""
 STILL_COUNT = 5
@@ -38,7 +41,7 @@ LINK_RADIUS, TOOL_TAIL_LENGTH = 0.026, 0.030
 PROJECTION = (rotation([1, 0, 0], np.radians(20.0)) @ rotation([0, 0, 1], np.radians(-28.0)))[
     [0, 2]
 ]
-"""Orthonormal rows (2, 3) that project base coordinates onto the picture."""
+"""Matrix (2, 3) with orthonormal rows that projects base coordinates onto the picture."""
 JOINT_MARKER = {"linewidth": 5.0, "marker": "o", "markevery": [0], "markersize": 7, "mfc": "white"}
 """Style of a line with a circle at its first point, which marks a joint."""
 LINE_STYLES: tuple[Keywords, ...] = (
@@ -46,7 +49,7 @@ LINE_STYLES: tuple[Keywords, ...] = (
     {"color": "#8694a3", **JOINT_MARKER},
     {"color": "black"},
 )
-"""Styles of link 1, link 2 and the tool. A circle marks the joint at the beginning of a link."""
+"""Styles of link 1, link 2 and the tool."""
 LABEL_STYLE: Keywords = {"ha": "center", "va": "bottom", "fontsize": 7}
 """Style of a label."""
 
@@ -64,7 +67,7 @@ def film(plan: Plan | str | Path, path: str | Path, speed: float = 1.0) -> dict[
     path : str or Path
         Folder of the files, or the path of a single .gif or .mp4.
     speed : float
-        Playback speed as a share of the planned speed. A film that would last longer than 30 s is
+        Playback speed relative to the planned speed. A film that would last longer than 30 s is
         played faster.
 
     Returns
@@ -137,7 +140,15 @@ def _write_film(gif: bytes, path: Path) -> None:
 
 
 def _write_stills(pictures: list[Image], folder: Path) -> None:
-    """Write single pictures of the motion, and all of them side by side as strip.png."""
+    """Write single pictures of the motion, and all of them side by side as strip.png.
+
+    Parameters
+    ----------
+    pictures : list of Image
+        All pictures of the film.
+    folder : Path
+        Existing folder of the files.
+    """
     from PIL import Image
 
     indices = np.linspace(0, len(pictures) - 1, STILL_COUNT).round().astype(int)
@@ -151,6 +162,9 @@ def _write_stills(pictures: list[Image], folder: Path) -> None:
 def project_mechanism(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     """Project the links and the tool onto the plane of the picture.
 
+    Robot files do not contain the shapes of links, so each link is drawn as an arc between its
+    axes.
+
     Parameters
     ----------
     robot : Robot
@@ -163,7 +177,7 @@ def project_mechanism(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
     link1, link2 : (n, 61, 2) arrays
         Points of the arcs that represent the links, m.
     tool : (n, 2, 2) array
-        Both ends of the tool, m.
+        Both ends of the tool, m. The tip is the first one.
     """
     mechanism = Mechanism.from_robot(robot)
     sides, tip = link_sides(robot, mechanism), fk(robot, q).position
@@ -185,10 +199,15 @@ def project_mechanism(robot: Robot, q: Array) -> tuple[Array, Array, Array]:
 def mechanism_still(plan: Plan) -> JsonObject:
     """Return the lines of the mechanism at the start, halfway and at the end of a motion.
 
+    Parameters
+    ----------
+    plan : Plan
+        A plan with a trajectory.
+
     Returns
     -------
     dict
-        Coordinates for an SVG in mm. `reach` is the half width of the picture, `instants` contains
+        Coordinates for an SVG in mm. `reach` is half the width of the picture, `instants` contains
         the time in s and the lines of each instant, and `eye` contains the centre and the radius of
         the retina.
     """
@@ -215,9 +234,9 @@ def _film_frames(plan: Plan, speed: float) -> Iterator[Image]:
     Parameters
     ----------
     plan : Plan
-        Plan that is reported.
+        Plan that is filmed.
     speed : float
-        Playback speed as a share of the planned speed.
+        Playback speed relative to the planned speed.
     """
     from PIL import Image
 

@@ -47,13 +47,13 @@ SAMPLE_COUNT = 1200
 DEFAULT_WIDTH = 9.0
 """Width of the figures that `plan` writes, inches."""
 MIN_TWO_COLUMN_WIDTH = 5.0
-"""Width below which panels are stacked, inches."""
+"""Width below which the panels form a single column, inches."""
 MIN_FIVE_ENTRY_WIDTH = 8.0
 """Width below which the legend has three instead of five columns, inches."""
 NAMED_WIDTHS = {"single": 3.5, "double": 7.16, "slide": 8.0}
 """Widths of one and two columns of a journal page and of a slide, inches."""
 MAX_LIMIT_DISTANCE = 2.0
-"""Largest distance of a drawn limit from its curve, in multiples of the curve's span."""
+"""Largest distance of a drawn limit from its curve, in multiples of the range of the curve."""
 
 
 def motion_figure(trajectory: Trajectory, robot: Robot, width: float = DEFAULT_WIDTH) -> "Figure":
@@ -129,7 +129,19 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = DEFAULT_W
 
 
 def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
-    """Draw the bounds that are close to the values (n,), so that the curve stays readable."""
+    """Draw the bounds that are close to a curve.
+
+    Distant bounds are left out, because the curve would otherwise be too flat to read.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel of matplotlib.
+    ends : (float, float)
+        Lower and upper bound in the unit of the panel.
+    values : (n,) array
+        Values of the curve.
+    """
     size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     for end in ends:
         if (
@@ -210,7 +222,11 @@ def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
     """Write the figures of a simulation as PNG and PDF, and return their paths by name.
 
     The figures are "playback" and, if the simulation contains several power losses, "power_loss".
-    Raises ExportError if a file cannot be written.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     figures = {"playback": playback_figure(result)}
     if len(result.losses.time) > 1:
@@ -219,7 +235,7 @@ def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
 
 
 def playback_figure(result: "SimulationResult") -> "Figure":
-    """Draw following errors, motor torques and the distance of the tip from the plan."""
+    """Draw following errors, motor torques and the distance of the tip from the plan over time."""
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
     for motor in result.motors:

@@ -1,9 +1,9 @@
 """Draw figures, and judge and prove motions, in a child process while the planner works.
 
-The child imports matplotlib and toppra during the planning, and works during the check. It reads
-requests from its standard input. It writes every judgement to its standard output at once, and the
-content of the image files at the end. It opens no files and is not connected to a terminal, so
-it can be killed at any time.
+The command `plan` uses a `FigureProcess` to save time. The child imports matplotlib and toppra
+during the planning, and works during the check. It reads requests from its standard input. It
+writes every judgement to its standard output at once, and the content of the image files at the
+end. It opens no files and is not connected to a terminal, so it can be killed at any time.
 """
 
 import gc
@@ -49,9 +49,9 @@ _CHILD_PROGRAM = "from ssm_planner.reporting.figures.process import serve; serve
 """Program of the child process."""
 
 FigureContents = dict[str, dict[str, bytes]]
-"""Content by figure and file extension."""
+"""Content of the image files by name of the figure and by file extension."""
 Judgement = tuple["tuple[Opinion, ...]", "tuple[Proof, ...]"]
-"""Second opinions on the phases of a motion, and proofs of its limits."""
+"""Second opinions on the durations of the phases, and proofs of the limits of a motion."""
 
 
 class FigureProcess:
@@ -69,7 +69,7 @@ class FigureProcess:
         self._questions = 0
 
     def judge(self, trajectory: "Trajectory", problem: "Problem") -> None:
-        """Request opinions and proofs for a motion, and return immediately."""
+        """Request second opinions and proofs for a motion, and return immediately."""
         self._questions += 1
         self.draw(JUDGEMENT_REQUEST, trajectory, problem)
 
@@ -149,7 +149,10 @@ class FigureProcess:
 def _start_process() -> subprocess.Popen[bytes] | None:
     """Start the child process.
 
-    Returns None if this fails, or if the interpreter is embedded in another program.
+    Returns
+    -------
+    Popen or None
+        None if the start fails, or if the Python interpreter is embedded in another program.
     """
     if not sys.executable or getattr(sys, "frozen", False):
         return None
@@ -210,7 +213,7 @@ def write_figures(plan: "Plan", folder: Path, drawer: FigureProcess | None = Non
     folder : Path
         Existing folder of the files.
     drawer : FigureProcess, optional
-        Process that may already have drawn the figures.
+        Process that may already have drawn the figures. Missing figures are drawn here.
 
     Returns
     -------

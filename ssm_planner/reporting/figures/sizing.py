@@ -38,16 +38,21 @@ if TYPE_CHECKING:
 
 
 PART_COLOURS = ("#56B4E9", "#009E73", "#0072B2", "#D55E00", "#E69F00")
+"""Colours of the parts of a motor torque."""
 PART_DASHES = ("--", "-.", ":", "-", (0, (6, 2)))
-"""Colours and line styles of the parts of a motor torque."""
+"""Line styles of the parts of a motor torque."""
 
 
 def write_sizing_figures(sizing: "Sizing", folder: Path) -> Files:
     """Write the figures of a sizing as PNG and PDF, and return their paths by name.
 
-    The figures are payload_curves, torque_split and, if motors are assessed, operating_regions. If
-    the motion does not move a driven joint, nothing is written. Raises ExportError if a file cannot
-    be written.
+    The figures are payload_curves, torque_split and, if motors are judged, operating_regions.
+    Nothing is written if the motion does not move a driven joint.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     if not sizing.joints:
         return {}
@@ -102,7 +107,8 @@ def operating_regions_figure(sizing: "Sizing") -> "Figure":
     """Draw the motion of each joint in the speed–torque plane of each candidate motor.
 
     The continuous region of the motor is shaded, and the short-term region is outlined. A dotted
-    line shows the RMS torque of the motion. The area of a circle is the time near its centre.
+    line shows the RMS torque of the motion. The area of a circle is proportional to the time that
+    the motion spends near its centre.
     """
     verdicts = sizing.verdicts
     columns = min(len(verdicts), 3)
@@ -180,7 +186,17 @@ def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizin
 
 
 def _draw_torque_curve(axes: "Axes", joint: "JointSizing", confidence: float) -> None:
-    """Draw torque over speed for one joint, and the range of its peak torque."""
+    """Draw torque over speed for one joint, and the range of its peak torque.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel of matplotlib.
+    joint : JointSizing
+        Sizing of the joint.
+    confidence : float
+        Probability that the peak torque lies in the range.
+    """
     i = JOINTS.index(joint.load.joint)
     speed, torque = RPM * joint.requirement.speed, 1e3 * joint.requirement.torque
     label: str | None = joint_label(joint.load.joint)
@@ -199,6 +215,11 @@ def _runs_of_direction(direction: Array) -> list[Indices]:
     """Return the indices of each run of instants with the same direction ±1.
 
     A curve is drawn run by run, so that no line connects both directions.
+
+    Parameters
+    ----------
+    direction : (n,) array
+        Direction of the joint at each instant, +1, −1 or 0.
     """
     changes = np.flatnonzero(np.diff(direction) != 0) + 1
     runs = np.split(np.arange(len(direction)), changes)
@@ -206,9 +227,11 @@ def _runs_of_direction(direction: Array) -> list[Indices]:
 
 
 MODEL_STYLE: Keywords = {"color": COLOURS[1], "linestyle": (0, (5, 3)), "linewidth": 1.4}
+"""Style of the fitted law."""
 MEASURED_STYLE: Keywords = {"color": "black", "linewidth": 0.8}
+"""Style of measurements."""
 OUTLIER_STYLE: Keywords = {"color": COLOURS[1], "marker": "x", "markersize": 7, "linestyle": "none"}
-"""Styles of the fitted law, of measurements and of outliers."""
+"""Style of outliers."""
 
 
 def map_figure(fit: "MapFit", data: "TorqueMap", load: float) -> "Figure":
@@ -251,12 +274,13 @@ def map_figure(fit: "MapFit", data: "TorqueMap", load: float) -> "Figure":
 def _draw_bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels: bool) -> None:
     """Draw the bands that contain 95 % of new recordings at constant motor speeds.
 
-    A drive without a posterior is drawn without bands.
+    A drive without a posterior, that is, without known uncertainty of its friction, is drawn
+    without bands.
 
     Parameters
     ----------
     axes : Axes
-        Axes of matplotlib on which the function draws.
+        Panel of matplotlib.
     drive : Drive
         Drive with its friction.
     w : (n,) array

@@ -35,14 +35,15 @@ LIMIT_STYLE: Keywords = {"color": "0.45", "linewidth": 0.9, "linestyle": (0, (4,
 ZERO_LINE_STYLE: Keywords = {"color": "0.7", "linewidth": 0.6, "zorder": 0}
 """Style of a line at zero."""
 FONT_SIZE = 9.0
-"""Font size, points."""
+"""Font size of labels, points."""
 DPI = 200
 """Resolution of PNG files, pixels per inch."""
 LETTER_WIDTH = 0.58
-"""Mean width of a letter as a share of the font size."""
+"""Mean width of a letter, relative to the font size."""
 AXIS_MARGIN = 0.05
-"""Margin that matplotlib adds at each end of an axis, as a share of the range of the data."""
+"""Margin that matplotlib adds at each end of an axis, relative to the range of the data."""
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+"""First bytes of every PNG file."""
 PNG_HEADER_SIZE = 33
 """Number of bytes in a PNG file up to the end of its first chunk."""
 
@@ -105,7 +106,8 @@ def new_panels(
     Returns
     -------
     figure : Figure
-    panels : (rows, columns)
+        The figure.
+    panels : (rows, columns) array
         Axes of the panels.
     """
     figure = _empty_figure(width, height)
@@ -139,7 +141,7 @@ def finish_axes(axes: "Axes", x: str, y: str, title: str | None = None) -> None:
     Parameters
     ----------
     axes : Axes
-        Panel that is completed.
+        Panel of matplotlib.
     x, y : str
         Labels of the axes.
     title : str, optional
@@ -196,7 +198,26 @@ def save_figure(
 ) -> Files:
     """Write a figure as path.png and optionally path.pdf.
 
-    Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
+    Parameters
+    ----------
+    figure : Figure
+        Figure that is written.
+    path : Path
+        Path of the files without suffix.
+    pdf : bool
+        Also write a PDF file.
+    subject : str, optional
+        Text that identifies the content, such as the hash of a plan.
+
+    Returns
+    -------
+    Files
+        Paths by name, see `save_rendered`.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written.
     """
     return save_rendered(render_figure(figure, pdf, subject), path, subject)
 
@@ -204,7 +225,7 @@ def save_figure(
 def save_figures(
     figures: "Mapping[str, Figure]", folder: Path, subject: str | None = None
 ) -> Files:
-    """Write each figure as PNG and PDF under its name, into a folder.
+    """Write each figure as PNG and PDF into a folder, under its name.
 
     Returns the paths by name, see `save_rendered`. Raises ExportError if a file cannot be written.
     """
@@ -296,7 +317,7 @@ def _png_chunk(chunk_type: bytes, content: bytes) -> bytes:
 
 
 def draw_legend(axes: "Axes", fontsize: float = FONT_SIZE - 1, **options: Any) -> None:
-    """Draw a legend inside a panel. The further options are those of `Axes.legend`."""
+    """Draw a legend inside a panel. Further options are those of `Axes.legend`."""
     axes.legend(fontsize=fontsize, frameon=False, **options)
 
 
@@ -313,7 +334,7 @@ def shade_phases(axes: "Axes", trajectory: "Trajectory", with_names: bool = Fals
     Parameters
     ----------
     axes : Axes
-        Axes of matplotlib on which the function draws.
+        Panel of matplotlib.
     trajectory : Trajectory
         Motion that is drawn.
     with_names : bool

@@ -151,7 +151,7 @@ def reachable_set_figure(mechanism: Mechanism) -> "Figure":
 
 
 def theta2_figure(mechanism: Mechanism) -> "Figure":
-    """Draw θ2 over the tilt on both branches of the inverse kinematics.
+    """Draw the position θ2 of joint 2 over the tilt on both branches of the inverse kinematics.
 
     The branches meet at the ends of the tilt range.
     """
@@ -174,9 +174,9 @@ def theta2_figure(mechanism: Mechanism) -> "Figure":
 
 
 def joint_speed_figure(mechanism: Mechanism) -> "Figure":
-    """Draw the joint speeds per tilt speed, and the smallest singular value, over the tilt.
+    """Draw the joint speeds per tilt speed, and the smallest singular value of the Jacobian.
 
-    Roll and spin are constant.
+    The horizontal axis is the tilt. Roll and spin are constant.
     """
     figure = new_figure(6.0, 5.6)
     speeds, singular = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
@@ -210,7 +210,9 @@ def design_region_figure(
     built: tuple[float, float] | None = None,
     size: tuple[float, float] = (5.6, 5.4),
 ) -> "Figure":
-    """Draw the region of all designs (α, β) that reach a tilt range, for several margins.
+    """Draw the region of all designs that reach a tilt range, for several margins.
+
+    A design consists of the angles α and β between neighbouring joint axes.
 
     Parameters
     ----------
@@ -276,9 +278,9 @@ def _draw_sphere(axes: Any, mechanism: Mechanism) -> None:
 
 
 def _draw_section(axes: Any, mechanism: Mechanism) -> None:
-    """Draw the section of the unit sphere that contains ω1 and the tool at roll 0.
+    """Draw the section of the unit sphere that contains the axis ω1 and the tool at roll 0.
 
-    ω1 points to the right, where the tilt is 0. The side of the home position is bold.
+    The axis ω1 points to the right, where the tilt is 0. The side of the home position is bold.
     """
 
     def ray(tilt: float) -> Array:
@@ -316,7 +318,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
 
 
 def tool_directions(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array:
-    """Return the directions of ω3 in the base frame.
+    """Return the directions of the tool axis ω3 in the base frame.
 
     Parameters
     ----------
@@ -338,7 +340,10 @@ def tool_directions(mechanism: Mechanism, tilt: ArrayLike, roll: Array) -> Array
 
 
 def _dense_tilts(mechanism: Mechanism) -> Array:
-    """Return tilts (721,) in the tilt range, rad. They are denser towards its ends."""
+    """Return tilts (721,) in the tilt range, rad. They are denser towards its ends.
+
+    The curves are steep at the ends of the range, where both branches meet.
+    """
     low, high = tilt_interval(mechanism)
     return (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.linspace(0.0, np.pi, 721))
 
@@ -350,6 +355,6 @@ def _draw_tilt_limits(axes: Any, mechanism: Mechanism) -> None:
 
 
 def _title_with_angles(content: str, mechanism: Mechanism) -> str:
-    """Return a title that states α and β."""
+    """Return a title that states the angles α and β of a mechanism."""
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
     return f"{content} (α = {alpha:.2f}°, β = {beta:.2f}°)"
