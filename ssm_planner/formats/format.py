@@ -62,7 +62,7 @@ FORMATS = Registry(
             "ssm_planner.formats.csv:export_csv",
             "table with units in the header",
             {
-                "rate": "number of equidistant rows per second (default: as many rows as keep the limits between them)",
+                "rate": "number of equidistant rows per second (default: as the limits require)",
                 "columns": "groups of columns to write, such as q,qd,torque, or counts",
                 "counts_per_turn": _COUNTS_OPTION,
                 "stops": _STOPS_OPTION,
@@ -75,7 +75,7 @@ FORMATS = Registry(
             "set points and drive objects for maxon EPOS4",
             {
                 "rate": "number of set points per second (default: 1000)",
-                "mode": "cyclic synchronous mode of the drives: position (csp, the default), velocity (csv) or torque (cst)",
+                "mode": "cyclic mode for position (csp, the default), velocity (csv) or torque (cst)",
                 "counts_per_turn": _COUNTS_OPTION,
                 "stops": _STOPS_OPTION,
             },
@@ -94,9 +94,9 @@ FORMATS = Registry(
             "JointTrajectory and rosbag2",
             {
                 "rate": "number of joint states per second in the bag (default: 100)",
-                "effort": "add the joint efforts of the motors, that is, motor torque including friction, times the ratio of the drive",
+                "effort": "also write joint efforts: motor torque with friction, times the ratio",
                 "bag": "do not write a rosbag2",
-                "rigid_effort": "add the joint efforts of the rigid bodies alone, without drives and friction",
+                "rigid_effort": "also write joint efforts without drives and friction",
             },
             reader="ssm_planner.formats.ros2:read_ros2",
         ),
