@@ -75,7 +75,7 @@ FORMATS = Registry(
             "set points and drive objects for maxon EPOS4",
             {
                 "rate": "number of set points per second (default: 1000)",
-                "mode": "cyclic mode for position (csp, the default), velocity (csv) or torque (cst)",
+                "mode": "cyclic mode: position (csp, the default), velocity (csv) or torque (cst)",
                 "counts_per_turn": _COUNTS_OPTION,
                 "stops": _STOPS_OPTION,
             },

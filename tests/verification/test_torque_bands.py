@@ -120,7 +120,9 @@ def test_a_band_that_contains_the_limit_is_stated(robot: Robot) -> None:
     reasons = {u.joint: u.reason for u in found.unjudged if u.name == TORQUE}
     assert reasons.keys() == true.keys()
     for name, reason in reasons.items():
-        low, high = (float(reason.split(f"at {word} ")[1].split(" ")[0]) for word in ("least", "most"))
+        low, high = (
+            float(reason.split(f"at {word} ")[1].split(" ")[0]) for word in ("least", "most")
+        )
         assert 0 < low <= true[str(name)] * 1.01
         assert high >= true[str(name)] * 0.99
 
