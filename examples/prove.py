@@ -21,6 +21,7 @@ ON, OFF, STEEP = 1e-6, 1e-7, 1e3  # m from the curves: kept, left; weight of con
 TURN, SPAN, SHORT = 0.06, 0.05, 1e-8  # largest box in rad and s; smallest one at a reversal in s
 FIELDS = ("name", "joint", "low", "high", "limit", "time", "excess", "verdict")
 Claim = namedtuple("Claim", FIELDS)
+State = namedtuple("State", ("sign", "mask", "sure", "moving", "static"))  # of a joint, in boxes
 
 class Model:
     """Taylor models: coefficients c (≤ N + 1, …), errors r (…). The last axis counts boxes."""
@@ -182,9 +183,10 @@ class Boxes:
         """Return x turned by joint k: a(a·x) + (x − a(a·x)) cos q + a×x sin q (Rodrigues)."""
         along = self.axes[k] * dot(self.axes[k], x)
         return along + (x - along) * self.cosine[k] + cross(self.axes[k], x) * self.sine[k] * sense
-    def efforts(self):
+    def efforts(self, payload=0.0):
         """Return τ by Newton and Euler about the remote centre, in frames that turn with bodies.
 
+        payload: mass in the origin of the last body's frame, the tip. τ is affine in this mass.
         f = m (−g + s̈ + ω̇×p + ω×(ω×p)) and M = I ω̇ + ω×(I ω) + p×f, I about the centre of mass.
         """
         (q, v, a, _), (self.sine, self.cosine) = self.motion, sin_cos(self.motion[0])
@@ -198,7 +200,10 @@ class Boxes:
         self.tool = self.turned(0, self.turned(1, third))  # u
         self.omega = self.axes[0] * v[0] + self.turned(0, self.axes[1]) * v[1]  # u̇ = Ω×u
         w, dw, base, moments = given([0] * 3), given([0] * 3), -given(self.robot["gravity"]), []
-        for k, body in enumerate(self.robot["bodies"]):
+        thrust = given([0] * 3)
+        bodies, zero = self.robot["bodies"], [0.0] * 3
+        tip = {**bodies[3], "mass": payload, "com": zero, "inertia": [zero] * 3}
+        for k, body in enumerate([*bodies, tip] if payload else bodies):
             frame, back = given(body["frame"]), given(np.transpose(body["frame"]))
             com, inertia, axis = given(body["com"]), given(body["inertia"]), self.axes[min(k, 2)]
             place, slide = apply(frame, com), given([0] * 3)
@@ -211,10 +216,11 @@ class Boxes:
                                 * body["mass"]) for x in (apply(back, w), apply(back, dw)))
             force = (base + slide + cross(dw, place) + cross(w, cross(w, place))) * body["mass"]
             moments.append(gain + cross(w, spin) + cross(place, force))
-        total = moments[2] + moments[3]
+            thrust = thrust + force if k > 2 else thrust
+        total = sum(moments[3:], moments[2])
         second = moments[1] + self.turned(2, total)
         first = moments[0] + self.turned(1, second)
-        loads = (first, second, total, force)
+        loads = (first, second, total, thrust)
         return [dot(x, y) for x, y in zip([*self.axes, axis], loads, strict=True)]
     def seen(self, u):
         """Return |sin φ| cos ψ, |sin φ| sin ψ and cos φ of tools u."""
@@ -295,6 +301,28 @@ def friction(drive, speed, static=False):
         x = Model(x.c, x.r + 2 * np.maximum(-bounds(x)[0], 0))  # contains |x|
         mu += exponential(x * -2.0 if "exp" in law["law"] else -(x * x)) * law["mu_stribeck"]
     return hull(*(np.maximum(x, law["mu_static"]) for x in bounds(mu))) if static else mu
+def cases(drive, ranged):
+    """Return drives with the least and with the most friction of its ranges.
+
+    In the direction σ of the motion, the torque σ τ_m = max_± (γ tan(λ ± φ) σF + …) never falls if
+    μ, b_c or b_v grows, as long as 0 < λ + φ < 90°: for either sign of F, the larger row grows with
+    φ. It is convex in F. σF grows with b_oc and with b_ov, and is affine in the payload. The torque
+    is therefore largest with the most friction, with the least or the largest σF, at an end of the
+    payload. It is smallest with the least friction, at such a corner or at F = 0, where both rows
+    are equal. The torque of a preloaded screw is linear in F, and grows with μ if its nuts touch.
+    """
+    law, ranges = drive["friction"], drive["friction_ranges"] if ranged else {}
+    ends = []
+    for pick, share in ((min, 1 - 1e-15), (max, 1 + 1e-15)):
+        new = {name: pick(law[name], *span) for name, span in ranges.items()}
+        total = law["mu"] + law["mu_stribeck"]
+        if "mu" in new and "mu_static" not in new and total > 0:  # keeps its ratio to μ
+            new["mu_static"] = law["mu_static"] / total * (new["mu"] + law["mu_stribeck"]) * share
+        ends.append({**law, **new})
+    if ends[0] == ends[1]:
+        return [[drive]] * 2
+    return [[{**drive, "friction": {**end, "b_oc": side["b_oc"], "b_ov": side["b_ov"]}}
+             for side in ends] for end in ends]
 def locking(drive):
     """Return tan λ and cos θ. A drive locks if tan φ = μ/cos θ > tan λ."""
     sine, cosine = sin_cos(given(drive["lead_angle"]))
@@ -353,7 +381,9 @@ class Proof:
     """Collects enclosures of the excess of each limit, (value − limit)/half width."""
     def __init__(self, plan):
         self.plan, self.problem, self.parts, self.boxes = plan, plan["problem"], {}, cut(plan)
-        self.robot, self.tau = self.problem["robot"], self.boxes.efforts()
+        masses = sorted({0.0, max(self.problem["payload"] or (0.0,))}, reverse=True)
+        self.robot, self.loads = self.problem["robot"], [self.boxes.efforts(m) for m in masses]
+        self.tau = self.loads[-1]
     def add(self, key, ends, limit, **more):
         """Note bounds (low, high) of the largest side·value, which must not exceed the limit.
 
@@ -406,49 +436,97 @@ class Proof:
         if drive and drive["self_locking"]:
             law, (lead, normal) = drive["friction"], locking(drive)
             mu = law["mu"] if law["mu_lowest"] is None else law["mu_lowest"]
+            if self.problem["friction"]:
+                mu = min(mu, *drive["friction_ranges"].get("mu", (mu,)))
             for needed in np.ravel(bounds(lead * normal)):
                 self.add(("self-locking", name), (-mu, -mu), -needed, half=needed, side=-1.0)
     def torque(self, j, name, drive, motor):
-        """Bound |τ|, the forces of the nuts, and the root mean square of τ.
+        """Bound |τ|, the forces of the nuts, and the root mean square of τ, in all `cases`.
+
+        With σ τ = g − b, where g ≥ 0 drives and b ≥ 0 brakes, ∫g² is convex with the most friction
+        like g, so that it is largest at a corner. For b, the largest value in each box counts.
+        """
+        boxes, top, ends = self.boxes, motor["max_torque"], cases(drive, self.problem["friction"])
+        key, law, (_, v, a, _) = ("motor torque", name), drive["friction"], (x[j] for x in boxes.motion)
+        least, most = ([(case, load[j]) for case in end for load in self.loads] for end in ends)
+        heats, brakes = [([], []) for _ in most], 0 * boxes.half
+        if ends[0] is ends[1]:
+            most = least
+        elif not self.monotone(drive, most + least, v, a):
+            self.add(key, (-math.inf, math.inf), top)
+        for sign, mask in ((0.0, boxes.idle[j]), (1.0, boxes.up[j]), (-1.0, boxes.down[j])):
+            held = self.tau[j] + a * drive["output_inertia"] + v * law["b_ov"] + sign * law["b_oc"]
+            self.nuts(name, drive, (held, a), mask=mask, sure=boxes.sure[j] | boxes.idle[j])
+        for state in self.states(j):
+            low = [self.rows(j, state, *case) for case in least]
+            high = low if most is least else [self.rows(j, state, *case) for case in most]
+            for _, torques, unloaded in low:
+                how = {"side": -state.sign, "mask": state.mask}
+                self.below(key, [-row for row in torques], top, sure=state.sure, **how)
+                if len(most) > 1:
+                    sets = [torques, unloaded() if len(torques) > 1 else torques]  # see `cases`
+                    self.below(key, [-row for row in sets[1]], top, sure=False, **how)
+                    brakes = np.maximum(brakes, state.mask * self.braking(*sets))
+            for (effort, torques, _), sums in zip(high, heats, strict=True):
+                for row in torques if state.moving else []:
+                    self.below(key, [row], top, side=state.sign, mask=state.mask, sure=state.sure)
+                if not (state.moving and state.static):
+                    self.warm(state, effort, torques, sums)
+        if self.problem["duty"] is not None:
+            time, top = boxes.stop.max(), motor["nominal_torque"]
+            span = time - boxes.start.min() + self.problem["duty"]
+            low, high = (max(math.fsum(x[k]) for x in heats) for k in (0, 1))
+            high += math.fsum(brakes**2 * boxes.half) * 2
+            ends = math.sqrt(low / span) * (1 - 1e-11), math.sqrt(high / span) * (1 + 1e-11)
+            self.add(("continuous torque", name), ends, top, time=time)
+    def states(self, j):
+        """Yield the ways in which a joint moves or rests, with the boxes in which it may do so."""
+        boxes = self.boxes
+        idle, sure, starts = boxes.idle[j], boxes.sure[j], boxes.starts[j]
+        for sign, moves in ((1.0, boxes.up[j]), (-1.0, boxes.down[j])):
+            for state in (State(sign, moves, sure, True, False), State(sign, idle, idle, False, True),
+                          State(sign, moves & starts, sure & boxes.rests[j], True, True)):
+                if state.mask.any():
+                    yield state
+    def rows(self, j, state, drive, load):
+        """Return F, the rows of the torque, and a function that returns those at F = 0."""
+        _, v, a, _ = (x[j] for x in self.boxes.motion)
+        held = load + a * drive["output_inertia"] + v * drive["friction"]["b_ov"]
+        load, *rates = (load, v, a) if state.moving else (held, v * 0.0, a * 0.0)
+        mu = friction(drive, rates[0] * state.sign, state.static)
+        effort, torques = rows(drive, (load, *rates), state.sign, mu)
+        return effort, torques, lambda: rows(drive, (load - effort, *rates), state.sign, mu)[1]
+    def braking(self, *sets):
+        """Return upper bounds of −max(rows) and 0 in all boxes, of several sets of rows."""
+        slowest = [np.max([bounds(row)[0] for row in torques], 0) for torques in sets]
+        return np.maximum(-np.min(slowest, 0), 0)
+    def warm(self, state, effort, torques, sums):
+        """Add bounds of ∫τ² in each box to the lists `sums`.
 
         An idle joint has the torque nearest to 0 between the breakaway torques, −max(rows) in
         both directions. `gap` is the part of [−1, 1] beyond a box, in s.
         """
-        boxes, top, heats, duty = self.boxes, motor["max_torque"], ([], []), self.problem["duty"]
-        (_, v, a, _), load = (x[j] for x in boxes.motion), self.tau[j]
-        starts, idle, sure = boxes.starts[j], boxes.idle[j], boxes.sure[j]
-        held = load + a * drive["output_inertia"] + v * drive["friction"]["b_ov"]
+        boxes, mask = self.boxes, state.mask
         gap = 2 * boxes.half - (boxes.end - boxes.begin) * (1 - 4 * U)
-        self.nuts(name, drive, (held, a), mask=idle)
-        for sign, moves in ((1.0, boxes.up[j]), (-1.0, boxes.down[j])):
-            for motion, mask, real, static in (
-                    ((load, v, a), moves, sure, False),
-                    ((load, v, a), moves & starts, sure & boxes.rests[j], True),
-                    ((held, v * 0.0, a * 0.0), idle, idle, True)):
-                if not mask.any():
-                    continue
-                mu, moving = friction(drive, motion[1] * sign, static), mask is not idle
-                effort, torques = rows(drive, motion, sign, mu)
-                key, how = ("motor torque", name), {"mask": mask, "sure": real}
-                self.below(key, [-row for row in torques], top, side=-sign, **how)
-                for row in torques if moving else []:
-                    self.below(key, [row], top, side=sign, **how)
-                if moving:
-                    self.nuts(name, drive, (effort, a), **how)
-                if not (moving and static):
-                    low, high = heat((effort * sign)[mask], [row[mask] for row in torques])
-                    ends = zip(*map(bounds, torques), strict=True)
-                    least, most = (np.max(x, 0)[mask] for x in ends)
-                    if not moving:
-                        low, high = np.where(most <= 0, low, 0), np.where(least >= 0, 0, high)
-                    low = low * boxes.half[mask] - gap[mask] * np.maximum(-least, most) ** 2
-                    heats[0].extend(np.maximum(low, 0) * sure[mask])
-                    heats[1].extend(high * boxes.half[mask])
-        if duty is not None:
-            time, top = boxes.stop.max(), motor["nominal_torque"]
-            low, high = (math.sqrt(math.fsum(x) / (time - boxes.start.min() + duty)) for x in heats)
-            ends = low * (1 - 1e-11), high * (1 + 1e-11)
-            self.add(("continuous torque", name), ends, top, time=time)
+        low, high = heat((effort * state.sign)[mask], [row[mask] for row in torques])
+        ends = zip(*map(bounds, torques), strict=True)
+        least, most = (np.max(x, 0)[mask] for x in ends)
+        if not state.moving:
+            low, high = np.where(most <= 0, low, 0), np.where(least >= 0, 0, high)
+        low = low * boxes.half[mask] - gap[mask] * np.maximum(-least, most) ** 2
+        sums[0].extend(np.maximum(low, 0) * state.sure[mask])
+        sums[1].extend(high * boxes.half[mask])
+    def monotone(self, drive, both, v, a):
+        """Return whether λ + φ < 90° and nuts touch in all cases, so that the torque grows with μ."""
+        lead = math.tan(drive["lead_angle"]) / math.cos(drive["pressure_angle"])
+        forces = [-a * drive["second_nut_mass"]]
+        for case, load in both:
+            law, held = case["friction"], load + a * case["output_inertia"]
+            if not lead * max(law["mu"] + law["mu_stribeck"], law["mu_static"]) < 0.999:
+                return False
+            forces += [held + v * law["b_ov"] + sign * law["b_oc"] for sign in (1.0, -1.0)]
+        touching = all((bounds(x)[1] < drive["preload"]).all() for x in forces)
+        return touching or drive["kind"] != "antibacklash_screw"
     def nuts(self, name, drive, motion, **how):
         """Bound the forces P − F and P + m₂ q̈ on the nuts of a preloaded screw."""
         if drive["kind"] == "antibacklash_screw":
@@ -816,8 +894,10 @@ def prove(plan: dict) -> list:
         proof.promises(*proof.task())
         proof.breaks()
     unknown = [(line["name"], line["joint"]) for line in plan["certificate"]["limits"]]
-    ranges = ("friction", "payload", "stop_travel")
-    unknown += [(key, None) for key in ranges if proof.problem.get(key)]
+    unknown += [("stop_travel", None)] if proof.problem.get("stop_travel") else []
+    laws = [x["drive"]["friction"] for x in proof.robot["joints"] if x["drive"] and x["motor"]]
+    if proof.problem["friction"] and any(x["posterior"] or x["covariance"] for x in laws):
+        unknown.append(("friction", None))  # statistical sets of friction parameters
     for key in unknown:
         if key not in proof.parts:
             proof.add(key, (-math.inf, math.inf), 0.0, half=1.0)

@@ -89,8 +89,8 @@ def worst_case_torques(
         for k, load in sorted(extreme_sets):
             mass = masses[load]
             values = {name: float(column[k]) for name, column in sets.items()}
-            texts = list(starmap(_parameter_text, values.items())) if limits.friction else []
-            descriptions = [", ".join(texts)] if texts else []
+            texts = starmap(_parameter_text, values.items())
+            descriptions = [", ".join(texts)] if limits.friction else []
             if limits.payload:
                 descriptions.append(f"payload {1e3 * mass:g} g")
             case = WorstCase(drive_with(drive, values), mass, "; ".join(descriptions))
@@ -106,10 +106,11 @@ def _parameter_text(name: str, value: float) -> str:
 def _extreme_parameter_sets(sets: Arrays) -> Arrays:
     """Select the sets of friction parameters that can cause the largest or the smallest torque.
 
-    The torque in the direction of motion grows with every parameter. A set can therefore have the
-    largest torque only if no other set is larger in every parameter, and the smallest torque only
-    if no other set is smaller in every parameter. The function keeps both kinds of sets. It does
-    not compare sets with different friction laws.
+    The torque in the direction of motion grows with every parameter except for `b_oc` and `b_ov`.
+    They reduce a load in this direction, and a self-locking drive then needs less torque. A set can
+    therefore have the largest torque only if no other set with the same `b_oc` and `b_ov` is larger
+    in every other parameter, and the smallest torque only if no such set is smaller. The function
+    keeps both kinds of sets. It does not compare sets with different friction laws.
 
     Parameters
     ----------
@@ -122,9 +123,10 @@ def _extreme_parameter_sets(sets: Arrays) -> Arrays:
         The values in the selected sets.
     """
     values = np.unique(np.column_stack(list(sets.values())), axis=0)
+    only_equal = LAW_COLUMN, "b_oc", "b_ov"
     dominates = np.ones((len(values), len(values)), dtype=bool)
     for name, column in zip(sets, values.T, strict=True):
-        dominates &= column[:, None] == column if name == LAW_COLUMN else column[:, None] >= column
+        dominates &= column[:, None] == column if name in only_equal else column[:, None] >= column
     np.fill_diagonal(dominates, False)
     outer = values[~dominates.any(axis=0) | ~dominates.any(axis=1)]
     return dict(zip(sets, outer.T, strict=True))

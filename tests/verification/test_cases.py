@@ -33,6 +33,13 @@ def test_outermost_sets_are_those_that_no_other_exceeds_or_is_below() -> None:
         assert (tuple(row.tolist()) in kept) == (not (above and below))
 
 
+def test_a_smaller_friction_of_the_output_can_need_more_torque() -> None:
+    """It reduces a load that a self-locking drive lowers less than the larger one."""
+    sets = {"mu": np.array([0.1, 0.2, 0.2]), "b_oc": np.array([0.2, 0.1, 0.2])}
+    found = cases._extreme_parameter_sets(sets)
+    assert set(zip(*found.values(), strict=True)) == {(0.1, 0.2), (0.2, 0.1), (0.2, 0.2)}
+
+
 def motion() -> Trajectory:
     """Return a motion of two pieces, in which joints 1 and 4 start from rest and stop."""
     coefficients = np.zeros((2, 6, 4))
