@@ -87,7 +87,7 @@ def load(source: str) -> types.ModuleType:
 
 @cache
 def plans() -> tuple[dict[str, Any], ...]:
-    """Three plans that use every branch: Stribeck friction, a preloaded screw, holding by a motor, wide ranges, a line."""
+    """Five plans that use every branch: Stribeck friction, a preloaded screw, holding by a motor, wide ranges, paths, cases."""
     first, second = (
         json.loads((ROOT / f"results/{name}/plan.json").read_text(encoding="utf-8"))
         for name in ("eye_approach", "tilt_insert")
@@ -109,7 +109,7 @@ def plans() -> tuple[dict[str, Any], ...]:
             joint["drive"] |= {"self_locking": False}
             joint["drive"]["friction"] |= {"mu": 0.01, "mu_static": 0.02}
         joint["jerk"] = 1e4
-    return first, second, bent_line()
+    return first, second, bent_line(), cut_corners(), ranged()
 
 
 def bent_line() -> dict[str, Any]:
@@ -132,6 +132,50 @@ def bent_line() -> dict[str, Any]:
     document["problem"]["motion"][1]["target"]["task"] |= {"roll": -0.2, "depth": 0.019}
     document["problem"]["start_rate"] |= {"roll": 0.06, "tilt": -0.12, "spin": 0.01, "depth": 0.003}
     return document
+
+
+def cut_corners() -> dict[str, Any]:
+    """A plan along a line, an arc and a great circle above the retina, whose problem then differs a little."""
+    deg, mm = ssm.deg, ssm.mm
+    eye = ssm.load_problem("eye_approach")
+    tips = [ssm.Tip((x * mm, y * mm, z * mm), 0.0) for x, y, z in TIPS]
+    motion = (
+        ssm.Free(tips[0]),
+        ssm.Follow(tips[1], curve="line", blend=0.3 * mm),
+        ssm.Follow(tips[3], (tips[2],), curve="arc"),
+        ssm.Follow(tips[4], curve="line", constant_speed=5 * mm),
+        ssm.Follow(ssm.Task(roll=5 * deg, tilt=-112 * deg), curve="retina", distance=2 * mm),
+    )
+    problem = replace(eye, motion=motion, planner="fast", limits=eye.limits[:3])
+    document: dict[str, Any] = json.loads(ssm.plan(problem).to_json())
+    motions = document["problem"]["motion"]
+    motions[1]["blend"], motions[3]["constant_speed"] = 0.28 * mm, 4.999999 * mm
+    motions[4]["target"]["task"]["tilt"] += 1e-6
+    return document
+
+
+TIPS = ((6, -3, -13), (3, -4, -13), (2, -1, -13), (3, 2, -13), (5, 3, -13.5))
+"""Places of the tip, mm."""
+
+
+def ranged() -> dict[str, Any]:
+    """A short motion with ranges of friction and payload."""
+    plan = json.loads((ROOT / "results/tilt_insert/plan.json").read_text(encoding="utf-8"))
+    motion, problem = plan["trajectory"], plan["problem"]
+    middle = motion["breaks_s"].index(motion["phases"][0]["end_s"])
+    motion["breaks_s"] = motion["breaks_s"][middle - 40 : middle + 41]
+    motion["coefficients"] = motion["coefficients"][middle - 40 : middle + 40]
+    motion["phases"], problem["motion"] = [], []
+    problem["friction"], problem["payload"] = 0.9, [0.01, 0.2]
+    for drive in (joint["drive"] for joint in problem["robot"]["joints"] if joint["drive"]):
+        drive["self_locking"] = False
+        law = drive["friction"] | {"mu": 0.02, "mu_static": 0.024, "b_ov": 1e-3}
+        shares = {"mu": (0.9, 1.2), "b_c": (0.8, 1.3), "b_oc": (0.2, 3.0), "b_ov": (0.0, 3.0)}
+        drive["friction_ranges"] = {
+            name: [law[name] * share for share in ends] for name, ends in shares.items()
+        }
+        drive["friction"] = law
+    return plan
 
 
 def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
