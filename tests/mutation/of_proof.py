@@ -87,7 +87,7 @@ def load(source: str) -> types.ModuleType:
 
 @cache
 def plans() -> tuple[dict[str, Any], ...]:
-    """Five plans that use every branch: Stribeck friction, a preloaded screw, holding by a motor, wide ranges, paths, cases."""
+    """Five plans that use every branch: Stribeck friction, a preloaded screw, holding by a motor, ranges, paths, cases."""
     first, second = (
         json.loads((ROOT / f"results/{name}/plan.json").read_text(encoding="utf-8"))
         for name in ("eye_approach", "tilt_insert")
