@@ -1,7 +1,8 @@
 """Planning with an independent check of the motion.
 
-After a failed check, the exceeded limits are tightened by their excess and the problem is planned
-again, up to `MAX_PLANNING_ROUNDS` times.
+`plan_and_check` plans a problem and checks the motion with the package `verification`, which shares
+no code with the planner. After a failed check, the limits that the motion exceeds are tightened by
+their excess, and the problem is planned again, up to `MAX_PLANNING_ROUNDS` times.
 """
 
 from collections.abc import Callable
@@ -46,7 +47,7 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """True if there is a motion and it passed the check."""
+        """True if there is a motion that passed the check."""
         return self.reason is None and self.planned.trajectory is not None
 
     @property
@@ -59,8 +60,8 @@ class Outcome:
     def excess_heat(self) -> float | None:
         """Relative excess of heat of the hottest motor, (RMS torque / continuous torque)² − 1.
 
-        None if there is no certificate, if another limit is exceeded, or if no motor is checked for
-        heat.
+        It is negative if no motor gets too hot. None if there is no certificate, if the motion
+        exceeds another limit, or if no motor is checked for heat.
         """
         certificate = self.certificate
         if certificate is None:
@@ -96,13 +97,14 @@ def plan_and_check(
     problem : Problem
         The problem.
     work : Work
-        Counter of the computational work.
+        Counter of the work of all solvers.
     progress : callable
-        Called with each step of the work.
+        Called with a message for each step.
     on_motion : callable
         Called with each motion before its check.
     cooling : (4,) array or None
-        Weights of the motors' heat relative to time, as in `plan_motion`.
+        Weights of the motors' heat relative to time, as in `plan_motion`. None: heat does not
+        count.
     may_overheat : bool
         True if a motion is planned even if every motion makes a motor too hot.
 
@@ -161,8 +163,8 @@ def check_result(problem: Problem, result: PlannerResult) -> Outcome:
 def tighten_limits(problem: Problem, certificate: Certificate) -> Problem | None:
     """Return the problem with stricter limits, after a check has found limits exceeded.
 
-    The planner evaluates most limits at fewer instants than the check. Each exceeded limit is
-    tightened by its excess.
+    The planner evaluates most limits at fewer instants than the check, so a motion may exceed a
+    limit between these instants. Each limit that is exceeded is tightened by its excess.
 
     Parameters
     ----------
@@ -192,8 +194,6 @@ def tighten_limits(problem: Problem, certificate: Certificate) -> Problem | None
 
 def violation_reason(problem: Problem, certificate: Certificate) -> Reason:
     """Return the reason for a failed check: the limit that the motion exceeds most.
-
-    Stricter limits in further rounds of planning did not prevent it.
 
     Parameters
     ----------

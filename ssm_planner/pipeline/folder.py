@@ -1,4 +1,7 @@
-"""The result folder of a plan."""
+"""The result folder of a plan.
+
+The command `ssm-planner plan`, studies and `Plan.save` call `write_folder`.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,7 +1,10 @@
-"""The fastest certified motion over all joints that reach the targets of free motions.
+"""Search for the fastest certified motion over all joint positions that reach the targets.
 
-The search treats one target after the other. `planning/candidates/other_joints` contains the
-candidates.
+Several joint positions reach a target of a free motion that is given in task coordinates, or as a
+position of the tip. The problem is first planned with the nearest ones. `plan_mission` then treats
+one target after the other and searches the fastest motion of the whole problem among other joint
+positions there. `planning/candidates/other_joints.py` contains these candidates, and
+`planning/search.py` the search.
 """
 
 from collections.abc import Callable
@@ -24,7 +27,11 @@ from ssm_planner.problem import Free, Joints, Problem
 from ssm_planner.progress import Progress, Step, silent
 
 MAX_TARGETS = 8
-"""Largest number of targets with alternatives, since each changes the path of all that follows."""
+"""Largest number of targets in a problem whose alternatives are searched.
+
+Each alternative changes the motion to all later targets, so the work grows with the square of the
+number of targets.
+"""
 
 
 def plan_mission(
@@ -36,7 +43,7 @@ def plan_mission(
     stoppable: bool = False,
     first_suffices: bool = False,
 ) -> tuple[Outcome, Problem, bool]:
-    """Return the shortest certified motion over all joints that reach the targets.
+    """Return the shortest certified motion over all joint positions that reach the targets.
 
     Parameters
     ----------
@@ -49,9 +56,9 @@ def plan_mission(
     progress : callable
         Called with a message for every alternative, which states the best duration so far.
     stoppable : bool
-        With a certified motion at hand, the first Ctrl-C ends the search.
+        True if the first Ctrl-C ends the search as soon as there is a certified motion.
     first_suffices : bool
-        End with the first motion.
+        True if the search ends with the first certified motion.
 
     Returns
     -------
@@ -87,16 +94,24 @@ def plan_mission(
 
 @dataclass
 class _Search:
-    """Search over alternatives, one target after the other."""
+    """Search over other joint positions, one target after the other."""
 
     problem: Problem
+    """The problem as it was requested."""
     plan: Callable[[Problem], Outcome]
+    """Plans and checks a problem."""
     work: Work
+    """Counter of the work of `plan`."""
     progress: Progress
+    """Called with a message for every alternative."""
     first_suffices: bool
+    """True if the search ends with the first certified motion."""
     best: Outcome
+    """The shortest certified motion so far, or the failure of the first attempt."""
     best_problem: Problem
+    """The problem of that motion, in which joint positions replace some targets."""
     hint: str = ""
+    """End of the messages, which says how the user can stop the search."""
     entries: dict[int, list[CandidateEntry]] = field(default_factory=dict)
     """Alternatives by the index of their phase, as `Evaluation.to_dict` returns them."""
 
@@ -114,7 +129,7 @@ class _Search:
         """Search until no faster motion is expected, or until the work budget is spent.
 
         Alternatives are planned without Ipopt's confirmation. Ipopt confirms the best of them at
-        the end.
+        the end. If the confirmed motion is longer by more than `GAP`, the unconfirmed one remains.
         """
         problem, limit = self.problem, self.work.spent + SEARCH_BUDGET
         for target in [] if eye_forbids_target(problem) else open_targets(problem):
@@ -127,16 +142,26 @@ class _Search:
                 self.best = confirmed
 
     def _search(self, target: tuple[int, int], limit: float) -> None:
-        """Search over the joints at one target until the work reaches a limit."""
+        """Search over the joint positions at one target.
+
+        Parameters
+        ----------
+        target : (int, int)
+            Index of the free motion in the motion list, and index among its targets.
+        limit : float
+            Work at which the search ends (`Work.spent`).
+        """
         problem, best = self.best_problem, self.best
         phases = _phases_to_search(problem)
         name, number = problem.motion[target[0]].name, count(1)
 
         def report() -> None:
+            """Report the next attempt and the best duration so far."""
             found = f", {self.best.duration:.4f} s so far{self.hint}" if self.best.passed else ""
             self.progress(Step(f"other joints for {name}, attempt {next(number)}{found}"))
 
         def plan(alternative: Problem) -> MissionMotion | Reason:
+            """Plan a problem with other joints, and remember its motion if it is the shortest."""
             outcome = self.plan(with_fast_planner(alternative))
             if outcome.reason is not None:
                 return outcome.reason
@@ -162,9 +187,18 @@ class _Search:
 
 
 def open_targets(problem: Problem) -> list[tuple[int, int]]:
-    """Return the targets with open joints, as index of the motion and index among its targets.
+    """Return the targets of free motions that are not given as joint positions.
 
-    The list is empty if there are more than `MAX_TARGETS`.
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+
+    Returns
+    -------
+    list of (int, int)
+        Index of the motion in the motion list, and index among its via points and its end. Empty if
+        there are more than `MAX_TARGETS` targets.
     """
     result = [
         (entry, index)

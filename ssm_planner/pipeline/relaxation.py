@@ -1,6 +1,9 @@
 """Search for the smallest change of limits that makes a problem solvable.
 
-Every change is planned, so every reported change works.
+A *relaxation* is a limit with a weaker bound, a pause, or a lower rate at an end of the motion.
+`find_relaxation` starts from the reason of the failure, which names a limit and the value that the
+motion would need. Every change is rounded as it will be printed, and planned with this value before
+it is reported.
 """
 
 import math
@@ -29,17 +32,23 @@ from ssm_planner.typing import record
 from ssm_planner.units import display_unit
 
 CHANGE_FACTORS = (1.0, 1.1, 1.5, 3.0)
-"""Factors on the smallest possible change, tried in turn until there is a motion."""
+"""Factors on the change that the reason asks for, tried in turn until there is a motion.
+
+If the first factor gives a motion, smaller changes are tried too.
+"""
 BISECTION_ACCURACY = 0.9
-"""The bisection ends when this share of the reported change gives no motion."""
+"""The bisection ends when a motion is impossible with this share of the smallest change found.
+
+The reported change is thus at most about 11 % too large.
+"""
 TRIAL_SHARES = (0.1, 1.0)
-"""Shares by which limits are relaxed one by one if the limit to blame is unknown."""
+"""Shares by which limits are relaxed one by one if the reason names none that can be relaxed."""
 TRIAL_WORK = 0.1
 """Work of a trial without its solves: the checks of the problem and the independent check."""
 OFFERED_SHARES = (1.0, 1.5, 2.0, 3.0)
-"""Multiples of a relaxation that pages offer."""
+"""Multiples of a relaxation that the page of a failed plan offers."""
 LIMITS_OF_END_RATES = (JointVelocity.name, JointAcceleration.name, StopTravel.name)
-"""Limits that rates at the ends can exceed."""
+"""Names of the limits that the velocity at an end of the motion can exceed."""
 
 End = Literal["start_rate", "end_rate"]
 Planner = Callable[[Problem], "float | Reason"]
@@ -48,19 +57,28 @@ Planner = Callable[[Problem], "float | Reason"]
 
 @record
 class Relaxation:
-    """A limit of a problem that may be changed from `present` to at least `needed`."""
+    """A limit of a problem that may be changed from `present` to at least `needed`.
+
+    Subclasses change something else than a limit. Their value is not a bound then.
+    """
 
     base: Problem
+    """The problem without the change."""
     limit: Limit
+    """The limit to be changed."""
     needed: float
+    """Bound of the limit that the motion needs at least, in SI units."""
 
     @property
     def present(self) -> float:
-        """Present bound of the limit."""
+        """Present bound of the limit, in SI units."""
         return self.limit.bound(self.needed)
 
     def value(self, share: float) -> float:
-        """Return the printed value at a share of the change from `present` to `needed`."""
+        """Return the bound after a share of the change from `present` to `needed`.
+
+        It is rounded as it will be printed. A share above 1 exceeds `needed`.
+        """
         return self.limit.rounded(self.present + share * (self.needed - self.present))
 
     def problem(self, value: float) -> Problem:
@@ -77,7 +95,7 @@ class Relaxation:
         return relaxed.on(self.base)
 
     def describe(self, value: float) -> str:
-        """Describe the change in words."""
+        """Describe the change to a value in words."""
         return self.limit.described(value)
 
 
@@ -137,18 +155,18 @@ class ReducedRates(Relaxation):
 
 @record
 class TriedRelaxation:
-    """A relaxation that was tried at one value.
-
-    `outcome` is the duration of the motion that it gives, or the reason of the failure.
-    """
+    """A relaxation that was tried at one value."""
 
     relaxation: Relaxation
+    """The change."""
     value: float
+    """Value that was tried, as it is printed."""
     outcome: float | Reason
+    """Duration of the motion with the change, s, or the reason of the failure."""
     combined: tuple[str, ...] = ()
     """Descriptions of the limits that are relaxed together with it."""
     alternatives: "tuple[TriedRelaxation, ...]" = ()
-    """Other cures, each of which works alone."""
+    """Other attempts, each of which works alone."""
 
     @property
     def works(self) -> bool:
@@ -173,14 +191,14 @@ class TriedRelaxation:
 
     @property
     def text(self) -> str:
-        """Description of the change and of its result, and of the other cures."""
+        """Description of the change and of its result, and of the other attempts."""
         if isinstance(self.outcome, Reason):
             sentence = f"{self.description}: tried, still infeasible alone: {self.outcome.message}"
         else:
             together = " together" if self.combined else ""
             changes = " and ".join((*self.combined, self.description))
             sentence = f"{changes}: tried{together}, takes {self.outcome:.4g} s"
-        return "; or ".join((sentence, *(cure.text for cure in self.alternatives)))
+        return "; or ".join((sentence, *(attempt.text for attempt in self.alternatives)))
 
 
 def find_relaxation(
@@ -209,7 +227,7 @@ def find_relaxation(
     duration : float or None
         Duration of the motion in which the check found a limit exceeded, s.
     feasible : callable or None
-        Tells sooner than `plan` whether there is a motion.
+        Like `plan`, but returns the first motion that it finds. None: `plan` itself.
     work : Work or None
         Counter of the work of `plan`.
     budget : float
@@ -218,7 +236,7 @@ def find_relaxation(
     Returns
     -------
     TriedRelaxation or None
-        The change and other cures. If no change gives a motion, the change of the limit in the
+        The change and other attempts. If no change gives a motion, the change of the limit in the
         reason, with the reason why it does not suffice. None if nothing was found.
     """
     relaxation = relaxation_for(problem, reason)
@@ -226,20 +244,20 @@ def find_relaxation(
         return None
     work = work or Work()
     trials = _RelaxationSearch(plan, feasible or plan, work, work.spent + budget)
-    # These need few trials, whereas the search for the smallest change may take all remaining
-    # work.
+    # The other relaxations come first because they need few trials. The search for the smallest
+    # change of the limit may take all remaining work.
     others = [
         trials.smallest_share(*other)
         for other in _other_relaxations(problem, reason, duration)
         if trials.has_budget
     ]
-    cure = (
+    attempt = (
         trials.first_change_that_helps(problem)
         if relaxation is None
         else trials.smallest_joint_change(relaxation)
     )
-    working = [item for item in (cure, *others) if item is not None and item.works]
-    return replace(working[0], alternatives=tuple(working[1:])) if working else cure
+    working = [item for item in (attempt, *others) if item is not None and item.works]
+    return replace(working[0], alternatives=tuple(working[1:])) if working else attempt
 
 
 def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[str, Problem]]:
@@ -272,8 +290,9 @@ class _RelaxationSearch:
     plan: Planner
     """Plans a problem completely."""
     feasible: Planner
-    """Tells sooner than `plan` whether there is a motion."""
+    """Like `plan`, but returns the first motion that it finds."""
     work: Work
+    """Counter of the work of both."""
     limit: float
     """Work after which no further trial begins."""
 
@@ -290,7 +309,10 @@ class _RelaxationSearch:
         *,
         stop_if: Callable[[TriedRelaxation], bool] = lambda _: False,
     ) -> TriedRelaxation:
-        """Return the smallest share of a relaxation that gives a complete plan.
+        """Find the smallest share of a relaxation that gives a complete plan.
+
+        A bisection with the cheaper function `feasible` comes first. A second bisection with `plan`
+        starts from its result.
 
         Parameters
         ----------
@@ -301,18 +323,20 @@ class _RelaxationSearch:
         lower : float
             A share that gives no motion.
         stop_if : callable
-            True if larger shares cannot help either.
+            Returns True for a failed attempt if larger shares cannot help either.
 
         Returns
         -------
         TriedRelaxation
             The smallest change that gives a motion, or the last one that was tried.
         """
-        lower, upper, cure = self._bisect_share(relaxation, shares, lower, self.feasible, stop_if)
-        if cure.works and self.plan is not self.feasible:
+        lower, upper, attempt = self._bisect_share(
+            relaxation, shares, lower, self.feasible, stop_if
+        )
+        if attempt.works and self.plan is not self.feasible:
             remaining = [upper, *(share for share in shares if share > upper)]
-            _, _, cure = self._bisect_share(relaxation, remaining, lower, self.plan, stop_if)
-        return cure
+            _, _, attempt = self._bisect_share(relaxation, remaining, lower, self.plan, stop_if)
+        return attempt
 
     def _bisect_share(
         self,
@@ -334,22 +358,22 @@ class _RelaxationSearch:
             The largest share without a motion.
         upper : float
             The smallest share with a motion, or the last one that was tried.
-        cure : TriedRelaxation
+        attempt : TriedRelaxation
             The relaxation by the share `upper`.
         """
 
-        def cure(share: float) -> TriedRelaxation:
+        def attempt(share: float) -> TriedRelaxation:
             self.work.spent += TRIAL_WORK
             return _try_relaxation(relaxation, relaxation.value(share), plan)
 
         for upper in shares:
-            result = cure(upper)
+            result = attempt(upper)
             if result.works or not self.has_budget or stop_if(result):
                 break
             lower = upper
         while result.works and self.has_budget and lower < BISECTION_ACCURACY * upper:
             middle = (lower + upper) / 2 if lower else BISECTION_ACCURACY * upper
-            trial = cure(middle)
+            trial = attempt(middle)
             if trial.works:
                 result, upper = trial, middle
             else:
@@ -377,19 +401,22 @@ class _RelaxationSearch:
 
         If another limit prevents the motion after this change, that limit is changed as well.
         """
-        initial = cure = self.smallest_change_of_limit(relaxation)
+        initial = attempt = self.smallest_change_of_limit(relaxation)
         descriptions: dict[tuple[Any, ...], str] = {}
-        while cure is not None and isinstance(cure.outcome, Reason) and self.has_budget:
-            descriptions[cure.key] = cure.description
-            following = relaxation_for(cure.problem, cure.outcome)
-            cure = None if following is None else self.smallest_change_of_limit(following)
-        if cure is None or not cure.works:
+        while attempt is not None and isinstance(attempt.outcome, Reason) and self.has_budget:
+            descriptions[attempt.key] = attempt.description
+            following = relaxation_for(attempt.problem, attempt.outcome)
+            attempt = None if following is None else self.smallest_change_of_limit(following)
+        if attempt is None or not attempt.works:
             return initial
-        descriptions.pop(cure.key, None)
-        return replace(cure, combined=tuple(descriptions.values()))
+        descriptions.pop(attempt.key, None)
+        return replace(attempt, combined=tuple(descriptions.values()))
 
     def first_change_that_helps(self, problem: Problem) -> TriedRelaxation | None:
-        """Return the relaxation by the smallest share, trying all limits one by one."""
+        """Return the first relaxation of a single limit that gives a motion.
+
+        All limits are relaxed one by one by the first of `TRIAL_SHARES`, then by the next one.
+        """
         for short, share in pairwise((0.0, *TRIAL_SHARES)):
             for relaxation in all_relaxations(problem):
                 if not self.has_budget:
@@ -401,7 +428,7 @@ class _RelaxationSearch:
 
 
 def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> TriedRelaxation:
-    """Return a cure with the outcome of the changed problem.
+    """Return a attempt with the outcome of the changed problem.
 
     The problem may forbid the change. TOPP-RA, for example, supports no duration.
     """
@@ -431,21 +458,29 @@ def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
             yield Relaxation(problem, limit, value)
 
 
-def _is_other_limit_to_blame(cure: TriedRelaxation) -> bool:
-    """Return True if more of this change cannot help, since another limit is to blame."""
-    if not isinstance(cure.outcome, Reason) or cure.outcome.limit is None:
+def _is_other_limit_to_blame(attempt: TriedRelaxation) -> bool:
+    """Return True if a larger change of the same limit cannot help.
+
+    This is the case if the reason of the failure names another limit, or the same limit in the
+    opposite direction.
+    """
+    if not isinstance(attempt.outcome, Reason) or attempt.outcome.limit is None:
         return False
-    following = relaxation_for(cure.problem, cure.outcome)
-    if following is None or following.limit.key != cure.relaxation.limit.key:
+    following = relaxation_for(attempt.problem, attempt.outcome)
+    if following is None or following.limit.key != attempt.relaxation.limit.key:
         return following is not None
     upwards = following.needed > following.present
-    return upwards != (cure.value > cure.relaxation.present)
+    return upwards != (attempt.value > attempt.relaxation.present)
 
 
 def _other_relaxations(
     problem: Problem, reason: Reason, duration: float | None
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
-    """Yield relaxations that change no limit, with shares: more time, and smaller rates."""
+    """Yield relaxations that change no limit of the robot or the task, with shares to try.
+
+    If a motor gets too hot, they are a pause and a longer duration. If the velocity at an end
+    exceeds a limit, they are lower rates at this end.
+    """
     limit, required, available = reason.limit, reason.required, reason.available
     if limit is None or required is None or available is None:
         return
@@ -461,7 +496,19 @@ def _other_relaxations(
 def _more_time(
     problem: Problem, limit: Limit, duration: float, excess: float
 ) -> Iterator[tuple[Relaxation, Sequence[float]]]:
-    """Yield a pause and a longer duration for a motion with an excess of heat."""
+    """Yield a pause and a longer duration for a motion that makes a motor too hot.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    limit : Limit
+        Limit on the continuous torque of the motor.
+    duration : float
+        Duration of the motion, s.
+    excess : float
+        Relative excess of heat, (RMS torque / continuous torque)² − 1.
+    """
     if not problem.end_rate:
         yield Pause(problem, limit, duration * excess), CHANGE_FACTORS
     if any(entry.duration is None for entry in problem.motion):

@@ -1,4 +1,8 @@
-"""Timing of a given joint path: the fastest motion along it within the limits."""
+"""Timing of a given joint path: the fastest motion along it within the limits.
+
+`retime` is the public function, and the command `ssm-planner retime` calls it. It converts the path
+to a problem whose motions follow splines, and plans this problem with TOPP-RA.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,10 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array
 
 POINTS_PER_PIECE = 4
-"""Number of points that are sampled from each polynomial piece of a trajectory."""
+"""Number of points that are sampled from each polynomial piece of a trajectory.
+
+A spline through them follows the polynomials closely.
+"""
 
 
 @checked

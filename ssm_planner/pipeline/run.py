@@ -1,6 +1,7 @@
 """The complete program: plan, check, determine motor requirements, and write files.
 
-The command line calls these functions.
+`plan` plans a problem in memory, `Replanner` plans it repeatedly with other starts and targets, and
+`plan_to_folder` writes the results. The command line calls these functions.
 """
 
 from __future__ import annotations
@@ -130,6 +131,7 @@ def plan(
         problem = load_problem(problem)
 
     def _report(step: Step) -> None:
+        """Pass a step to the logger and to the caller."""
         logging.getLogger("ssm_planner").info(step)
         progress(step)
 
@@ -137,11 +139,14 @@ def plan(
     motions: list[Trajectory] = []
 
     def _show(trajectory: Trajectory) -> None:
+        """Remember a motion before its check, and pass it to the caller."""
         motions.append(trajectory)
         on_solution(trajectory)
 
-    # Some cures follow from the motion that gets too warm. Without relaxations it is not needed.
+    # Some relaxations follow from the motion that gets too warm. Without relaxations it is not
+    # needed.
     def _plan_candidate(candidate: Problem) -> Outcome:
+        """Plan and check a problem with some joints at its targets."""
         return _plan_check_and_cool(candidate, work, _report, _show, may_overheat=relaxations)
 
     with _ONE_AT_A_TIME:
@@ -176,11 +181,25 @@ def _with_relaxation(
     work: Work,
     on_relaxation: Callable[[Problem], None],
 ) -> Reason:
-    """Return the reason of a failure with the smallest change of a limit that gives a motion."""
+    """Return the reason of a failure, with the smallest change of a limit that gives a motion.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    outcome : Outcome
+        The failure, perhaps with a motion that failed its check.
+    reason : Reason
+        Reason of the failure.
+    work : Work
+        Counter of the work.
+    on_relaxation : callable
+        Called with the relaxed problem if it has a motion.
+    """
     trajectory = outcome.planned.trajectory
     # The fastest motion is planned soonest, but it is warmer than the requested one.
     any_suffices = not isinstance(reason.limit, ContinuousTorque)
-    cure = find_relaxation(
+    attempt = find_relaxation(
         problem,
         reason,
         partial(_duration_or_reason, work=work),
@@ -188,11 +207,11 @@ def _with_relaxation(
         feasible=partial(_find_any_motion, work=work, any_suffices=any_suffices),
         work=work,
     )
-    if cure is None:
+    if attempt is None:
         return reason
-    if cure.works:
-        on_relaxation(cure.problem)
-    return replace(reason, relaxation=cure.text)
+    if attempt.works:
+        on_relaxation(attempt.problem)
+    return replace(reason, relaxation=attempt.text)
 
 
 @frozen
@@ -333,7 +352,10 @@ def _within_ranges(problem: Problem, mechanism: Mechanism, q: Array) -> bool:
 
 
 def _complete_point(base: Point, point: Point) -> Point:
-    """Return `point`, with missing task coordinates taken from `base`."""
+    """Return `point`, with missing task coordinates taken from `base`.
+
+    Points in other coordinates have no missing ones, so they are returned unchanged.
+    """
     if isinstance(base, Task) and isinstance(point, Task):
         return unchecked_copy(base, **point.set_coordinates)
     return point
@@ -363,7 +385,15 @@ def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, .
 
 
 def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> PhaseSummary:
-    """Return the summary of one phase."""
+    """Return the summary of one phase for plan.json and the report.
+
+    Parameters
+    ----------
+    phase_result : PlannedPhase
+        The phase with its motion.
+    promise : PromiseResult or None
+        Measured deviation from its line, corners and constant speed. None if it has none of them.
+    """
     phase = phase_result.phase
     confirmation = phase_result.motion.confirmation
     start, end, error = (promise and promise.constant_speed_span) or (None, None, None)
@@ -402,10 +432,27 @@ def _plan_check_and_cool(
 ) -> Outcome:
     """Plan and check a problem, and trade time for heat if a motor gets too hot.
 
-    `may_overheat` plans a motion even if no motion keeps the motors cool enough.
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    work : Work
+        Counter of the work.
+    progress : callable
+        Called with a message for each step.
+    on_motion : callable
+        Called with each motion before its check, except for those of the search for less heat.
+    may_overheat : bool
+        True if a motion is planned even if no motion keeps the motors cool enough.
+
+    Returns
+    -------
+    Outcome
+        The motion with its certificate, or the reason of the failure.
     """
 
     def plan_cooler(candidate: Problem, weights: Array) -> Outcome:
+        """Plan and check a problem with weights (4,) of the motors' heat."""
         return plan_and_check(candidate, work, cooling=weights)
 
     outcome = plan_and_check(problem, work, progress, on_motion, may_overheat=may_overheat)
@@ -419,9 +466,16 @@ def _plan_check_and_cool(
 def _duration_or_reason(
     problem: Problem, work: Work, *, first_suffices: bool = False
 ) -> float | Reason:
-    """Return the duration of the plan of a problem, or the reason of the failure.
+    """Return the duration of the plan of a problem in s, or the reason of the failure.
 
-    `first_suffices` ends with the first motion.
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    work : Work
+        Counter of the work.
+    first_suffices : bool
+        True if the first certified motion suffices.
     """
     attempt = partial(_plan_check_and_cool, work=work)
     outcome, _, _ = plan_mission(problem, attempt, work, first_suffices=first_suffices)
@@ -429,9 +483,18 @@ def _duration_or_reason(
 
 
 def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> float | Reason:
-    """Return the duration of a motion that is found soon, or the reason of the failure.
+    """Return the duration of any motion of a problem in s, or the reason of the failure.
 
-    `any_suffices` ignores the heat of the objective.
+    The search for a relaxation calls it, because it is faster than a complete plan.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    work : Work
+        Counter of the work.
+    any_suffices : bool
+        True if the motion need not have little heat, even if the objective asks for it.
     """
     if any_suffices and problem.objective == "time then heat":
         problem = unchecked_copy(problem, objective="time")
@@ -439,9 +502,17 @@ def _find_any_motion(problem: Problem, work: Work, *, any_suffices: bool) -> flo
 
 
 def _larger_changes(problem: Problem, relaxed: Problem) -> Iterator[tuple[str, float]]:
-    """Yield changes of limits, in words, and the durations (s) of the motions that they permit.
+    """Yield changes of limits, in words, and the durations of the motions that they permit, s.
 
-    The last change is the largest one, or one that saves no time.
+    The changes are multiples of the relaxation that gives a motion. The page of the failed plan
+    shows them. The last change is the largest one, or one that saves no time.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem without a motion.
+    relaxed : Problem
+        The problem with the smallest change that gives a motion.
     """
     shortest = math.inf
     for words, changed in changes_of_limits(problem, relaxed).values():

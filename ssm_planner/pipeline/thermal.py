@@ -1,14 +1,17 @@
 """Search for the fastest motion whose motors keep their continuous torque.
 
-The problem is to minimise T subject to
+The RMS torque of a motor over the motion must not exceed its continuous torque, or its windings get
+too hot. If the fastest motion violates this limit, `ThermalSearch` trades time for heat. It
+minimises the duration T subject to
 
     h_i ≤ T + P,   h_i = ∫ (τ_i/n_i)² dt,
 
-for every motor i with its nominal torque n_i, over all phases, with the pause P before the motion
-repeats. With one multiplier λ in [0, 1) for the constraints of the hot motors, every phase
-minimises T_k + λ/(1 − λ) Σ_i h_ik by itself (Lagrangian relaxation). The phases share only λ, and
-the excess of heat e = max_i h_i/(T + P) − 1 falls with λ. Near the optimum, dT = −λ/(1 − λ) dh, so
-a motion with e = −GAP takes longer than the fastest one by a share of less than GAP.
+for every motor i with its torque τ_i and its continuous torque n_i, over all phases, with the pause
+P before the motion repeats. With one multiplier λ in [0, 1) for the constraints of the hot motors,
+every phase minimises T_k + λ/(1 − λ) Σ_i h_ik by itself (Lagrangian relaxation). The phases share
+only λ, and the excess of heat e = max_i h_i/(T + P) − 1 falls with λ. Near the optimum,
+dT = −λ/(1 − λ) dh, so a motion with e = −GAP takes longer than the fastest one by a share of less
+than GAP.
 
 Towards λ = 1, time costs nothing, and every phase takes the time in which it produces the least
 heat. Beyond that, motors only cool if they rest or move more slowly. The phases in which the hot
@@ -30,13 +33,22 @@ from ssm_planner.problem import Dwell, Free, Problem, Straight, unchecked_copy
 from ssm_planner.typing import Array
 
 HEAT_MULTIPLIERS: tuple[float, ...] = (0.5, 0.8, 0.95)
-"""Values of λ that are tried in turn until the motors are cool enough."""
+"""Values of the multiplier λ that are tried in turn until the motors are cool enough.
+
+They bracket the root for the search that follows. λ = 1 would ignore time.
+"""
 SLOWDOWN_SHARES: tuple[float, ...] = (0.2, 1.0, 4.0)
-"""Shares by which all phases take longer, tried in turn until the motors are cool enough."""
+"""Shares by which all phases take longer, tried in turn until the motors are cool enough.
+
+They bracket the root for the search that follows.
+"""
 
 
 def with_fast_planner(problem: Problem) -> Problem:
-    """Return the problem for the structured solver alone, without Ipopt's confirmation."""
+    """Return the problem with the planner `fast` in place of `optimal`.
+
+    The structured solver then finds the motion, and Ipopt does not confirm it.
+    """
     return unchecked_copy(problem, planner="fast") if problem.planner == "optimal" else problem
 
 
@@ -45,6 +57,7 @@ class ThermalSearch:
     """Search for the fastest motion in which no motor gets too hot."""
 
     problem: Problem
+    """The problem."""
     initial: Outcome
     """Motion without any weight of heat."""
     plan: Callable[[Problem, Array], Outcome]
@@ -59,7 +72,8 @@ class ThermalSearch:
     def run(self) -> Outcome | None:
         """Return the fastest certified motion, or None if none was found.
 
-        Only the last motion is confirmed by Ipopt.
+        Three families of motions are tried in turn: with a weight of heat, with longer rests of the
+        hot motors, and with all phases slower. Ipopt confirms only the last motion.
         """
         problem, quick = self.problem, with_fast_planner(self.problem)
         if problem.duration is not None or all(motion.duration for motion in problem.motion):
@@ -82,7 +96,10 @@ class ThermalSearch:
         return None
 
     def _plan_with_multiplier(self, problem: Problem, multiplier: float) -> Outcome:
-        """Plan with a multiplier λ of the heat of the hot motors."""
+        """Plan with a multiplier λ of the heat of the hot motors, and remember the best motion.
+
+        The best motion is the one with the shortest duration after enough rest.
+        """
         outcome = self.plan(problem, self._hot_weights(multiplier / (1 - multiplier)))
         self.hot |= outcome.hot_joints
         candidates = (self.best, (multiplier, outcome))
@@ -90,10 +107,16 @@ class ThermalSearch:
         return outcome
 
     def _extend_rests(self, problem: Problem, share: float) -> Outcome:
-        """Return the best motion with a share of the necessary rest.
+        """Return the best motion, with longer phases in which all hot motors rest.
 
-        The rest extends the phases in which the hot motors rest. Without such phases, the motion
-        is returned unchanged.
+        Without such phases, the motion is returned unchanged.
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem, with the planner that computes the motion.
+        share : float
+            Share of the necessary rest. With 1, the hottest motor becomes just cool enough.
         """
         multiplier, base = self.best
         if problem is not with_fast_planner(problem):
@@ -111,7 +134,10 @@ class ThermalSearch:
         return self._check_slower_phases(base, resting, 1 + share * rest / duration)
 
     def _plan_for_least_heat(self, problem: Problem, share: float) -> Outcome:
-        """Plan for the least heat, with the durations of the best motion longer by a share."""
+        """Plan for the least heat, in phases that take longer by a share than in the best motion.
+
+        If the motions cannot be planned one by one, the best motion is slowed down instead.
+        """
         base = self.best[1]
         phases = base.planned.phases
         replannable = all(isinstance(entry, (Free, Straight, Dwell)) for entry in problem.motion)
@@ -126,7 +152,17 @@ class ThermalSearch:
         return replace(outcome, planned=replace(outcome.planned, phases=slower))
 
     def _check_slower_phases(self, base: Outcome, longer: list[bool], factor: float) -> Outcome:
-        """Check a motion in which some phases take `factor` times as long."""
+        """Slow some phases of a motion down along their paths, and check the result.
+
+        Parameters
+        ----------
+        base : Outcome
+            The motion.
+        longer : list of bool
+            True for each phase that is slowed down.
+        factor : float
+            Factor on the durations of these phases.
+        """
         phases = tuple(
             replace(phase, motion=phase.motion.slower(factor)) if stretched else phase
             for phase, stretched in zip(base.planned.phases, longer, strict=True)
@@ -140,7 +176,10 @@ class ThermalSearch:
         return weight * np.array([joint.name in self.hot for joint in self.problem.robot.joints])
 
     def _duration_with_rest(self, outcome: Outcome) -> float:
-        """Return the duration with the rest after which the hottest motor is cool, s."""
+        """Return the duration with a rest that makes the hottest motor cool enough, s.
+
+        Infinite if there is no motion, or if the motion exceeds another limit.
+        """
         if outcome.excess_heat is None:
             return np.inf
         duration = sum(phase.duration for phase in outcome.planned.phases)
@@ -151,11 +190,12 @@ class ThermalSearch:
 def _find_smallest_cool(
     motion: Callable[[float], Outcome], numbers: tuple[float, ...], hottest: Outcome
 ) -> tuple[float, Outcome] | None:
-    """Return the smallest number that gives a cool motion, and that motion.
+    """Find the smallest number that gives a cool motion, and that motion.
 
     The excess of heat is a falling function of the number. Its root is bracketed between two of the
-    `numbers` and found by the Illinois method. The result is on the cool side of the root, with an
-    excess above −GAP, or within GAP of a number whose motion is too hot.
+    `numbers` and found by the Illinois method, a variant of false position. The result is on the
+    cool side of the root, with an excess above −GAP, or within GAP of a number whose motion is too
+    hot.
 
     Parameters
     ----------

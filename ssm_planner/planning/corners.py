@@ -1,15 +1,19 @@
 """Drives that bound the motor torques of a whole range of friction and payload.
 
-A motion that keeps the torque limit with each of these drives keeps it in the whole range. In the
-direction of motion σ, the motor torque σ τ is at every instant a convex function of the load. It
-grows with the friction coefficient μ, with both bearing parameters and with the preload
-(dynamics/transmission.py). Three rules follow:
+A problem may state a range of friction and of payload instead of single values. The planner cannot
+plan for every value, so this module selects a few drives, called corners: a motion that keeps the
+torque limit with each of them keeps it in the whole range.
+
+Let σ = ±1 be the direction of motion and τ the motor torque. At every instant, σ τ is a convex
+function of the load. It grows with the friction coefficient μ, with both bearing parameters and
+with the preload (dynamics/transmission.py). Three rules follow:
 
 - The load is linear in a mass at the tip, so one of the two limits of the mass is the worst case.
 - Many sets of friction parameters span the range (`FrictionSpread.within`), but few of them need
   the largest torque anywhere. They are selected one after the other on a grid of speeds and efforts
-  that the motor can meet, until no other set needs more than they do by more than `ENVELOPE_TOLERANCE` of the
-  largest torque. The remaining excess is added to their bearing friction.
+  that the motor can meet, until no other set needs more than they do by more than
+  `ENVELOPE_TOLERANCE` of the largest torque. The remaining excess is added to their bearing
+  friction.
 - If the motor brakes, the smallest value of every parameter together is the worst case.
 """
 
@@ -38,22 +42,28 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array
 
 ENVELOPE_TOLERANCE = 0.01
-"""Share of the motor's largest torque by which a set may exceed the selected sets."""
-STRIBECK_SPEED_COUNT = 60
-"""Number of motor speeds at which Stribeck friction is evaluated."""
-RELATIVE_EFFORTS = 1.6 * np.linspace(-1.0, 1.0, 41) ** 3
-"""Grid of efforts at the output. It is dense at 0, where the torques have kinks.
+"""Share of the motor's largest torque by which a parameter set may exceed the selected sets.
 
-They are divided by the effort at which the motor reaches its largest torque with the least
-friction.
+A smaller value selects more sets, and every set adds rows to the optimal control problem. The
+excess is added to the friction of the selected sets, so the bound stays valid.
+"""
+STRIBECK_SPEED_COUNT = 60
+"""Number of motor speeds at which Stribeck friction is evaluated, on a logarithmic scale."""
+RELATIVE_EFFORTS = 1.6 * np.linspace(-1.0, 1.0, 41) ** 3
+"""Efforts (torque or force at the output of the drive) at which torques are evaluated.
+
+The unit is the effort at which the motor reaches its largest torque with the least friction. The
+grid is dense at 0, where the torques have kinks.
 """
 
 
 def with_corners(problem: Problem, robot: Robot) -> Robot:
     """Return the robot with the corners of the problem's range of friction and payload.
 
-    A corner is a robot with one of the bounding drives on each joint, and with the largest payload
-    or with an empty tip. Without a range, the robot is returned unchanged.
+    A corner is a copy of the robot with one of the bounding drives on each joint, and with the
+    largest payload or with an empty tip. `Robot.corners` contains those that need the most torque,
+    and `Robot.lightest` those that need the least. Without a range, the robot is returned
+    unchanged.
 
     Parameters
     ----------
@@ -72,6 +82,7 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
         joints = tuple(unchecked_copy(joint, drive=drive) for joint, drive in pairs)
         return tuple(unchecked_copy(load, joints=joints) for load in loaded)
 
+    # Each joint has its bounding drives, and as last entry the drive with the least friction.
     drives_by_joint = [_bounding_drives_of_joint(joint, problem.friction) for joint in robot.joints]
     corners: tuple[Robot, ...] = ()
     for k in range(max(map(len, drives_by_joint)) - 1):
@@ -111,6 +122,10 @@ def bounding_drives(
 ) -> tuple[Drive, ...]:
     """Select the drives that bound the motor torque of a range of friction parameters.
 
+    The selection is greedy: it adds the parameter set with the largest torque at the grid point
+    where the selected sets fall short most, until they fall short nowhere by more than
+    `ENVELOPE_TOLERANCE`.
+
     Parameters
     ----------
     drive : Drive
@@ -130,10 +145,10 @@ def bounding_drives(
     without_spread = unchecked_copy(friction, posterior=None, covariance=None)
     plain_drive = unchecked_copy(drive, friction=without_spread, friction_ranges={})
     torques = np.minimum(_torque_table(plain_drive, sets, speed, torque), torque)
+    # The largest torque of all sets, and of the selected sets, at each grid point.
     envelope = torques.max(axis=0)
     bound = np.full(len(envelope), -np.inf)
     selected: list[int] = []
-    # Add the set with the largest torque at the grid point where the selected ones fall short most.
     while np.max(envelope - bound) > ENVELOPE_TOLERANCE * torque:
         worst = np.argmax(envelope - bound)
         selected.append(int(np.argmax(torques[:, worst])))

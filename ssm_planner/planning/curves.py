@@ -1,6 +1,7 @@
 """Joint positions along the curves of a motion list.
 
-The curves are splines, tables of points, and lines and arcs of the tip.
+The curves are splines, tables of points, and lines and arcs of the tip. The builder of phases
+(`phases.py`) creates a `CurveFollower` for each entry of the motion list that follows a curve.
 """
 
 from collections.abc import Sequence
@@ -26,14 +27,17 @@ from ssm_planner.problem import Follow, Joints, Point, Problem, Task, Tip
 from ssm_planner.typing import Array, Mask, record
 
 CurveTerms = tuple[Array, float]
-"""Terms (4, 3) and angle of a `TipPath`."""
+"""The fields `terms` (4, 3) and `angle` of a `TipPath`, which describe a line or an arc."""
 MIN_CENTRE_DISTANCE = 1e-5
 """Smallest distance of a line or arc from the remote centre, m.
 
-The joints would have to turn too fast closer to it.
+The remote centre is the point in which all axes of rotation meet. Closer to it, the direction of
+the tool would change too fast along the curve.
 """
 START_TOLERANCES = np.array([1e-4, 1e-4, 1e-4, 1e-5])
 """Distances of the joints (rad, m) within which the first point of a table is the present position.
+
+If the robot is farther away, a free motion to the first point precedes the table.
 """
 
 
@@ -45,20 +49,23 @@ class CurveFollower:
     """
 
     problem: Problem
+    """The problem with its limits."""
     mechanism: Mechanism
+    """Geometry of the robot."""
     motion: Follow
     """Entry of the motion list."""
     task: Array
+    """Task coordinates at the start of the motion, (4,), rad and m."""
     q: Array
-    """Task coordinates and joint positions at the start of the motion, (4,) each."""
+    """Joint positions at the start of the motion, (4,), rad and m."""
 
     @cached_property
     def joints(self) -> Array:
-        """Joint positions q at the start and those of all points of the curve, (n + 1, 4).
+        """Joint positions at the start and at all n points of the curve, (n + 1, 4), rad and m.
 
         They lie on one branch of the inverse kinematics, and no joint jumps by a whole turn.
         """
-        # The coordinates of consecutive points of one class are converted together.
+        # Consecutive points that are given in the same kind of coordinates are converted together.
         rows, task = self.q[None, :], self.task
         for point_class, group in groupby((*self.motion.through, self.motion.to), type):
             points = list(group)
@@ -171,7 +178,14 @@ class CurveFollower:
     def _curve_error(self, reason: str, allowed: str, **place: str) -> ProblemError:
         """Create the error for a curve that the tip cannot follow.
 
-        `place` contains a key and a value of the problem file, if one of them is the cause.
+        Parameters
+        ----------
+        reason : str
+            Why the tip cannot follow the curve.
+        allowed : str
+            What the problem may contain instead.
+        **place : str
+            Key and value of the problem file, if one of them is the cause.
         """
         file, line = self.problem.file, self.motion.line
         return ProblemError(reason, file=file, line=line, allowed=allowed, **place)
@@ -267,10 +281,17 @@ class CurveFollower:
         return np.array([tips[0], tips[1] - tips[0], 0 * tips[0], 0 * tips[0]]), 0.0
 
     def _points_of_curve(self) -> tuple[Array, Array, Array]:
-        """Return the points of a line or arc as joint positions (n, 4), tips (n, 3) and spins (n,).
+        """Return the points of a line or arc, with the start of the motion as the first.
 
-        If the motion keeps its distance from the retina, the joint positions are not needed: both
-        rows contain `q`.
+        Returns
+        -------
+        joints : (n, 4) array
+            Joint positions, rad and m. If the motion keeps its distance from the retina, they are
+            not needed, and both rows contain `q`.
+        tips : (n, 3) array
+            Positions of the tip, m.
+        spins : (n,) array
+            Spins, rad.
         """
         if self.motion.distance is not None:
             tasks = self._complete_tasks([self.motion.to], self.task)
@@ -331,7 +352,7 @@ def driven_joints(problem: Problem) -> tuple[int, ...]:
 
 
 def _arc_about_axis(tips: Array, centre: Array, normal: Array) -> CurveTerms:
-    """Return the arc about a given axis from the first to the last of its points.
+    """Return the terms of the arc about a given axis from the first to the last of its points.
 
     Parameters
     ----------
@@ -350,10 +371,20 @@ def _arc_about_axis(tips: Array, centre: Array, normal: Array) -> CurveTerms:
 
 
 def _arc_through_points(tips: Array) -> CurveTerms | None:
-    """Return the circular arc through three points (3, 3), or None if they lie on one line.
+    """Return the terms of the circular arc through three points.
 
-    With u and v from the first point to the others and n = u × v, its centre lies at (|u|² v × n +
-    |v|² n × u) / (2 |n|²) from the first point.
+    Let u and v be the vectors from the first point to the second and third one, and n = u × v. The
+    centre lies at (|u|² v × n + |v|² n × u) / (2 |n|²) from the first point.
+
+    Parameters
+    ----------
+    tips : (3, 3) array
+        The points in their order on the arc, m.
+
+    Returns
+    -------
+    CurveTerms or None
+        None if the points lie on one line.
     """
     u, v = tips[1] - tips[0], tips[2] - tips[0]
     normal = np.cross(u, v)

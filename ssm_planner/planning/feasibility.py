@@ -1,8 +1,9 @@
 """Tests of a problem by geometry and kinematics, before any solver runs.
 
-They cover ranges, the eye, velocities, and distances to stop. `check_places` tests given paths,
-and the points of other motions. `with_end_velocities` tests the velocities at both ends of the
-whole motion. A failed test returns a `Reason`.
+They cover ranges of joints and task coordinates, the eye, velocities, and distances to stop.
+`feasible_phases` is the main entry. `check_places` tests all places on given paths, and the points
+of free motions, whose paths are not known yet. `with_end_velocities` tests the velocities at both
+ends of the whole motion. A failed test returns a `Reason`.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -53,15 +54,17 @@ RATE_KEYS = ("start_rate", "end_rate")
 
 @record
 class _PhaseSamples:
-    """Joint positions along a phase at which limits are tested."""
+    """Joint positions along a phase at which limits are tested.
+
+    If the phase has no given path, they are its points, and s counts the points evenly.
+    """
 
     phase: Phase
+    """The phase."""
     s: Array
+    """Path parameters, (n,), from 0 to 1."""
     q: Array
-    """Path parameters (n,) from 0 to 1, and joint positions (n, 4) there.
-
-    If the phase has no given path, the positions are its points, and s counts them evenly.
-    """
+    """Joint positions at the path parameters, (n, 4), rad and m."""
 
     @classmethod
     def of_phase(cls, phase: Phase) -> "_PhaseSamples":
@@ -80,9 +83,9 @@ class _PhaseSamples:
         return f"{name}, {100 * s:.0f} % of the way"
 
     def refined(self, k: int) -> "_PhaseSamples":
-        """Return samples of the path between the neighbours of sample k.
+        """Return as many samples of the path between the neighbours of sample k.
 
-        Without a path there are no places between the points, so the result is unchanged.
+        Without a given path, no place between the points is known, so the result is unchanged.
         """
         if self.phase.path is None:
             return self
@@ -92,9 +95,21 @@ class _PhaseSamples:
 
 
 def _largest_excess(limit: Limit, values: Array) -> tuple[int, float]:
-    """Return the index and the value of the sample that exceeds a limit most, among values (n,).
+    """Find the sample that exceeds a limit most, or that is nearest to it if all samples keep it.
 
-    If all samples keep the limit, the one that is nearest to it is returned.
+    Parameters
+    ----------
+    limit : Limit
+        The limit with a lower and an upper bound.
+    values : (n,) array
+        Values of the limited quantity, in SI units.
+
+    Returns
+    -------
+    index : int
+        Index of the sample.
+    value : float
+        Its value.
     """
     k = int(np.argmax(np.maximum(limit.low - values, values - limit.high)))
     return k, float(values[k])
@@ -107,7 +122,7 @@ def _check_samples(
     template: str,
     tolerance: float = ROUNDING_TOLERANCE,
 ) -> Reason | None:
-    """Return the reason for the largest excess over a limit, or None if it is kept everywhere.
+    """Return the reason for the largest excess over a limit, or None if all samples keep it.
 
     Parameters
     ----------
@@ -131,16 +146,18 @@ def feasible_phases(
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """Return the phases of a problem for the first start configuration that geometry allows.
 
-    The start configurations are the inverse-kinematics solutions of the start, in the order of
-    `start_configurations`. The joints must stay in their ranges in all phases. The phases contain
-    the velocities at both ends of the motion.
+    If the problem gives its start in task coordinates, several joint positions (start
+    configurations) reach it. They are tried in the order of `start_configurations` until one is
+    found with which all phases stay in the ranges and away from the eye. The phases that are
+    returned contain the velocities at both ends of the motion.
 
     Returns
     -------
     phases : tuple of Phase
-        Empty if no start configuration is possible.
+        The phases. Empty if no start configuration is possible.
     reason : Reason or None
-        Why the first start configuration is impossible. None for possible phases.
+        Why the first start configuration is impossible, or why the robot cannot have the velocities
+        at the ends. None if all tests pass.
 
     Raises
     ------
@@ -161,9 +178,9 @@ def feasible_phases(
 
 
 def eye_forbids_target(problem: Problem) -> bool:
-    """Return True if the retina or the lens forbids a place that the problem gives.
+    """Return True if the retina or the lens forbids a place that the problem prescribes.
 
-    No other joint positions can then make the problem feasible.
+    The tip is at this place whatever the joint positions are, so no other joint positions help.
     """
     _, reason = feasible_phases(problem)
     return reason is not None and isinstance(reason.limit, (RetinaClearance, LensClearance))
@@ -174,6 +191,12 @@ def check_places(phases: Sequence[Phase]) -> Reason | None:
 
     The limits are the ranges of joints and task coordinates, the distance to the retina, and the
     lens.
+
+    Parameters
+    ----------
+    phases : sequence of Phase
+        Phases with a given path, of which all samples are tested, or free phases, of which the
+        points are tested.
     """
 
     def reasons(phase: Phase) -> Iterator[Reason | None]:
@@ -191,9 +214,9 @@ def _first_reason(reasons: Iterable[Reason | None]) -> Reason | None:
 
 
 def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
-    """Yield a reason for each range of a joint or task coordinate that a phase leaves.
+    """Yield one result for each range of a joint or task coordinate.
 
-    None is yielded for each range that it keeps.
+    The result is a reason if the phase leaves the range, or None if it keeps the range.
     """
     places = _PhaseSamples.of_phase(phase)
     phrase = "{value}, but its range ends at {bound}"
@@ -215,10 +238,11 @@ def _check_ranges(phase: Phase) -> Iterator[Reason | None]:
 
 
 def _check_tilt_extremes(phase: Phase) -> Iterator[Reason | None]:
-    """Yield a reason if joint 2 passes the workspace boundary and tilt leaves its range there.
+    """Yield a reason if a free motion must pass an extreme of tilt that is outside its range.
 
-    Tilt depends on joint 2 alone. It has its extremes where the branches of the inverse kinematics
-    meet, at θ2 = δ + k π. Every free motion between points on both sides of an extreme passes it.
+    Tilt depends on the position θ2 of joint 2 alone. It has its extremes where the branches of the
+    inverse kinematics meet, at θ2 = δ + k π with the constant δ of the mechanism and any integer k.
+    Every free motion between points on both sides of such an extreme passes it.
     """
     mechanism, problem = phase.mechanism, phase.problem
     limit = problem.limit(TaskRange.name_of("tilt"), None)
@@ -271,10 +295,11 @@ def check_eye_clearance(phase: Phase) -> Reason | None:
 
 
 def joints_nearest_to_eye(phase: Phase) -> Array:
-    """Return the joint positions (4,) of a straight joint motion nearest to retina or lens.
+    """Return the joint positions (4,) at which the direct motion is nearest to retina or lens.
 
-    They may also lie in the retina or lens. The joints move along straight lines between the points
-    of the phase.
+    On the direct motion, the joints move along straight lines between the points of the phase. The
+    positions may also lie in the retina or lens. The detour begins from them
+    (`candidates/detour.py`).
     """
     path = PolylinePath(phase.mechanism, phase.points)
     q = path.coarse_samples.q
@@ -287,10 +312,18 @@ def joints_nearest_to_eye(phase: Phase) -> Array:
 def replace_by_task_line(phase: Phase) -> Phase | None:
     """Return a free phase with a straight line in task coordinates as its given path.
 
-    Returns None if the phase has via points or begins or ends at speed, if the line is the same in
-    joint coordinates or does not end at the target joints, or if a limit forbids a place on it.
+    Parameters
+    ----------
+    phase : Phase
+        The free phase.
+
+    Returns
+    -------
+    Phase or None
+        None if the phase has via points or begins or ends at speed, if the line is the same in
+        joint coordinates or does not end at the target joints, or if a limit forbids a place on it.
     """
-    # The line in task coordinates must differ from the one in the joints.
+    # Only a change of roll or tilt makes the line differ from the one in joint coordinates.
     lines_differ = np.abs((phase.end - phase.start)[:2]).max() > ROUNDING_TOLERANCE
     if len(phase.points) != 2 or not phase.begins_and_ends_at_rest or not lines_differ:
         return None
@@ -344,6 +377,11 @@ def _index_of_phase_with_rates(phases: Sequence[Phase]) -> int:
 
     It is the first phase that takes time. If this phase is a dwell, or if all phases take no time,
     it is the first free motion, which leaves its position and returns to it.
+
+    Parameters
+    ----------
+    phases : sequence of Phase
+        The phases in their order, or in reverse to find the phase at the end of the motion.
     """
     lasting = (k for k, phase in enumerate(phases) if phase.motion.duration or not phase.is_at_rest)
     index = next(lasting, len(phases) - 1)
@@ -393,10 +431,10 @@ def _end_velocity(phase: Phase, side: int) -> Array:
 
 
 def _check_end_velocity(phase: Phase, side: int) -> Iterator[Reason | None]:
-    """Yield a reason for each limit that the velocities at one end of a phase exceed.
+    """Yield one result for each limit on the velocities at one end of a phase.
 
     The limits are the velocities of the joints, and the distance in which the tip must be able to
-    stop. None is yielded for each limit that is kept.
+    stop. The result is a reason, or None if the limit is kept.
 
     Parameters
     ----------
@@ -423,11 +461,12 @@ def _check_end_velocity(phase: Phase, side: int) -> Iterator[Reason | None]:
 
 
 def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
-    """Yield a reason for each joint that would need too much acceleration between both ends.
+    """Yield a reason for each joint that cannot change its velocity within the phase.
 
-    On a given path, a joint needs |q̇₁² − q̇₀²| / (2 |Δq|), with the velocities q̇₀ and q̇₁ at the
-    ends and the length Δq of its way. Without a given path, a joint may overshoot, for which it
-    needs a part of its range (`_check_stopping_ranges`).
+    On a given path, a joint needs the acceleration |q̇₁² − q̇₀²| / (2 |Δq|), with the velocities q̇₀
+    and q̇₁ at both ends and the distance Δq that it covers. None is yielded if its limit suffices.
+    Without a given path, a joint may overshoot, for which it needs a part of its range
+    (`_check_stopping_ranges`).
     """
     if phase.path is None:
         yield from _check_stopping_ranges(phase)
@@ -456,9 +495,9 @@ def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
 def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each range that a joint must leave in order to stop or to start.
 
-    A joint that begins at speed covers q̇²/(2 q̈_max) until it stops, and it needs the same
-    distance to reach a velocity at the end. The range may also be that of tilt or depth, which
-    depend on one joint alone.
+    A joint that begins at the velocity q̇ covers at least q̇²/(2 q̈_max) until it stops, with its
+    largest acceleration q̈_max. It needs the same distance to reach a velocity at the end. The range
+    may also be that of tilt or depth, which depend on one joint alone.
     """
     problem = phase.problem
     ranges = reversal_ranges(phase, phase.points)

@@ -1,6 +1,8 @@
-"""Lower bounds on durations in closed form, and jerk-limited motions (S-curves) from rest to rest.
+"""Lower bounds on durations, and motions of a single joint, in closed form.
 
-A lower bound considers each joint, and each limited task rate, as if it moved alone.
+A lower bound considers each joint, and each limited task rate, as if it moved alone. The search
+over candidates compares these bounds (`Phase.lower_bound`). `SCurve` is a motion of one joint with
+limited jerk: the fastest one from rest to rest, or the quickest stop.
 """
 
 import math
@@ -15,7 +17,10 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, record
 
 BISECTION_STEPS = 60
-"""Number of bisections in a search for a velocity or an acceleration."""
+"""Number of bisections in a search for a velocity or an acceleration.
+
+They reduce the interval by a factor of 2⁶⁰, which is below the resolution of a double.
+"""
 
 
 def lower_bound(
@@ -28,9 +33,10 @@ def lower_bound(
 
     Each joint is bounded by itself, without regard to the others. The bound is the larger of two
     numbers. The first is the time that the slowest joint needs through all points. The second is a
-    sum over the segments between the points: the time that the slowest joint of the segment needs,
-    with free velocities at the via points. The limits on the rate of depth and on the tip speed
-    also limit joint 4. The tip takes at least the time for a straight line at its largest speed.
+    sum over the segments between consecutive points: the time that the slowest joint of the segment
+    needs, with free velocities at the via points. The limits on the rate of depth and on the tip
+    speed also limit joint 4, which inserts the tool. The tip takes at least the time for a straight
+    line at its largest speed.
 
     Parameters
     ----------
@@ -61,7 +67,9 @@ def lower_bound(
 def slowest_joint_times(
     robot: Robot, displacements: Array, distances: Array, limits: TaskLimits
 ) -> Array:
-    """Return the shortest times of motions from rest to rest, as if each joint moved alone, s.
+    """Return the times of motions from rest to rest for which the slowest joint decides, s.
+
+    The search for a short order of the spots of a scan uses them as distances.
 
     Parameters
     ----------
@@ -77,7 +85,7 @@ def slowest_joint_times(
     Returns
     -------
     (...) array
-        Time of the slowest joint (`rest_to_rest`), or of the tip at its largest speed.
+        Time that the slowest joint needs if it moves alone, or the tip at its largest speed.
     """
     times = rest_to_rest_times(np.abs(displacements), *_joint_limits(robot, limits)).max(axis=-1)
     return np.maximum(times, distances / _tip_speed(limits))
@@ -107,9 +115,9 @@ def _single_joint_time(
 ) -> float:
     """Return the shortest time in which one joint passes through positions, s.
 
-    A joint rests where it reverses, beyond the point if it cannot stop before. Jerk only counts if
-    the joint moves in one direction from rest to rest, because the acceleration need not be zero at
-    a reversal.
+    A joint is at rest where it reverses. If it cannot stop at a point, it reverses beyond the
+    point. The limit of jerk only counts if the joint moves in one direction from rest to rest,
+    because the acceleration need not be zero at a reversal.
 
     Parameters
     ----------
@@ -122,6 +130,7 @@ def _single_joint_time(
     """
     steps = np.diff(positions)
     steps = steps[np.abs(steps) > ROUNDING_TOLERANCE]
+    # The displacements between reversals, called runs, replace those between points.
     reversals = np.flatnonzero(steps[1:] * steps[:-1] < 0) + 1
     runs = np.add.reduceat(steps, np.append(0, reversals)) if len(steps) else np.zeros(1)
     if len(runs) == 1 and not speeds.any():
@@ -147,7 +156,7 @@ def rate_bound(robot: Robot, ends: Array, rates: Array, limits: TaskLimits) -> f
     robot : Robot
         The robot with the limits of its joints.
     ends : (2, 4) array
-        Task coordinates at both ends, rad and m.
+        Task coordinates at the start and at the end, rad and m.
     rates : (2, 4) array
         Rates of the task coordinates at both ends.
     limits : TaskLimits
@@ -261,19 +270,26 @@ def minimum_times(
 
 @record
 class SCurve:
-    """A motion of one joint with piecewise linear acceleration, from position 0."""
+    """A motion of one joint from position 0, whose acceleration is linear in time on each piece.
+
+    Positions are in rad or m, and velocities and accelerations in the matching SI units.
+    """
 
     lengths: Array
     """Durations of the pieces, (m,), s."""
     start: Array
+    """Accelerations at the start of the pieces, (m,)."""
     end: Array
-    """Accelerations at the start and at the end of the pieces, (m,) each."""
+    """Accelerations at the end of the pieces, (m,)."""
     speed: float = 0.0
-    """Initial velocity."""
+    """Velocity at the start of the motion."""
 
     @classmethod
     def from_pieces(cls, lengths: Array, start: Array, end: Array, speed: float = 0.0) -> "SCurve":
-        """Return the motion without the pieces that are shorter than rounding."""
+        """Return the motion without pieces whose durations are mere rounding errors.
+
+        The arguments are the fields of the class.
+        """
         lasting = lengths > 1e-13 * lengths.sum()
         return cls(lengths[lasting], start[lasting], end[lasting], speed)
 
@@ -289,11 +305,11 @@ class SCurve:
 
     @property
     def switching_times(self) -> Array:
-        """Instants at which the acceleration or its slope jumps, both ends included, (m + 1,), s."""
+        """Instants between the pieces, both ends included, (m + 1,), s. The jerk may jump there."""
         return _cumulative_sums(self.lengths)
 
     def followed_by_rest(self, duration: float) -> "SCurve":
-        """Return the motion with a rest at its end, so that the total duration is `duration` (s)."""
+        """Return the motion followed by a rest, with a total duration in s."""
         pause = duration - self.duration
         if pause <= ROUNDING_TOLERANCE:
             return self
@@ -330,7 +346,7 @@ class SCurve:
 
     @cached_property
     def _cubics(self) -> Cubic:
-        """Cubic polynomials of all pieces, as one value with fields of shape (m,)."""
+        """Cubic polynomials of the position on all pieces, as one value with fields of shape (m,)."""
         velocity_changes = self.lengths * (self.start + self.end) / 2
         velocity = self.speed + _cumulative_sums(velocity_changes)[:-1]
         # Pieces that start at position 0 give the displacements, whose sums are the positions.
@@ -356,8 +372,8 @@ def rest_to_rest(
 ) -> SCurve:
     """Return the fastest motion of a joint from rest to rest.
 
-    The motion is symmetric in time. Without a jerk limit its velocity is a trapezoid, or a triangle
-    if it does not reach its limit. With a jerk limit it has up to seven pieces.
+    The motion is symmetric in time. Without a jerk limit, its velocity is a trapezoid over time, or
+    a triangle if it does not reach its limit. With a jerk limit, the motion has up to seven pieces.
 
     Parameters
     ----------
@@ -386,7 +402,8 @@ def rest_to_rest(
 def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) -> SCurve:
     """Compute the quickest stop of a joint.
 
-    If the acceleration cannot return to 0 before the velocity does, the joint reverses.
+    If the acceleration cannot return to 0 before the velocity does, the joint overshoots its point
+    of rest, reverses and comes to rest from the other side.
 
     Parameters
     ----------
@@ -426,12 +443,15 @@ def quickest_stop(speed: float, acceleration: float, limit: float, jerk: float) 
 def stopping_curves(
     robot: Robot, qd: Array, qdd: Array, share: float = 1.0, *, together: bool = False
 ) -> list[SCurve | None]:
-    """Return the stops of all joints.
+    """Return the quickest stops of all joints from given velocities and accelerations.
+
+    If the joints shall stop together, a bisection finds the largest acceleration of each joint with
+    which it stops when the slowest one does.
 
     Parameters
     ----------
     robot : Robot
-        Robot with the limits of its joints.
+        The robot with the limits of its joints.
     qd, qdd : (4,) arrays
         Joint velocities q̇ and accelerations q̈ at the beginning.
     share : float
@@ -448,6 +468,7 @@ def stopping_curves(
     joints = list(zip(qd.tolist(), qdd.tolist(), robot.joints, strict=True))
 
     def curve(k: int, limit: float) -> SCurve | None:
+        """Return the stop of joint k with a limit of its acceleration. None if the joint rests."""
         speed, acceleration, joint = joints[k]
         jerk = joint.jerk or np.inf
         return quickest_stop(speed, acceleration, limit, jerk) if speed or acceleration else None
@@ -472,7 +493,7 @@ def rest_to_rest_times(
 ) -> Array:
     """Return the durations of the fastest motions from rest to rest, s.
 
-    They are those of `rest_to_rest`, but for arrays. All arguments broadcast.
+    Each is the duration of `rest_to_rest`, computed without its pieces. All arguments broadcast.
 
     Parameters
     ----------

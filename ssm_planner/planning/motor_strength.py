@@ -1,7 +1,9 @@
 """Tests that reject motors with which no motion is possible.
 
-Such a motor is too weak to move, to brake or to hold a speed, or every motion makes it too hot.
-`explain_failure` looks for the cause after a solver has not found a motion.
+Such a motor is too weak to move, to brake or to hold a speed, or every motion makes it too hot. The
+tests are much cheaper than a solver, and they name the motor. Each of them returns a `Reason`, or
+None if a motion may exist. `explain_failure` looks for the cause after a solver has not found a
+motion.
 """
 
 import math
@@ -33,7 +35,8 @@ from ssm_planner.typing import Array, record
 def explain_failure(phase: Phase, path: JointPath, message: str) -> Reason:
     """Return the reason why a solver found no motion of a phase.
 
-    It is a motor that is too weak, or a place that the eye forbids, or else the solver's message.
+    The reason names a motor that is too weak anywhere on the path, or a place that the eye forbids.
+    If neither is found, the reason contains only the solver's message.
 
     Parameters
     ----------
@@ -61,16 +64,19 @@ def _most_overloaded_motor(
     needs: Iterable[tuple[int, float, str | None]],
     template: str,
 ) -> Reason | None:
-    """Return a reason for the motor that exceeds its limit by the largest factor, or None.
+    """Return a reason for the motor that exceeds its limit by the largest factor.
+
+    Returns None if no motor exceeds its limit.
 
     Parameters
     ----------
     robot : Robot
         The robot with its motors.
     kind : type of Limit
-        Kind of the limit.
+        Kind of the limit: the largest or the continuous torque.
     needs : iterable of (int, float, str or None)
-        Index of a joint, torque in N·m that its motor needs, and place on the motion.
+        For each motor the index of its joint, the torque in N·m that it needs, and the place on the
+        motion.
     template : str
         Continuation of the message after the name of the joint, with the fields {value} and
         {bound}.
@@ -88,9 +94,10 @@ def _most_overloaded_motor(
 def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reason | None:
     """Return a reason if a motor cannot move its joint against gravity and friction, or None.
 
-    Friction is static where the joint starts or reverses, and that of slow motion elsewhere. The
-    test covers the knots of the path (the ends and all reversals), and evenly spaced points. A
-    motor that is too weak at the ends of a free motion is too weak on every path between them.
+    The needed torque is that of a motion so slow that inertia and viscous friction vanish. Friction
+    is static where the joint starts or reverses, and that of slow motion elsewhere. The test covers
+    the knots of the path (the ends and all reversals), and evenly spaced points. A motor that is
+    too weak at the ends of a free motion is too weak on every path between them.
 
     Parameters
     ----------
@@ -99,7 +106,7 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
     path : JointPath
         Its path.
     samples : int
-        Number of evenly spaced points.
+        Number of evenly spaced points. With 0, only the knots are tested.
     """
     knots, signs = path.directions
     places = path.sample(np.union1d(np.linspace(0.0, 1.0, samples), knots))
@@ -140,18 +147,25 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
 def check_braking_torque(phase: Phase) -> Reason | None:
     """Return a reason if a motor is too weak for the velocity at which a phase begins, or None.
 
-    The motor is then too weak for all joint accelerations within the limits. The test includes a
-    motor that cannot hold the velocity against a load that resists the motion: to slow down with
-    it, the joint would have to brake harder than its limit allows.
+    The motor is too weak if it needs more than its largest torque for all joint accelerations
+    within the limits. This includes a motor that cannot hold the velocity against a load that
+    resists the motion: the joint would slow down harder than its limit allows.
 
     The needed torque is bounded from below. The torque in the direction of motion is convex in the
-    output effort, and the effort is linear in the joint accelerations. The smallest value on a grid
-    of efforts, minus the largest step between neighbours, is therefore a lower bound.
+    effort, that is, the torque or force at the output of the drive, and the effort is linear in the
+    joint accelerations. The smallest value on a grid of efforts, minus the largest step between
+    neighbours, is therefore a lower bound.
+
+    Parameters
+    ----------
+    phase : Phase
+        A free phase with joint velocities at its start.
     """
     robot, qd = phase.problem.robot, phase.qd_start
     if not qd.any():
         return None
     deceleration_limits = robot.accelerations
+    # Row 0 is for no acceleration, and row 1 + j for the largest acceleration of joint j alone.
     accelerations = np.vstack([np.zeros(4), np.diag(deceleration_limits)])
     load = RigidBody.from_robot(robot).inverse_dynamics(
         np.tile(phase.q_start, (5, 1)), np.tile(qd, (5, 1)), accelerations
@@ -184,14 +198,15 @@ def check_braking_torque(phase: Phase) -> Reason | None:
 def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
     """Return a reason if every motion of the phases exceeds a motor's continuous torque, or None.
 
-    In a straight phase from rest to rest in which a joint moves in one direction, the mean motor
-    torque is at least a (`_SlowMotion.least_mean_torque`), so the mean square is at least a². A
-    joint at rest has a = 0. For phases of durations T_k and a pause P,
+    In a phase along a given path from rest to rest in which a joint moves in one direction, the
+    mean motor torque is at least a (`_SlowMotion.least_mean_torque`), so the mean square is at
+    least a². In all other phases a = 0. For phases of durations T_k and a pause P,
 
         RMS² ≥ Σ a_k² T_k / (Σ T_k + P).
 
     The right side is monotone in each T_k, so its minimum has all T_k at their lower bounds, or one
-    of them infinite. Stribeck friction is taken at its smallest, and torque ripple is left out.
+    of them infinite. Stribeck friction is taken at its smallest, and torque ripple is left out, so
+    the bound stays below the true RMS torque.
 
     Parameters
     ----------
@@ -232,7 +247,8 @@ def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
 def check_thermal_bound(problem: Problem) -> Reason | None:
     """Return a reason if every motion of a problem exceeds a motor's continuous torque, or None.
 
-    No motion is planned. None means that the result is not certain without planning.
+    No motion is planned. None means that a slower motion may suffice, or that the problem has no
+    feasible phases.
     """
     phases, reason = feasible_phases(problem)
     return None if reason is not None else check_motor_heat(phases)
@@ -240,7 +256,7 @@ def check_thermal_bound(problem: Problem) -> Reason | None:
 
 @record
 class _SlowMotion:
-    """Samples of a straight phase from rest to rest, for bounds that hold at every speed."""
+    """Samples of a phase along a given path, for bounds on torque that hold at every speed."""
 
     samples: PathSamples
     """q, q' and q'' at n values of s."""
@@ -269,10 +285,10 @@ class _SlowMotion:
     def least_mean_torque(self, i: int, drive: Drive) -> float:
         """Return a lower bound on the mean torque of a motor over the motion, N·m.
 
-        The torque is the larger of two lines in the output effort F, so it is at least c F for
-        every slope c between theirs. F = A s̈ + B ṡ² + C. Integration by parts over a motion from
-        rest to rest shows that F has the same mean as (B − A') ṡ² + C. ṡ is at most what the
-        joints' velocities allow.
+        The torque in the direction of motion is the larger of two linear functions of the output
+        effort F, so it is at least c F for every slope c between those of the two functions. With
+        F = A s̈ + B ṡ² + C, integration by parts over a motion from rest to rest shows that F has
+        the same mean as (B − A') ṡ² + C. ṡ is at most what the velocities of the joints allow.
 
         Parameters
         ----------

@@ -1,7 +1,8 @@
 """Solvers for the motion of one phase.
 
-Candidates ask these methods for motions: along a path or freely, by optimal control or by TOPP-RA
-alone.
+Candidates ask `PhasePlanner` for motions: along a given path (`along_path`) or along a path that
+the solver chooses (`free`). The planner selects optimal control or TOPP-RA alone, calls Ipopt where
+the structured solver fails, and turns every failure into a `Reason`.
 """
 
 from collections.abc import Callable
@@ -35,7 +36,11 @@ METHODS: dict[str, Method] = {
     "ipopt": "Ipopt",
     "toppra": "structured",
 }
-"""Solution methods by the name of the planner. "toppra" needs one for the motion to a table."""
+"""Solution method of optimal control for each value of the key `planner`.
+
+The planner "toppra" also needs one: a motion to the first point of a table is a free motion, which
+TOPP-RA cannot plan.
+"""
 
 
 @record
@@ -45,16 +50,21 @@ class PhasePlanner:
     strict: Robot
     """The robot with the limits that the motion must keep.
 
-    They may be tighter than those of the problem.
+    After a failed check they are stricter than those of the problem (`pipeline/certified.py`).
     """
     phase: Phase
+    """The phase to be planned."""
     cooling: Array | None = None
     """Weights (4,) of the motors' heat relative to time. None: heat does not count."""
     approximate: bool = False
-    """True if an estimate of the duration by the structured solver in few rounds suffices."""
+    """True if an estimate of the duration suffices.
+
+    The structured solver computes it in few rounds.
+    """
     may_reverse: bool = True
-    """True if joints may reverse where they need not."""
+    """True if joints may reverse where they need not, to save time."""
     work: Work = field(default_factory=Work)
+    """Counter of the work of all solvers."""
 
     @property
     def problem(self) -> Problem:
@@ -62,30 +72,50 @@ class PhasePlanner:
         return self.phase.problem
 
     def with_problem(self, **changes: Any) -> "PhasePlanner":
-        """Return a copy with changes of the problem."""
+        """Return a copy whose problem has some fields changed.
+
+        Parameters
+        ----------
+        **changes
+            Fields of the problem with their new values, which are not validated.
+        """
         problem = unchecked_copy(self.problem, **changes)
         return replace(self, phase=replace(self.phase, problem=problem))
 
     @property
     def without_duration(self) -> "PhasePlanner":
-        """Copy that looks for the fastest motion, without a requested duration.
+        """Copy that plans the fastest motion of the phase, although a duration may be requested.
 
-        Ipopt does not confirm it.
+        Ipopt does not confirm the motion.
         """
         untimed = replace(self.phase, motion=unchecked_copy(self.phase.motion, duration=None))
         planner = "fast" if self.problem.planner == "optimal" else self.problem.planner
         return replace(self, phase=untimed).with_problem(objective="time", planner=planner)
 
     def along_path(self, path: JointPath) -> PlannedPhase | Reason:
-        """Return the motion along a path, by optimal control or timed by TOPP-RA alone."""
+        """Return the motion along a path, by optimal control or timed by TOPP-RA alone.
+
+        TOPP-RA alone times motions at a constant speed, tables of points, splines that are not
+        divided into pieces, and curves with limits on rates of task coordinates.
+
+        Parameters
+        ----------
+        path : JointPath
+            The path, which may differ from the path of the phase (`candidates/task_line.py`).
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is none.
+        """
         motion = self.phase.motion
         if isinstance(motion, Follow) and motion.constant_speed is not None:
             return self._at_constant_speed(path, motion.constant_speed)
         # Limits on task rates bound the speed point by point along a curve. Optimal control only
         # knows one bound between two turning points, so TOPP-RA is more accurate here.
-        rated = bool(self.problem.rates) and self._may_be_retimed(path)
-        samples = isinstance(path, SplinePath) and not path.pieces
-        if self.problem.planner == "toppra" or samples or rated:
+        rated = bool(self.problem.rates) and self._toppra_suffices(path)
+        is_table = isinstance(path, SplinePath) and not path.pieces
+        if self.problem.planner == "toppra" or is_table or rated:
             return plan_by_toppra(self.phase, self.strict, path)
         return self._by_optimal_control(path)
 
@@ -102,13 +132,20 @@ class PhasePlanner:
         Parameters
         ----------
         borders : Borders or None
-            Where joints reverse, and a guess. None: only where they must.
+            Positions at which joints may reverse, with a guess. None: joints reverse only where
+            they must.
         cutoff : float
             Duration in s beyond which a motion is not refined any further.
         count : int or None
-            Number of elements. None: chosen by the kind of motion.
+            Number of elements of the mesh. None: the solver chooses it by the kind of motion.
         fastest_only : bool
-            Return the fastest motion as the first solver finds it. `best_free` makes it final.
+            True for the fastest motion as the first solver finds it, without Ipopt's confirmation
+            and without reducing heat. `best_free` continues from such a motion.
+
+        Returns
+        -------
+        PlannedPhase or Reason
+            The phase with its motion, or the reason why there is none.
         """
         phase = self.phase
         # Joints that already move need not break away, and may come from the other side.
@@ -127,30 +164,46 @@ class PhasePlanner:
             fastest_only=fastest_only,
             work=self.work,
         )
-        guessed = borders is not None and borders.guess is not None
-        motion = self._solve(solve, by_ipopt=not guessed)
-        return self._free_result(motion)
+        # Reversals that multipliers suggest come with a guess. Ipopt alone gets no second attempt.
+        has_guess = borders is not None and borders.guess is not None
+        return self._free_result(self._solve(solve, by_ipopt=not has_guess))
 
     def best_free(self, fastest: PlannedPhase, cutoff: float) -> PlannedPhase | Reason:
-        """Return the motion for the objective from a free motion with `fastest_only`."""
+        """Return the motion for the objective, from the fastest motion.
+
+        Parameters
+        ----------
+        fastest : PlannedPhase
+            Result of `free` with `fastest_only`.
+        cutoff : float
+            Duration in s beyond which a motion is not refined any further.
+        """
         return self._free_result(find_best_free(fastest.motion, cutoff))
 
     def _free_result(self, motion: PhaseSolution) -> PlannedPhase | Reason:
-        """Return the phase with a free motion, from which the tip can always stop in time."""
+        """Return the phase with a free motion, slowed down where the tip could not stop in time."""
         return self.phase_result(
             self._direct_path, limit_stop_travel(self.phase, self.strict, motion)
         )
 
     @property
     def _direct_path(self) -> JointPath:
-        """Straight lines from point to point."""
+        """Straight lines in joint space from point to point of the phase."""
         return PolylinePath(self.phase.mechanism, self.phase.points)
 
     def phase_result(self, path: JointPath, motion: PhaseSolution) -> PlannedPhase | Reason:
-        """Return the phase with the motion of a solver.
+        """Return the phase with the motion of a solver, or the reason why it has none.
 
-        The result is a reason if the solver found no motion, or if the motion takes longer than
+        The reason is that the solver found no motion, or that the motion takes longer than
         requested.
+
+        Parameters
+        ----------
+        path : JointPath
+            Path of the motion, or the direct path of a free motion. It is only used to find the
+            cause of a failure.
+        motion : PhaseSolution
+            Result of the solver.
         """
         if not motion.solved:
             if self.approximate:
@@ -164,9 +217,19 @@ class PhasePlanner:
     def _solve(
         self, solve: Callable[..., PhaseSolution], *, by_ipopt: bool = True
     ) -> PhaseSolution:
-        """Solve by the structured solver, with the confirmation that the planner asks for.
+        """Solve by the structured solver, and by Ipopt alone if it fails.
 
-        If it fails and `by_ipopt` is true, solve by Ipopt alone.
+        Parameters
+        ----------
+        solve : callable
+            Solves with the keyword `method`.
+        by_ipopt : bool
+            False if Ipopt does not get the second attempt.
+
+        Returns
+        -------
+        PhaseSolution
+            The solution of the last attempt. The field `status` states whether it has a motion.
         """
         method: Method = "estimated" if self.approximate else METHODS[self.problem.planner]
         solution = solve(method=method if compiled_library() else "Ipopt")
@@ -174,9 +237,18 @@ class PhasePlanner:
         return solve(method="Ipopt") if failed and by_ipopt and not self.approximate else solution
 
     def _at_constant_speed(self, path: JointPath, speed: float) -> PlannedPhase | Reason:
-        """Return a motion that reaches a constant tip speed, m/s, and leaves it as fast as it can.
+        """Return a motion whose tip reaches a speed and keeps it until it has to slow down.
 
-        If other limits do not allow that speed, a bisection finds the largest one that they allow.
+        The requested speed becomes a limit on the tip speed, and TOPP-RA times the path within all
+        limits. If the tip does not keep that speed because of another limit, a bisection finds the
+        largest speed that it can keep, for the reason.
+
+        Parameters
+        ----------
+        path : JointPath
+            The path.
+        speed : float
+            Requested speed of the tip, m/s.
         """
 
         def with_tip_speed(limit_speed: float) -> "PhasePlanner":
@@ -197,7 +269,10 @@ class PhasePlanner:
         return constant_speed_reason(self.phase.motion.name, speed, slow)
 
     def _by_optimal_control(self, path: JointPath) -> PlannedPhase | Reason:
-        """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA."""
+        """Return a motion along a path by optimal control. The guess is the motion of TOPP-RA.
+
+        If optimal control gives no motion, the motion of TOPP-RA is the result if it suffices.
+        """
         problem = self.problem
         speeds = self.phase.speeds_along(path)
         retiming = retime(path, problem.robot, problem.task_limits, speeds)
@@ -213,15 +288,15 @@ class PhasePlanner:
             work=self.work,
         )
         result = self.phase_result(path, self._solve(solve))
-        if isinstance(result, Reason) and self._may_be_retimed(path):
+        if isinstance(result, Reason) and self._toppra_suffices(path):
             return plan_by_toppra(self.phase, self.strict, path)
         return result
 
-    def _may_be_retimed(self, path: JointPath) -> bool:
+    def _toppra_suffices(self, path: JointPath) -> bool:
         """Return True if TOPP-RA alone may time the path.
 
         This holds for curves and rounded corners without a requested duration and without jerk
-        limits.
+        limits, which TOPP-RA cannot keep. Straight lines are left to optimal control.
         """
         curved = not isinstance(path, StraightPath)
         return curved and self.phase.motion.duration is None and not limits_jerk(self.problem.robot)

@@ -1,6 +1,8 @@
 """Phases of a problem: the entries of its motion list with their joint positions.
 
-The end points follow from the inverse kinematics, with a choice of branches and whole turns.
+`build_phases` converts the motion list to phases. The joint positions at the targets follow from
+the inverse kinematics, with a choice of branches and whole turns: `start_configurations` lists the
+choices at the start, and `alternative_joints` those at a target of a free motion.
 """
 
 from collections.abc import Iterator
@@ -56,15 +58,15 @@ class Phase:
     """One entry of the motion list with its points in task and joint coordinates."""
 
     problem: Problem
+    """The problem with its robot and limits."""
     motion: Motion
     """Entry of the motion list."""
     start: Array
+    """Task coordinates roll, tilt, spin (rad) and depth (m) at the start, (4,)."""
     end: Array
-    """Task coordinates roll, tilt, spin (rad) and depth (m) at both ends, (4,) each."""
+    """Task coordinates at the end, (4,)."""
     points: Array
-    """Joint positions at the start, at the points passed without stopping, and at the end, (k + 1,
-    4).
-    """
+    """Joint positions at the start, at the via points and at the end, (k + 1, 4), rad and m."""
     path: JointPath | None = None
     """Given joint path. None for a free motion and for a robot at rest."""
     qd_start: Array = field(default_factory=lambda: np.zeros(4))
@@ -80,7 +82,11 @@ class Phase:
 
     @cached_property
     def lower_bound(self) -> float:
-        """Duration in s that no motion between the ends can beat."""
+        """Duration that no motion of the phase can beat, s.
+
+        It is the largest of three bounds: the slowest joint alone, the limited task rates, and the
+        longest stop of a joint that begins at speed.
+        """
         robot, limits = self.problem.robot, self.problem.task_limits
         speeds = np.stack([self.qd_start, self.qd_end])
         rates = task_rates(self.mechanism, self.points[[0, -1]], speeds)
@@ -127,10 +133,12 @@ class Phase:
     def from_rest(self, points: Array, *, to_end: bool = True) -> "Phase":
         """Return a part of this phase, which starts from rest and passes other points.
 
+        The candidates that divide a phase into two motions use it (`candidates/in_parts.py`).
+
         Parameters
         ----------
         points : (k, 4) array
-            Joint positions, rad and m.
+            Joint positions at the start, at the via points and at the end, rad and m.
         to_end : bool
             True if the part ends with the joint velocities of this phase. Otherwise it ends at
             rest.
@@ -148,7 +156,7 @@ class Phase:
         )
 
     def speeds_along(self, path: JointPath) -> tuple[float, float]:
-        """Return ṡ at both ends of a path in 1/s, for the velocities of the phase at its ends."""
+        """Return ds/dt at both ends of a path, 1/s, for the velocities at the ends of the phase."""
         return path.speed_at(0.0, self.qd_start), path.speed_at(1.0, self.qd_end)
 
     @property
@@ -184,7 +192,15 @@ def start_configurations(problem: Problem) -> list[Array]:
     They are the given joints. If the start is given in other coordinates, they are all solutions of
     the inverse kinematics with whole turns, those on the home branch first.
 
-    Raises ProblemError if the mechanism cannot reach the start.
+    Parameters
+    ----------
+    problem : Problem
+        The problem with its start.
+
+    Raises
+    ------
+    ProblemError
+        If the mechanism cannot reach the start.
     """
     target = problem.start
     if isinstance(target, Joints):
@@ -271,10 +287,13 @@ class _PhaseBuilder:
     """Builder of the phases of one entry of the motion list, which begin at a given state."""
 
     problem: Problem
+    """The problem with its robot and limits."""
     mechanism: Mechanism
+    """Geometry of the robot."""
     start: Array
+    """Task coordinates at the start of the entry, (4,), rad and m."""
     q: Array
-    """Task coordinates and joint positions at the start of the entry, (4,) each."""
+    """Joint positions at the start of the entry, (4,), rad and m."""
 
     def phases(self, motion: Motion) -> list[Phase]:
         """Build the phases of one entry of the motion list. Most entries have a single phase."""
@@ -293,7 +312,7 @@ class _PhaseBuilder:
         return Phase(self.problem, motion, self.start, self.start, points)
 
     def _phase_along(self, motion: Motion, path: JointPath) -> Phase:
-        """Build a phase along a joint path, whose points are those at the path's knots."""
+        """Build a phase along a joint path. Its points are the ends and reversals of the path."""
         knots = path.sample(path.directions[0]).q
         end = task_at_end(self.mechanism, knots, self.start)
         return Phase(self.problem, motion, self.start, end, knots, path=path)
@@ -324,9 +343,21 @@ class _PhaseBuilder:
         return Phase(self.problem, motion, self.start, at_target.start, np.stack(points))
 
     def targets(self, motion: Free) -> "Iterator[tuple[Point, _PhaseBuilder, _PhaseBuilder]]":
-        """Yield the targets of a free motion, with a builder before and a builder at each of them.
+        """Yield the targets of a free motion with the states before and at each of them.
 
-        If the spin of a target is free, it keeps its value.
+        If the spin of the last target is free, the target gets the spin before it.
+
+        Parameters
+        ----------
+        motion : Free
+            The free motion.
+
+        Yields
+        ------
+        target : Point
+            Via point or end of the motion.
+        before, at_target : _PhaseBuilder
+            Builders whose phases begin at the previous target and at this one.
         """
         before = self
         for k, target in enumerate((*motion.through, motion.to)):
@@ -342,10 +373,12 @@ class _PhaseBuilder:
         """Return the joint positions (4,) at a target of a free motion.
 
         They are the given ones, or the solution of the inverse kinematics that is nearest to q.
-        Solutions on the present branch and within the ranges of the joints are preferred.
+        Solutions on the present branch and within the ranges of the joints are preferred, then
+        solutions within the ranges, then any solution.
         """
         if isinstance(target, Joints):
             return np.array(target.values)
+        # The solutions are sorted by their distance from q, so the first usable one is nearest.
         solutions = self.solutions(target)
         branch = self.mechanism.branch_of(self.q)
         usable = solutions.valid[0] & (solutions.branch[0] == branch)
@@ -377,10 +410,17 @@ class _PhaseBuilder:
         return [*phases, *builder._spline_phases(motion, curve.points)]
 
     def _spline_phases(self, motion: Follow, points: Array) -> list[Phase]:
-        """Build the phases through points (n, 4) of a spline or table.
+        """Build the phases through the points of a spline or table.
 
         A table whose polyline has corners is divided into smooth curves, and the robot stops
         between them.
+
+        Parameters
+        ----------
+        motion : Follow
+            Entry of the motion list.
+        points : (n, 4) array
+            Joint positions at the points of the curve, rad and m.
         """
         scale = self.problem.robot.velocities
         if len(points) == 1:
@@ -411,7 +451,14 @@ class _PhaseBuilder:
 def _join_blended_phases(problem: Problem, phases: list[Phase], keys: list[str]) -> list[Phase]:
     """Join consecutive phases to one phase where the problem asks for rounded corners between them.
 
-    `keys` are the keys of the phases' motions in the problem file.
+    Parameters
+    ----------
+    problem : Problem
+        The problem, for its file name.
+    phases : list of Phase
+        All phases in their order.
+    keys : list of str
+        Keys of the phases' motions in the problem file, for error messages.
     """
     merged: list[Phase] = []
     chain: list[Phase] = []
@@ -471,9 +518,18 @@ def _blend_phases(problem: Problem, chain: list[Phase], keys: list[str]) -> Phas
 def straight_path(
     problem: Problem, mechanism: Mechanism, start: Array, end: Array, q: Array
 ) -> StraightPath:
-    """Return the joint path along a straight line between task coordinates `start` and `end` (4,).
+    """Return the joint path along a straight line in task coordinates.
 
-    It begins at joint positions `q` (4,) and stays on their branch of the inverse kinematics.
+    Parameters
+    ----------
+    problem : Problem
+        The problem, for the joints that have drives.
+    mechanism : Mechanism
+        Geometry of the robot.
+    start, end : (4,) arrays
+        Task coordinates at both ends, rad and m.
+    q : (4,) array
+        Joint positions at the start. The path stays on their branch of the inverse kinematics.
     """
     branch = int(mechanism.branch_of(q))
     driven = driven_joints(problem)
@@ -484,7 +540,8 @@ def reversal_ranges(phase: Phase, points: Array) -> Array:
     """Return the ranges in which joints may reverse on a free motion.
 
     They are the ranges of the joints. Those of joints 2 and 4 are narrowed by the ranges of tilt
-    and depth. All ranges contain the points of the motion.
+    and depth, each of which depends on one of these joints alone. All ranges contain the points of
+    the motion.
 
     Parameters
     ----------

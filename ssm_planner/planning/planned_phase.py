@@ -1,4 +1,8 @@
-"""A phase with its motion."""
+"""A phase with its motion.
+
+The candidates of a phase return this value, and `planner.join_phases` joins several of them to the
+trajectory of a problem.
+"""
 
 import numpy as np
 
@@ -24,7 +28,15 @@ class PlannedPhase:
 
 
 def planned_rest(phase: Phase) -> PlannedPhase:
-    """Plan a phase at rest, which takes no time unless it has a duration."""
+    """Return the motion of a phase in which the robot rests.
+
+    It takes the requested duration of the phase, or no time without one.
+
+    Parameters
+    ----------
+    phase : Phase
+        A dwell, or a motion whose target is the present position.
+    """
     duration = phase.motion.duration or 0.0
     motion = (np.array([0.0, duration]), hold(phase.q_start)) if duration else ()
     return PlannedPhase(phase, PhaseSolution("solved", "", 0, *motion), duration)

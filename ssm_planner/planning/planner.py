@@ -1,4 +1,8 @@
-"""Planning of all phases of a problem, joined to a trajectory."""
+"""Planning of all phases of a problem, joined to a trajectory.
+
+`plan_motion` is the main entry. It builds the phases, tests them without a solver, and searches the
+fastest candidate of each phase. `pipeline/certified.py` calls it and checks the result.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -27,16 +31,19 @@ from ssm_planner.typing import Array, record
 class PlannerResult:
     """Result of planning a problem.
 
-    `status` is "solved", "infeasible" or "not converged". Unless it is "solved", `trajectory` is
-    None and `reason` is set.
+    Unless `status` is "solved", `trajectory` is None and `reason` is set.
     """
 
     status: str
+    """Status "solved", "infeasible" or "not converged"."""
     trajectory: Trajectory | None
+    """Motion of the whole problem. None if a phase has no motion."""
     phases: tuple[PlannedPhase, ...]
+    """Phases that were planned before the first failure."""
     reason: Reason | None
+    """Why there is no motion. None if there is one."""
     candidates: tuple[tuple[CandidateEntry, ...], ...] = ()
-    """Candidates of every phase as `Evaluation.to_dict` returns them."""
+    """Candidates of every planned phase, as `Evaluation.to_dict` returns them."""
 
 
 def plan_motion(
@@ -52,6 +59,7 @@ def plan_motion(
     """Plan every phase of a problem and join the motions.
 
     Each phase starts and ends at rest, except for the rates that the problem states at both ends.
+    If the problem requests a total duration, the fastest motion of each phase determines its share.
 
     Parameters
     ----------
@@ -64,11 +72,11 @@ def plan_motion(
     cooling : (4,) array or None
         Weights of the motors' heat relative to time, as in `elements.rows.LIMIT_SIZES`.
     may_overheat : bool
-        Plan a motion even if a bound shows that a motor cannot stay cool enough.
+        True if a motion is planned even if a bound shows that a motor cannot stay cool enough.
     may_reverse : bool
-        Allow joints to reverse between points.
+        True if joints may reverse between points to save time.
     work : Work or None
-        Counter of the work.
+        Counter of the work of all solvers.
 
     Returns
     -------
@@ -100,7 +108,15 @@ def plan_motion(
 
 
 def _planned(planners: list[PhasePlanner], progress: Progress) -> PlannerResult:
-    """Return the motions of all phases, one after the other."""
+    """Plan all phases, one after the other, until one of them has no motion.
+
+    Parameters
+    ----------
+    planners : list of PhasePlanner
+        One planner for each phase.
+    progress : callable
+        Called with a message for every phase.
+    """
     solutions: list[PlannedPhase] = []
     entries = []
     for k, planner in enumerate(planners):
@@ -116,7 +132,21 @@ def _planned(planners: list[PhasePlanner], progress: Progress) -> PlannerResult:
 
 
 def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[PhaseEvaluation]]:
-    """Return the fastest motion of a phase, or the reason of the failure, and its candidates."""
+    """Search the fastest motion of a phase among its candidates.
+
+    Parameters
+    ----------
+    planner : PhasePlanner
+        The phase and its solvers.
+
+    Returns
+    -------
+    result : PlannedPhase or Reason
+        The phase with its fastest motion, or the reason why it has none.
+    evaluations : list of Evaluation
+        All candidates with their results. Empty if the robot rests, or if a motor is too weak to
+        brake.
+    """
     phase = planner.phase
     if phase.is_at_rest:
         return planned_rest(phase), []
@@ -127,7 +157,7 @@ def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[Phase
 
 
 def join_phases(phases: Sequence[PlannedPhase]) -> Trajectory:
-    """Return the trajectory in which the phases follow each other."""
+    """Return the trajectory in which the motions of the phases follow each other."""
     return join(
         [(item.phase.motion.name, item.motion.breaks, item.motion.coefficients) for item in phases]
     )
@@ -136,9 +166,23 @@ def join_phases(phases: Sequence[PlannedPhase]) -> Trajectory:
 def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | None = None) -> float:
     """Estimate how long a motion of a problem takes, s.
 
-    The structured solver alone computes the estimate, without reversals. A requested duration is
-    returned unchanged. The result is infinite if the motion would not be shorter than `cutoff`
-    seconds, or if none is found.
+    The structured solver alone computes the estimate, without additional reversals. The search
+    over other joints at a target uses it to compare problems.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    cutoff : float
+        Duration in s from which on a motion is of no use.
+    work : Work or None
+        Counter of the work.
+
+    Returns
+    -------
+    float
+        The requested duration of the problem, or else the sum of the estimates of all phases.
+        Infinite if the motion would not be shorter than `cutoff`, or if a phase has no motion.
     """
     of_time = unchecked_copy(problem, objective="time")
     phases, reason = feasible_phases(of_time)
@@ -147,16 +191,17 @@ def estimated_duration(problem: Problem, cutoff: float = np.inf, work: Work | No
     if problem.duration is not None:
         cutoff = min(cutoff, problem.duration * (1 + EQUALITY_TOLERANCE))
     work = work or Work()
-    takes = [phase.minimum_duration for phase in phases]
-    # Whether there is a motion along a line is known soon, so paths come first.
+    # The estimates replace the lower bounds one by one.
+    durations = [phase.minimum_duration for phase in phases]
+    # A motion along a given path is estimated sooner than a free motion, so paths come first.
     for k in sorted(range(len(phases)), key=lambda k: phases[k].path is None):
-        if sum(takes) >= cutoff:
+        if sum(durations) >= cutoff:
             return np.inf
         result, _ = plan_phase(
             PhasePlanner(problem.robot, phases[k], approximate=True, may_reverse=False, work=work)
         )
-        takes[k] = np.inf if isinstance(result, Reason) else result.duration
-    return np.inf if sum(takes) >= cutoff else problem.duration or sum(takes)
+        durations[k] = np.inf if isinstance(result, Reason) else result.duration
+    return np.inf if sum(durations) >= cutoff else problem.duration or sum(durations)
 
 
 def _with_durations(
@@ -165,10 +210,28 @@ def _with_durations(
     planner: Callable[[Phase], PhasePlanner],
     progress: Progress,
 ) -> tuple[tuple[Phase, ...], Reason | None]:
-    """Give the phases durations that add up to the requested one.
+    """Give the phases durations that add up to the requested duration of the problem.
 
-    Phases with a duration of their own keep it. The others are slowed down in proportion to their
-    fastest motions.
+    Phases with a duration of their own keep it. The others share the remaining time in proportion
+    to the durations of their fastest motions.
+
+    Parameters
+    ----------
+    phases : tuple of Phase
+        The phases of the problem.
+    duration : float
+        Requested duration, s.
+    planner : callable
+        Returns the planner of a phase.
+    progress : callable
+        Called with a message for every phase.
+
+    Returns
+    -------
+    phases : tuple of Phase
+        The phases with their durations, or the given phases if there is a reason.
+    reason : Reason or None
+        Why the durations cannot add up to the requested one. None if they do.
     """
     given = sum(phase.motion.duration or 0.0 for phase in phases)
     fastest = []

@@ -1,4 +1,8 @@
-"""Motions that TOPP-RA alone times: along given paths, and for short stops."""
+"""Motions whose timing TOPP-RA alone computes.
+
+`plan_by_toppra` times a given path without optimal control. `limit_stop_travel` slows a free motion
+down until the tip can stop within the allowed distance from every instant.
+"""
 
 from dataclasses import replace
 
@@ -19,14 +23,28 @@ from ssm_planner.problem import Robot
 TOPPRA_SOLVER = "TOPP-RA"
 """Name of the solver of a motion whose timing is TOPP-RA's."""
 GRID_MARGIN = 2e-5
-"""Relative margin that TOPP-RA's motion keeps from the limits for the time between its grid points.
+"""Relative margin that TOPP-RA's motion keeps from the limits.
+
+TOPP-RA enforces the limits only at its grid points. The margin covers the time between them.
 """
 
 
 def plan_by_toppra(phase: Phase, strict: Robot, path: JointPath) -> PlannedPhase | Reason:
     """Return a motion along a path that TOPP-RA alone has timed.
 
-    `strict` is the robot with the limits that the motion must keep.
+    Parameters
+    ----------
+    phase : Phase
+        The phase with the velocities at both ends.
+    strict : Robot
+        The robot with the limits that the motion must keep.
+    path : JointPath
+        The path.
+
+    Returns
+    -------
+    PlannedPhase or Reason
+        The phase with its motion, or the reason why TOPP-RA found none.
     """
     robot = with_margin(strict, GRID_MARGIN)
     speeds = phase.speeds_along(path)
@@ -42,7 +60,17 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
     """Return a free motion from which the tip can always stop within the allowed distance.
 
     If the tip would travel too far, TOPP-RA times the same path again with a bound on the braking
-    distance (`retiming.constraints.braking_travel`).
+    distance (`retiming.constraints.braking_travel`). The optimal control problem itself does not
+    contain this limit.
+
+    Parameters
+    ----------
+    phase : Phase
+        The free phase.
+    strict : Robot
+        The robot with the limits that the motion must keep.
+    motion : PhaseSolution
+        Its motion, or the status of a failure, which is returned unchanged.
     """
     limit, mechanism = phase.problem.stop_travel, phase.mechanism
     if limit is None or not motion.solved:

@@ -1,7 +1,8 @@
 """Reasons why there is no motion for a problem.
 
-A reason is a value that names the limit, the joint and the place, with the value that the motion
-requires and the value that is available.
+A reason is a value, not an exception. It names the limit, the joint and the place, with the value
+that the motion requires and the value that is available. `pipeline/relaxation.py` derives from it
+which limit to change. The functions of this module build reasons.
 """
 
 from typing import Any
@@ -66,7 +67,7 @@ def check_limit(
     Parameters
     ----------
     limit : Limit
-        The limit.
+        The limit with a lower and an upper bound.
     value : float
         Value of the limited quantity, in SI units.
     where : str or None
@@ -131,7 +132,12 @@ def constant_speed_reason(name: str, requested: float, feasible: float) -> Reaso
 def duration_sum_reason(requested: float, total: float) -> Reason:
     """Return the reason for a total duration that differs from the sum of all durations.
 
-    `requested` is the total duration and `total` the sum, in s.
+    Parameters
+    ----------
+    requested : float
+        Requested total duration, s.
+    total : float
+        Sum of the requested durations of all motions, s.
     """
     text = (
         f"the durations of the motions add up to {total:.6g} s, "

@@ -1,12 +1,16 @@
 """Search for reversals of joints that make a free motion faster (direction refinement).
 
-A free motion is solved with a fixed direction of every joint between two borders, so that friction
-enters exactly. At the optimum, the Lagrange multipliers of the constraints "q̇ keeps its direction"
-show in which time intervals a joint should move the other way. The reduced costs show the same for
-joints at rest (`DirectionMultipliers`). A joint that moves out and back, or that takes a run-up,
-can relieve a limit that binds. The search reverses the directions there, makes the instants of
-reversal borders with free positions, and solves the motion again. It ends when no sum of
-multipliers exceeds `MULTIPLIER_TOLERANCE`, when a round saves less than GAP, or when a solve fails.
+A free motion is divided at *borders*: positions at which joints may reverse. Between two borders,
+the optimal control problem fixes the direction of every joint, so that friction enters exactly. At
+the optimum, the Lagrange multipliers of the constraints "q̇ keeps its direction" show in which
+elements of the mesh (time intervals) a joint should move the other way. For joints at rest, the
+reduced costs show the same. `DirectionMultipliers` contains both. A joint that moves out and back,
+or that takes a run-up, can relieve a limit that binds.
+
+`refine_directions` repeats one round: it reverses the directions where the multipliers are large,
+inserts a border at every change of direction, and solves the motion again. The solver then chooses
+the positions of these borders. The rounds end when no sum of multipliers exceeds
+`MULTIPLIER_TOLERANCE`, when a round saves less than `GAP`, or when a solve fails.
 """
 
 from collections.abc import Callable
@@ -21,15 +25,24 @@ from ssm_planner.planning.tolerances import GAP
 from ssm_planner.typing import Array
 
 MULTIPLIER_TOLERANCE = 1e-3
-"""Sum of the multipliers of one joint above which its direction is reversed.
+"""Sum of the multipliers of one joint above which its direction is reversed, as a share of the
+duration.
 
-The multipliers are summed over consecutive elements in which they have the same sign (a stretch).
-No stretch is examined if the sum over the whole motion is smaller for every joint.
+The sum is taken over a run, that is, over consecutive elements in which the multipliers have the
+same sign. To first order, it is the share of the duration that the reversal would save. Smaller
+sums rarely lead to a motion that is shorter by `GAP`.
 """
 REVERSAL_SHARE = 0.2
-"""Share of the largest sum above which other stretches are reversed in the same round."""
+"""Share of the largest sum of a run. Other runs above it are reversed in the same round.
+
+Smaller sums may vanish after the larger ones have been acted upon, and every border makes the
+program larger.
+"""
 NEGLIGIBLE_SHARE = 1e-3
-"""Share of the largest sum of multipliers that counts as 0."""
+"""Share of the largest sum of multipliers below which a single multiplier counts as 0.
+
+An interior-point solver leaves small multipliers on constraints that do not bind.
+"""
 
 
 def refine_directions(
@@ -42,10 +55,10 @@ def refine_directions(
     phase : Phase
         The free phase.
     motion : PhaseSolution
-        Its fastest motion without additional reversals.
+        Its fastest motion without additional reversals, with the multipliers of the directions.
     solve : callable
-        Returns the fastest motion with given reversals, or None if the solver fails. Its second
-        argument is a duration in s. A motion that takes longer is of no use.
+        Returns the fastest motion with given borders, or None if the solver fails. Its second
+        argument is a duration in s from which on a motion is of no use.
 
     Returns
     -------
@@ -63,7 +76,7 @@ def refine_directions(
 
 
 def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
-    """Suggest reversals from the multipliers of a free motion. None if no multiplier suffices.
+    """Suggest reversals from the multipliers of a free motion.
 
     Parameters
     ----------
@@ -75,7 +88,8 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
     Returns
     -------
     Borders or None
-        Points and reversals between which no joint reverses, with the motion as guess.
+        Points and reversals between which no joint reverses, with the motion as guess. None if no
+        sum of multipliers is large enough.
     """
     multipliers = motion.direction_multipliers
     if multipliers is None or multipliers.largest_joint_sum <= MULTIPLIER_TOLERANCE:
@@ -89,7 +103,9 @@ def suggest_reversals(phase: Phase, motion: PhaseSolution) -> Borders | None:
 def borders_at_reversals(
     phase: Phase, motion: PhaseSolution, directions: Array | None = None
 ) -> Borders:
-    """Return the reversals of a free motion as borders, with the motion as guess.
+    """Return the points and reversals of a free motion as borders, with the motion as guess.
+
+    The next solve then has a mesh whose elements end at the reversals.
 
     Parameters
     ----------
@@ -103,8 +119,8 @@ def borders_at_reversals(
     Returns
     -------
     Borders
-        The points of the phase and the changes of direction. A solve at them begins on a mesh whose
-        borders are the reversals.
+        The points of the phase, and the positions at which a direction changes. The solver chooses
+        the latter.
     """
     multipliers, guess = motion.direction_multipliers, motion.trajectory
     assert multipliers is not None
@@ -112,18 +128,20 @@ def borders_at_reversals(
         directions = multipliers.directions
     instants = _reversal_instants(multipliers, directions)
     is_point = np.isclose(instants[:, None], multipliers.points).any(axis=1)
-    middles = np.searchsorted(multipliers.instants, (instants[1:] + instants[:-1]) / 2) - 1
+    middles = (instants[1:] + instants[:-1]) / 2
+    # Index of the element that contains the middle between two borders.
+    elements = np.searchsorted(multipliers.instants, middles) - 1
     points = guess.sample(instants).q
     points[is_point] = phase.points
     free = tuple(np.flatnonzero(~is_point).tolist())
-    return Borders(points, free, directions[middles], guess=(guess, instants))
+    return Borders(points, free, directions[elements], guess=(guess, instants))
 
 
 def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
     """Return directions (n, 4) that are reversed where the multipliers show a saving.
 
-    A stretch (consecutive elements with multipliers of one sign) is reversed if its sum is large
-    enough.
+    A run (consecutive elements in which a joint has multipliers of one sign) is reversed if the sum
+    of its multipliers is large enough.
 
     Parameters
     ----------
@@ -133,15 +151,15 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
     directions = multipliers.directions.copy()
     counts = np.abs(multipliers.values) > NEGLIGIBLE_SHARE * multipliers.largest_joint_sum
     signs = np.where(counts, np.sign(multipliers.values), 0.0)
-    stretches = [
+    runs = [
         (joint, start, stop, float(np.abs(values[start:stop]).sum()))
         for joint, values in enumerate(multipliers.values.T)
         for start, stop in _runs_of_equal_sign(signs[:, joint])
     ]
-    largest = max((size for *_, size in stretches), default=0.0)
+    largest = max((saving for *_, saving in runs), default=0.0)
     threshold = max(MULTIPLIER_TOLERANCE, REVERSAL_SHARE * largest)
-    for joint, start, stop, size in stretches:
-        if size >= threshold:
+    for joint, start, stop, saving in runs:
+        if saving >= threshold:
             directions[start:stop, joint] = signs[start, joint]
     # A joint that rested has a direction in every element, if it moves at all.
     for joint in range(4):
@@ -151,7 +169,7 @@ def _reversed_directions(multipliers: DirectionMultipliers) -> Array:
 
 
 def _runs_of_equal_sign(signs: Array) -> list[tuple[int, int]]:
-    """Return the first index and the end index of each run of equal nonzero signs (n,)."""
+    """Return the bounds of each run of equal nonzero signs (n,), as indices of a slice."""
     borders = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
     return [(start, end) for start, end in pairwise(borders) if signs[start]]
 
@@ -171,8 +189,9 @@ def _fill_zeros(directions: Array) -> Array:
 def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> Array:
     """Return the instants between which no direction changes, (k + 1,), s.
 
-    They include the instants at which the motion passes its points. A change of direction that is
-    closer to another instant than the share `MIN_SEGMENT_SHARE` of the duration is left out.
+    They include the instants at which the motion passes its points. A change of direction is left
+    out if it is closer to another of these instants than the share `MIN_SEGMENT_SHARE` of the
+    duration, because the solver needs segments of some length.
 
     Parameters
     ----------

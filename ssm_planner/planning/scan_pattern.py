@@ -24,11 +24,16 @@ from ssm_planner.problem import TASK_COORDINATES, Dwell, Eye, Free, Motion, Prob
 from ssm_planner.typing import Array, Indices
 
 TOUR_STARTS = 8
-"""Number of different first spots from which the search for a short order begins."""
+"""Number of different first spots with which the search for a short order begins.
+
+The time of the search is proportional to this number.
+"""
 
 
 def scan_motions(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -> list[Motion]:
-    """Return the motions of a scan, with a stop at each spot or passing through all spots.
+    """Return the motions that visit all spots of a scan.
+
+    If the scan has a dwell, the robot stops at each spot. Otherwise it passes through the spots.
 
     Parameters
     ----------
@@ -115,9 +120,15 @@ def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
 
 
 def _ring_spots(diameter: float, spacing: float) -> Array:
-    """Return evenly spaced spots (n, 2) in m on a circle.
+    """Return evenly spaced spots on a circle about the origin, (n, 2), m.
 
-    `diameter` and `spacing` are in m. The spacing is rounded so that a whole number of spots fits.
+    Parameters
+    ----------
+    diameter : float
+        Diameter of the circle, m.
+    spacing : float
+        Approximate distance between neighbouring spots along the circle, m. It is rounded so that a
+        whole number of spots fits.
     """
     count = max(3, round(np.pi * diameter / spacing))
     angle = 2 * np.pi * np.arange(count) / count
@@ -227,8 +238,17 @@ def tips_over_retina(problem: Problem, motion: Motion, spots: Array, distance: f
 def _run_motions(scan: Scan, name: str, spots: list[Tip]) -> list[Motion]:
     """Return the motions that visit the spots of one run, with dwells if the scan has any.
 
-    Without dwells, the tip passes through the spots in one motion. A ring in its given order ends
-    at its first spot.
+    A run is one ring, or all spots of a raster. Without dwells, the tip passes through the spots in
+    one motion. A ring in its given order ends at its first spot.
+
+    Parameters
+    ----------
+    scan : Scan
+        Entry of the motion list.
+    name : str
+        Name of the run, from which the names of the motions are formed.
+    spots : list of Tip
+        Positions of the tip in their order.
     """
     result: list[Motion] = []
     if scan.dwell > 0:
@@ -292,9 +312,9 @@ def search_short_tour(times: Array) -> Indices:
     """Search for a short tour from place 0 through all others (travelling salesman problem).
 
     The search improves several tours: the places in their given order, and nearest-neighbour tours
-    that begin at one of the `TOUR_STARTS` places nearest to place 0. It applies 2-opt (a part of the
-    tour is reversed) and Or-opt (up to three consecutive places are moved) until neither helps, and
-    returns the shortest tour.
+    that begin at one of the `TOUR_STARTS` places nearest to place 0. It applies 2-opt (a part of
+    the tour is reversed) and Or-opt (up to three consecutive places are moved) until neither helps,
+    and returns the shortest tour.
 
     Source: D. S. Johnson, L. A. McGeoch, The Traveling Salesman Problem: A Case Study in Local
     Optimization, 1997.
@@ -319,7 +339,12 @@ def search_short_tour(times: Array) -> Indices:
 def _nearest_neighbour_tour(times: Array, first: int) -> Indices:
     """Return the tour that always continues to the nearest place which it has not visited.
 
-    It begins at place 0 and visits `first` next. `times` (n, n) contains the times between places.
+    Parameters
+    ----------
+    times : (n, n) array
+        Times between places.
+    first : int
+        Place that the tour visits after place 0, at which it begins.
     """
     tour = [0, first]
     unvisited = np.ones(len(times), dtype=bool)
@@ -331,9 +356,14 @@ def _nearest_neighbour_tour(times: Array, first: int) -> Indices:
 
 
 def _improve_tour(tour: Indices, times: Array) -> Indices:
-    """Improve an open tour (n,) by 2-opt and Or-opt until neither helps. Its first place is fixed.
+    """Improve an open tour by 2-opt and Or-opt until neither shortens it.
 
-    `times` (n, n) contains the times between places.
+    Parameters
+    ----------
+    tour : (n,) int array
+        Indices of the places in their order. The first place stays where it is.
+    times : (n, n) array
+        Times between places.
     """
     n = len(tour)
     # An artificial last place, to which all ways take no time, leaves the end of the tour open.

@@ -1,4 +1,9 @@
-"""Search for the fastest motion among candidates."""
+"""Search for the fastest motion among candidates.
+
+The same search serves one phase (`candidates/listed.py`) and a whole problem with other joints at a
+target (`candidates/other_joints.py`). It is a best-first branch and bound: the lower bound of a
+candidate, and later its estimate, decide whether the candidate is solved at all.
+"""
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
@@ -23,9 +28,11 @@ def find_fastest(
 ) -> tuple[R | Reason, list[Evaluation[P, R]]]:
     """Return the fastest motion among the candidates.
 
-    The search advances the candidate with the smallest known duration: from its bound to its
-    estimate, and from there to its solution. Each result may suggest other candidates. The search
-    ends when no candidate can be shorter than the best motion by a share of `gap`.
+    The search repeats one step. It takes the candidate with the smallest known duration, and
+    advances it: from its lower bound to its estimate, or from its estimate to its solution. After
+    each step, all kinds may suggest further candidates. The search ends when no candidate can be
+    shorter than the best motion by a share of `gap`. Among candidates of equal duration, the one
+    that was suggested first comes first.
 
     Parameters
     ----------
@@ -34,26 +41,30 @@ def find_fastest(
     planner : P
         The task and its solvers.
     work : Work
-        Counter of the planner's work.
+        Counter of the work that the planner spends. The search reads it.
     cutoff : float
         Duration in s. Motions that take as long or longer are of no use.
     gap : float
-        Relative difference of durations that counts. With 1, the first motion ends the search.
+        Share by which a motion must be shorter than the best one. With 1, the first motion ends
+        the search.
     budget : float
-        Work after which no faster motion is looked for, if there is a motion or a cutoff.
+        Work after which the search solves no further candidate, if it has a motion or a cutoff.
 
     Returns
     -------
     result : R or Reason
-        The fastest motion, or the first reason of a failure, preferably one that names a limit.
+        The fastest motion. If there is none, the first reason that names a limit, or else the
+        first reason.
     evaluations : list of Evaluation
-        All candidates with their bounds, estimates and results.
+        All candidates with their bounds, estimates and results, in the order of suggestion.
     """
     evaluations: list[Evaluation[P, R]] = []
     queue: list[tuple[float, int, Evaluation[P, R]]] = []
+    # The number of suggestion keeps the heap from comparing two evaluations.
     order, solution, begin = count(), None, work.spent
 
     def suggest(evaluation: Evaluation[P, R] | None) -> None:
+        """Append the candidates that all kinds suggest after an evaluation to the queue."""
         for kind in kinds:
             for candidate in kind.suggested(planner, evaluation):
                 evaluations.append(Evaluation(candidate, candidate.bound))

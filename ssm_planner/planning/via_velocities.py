@@ -1,9 +1,11 @@
 """Guesses of the velocities at via points, for joints that reverse near a point.
 
-A joint that would have to wait for the others may use the time to move beyond a point or to take a
-run-up, and pass the point at speed. Consider each joint as if it were alone, with unknown
-velocities at the points. Closed forms then give the duration of each segment. Minimising their sum
-shows at which points a joint should pass at speed instead of resting there.
+A joint that is faster than the others may use its spare time to move beyond a via point, or to take
+a run-up, and pass the point at speed. `suggest_via_velocities` finds such joints without a solver
+of the whole problem: it considers each joint as if it were alone, with unknown velocities at the
+via points. Closed forms then give the duration of each segment between two points. The velocities
+that minimise the sum of the durations show at which points a joint should pass at speed instead of
+resting there.
 """
 
 import numpy as np
@@ -15,23 +17,29 @@ from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.typing import Array, record
 
 MIN_SAVING = 2e-3
-"""Share of the duration that velocities at via points must save."""
+"""Share of the duration that velocities at via points must save, or the planner ignores them.
+
+It is larger than `GAP`, because the closed forms neglect motor torques.
+"""
 MAX_SLSQP_ITERATIONS = 60
-"""Largest number of iterations of the optimisation."""
+"""Largest number of iterations of the optimisation, which computes only a guess."""
 IDLE_TOLERANCE = 5e-4
-"""Share of the duration below whose saving a velocity at a via point is dropped."""
+"""Share of the duration that all velocities that are set to 0 may cost together.
+
+Each velocity that is not 0 forces a reversal, which makes the optimal control problem larger.
+"""
 
 
 def suggest_via_velocities(phase: Phase) -> Borders | None:
     """Suggest reversals for joints that should pass a via point at speed where they could rest.
 
-    With the displacements d_jk of the joints j in the segments k and the unknown velocities v_jk at
-    the points, the least total duration is
+    Let d_jk be the displacement of joint j in segment k, and v_jk its unknown velocity at the end
+    of the segment. The least total duration is
 
         min_v Σ_k max_j t(d_jk; v_j,k−1, v_jk),
 
-    where t is the closed form for one joint (`lower_bound.minimum_times`). It is computed twice:
-    with joints that reverse only at the points, and with joints that may reverse anywhere.
+    where t is the closed form for one joint (`lower_bound.minimum_times`). The minimum is computed
+    twice: with joints that reverse only at the points, and with joints that may reverse anywhere.
 
     Parameters
     ----------
@@ -41,8 +49,8 @@ def suggest_via_velocities(phase: Phase) -> Borders | None:
     Returns
     -------
     Borders or None
-        The points with the velocities there. None if reversals elsewhere save less than a share
-        `MIN_SAVING`.
+        The points with the velocities there. None if reversals between the points save less than
+        the share `MIN_SAVING` of the duration.
     """
     problem = phase.problem
     velocity, acceleration = problem.robot.velocities, problem.robot.accelerations
@@ -70,10 +78,11 @@ class _ViaVelocityProblem:
     displacements: Array
     """Displacements from point to point, (n, 4), rad and m."""
     ends: tuple[Array, Array]
-    """Joint velocities at both ends, (4,) each."""
+    """Joint velocities at the start and at the end of the motion, (4,) each."""
     velocity: Array
+    """Largest velocities of the joints, (4,)."""
     acceleration: Array
-    """Limits of velocity and acceleration, (4,) each."""
+    """Largest accelerations of the joints, (4,)."""
 
     def times(self, speeds: Array) -> Array:
         """Return the shortest times (n, 4) of the joints in the segments, s.

@@ -1,6 +1,8 @@
-"""Computational work that planning has spent. Searches end at a given amount of it.
+"""Counter of the computational work that planning has spent.
 
-Unlike time, work does not depend on the machine or its load, so neither of them changes a plan.
+A search ends after a given amount of work. A limit on time would let the speed and the load of the
+machine decide which motion is found. Work counts iterations of the solvers instead, so the same
+problem always gives the same motion.
 """
 
 from dataclasses import dataclass
@@ -12,16 +14,17 @@ It corresponds to about 4 s of CPU time. A user of the command line waits that l
 answer once there is a first one.
 """
 SOLVE_WORK = 0.02
-"""Work of one solve without its iterations, about 1 for each second."""
+"""Work of one solve without its iterations. A work of 1 takes about one second."""
 ITERATION_WORK = {
     ("structured", False): 6e-6,
     ("structured", True): 8e-6,
     ("Ipopt", False): 1e-4,
     ("Ipopt", True): 3e-4,
 }
-"""Work of one iteration for each element of the mesh, about 1 for each second.
+"""Work of one iteration, divided by the number of elements of the mesh.
 
-The keys are the solver, and whether the objective contains heat or effort.
+The keys are the solver, and True if the objective contains heat or effort. A work of 1 takes about
+one second.
 """
 
 
@@ -30,10 +33,10 @@ class Work:
     """Counter of computational work, which is comparable to seconds of CPU time."""
 
     spent: float = 0.0
-    """Work so far, about 1 for each second."""
+    """Work so far. A work of 1 takes about one second."""
 
     def add_iterations(self, solver: str, iterations: int, elements: int, *, costs: bool) -> None:
-        """Add the work of iterations of a solver.
+        """Add the work of a solver's iterations, which is proportional to the number of elements.
 
         Parameters
         ----------

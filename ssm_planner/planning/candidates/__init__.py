@@ -1,4 +1,5 @@
 """Ways to move a phase, one file for each kind of candidate.
 
-`listed` gives the order of suggestion.
+`candidate` contains the base class. `listed` lists the kinds in the order in which the search asks
+them for suggestions.
 """

@@ -1,10 +1,16 @@
 """Base class of all candidates, and the record of how far a candidate was computed.
 
 A candidate is one way to move a phase, or the whole problem. To add one for phases, derive a class
-from `PhaseCandidate` in a new file and add it to `listed.CANDIDATE_KINDS`. The class says when it
-is worth trying (`suggested`), which duration it cannot beat (`bound`), how long it takes approximately
-(`estimate`) and which motion it gives (`solution`). The search calls these methods in this order
-and stops as soon as another candidate is known to be faster.
+from `PhaseCandidate` in a new file and add it to `listed.CANDIDATE_KINDS`. The class says
+
+- when the candidate is worth trying (`suggested`),
+- which duration it cannot beat (`bound`),
+- how long it takes approximately (`estimate`, optional),
+- and which motion it gives (`solution`).
+
+The search (`search.find_fastest`) uses these members in this order, and stops as soon as another
+candidate is known to be faster. A class whose motion only replaces a direct motion that was not
+found derives from `FallbackCandidate` instead.
 """
 
 from abc import ABC, abstractmethod
@@ -19,7 +25,7 @@ from ssm_planner.typing import record
 
 
 class Timed(Protocol):
-    """A motion with a duration."""
+    """A result whose durations the search compares: a phase or a whole mission with its motion."""
 
     @property
     def duration(self) -> float:
@@ -29,12 +35,18 @@ class Timed(Protocol):
 CandidateEntry = dict[str, str | float | None]
 """Entry of `candidates` in plan.json."""
 P = TypeVar("P")
+"""Class of the planner: the task of the search with its solvers."""
 R = TypeVar("R", bound=Timed)
+"""Class of the motions that the search compares."""
 
 
 @record
 class Candidate(ABC, Generic[P, R]):
-    """One way to move. P is the class of its planner, and R the class of its motions."""
+    """One way to move, with a lower bound, an optional estimate, and a solution.
+
+    P is the class of its planner: `PhasePlanner` for a phase, `JointsPlanner` for a whole problem.
+    R is the class of its motions: `PlannedPhase` or `MissionMotion`.
+    """
 
     planner: P
     """The task and its solvers."""
@@ -50,14 +62,15 @@ class Candidate(ABC, Generic[P, R]):
         """Yield the candidates that the latest evaluation suggests.
 
         The search calls this method once at the beginning, and again after each estimate and each
-        solution.
+        solution of any kind. The method must therefore yield the same candidate only once.
 
         Parameters
         ----------
         planner : P
             The task and its solvers.
         latest : Evaluation or None
-            The latest evaluation. None at the beginning.
+            The candidate that the search has just estimated or solved, with its result. None at the
+            beginning.
         """
 
     @property
@@ -68,8 +81,16 @@ class Candidate(ABC, Generic[P, R]):
     def estimate(self, cutoff: float) -> R | Reason | None:
         """Return an approximate motion, or None if the solution would be as cheap.
 
-        A motion that takes `cutoff` seconds or longer is of no use, so the solver may give up on
-        it.
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use. The solver may give up on it.
+
+        Returns
+        -------
+        R, Reason or None
+            The approximate motion, whose duration decides whether the candidate is solved. A
+            reason ends the candidate. None: the search goes on to the solution.
         """
         return None
 
@@ -82,13 +103,13 @@ class Candidate(ABC, Generic[P, R]):
         cutoff : float
             Duration in s from which on a motion is of no use.
         estimate : R or None
-            The motion that `estimate` returned.
+            The motion that the method `estimate` returned.
         """
 
 
 @dataclass(eq=False)
 class Evaluation(Generic[P, R]):
-    """A candidate, how far it was computed, and the result."""
+    """A candidate during the search: how far it is computed, its result, and the work for it."""
 
     candidate: Candidate[P, R]
     bound: float
@@ -96,26 +117,36 @@ class Evaluation(Generic[P, R]):
     estimate: R | None = None
     """Approximate motion, if the candidate estimates it."""
     result: R | Reason | None = None
-    """Final result. None if another candidate is faster than the bound or the estimate of this one.
+    """Solution, or the reason why there is none. None while the candidate is not solved.
+
+    It remains None if another motion is faster than the bound or the estimate of this candidate.
     """
     effort: float = 0.0
-    """Work spent on the candidate, approximately in seconds."""
+    """Work spent on the candidate (`Work`), approximately in seconds."""
 
     @property
     def known_duration(self) -> float:
-        """Smallest possible duration: the estimate if there is one, else the bound, s."""
+        """Duration by which the search orders candidates, s: the estimate, or else the bound."""
         return self.bound if self.estimate is None else max(self.estimate.duration, self.bound)
 
     @property
     def failed(self) -> Reason | None:
-        """Reason why there is no motion.
+        """Reason why the candidate gives no motion.
 
-        None if there is one, or if the candidate was not solved.
+        None if the candidate gives a motion, or if it was not solved.
         """
         return self.result if isinstance(self.result, Reason) else None
 
     def advance(self, cutoff: float) -> None:
-        """Compute the next result: the estimate first, then the solution."""
+        """Compute the estimate if there is none yet, or else the solution.
+
+        If the candidate has no estimate, the solution follows at once.
+
+        Parameters
+        ----------
+        cutoff : float
+            Duration in s from which on a motion is of no use.
+        """
         estimate = None if self.estimate is not None else self.candidate.estimate(cutoff)
         if estimate is None:
             self.result = self.candidate.solution(cutoff, self.estimate)
@@ -125,9 +156,12 @@ class Evaluation(Generic[P, R]):
             self.estimate = estimate
 
     def to_dict(self, solution: R | Reason) -> CandidateEntry:
-        """Return the entry of `candidates` in plan.json.
+        """Return the entry of `candidates` in plan.json, whose `outcome` states why it lost.
 
-        `solution` is the result of the whole search.
+        Parameters
+        ----------
+        solution : R or Reason
+            The result of the whole search.
         """
         duration = None
         if self.result is None:
@@ -149,7 +183,10 @@ class Evaluation(Generic[P, R]):
 
 
 class PhaseCandidate(Candidate[PhasePlanner, PlannedPhase]):
-    """One way to move a phase."""
+    """One way to move a phase. Its motions are `PlannedPhase` values.
+
+    Derive from this class to add a kind, and define `kind`, `suggested` and `solution`.
+    """
 
     @property
     def bound(self) -> float:
@@ -161,7 +198,11 @@ PhaseEvaluation = Evaluation[PhasePlanner, PlannedPhase]
 
 
 class FallbackCandidate(PhaseCandidate):
-    """A candidate that the failure of the direct motion may suggest."""
+    """A candidate that replaces the direct motion if that was not found.
+
+    Derive from this class to add such a kind, and define `kind`, `suggested_after_failure` and
+    `solution`.
+    """
 
     @classmethod
     def suggested(
@@ -176,4 +217,12 @@ class FallbackCandidate(PhaseCandidate):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidates, in view of the reason why there is no direct motion."""
+        """Yield the candidates that may succeed where the direct motion failed.
+
+        Parameters
+        ----------
+        planner : PhasePlanner
+            The phase and its solvers.
+        reason : Reason
+            Reason why the direct motion was not found. Its limit decides whether a kind can help.
+        """

@@ -1,4 +1,4 @@
-"""Motions around the eye: the tool is drawn back, swings, and is inserted again."""
+"""Motions that avoid the retina or the lens: the tool is drawn back, swings, and is inserted again."""
 
 from collections.abc import Iterator
 from typing import ClassVar
@@ -15,9 +15,10 @@ from ssm_planner.problem import LensClearance, RetinaClearance
 from ssm_planner.typing import record
 
 RETRACTION_SHARES = (0.7, 0.55, 0.4, 0.85, 0.25)
-"""Depths to which the guess draws the tool back, divided by the smaller depth of both ends.
+"""Depths to which the guess draws the tool back, as shares of the smaller depth of both ends.
 
-They are tried in this order.
+They are tried in this order until one gives a motion. The depth is only a guess, because the solver
+determines the position.
 """
 
 
@@ -31,7 +32,7 @@ class Detour(FallbackCandidate):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if the eye blocks the direct motion between two points."""
+        """Yield the candidate if the eye blocks the direct free motion between two points."""
         phase = planner.phase
         between_two_points = phase.path is None and len(phase.points) == 2
         by_eye = isinstance(reason.limit, (RetinaClearance, LensClearance))
@@ -39,17 +40,18 @@ class Detour(FallbackCandidate):
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return a motion with one reversal.
+        """Return a motion with one position at which joints may reverse.
 
-        The guess of the reversal is where the direct motion comes nearest to the eye, with the tool
-        drawn back.
+        The guess of this position is where the direct motion comes nearest to the eye, with the
+        tool drawn back. The solver moves it to where the motion becomes fastest.
         """
         start, end = self.planner.phase.points
-        over = joints_nearest_to_eye(self.planner.phase)
+        nearest = joints_nearest_to_eye(self.planner.phase)
         for share in RETRACTION_SHARES:
             depth = share * min(start[3], end[3], key=abs)
-            over_eye = Borders(np.stack([start, np.append(over[:3], depth), end]), (1,))
-            result = self.planner.free(over_eye)
+            retracted = np.append(nearest[:3], depth)
+            # The border with index 1, the retracted position, is only a guess.
+            result = self.planner.free(Borders(np.stack([start, retracted, end]), (1,)))
             if not isinstance(result, Reason):
                 break
         return result

@@ -1,4 +1,7 @@
-"""The motion between the points without additional reversals."""
+"""The direct motion of a phase: along its given path, or freely without additional reversals.
+
+It is the first candidate. All other kinds follow from its estimate or its failure.
+"""
 
 from collections.abc import Iterator
 from typing import ClassVar
@@ -25,17 +28,22 @@ class Direct(PhaseCandidate):
             yield cls(planner)
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
-        """Return the fastest free motion before Ipopt's confirmation, if others may be faster.
+        """Return the fastest free motion before Ipopt's confirmation, if reversals may be faster.
 
-        Ipopt thus confirms only the motion that is taken, and heat is reduced only in that one.
+        The search then compares this estimate with that of the candidate `reversing`. Ipopt
+        confirms only the motion that is taken, and heat is reduced only in that one. Returns None
+        if no other candidate can be faster, so that the motion is solved at once.
         """
         planner = self.planner
-        fastest = planner.phase.motion.duration is None and planner.cooling is None
-        may_have_rivals = planner.may_reverse and planner.phase.path is None and fastest
-        return planner.free(cutoff=cutoff, fastest_only=True) if may_have_rivals else None
+        is_fastest_wanted = planner.phase.motion.duration is None and planner.cooling is None
+        has_rivals = planner.may_reverse and planner.phase.path is None and is_fastest_wanted
+        return planner.free(cutoff=cutoff, fastest_only=True) if has_rivals else None
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion for the objective, confirmed by Ipopt if the planner asks for it."""
+        """Return the motion for the objective, confirmed by Ipopt if the planner asks for it.
+
+        If the motion of the estimate cannot be completed, the free motion is solved anew.
+        """
         planner = self.planner
         if planner.phase.path is not None:
             return planner.along_path(planner.phase.path)

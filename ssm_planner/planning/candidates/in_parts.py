@@ -1,4 +1,8 @@
-"""Free motions in two parts with a rest between them, so that some joints move before others."""
+"""Free motions in two parts with a rest between the parts.
+
+`InTurn` lets some joints move before the others. `StopFirst` (in stop_first.py) stops first, and
+then moves from rest. `InParts` contains what both have in common.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -25,21 +29,30 @@ from ssm_planner.trajectory import join
 from ssm_planner.typing import Array, record
 
 DISPLACEMENT_SHARES = (1.0, 0.5)
-"""Shares of their displacement that the joints of the first part move before the rest."""
+"""Shares of their displacement that the joints of the first part cover before the rest.
+
+Each motor must be strong enough at both ends of both parts. Half of the displacement may meet this
+condition where all of it does not.
+"""
 MAX_ORDERS = 4
-"""Largest number of orders of the joints that are tried."""
+"""Largest number of orders of the joints that are tried. Each order costs two optimisations."""
 
 
 class InParts(FallbackCandidate):
-    """A free motion in two parts."""
+    """A free motion that consists of two motions with a rest between them."""
 
     label: ClassVar[str]
-    """End of the name of the phase."""
+    """Text that is added to the name of the phase, so that a report shows how it moves."""
 
     def _plan_part(self, phase: Phase, *others: type[PhaseCandidate]) -> PlannedPhase | Reason:
-        """Return the fastest motion of a part. A requested duration of the phase is ignored.
+        """Return the fastest motion of one part, among direct motions, detours and other kinds.
 
-        The candidates are direct motions, detours and `others`.
+        Parameters
+        ----------
+        phase : Phase
+            The part. A requested duration is ignored.
+        *others : types of PhaseCandidate
+            Further kinds of candidates.
         """
         kinds: list[type[PhaseCandidate]] = [Direct, Detour, *others]
         untimed = replace(phase, motion=unchecked_copy(phase.motion, duration=None))
@@ -55,15 +68,16 @@ class InParts(FallbackCandidate):
         first : PhaseSolution
             Motion of the first part.
         onward : Phase
-            Second part.
-        others : types of PhaseCandidate
-            Further candidates of the second part.
+            Second part, which begins where the first one ends.
+        *others : types of PhaseCandidate
+            Further kinds of candidates for the second part.
 
         Returns
         -------
         PlannedPhase or Reason
-            The phase with both parts. If the phase has a requested duration, the second part is
-            slowed down to reach it. The reason states why there is no second part.
+            The phase with both parts as one motion. If the phase has a requested duration, the
+            second part is slowed down to reach it. A reason states why there is no second part, or
+            that both parts take longer than requested.
         """
         phase = self.planner.phase
         result = planned_rest(onward) if onward.is_at_rest else self._plan_part(onward, *others)
@@ -95,7 +109,11 @@ class InParts(FallbackCandidate):
 
 @record
 class InTurn(InParts):
-    """A free motion from rest to rest in which some joints move first, to relieve a weak motor."""
+    """A free motion from rest to rest in which some joints move before the others.
+
+    The load of a motor depends on the positions of other joints. A motor that is too weak to move
+    its joint now may be strong enough after another joint has moved.
+    """
 
     between: Array
     """Joint positions at the rest between the parts, (4,), rad and m."""
@@ -109,7 +127,8 @@ class InTurn(InParts):
     ) -> Iterator[PhaseCandidate]:
         """Yield the orders with the smallest bounds, if a motor is too weak for the direct motion.
 
-        In each of them, every motor is strong enough at the ends of both parts.
+        An order is a subset of the joints that moves first. In each order that is yielded, every
+        motor is strong enough at the ends of both parts.
         """
         phase = planner.phase
         is_too_weak = isinstance(reason.limit, MotorTorque)
@@ -117,6 +136,7 @@ class InTurn(InParts):
         if not (is_too_weak and between_points and phase.begins_and_ends_at_rest):
             return
         start, end = phase.points
+        # Each row is the displacement of one of the 16 subsets of the joints.
         displacements = np.array(list(product((0.0, 1.0), repeat=4))) * (end - start)
         points = np.unique(
             np.vstack([start + share * displacements for share in DISPLACEMENT_SHARES]), axis=0
@@ -139,14 +159,26 @@ class InTurn(InParts):
 
 
 def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
-    """Split a phase at joint positions (4,) in rad and m, at which the robot rests."""
+    """Split a phase into two parts with a rest between them.
+
+    Parameters
+    ----------
+    phase : Phase
+        A free phase between two points.
+    between : (4,) array
+        Joint positions at the rest, rad and m.
+    """
     start, end = phase.points
     first = phase.from_rest(np.stack([start, between]), to_end=False)
     return first, phase.from_rest(np.stack([between, end]))
 
 
 def _are_feasible(parts: tuple[Phase, Phase]) -> bool:
-    """Return True if both parts move, their places are permitted, and every motor is strong enough."""
+    """Return True if both parts of a phase can be moved, as far as simple checks tell.
+
+    Both parts must move, no limit may forbid a place on them, and every motor must be strong enough
+    at the ends of both parts.
+    """
     if any(part.is_at_rest for part in parts) or check_places(parts) is not None:
         return False
     paths = (PolylinePath(part.mechanism, part.points) for part in parts)

@@ -19,6 +19,10 @@ to its estimate, and from there to its solution. A candidate loses if its bound 
 not shorter than the best motion by a share of `tolerances.GAP`, or if it has no motion.
 `Evaluation.to_dict` states the reason, which `ssm-planner plan --explain` prints.
 
+For a free motion between two points from rest to rest, the search therefore estimates `direct`,
+then `reversing`, and solves the one with the smaller estimate. If `direct` fails, the kinds below
+it in the table are asked in their order.
+
 A new kind of candidate is a class in a file of its own, and one more line here. Other joints at a
 target move the whole problem, so `pipeline/mission.py` searches them.
 """

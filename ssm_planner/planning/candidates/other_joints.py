@@ -1,8 +1,9 @@
 """Other joints at a target of a free motion: the other branch, whole turns, and free spins.
 
-A target in task coordinates, or of the tip, leaves open which joints reach it. The planner takes
-the nearest joints on the present branch. The candidates have other joints there. Everything that
-follows the target is reached with the nearest joints again, so a candidate moves the whole problem.
+Several joint positions reach a target in task coordinates, or of the tip. The planner takes the
+nearest ones on the present branch of the inverse kinematics. Each candidate of this module takes
+other ones. All later targets are then reached with the nearest joints again, so a candidate changes
+the motion of the whole problem. `pipeline/mission.py` runs the search.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,33 +27,43 @@ from ssm_planner.problem import Free, Joints, Motion, Problem, unchecked_copy
 from ssm_planner.typing import Array, record
 
 MAX_RESCUES = 3
-"""Number of alternatives that are planned for a target if the planner's joints give no motion."""
+"""Largest number of other joint positions that are planned if the nearest joints give no motion.
+
+Without a motion, there is no duration at which the search could give up on candidates, so their
+number is limited.
+"""
 
 
 @record
 class MissionMotion:
-    """A motion of a whole problem. `phases` is empty if the duration, s, is only an estimate."""
+    """The duration of a whole problem, with the motions of its phases if they are planned."""
 
     duration: float
+    """Duration, s."""
     phases: tuple[PlannedPhase, ...] = ()
+    """Planned phases. Empty if the duration is only an estimate."""
 
 
 @record
 class JointsPlanner:
-    """A target of a free motion whose joints are open, and the planner of the whole problem."""
+    """A target that several joint positions reach, and the planner of the whole problem."""
 
     problem: Problem
     phases: tuple[Phase, ...]
     """Phases of the problem with the nearest joints."""
     target: tuple[int, int]
-    """Index of the motion, and index among its targets."""
+    """Index of the free motion in the motion list, and index of the target in that motion.
+
+    The targets of a motion are its via points and its end, in this order.
+    """
     best: MissionMotion | None
     """Shortest certified motion so far."""
     plan: Callable[[Problem], MissionMotion | Reason]
     """Plans and checks a problem."""
     work: Work
+    """Counter of the work of `plan`."""
     report: Callable[[], None]
-    """Called before every candidate."""
+    """Called before every candidate is estimated, to report progress."""
 
     @property
     def motion(self) -> Free:
@@ -68,12 +79,12 @@ class JointsPlanner:
 
     @property
     def cutoff(self) -> float:
-        """Duration of the shortest motion so far, s."""
+        """Duration of the shortest motion so far, s. Infinite if there is none."""
         return np.inf if self.best is None else self.best.duration
 
     @property
     def spin_free(self) -> bool:
-        """True if the target leaves the spin open."""
+        """True if the problem leaves the spin of the target to the planner (`spin: free`)."""
         return self.motion.spin_free and self.target[1] == len(self.motion.through)
 
     def known_duration(self, phase: Phase) -> float:
@@ -89,7 +100,11 @@ class JointsPlanner:
         return next(same, bound)
 
     def joints(self) -> list[Array]:
-        """Return all joint positions (4,) that reach the target, except those of the phase."""
+        """Return all joint positions (4,) that reach the target, except those of the phase.
+
+        They differ in the branch of the inverse kinematics and in whole turns. If the spin is free,
+        each of them has the spin with the smallest lower bound.
+        """
         present = self.phase.points[-1]
         ends = alternative_joints(self.phase, self.target[1])
         if not self.spin_free:
@@ -100,9 +115,15 @@ class JointsPlanner:
     def spin_alternatives(self, q: Array) -> tuple[Array, Array]:
         """Return joint positions that differ from q (4,) by a free spin, and their lower bounds.
 
-        The first three have the angle of joint 3 in q, its angle at the start, and the angle at
-        which it comes to a stop. The others divide the turn about the start into steps of two
-        degrees.
+        In the first three rows, joint 3 has its angle in q, its angle at the start of the phase,
+        and the angle at which it comes to a stop. The other rows divide the turn about the start
+        into steps of two degrees. All angles are limited to the range of joint 3, and to the range
+        of the spin.
+
+        Parameters
+        ----------
+        q : (4,) array
+            Joint positions at the target, rad and m.
 
         Returns
         -------
@@ -143,8 +164,9 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     """The problem with other joints at a target."""
 
     problem: Problem
+    """The problem in which the target is given by its joints."""
     q: Array
-    """The joints (4,)."""
+    """The joints at the target, (4,), rad and m."""
     duration_bound: float
     """Lower bound of the duration, s."""
     only_spin_differs: bool = False
@@ -160,7 +182,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     def suggested(
         cls, planner: JointsPlanner, latest: Evaluation[JointsPlanner, MissionMotion] | None
     ) -> "Iterator[OtherJoints]":
-        """Yield other branches and whole turns first, and spins beside every motion."""
+        """Yield other joint positions at the beginning, and other spins after each motion.
+
+        At the beginning they differ in the branch and in whole turns. If the spin is free, each
+        certified motion suggests further spins.
+        """
         if latest is not None:
             if planner.spin_free and isinstance(latest.result, MissionMotion):
                 assert isinstance(latest.candidate, OtherJoints)
@@ -201,7 +227,8 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     ) -> "Iterator[OtherJoints]":
         """Yield the candidate with joints q (4,) if it is feasible and may be shorter.
 
-        Phases that are already planned count with their duration.
+        Its bound is the sum over the phases: the known duration of a phase that is already planned,
+        and the lower bound of every other phase.
         """
         start = Joints.from_array(planner.phases[0].q_start)
         problem = _replace_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
@@ -237,7 +264,11 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
                 )
 
     def estimate(self, cutoff: float) -> MissionMotion | Reason | None:
-        """Return the duration by the structured solver alone, without reversals."""
+        """Return the duration by the structured solver alone, without reversals and ranges.
+
+        Ranges of friction and payload are left out, because they make each solve slower. The
+        result is a reason if the duration is not shorter than `cutoff`.
+        """
         self.planner.report()
         nominal = unchecked_copy(self.problem, friction=None, payload=None)
         duration = estimated_duration(nominal, cutoff, self.planner.work)
@@ -246,12 +277,24 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
         return Reason(message="no shorter motion is expected")
 
     def solution(self, cutoff: float, estimate: MissionMotion | None) -> MissionMotion | Reason:
-        """Return the certified motion."""
+        """Return the motion of the whole problem, which the independent check has passed."""
         return self.planner.plan(self.problem)
 
 
 def _replace_target(problem: Problem, entry: int, index: int, q: Array) -> Problem:
-    """Return the problem whose free motion `entry` has joints q (4,) as its target `index`."""
+    """Return a problem with one target of a free motion replaced by joint positions.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    entry : int
+        Index of the free motion in the motion list.
+    index : int
+        Index of the target among the via points and the end of that motion.
+    q : (4,) array
+        Joint positions, rad and m.
+    """
     motion = problem.motion[entry]
     assert isinstance(motion, Free)
     targets = [*motion.through, motion.to]

@@ -1,4 +1,9 @@
-"""Free motions on which joints reverse between the points because this saves time."""
+"""Free motions on which joints reverse between the points because this saves time.
+
+Between two points, the multipliers of the direct motion suggest the reversals (`reversals.py`). At
+via points, closed forms suggest velocities at the points that require reversals beside them
+(`via_velocities.py`).
+"""
 
 from collections.abc import Iterator
 from typing import ClassVar
@@ -22,10 +27,10 @@ NO_SAVING = Reason(message="no reversal saves time")
 
 @record
 class Reversing(PhaseCandidate):
-    """A motion with reversals, found from the motion without them."""
+    """A free motion with additional reversals, found from the direct motion."""
 
     unreversed: PhaseSolution | None
-    """The fastest motion without reversals. None if it is longer than the requested duration."""
+    """The direct motion. None if the direct motion takes longer than the requested duration."""
 
     kind: ClassVar[str] = "reversing"
 
@@ -33,31 +38,41 @@ class Reversing(PhaseCandidate):
     def suggested(
         cls, planner: PhasePlanner, latest: PhaseEvaluation | None
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if the direct motion exceeds its bound enough."""
+        """Yield the candidate if reversals can shorten the direct motion enough.
+
+        This is the case if the estimate of the direct motion exceeds its lower bound by `GAP` (by
+        `MIN_SAVING` at via points), or if the direct motion takes longer than the requested
+        duration.
+        """
         if latest is None or latest.candidate.kind != "direct" or not _applies(planner):
             return
         if latest.failed is not None:
             if isinstance(latest.failed.limit, Duration):
                 yield cls(planner, None)
         elif latest.estimate is not None and latest.result is None:
-            estimate = latest.estimate
-            saved = MIN_SAVING if len(planner.phase.points) > 2 else GAP
-            if (1 - saved) * estimate.duration > estimate.lower_bound:
-                yield cls(planner, estimate.motion)
+            direct = latest.estimate
+            saving = MIN_SAVING if len(planner.phase.points) > 2 else GAP
+            if (1 - saving) * direct.duration > direct.lower_bound:
+                yield cls(planner, direct.motion)
 
     def _reverse_beside_points(self) -> PlannedPhase | Reason:
-        """Return a motion on which joints pass beyond a point, or take a run-up to the next one."""
-        turns = suggest_via_velocities(self.planner.phase)
-        if turns is None:
+        """Return a motion on which joints reverse beside the via points.
+
+        A joint then passes a point at speed and reverses beyond it, or takes a run-up to the next
+        point. The result is `NO_SAVING` if the motion does not save a share of `MIN_SAVING`.
+        """
+        borders = suggest_via_velocities(self.planner.phase)
+        if borders is None:
             return NO_SAVING
         cutoff = np.inf if self.unreversed is None else (1 - MIN_SAVING) * self.unreversed.duration
-        result = self.planner.free(turns, cutoff=cutoff)
+        result = self.planner.free(borders, cutoff=cutoff)
         return result if isinstance(result, Reason) or result.duration < cutoff else NO_SAVING
 
     def estimate(self, cutoff: float) -> PlannedPhase | Reason | None:
-        """Return a motion from rest to rest with the reversals that the multipliers suggest.
+        """Return the fastest motion with the reversals that the multipliers suggest.
 
-        It is the fastest one, on a coarse mesh, without Ipopt's confirmation.
+        It is solved on a coarse mesh, without Ipopt's confirmation. Returns None for a phase with
+        via points, whose reversals need no estimate.
         """
         planner = self.planner
         if len(planner.phase.points) > 2:
@@ -65,6 +80,7 @@ class Reversing(PhaseCandidate):
         quick = planner.without_duration
 
         def solve(borders: Borders, limit: float) -> PhaseSolution | None:
+            """Return the fastest motion with reversals at `borders`, or None without a motion."""
             result = quick.free(borders, cutoff=limit, count=DEFAULT_ELEMENTS)
             return None if isinstance(result, Reason) else result.motion
 
@@ -75,19 +91,21 @@ class Reversing(PhaseCandidate):
         return PlannedPhase(planner.phase, faster, planner.phase.lower_bound)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return the motion with the reversals that save most."""
+        """Return the motion for the objective, with the reversals of the estimate.
+
+        It is solved on a finer mesh than the estimate. With the planner `fast` and the objective
+        `time`, the estimate itself is the solution if the finer mesh gives no motion, or one that
+        is longer than `cutoff`.
+        """
         if estimate is None:
             return self._reverse_beside_points()
+        problem = self.planner.problem
         borders = borders_at_reversals(self.planner.phase, estimate.motion)
         solution = self.planner.free(borders, count=2 * DEFAULT_ELEMENTS)
-        fast = self.planner.problem.planner == "fast" and self.planner.problem.objective == "time"
-        if (
-            fast
-            and self.unreversed
-            and (isinstance(solution, Reason) or solution.duration > cutoff)
-        ):
-            return estimate
-        return solution
+        is_worse = isinstance(solution, Reason) or solution.duration > cutoff
+        # The estimate has the objective "time", and Ipopt has not confirmed it.
+        may_take_estimate = problem.planner == "fast" and problem.objective == "time"
+        return estimate if is_worse and may_take_estimate and self.unreversed else solution
 
 
 def _applies(planner: PhasePlanner) -> bool:

@@ -1,4 +1,8 @@
-"""Motions that begin at speed, split into a stop in closed form and a motion from rest."""
+"""Motions that begin at speed, split into a stop in closed form and a motion from rest.
+
+The stop is computed in milliseconds and cannot fail to converge. A robot that is already moving
+therefore gets a motion even if the solvers find no direct one.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,17 +28,22 @@ from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, record
 
 STOP_DISTANCE_FACTOR = 1.1
-"""Ratio of the planned to the shortest stopping distance of joints without jerk limits."""
+"""Ratio of the planned to the shortest stopping distance of joints without jerk limits.
+
+With the shortest distance, full braking would be the only motion without an overshoot. The margin
+leaves the solver a choice, for example if a motor cannot brake as hard as its joint may.
+"""
 ACCELERATION_SHARES = (1.0, 0.5, 0.25, 0.1)
 """Shares of the acceleration limits with which the joints stop, tried in this order.
 
-Weak motors with heavy rotors cannot brake as hard as the joints may.
+Weak motors with heavy rotors cannot brake as hard as the limits of the joints allow. The first
+share with which a stop keeps all limits is taken.
 """
 
 
 @record
 class StopFirst(InParts):
-    """A free motion that begins at speed, split into a stop and a motion from rest."""
+    """A free motion that begins at speed: first a stop, then a motion from rest to the target."""
 
     kind: ClassVar[str] = "stop first"
     label: ClassVar[str] = "stops first"
@@ -48,7 +57,10 @@ class StopFirst(InParts):
             yield cls(planner)
 
     def solution(self, cutoff: float, estimate: PlannedPhase | None) -> PlannedPhase | Reason:
-        """Return both motions joined into one, or the reason why one of them was not found."""
+        """Return both motions joined into one, or the reason why one of them was not found.
+
+        The motion after the stop may also be a line in task coordinates, or move some joints first.
+        """
         stop = self._stop()
         if stop is None:
             return Reason(message="no stop within the limits")
@@ -57,7 +69,8 @@ class StopFirst(InParts):
     def _stop(self) -> PhaseSolution | None:
         """Return the stop after which the lower bound on the complete duration is smallest.
 
-        None if no stop satisfies the limits.
+        There are two stops for each of `ACCELERATION_SHARES`: every joint stops as soon as it can,
+        or all joints stop at the same time. Returns None if no stop satisfies the limits.
         """
         robot, phase = self.planner.strict, self.planner.phase
         for share in ACCELERATION_SHARES:
@@ -75,7 +88,7 @@ class StopFirst(InParts):
 
 
 def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
-    """Return the part of a phase that follows a stop."""
+    """Return the part of a phase that follows a stop. It rests if the stop ends at the target."""
     end = stop.trajectory.positions(stop.breaks[-1:])
     points = np.vstack([end, phase.points[1:]])
     if len(points) == 2 and np.abs(np.diff(points, axis=0)).max() <= ROUNDING_TOLERANCE:
@@ -86,9 +99,23 @@ def _remaining_phase(phase: Phase, stop: PhaseSolution) -> Phase:
 def _stop_in_closed_form(
     robot: Robot, phase: Phase, share: float, *, together: bool
 ) -> PhaseSolution | None:
-    """Build the stop by `stopping_curves`, with these values of `share` and `together`.
+    """Build a stop in closed form, as a motion of the phase.
 
-    None if a limit forbids the stop or a place between its end and the target.
+    Parameters
+    ----------
+    robot : Robot
+        The robot with the limits that the stop must keep.
+    phase : Phase
+        The free phase, which begins at speed.
+    share : float
+        Share of the acceleration limits that the joints use.
+    together : bool
+        True if all joints stop at the same time, False if each stops as soon as it can.
+
+    Returns
+    -------
+    PhaseSolution or None
+        None if a limit forbids the stop, or a place between its end and the target.
     """
     curves = stopping_curves(robot, phase.qd_start, phase.qdd_start, share, together=together)
     switches = np.unique(

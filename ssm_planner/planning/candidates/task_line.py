@@ -1,4 +1,8 @@
-"""Motions along a straight line in task coordinates, in place of a free motion."""
+"""Motions along a straight line in task coordinates, in place of a free motion.
+
+The program along a given path has one unknown function instead of four. It may converge where the
+program of the free motion fails.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,6 +22,7 @@ class TaskLine(FallbackCandidate):
     """The straight motion to the target of a free motion."""
 
     line: Phase
+    """The phase with the line as its given path."""
 
     kind: ClassVar[str] = "task line"
 
@@ -25,7 +30,7 @@ class TaskLine(FallbackCandidate):
     def suggested_after_failure(
         cls, planner: PhasePlanner, reason: Reason
     ) -> Iterator[PhaseCandidate]:
-        """Yield the candidate if all of the line is allowed."""
+        """Yield the candidate if the free phase moves and no limit forbids a place on the line."""
         phase = planner.phase
         if phase.path is None and not phase.is_at_rest:
             line = replace_by_task_line(phase)
@@ -36,5 +41,5 @@ class TaskLine(FallbackCandidate):
         """Return the motion along the line."""
         assert self.line.path is not None
         result = replace(self.planner, phase=self.line).along_path(self.line.path)
-        # What forbids the line need not forbid other motions.
+        # The limit that forbids the line need not forbid other motions, so the reason names none.
         return replace(result, limit=None) if isinstance(result, Reason) else result

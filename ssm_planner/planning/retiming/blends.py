@@ -1,13 +1,15 @@
 """Joint paths through several motions with rounded corners, so that the robot need not stop.
 
-Corner i lies between the pieces i and i + 1, each with its own parameter from 0 to 1. The path
-leaves piece i at 1 − a_i, where the tip is at the allowed distance from the corner, and joins piece
-i + 1 at b_i, at the same distance. In between (the rounding), every joint follows the quintic with
-the q, q' and q'' of the pieces at both ends. The whole path is thus twice continuously
-differentiable. q''' jumps at the ends of the roundings, but is finite, and so is the jerk.
+The path consists of pieces, one for each motion, and of roundings between them. Corner i lies
+between the pieces i and i + 1, each with its own parameter from 0 to 1. The path leaves piece i at
+the parameter 1 − a_i, where the tip is at the allowed distance from the corner, and joins piece
+i + 1 at the parameter b_i, at the same distance. On the rounding in between, every joint follows
+the polynomial of degree 5 (quintic) that has the q, q' and q'' of the pieces at both ends. The
+whole path is thus twice continuously differentiable. q''' jumps at the ends of the roundings, but
+is finite, and so is the jerk.
 
-The parameter of piece i grows at the rate k_i with respect to the parameter of the whole path, and
-a rounding takes 2 a_i / k_i = 2 b_i / k_{i+1} of the latter. If both pieces are straight in the
+The parameter of piece i grows at the rate k_i with respect to the parameter s of the whole path,
+and a rounding takes 2 a_i / k_i = 2 b_i / k_{i+1} of s. If both pieces are straight in the
 joints, the direction then turns without overshoot: q' = (1 − h) q'_i + h q'_{i+1} with h = 3σ² −
 2σ³, where σ grows from 0 to 1 along the rounding.
 """
@@ -35,7 +37,8 @@ from ssm_planner.typing import Array, Mask, record
 MIN_SLOPE_RATIO = 0.05
 """Smallest ratio of |q'| within a rounding to |q'| at its ends.
 
-The ratio is smaller where the path turns back by more than about 174°. The robot must stop there.
+The ratio is smaller where the path turns back by more than about 174°. The robot must stop there,
+so a rounding makes no sense.
 """
 
 
@@ -47,12 +50,16 @@ class BlendedPath(JointPath):
     """
 
     mechanism: Mechanism
+    """Geometry of the robot."""
     pieces: tuple[ClosedPath, ...]
     """The pieces. Each begins where the previous one ends."""
     distances: tuple[float, ...]
     """Distance of the tip from each corner within which the path is rounded, m."""
     cuts: Array
-    """a and b of every corner: the shares cut from the pieces before and behind it, (k, 2)."""
+    """Shares a and b that the rounding of each corner cuts from the pieces before and behind it.
+
+    The shape is (k, 2) for k corners.
+    """
 
     @property
     def branch(self) -> int:
@@ -63,12 +70,13 @@ class BlendedPath(JointPath):
     def _rates_and_breaks(self) -> tuple[Array, Array]:
         """Rates at which the parameter of each piece grows with s, and the breaks of s.
 
-        The rates have the shape (pieces,). The breaks (2 pieces,) are the ends of the pieces'
-        remaining parts and of the roundings.
+        The rates have the shape (p,) for p pieces. The breaks (2 p,) are the values of s at which
+        the pieces and the roundings end, with 0 as the first.
         """
         cut_from_start = np.append(0.0, self.cuts[:, 1])
         # The rates satisfy a_i / k_i = b_i / k_{i+1} in each corner, with k_1 = 1.
         rates = np.cumprod(np.append(1.0, self.cuts[:, 1] / self.cuts[:, 0]))
+        # Even lengths are those of pieces, odd lengths those of roundings.
         lengths = np.zeros(2 * len(rates) - 1)
         lengths[::2] = (np.append(1 - self.cuts[:, 0], 1.0) - cut_from_start) / rates
         lengths[1::2] = 2 * self.cuts[:, 0] / rates[:-1]
@@ -77,16 +85,24 @@ class BlendedPath(JointPath):
 
     @property
     def _piece_rates(self) -> Array:
-        """Rates (pieces,) at which the parameter of each piece grows with s."""
+        """Rates (p,) at which the parameters of the p pieces grow with s."""
         return self._rates_and_breaks[0]
 
     @property
     def breaks(self) -> Array:
-        """Values of s at the ends of pieces and roundings, (2 pieces,)."""
+        """Values of s at the ends of the p pieces and of the roundings, (2 p,)."""
         return self._rates_and_breaks[1]
 
     def _on_piece(self, k: int, s: Array) -> Array:
-        """Evaluate q and its derivatives q' and q'' by s, at s (n,) on piece k, (3, n, 4)."""
+        """Evaluate q, q' and q'' at n values of s on one piece, (3, n, 4).
+
+        Parameters
+        ----------
+        k : int
+            Index of the piece.
+        s : (n,) array
+            Parameters of the whole path.
+        """
         rate, start = self._piece_rates[k], self.cuts[k - 1, 1] if k else 0.0
         samples = self.pieces[k].sample(start + rate * (s - self.breaks[2 * k]))
         return np.stack([samples.q, rate * samples.dq, rate**2 * samples.ddq])
@@ -196,7 +212,7 @@ def blend_pieces(
 
 
 def _cut_share(path: ClosedPath, distance: float, *, from_end: bool) -> tuple[float, float]:
-    """Return the share of a piece that a rounding cuts off.
+    """Find the share of a piece that a rounding cuts off.
 
     Parameters
     ----------

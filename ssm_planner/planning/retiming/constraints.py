@@ -33,27 +33,36 @@ from ssm_planner.problem import TASK_COORDINATES, Drive, Robot, TaskLimits, TipS
 from ssm_planner.typing import Array, Indices, Mask, record
 
 BINDING_SHARE = 0.998
-"""Share of its limit at which a constraint counts as binding."""
+"""Share of its limit at which a constraint counts as binding.
+
+The constraints are evaluated between grid points. A motion that follows a limit at the grid points
+may be slightly below it there.
+"""
 
 
 @record
 class LinearConstraints:
     """Constraints a s̈ + b ṡ² + c + k ṡ ≤ 1 on the motion along a path, at n values of s.
 
-    a, b, c and k have the shape (n, rows). Every row is divided by its limit. In addition, ṡ² is at
-    most `ceiling` (n,).
+    Every row is divided by its limit.
     """
 
     a: Array
+    """Coefficients of the acceleration s̈, (n, rows)."""
     b: Array
+    """Coefficients of the squared speed ṡ², (n, rows)."""
     c: Array
+    """Constant terms, (n, rows)."""
     k: Array
+    """Coefficients of the speed ṡ, (n, rows). They result from viscous friction."""
     ceiling: Array
+    """Largest ṡ² that limits on speeds allow, (n,), 1/s²."""
 
     def tangent(self, speed_squared: Array) -> "LinearConstraints":
-        """Return constraints without k that are at least as strict. TOPP-RA needs linear ones.
+        """Return constraints with k = 0 that are at least as strict.
 
-        The tangent of √x at x₀ gives √x ≤ √x₀/2 + x/(2 √x₀).
+        TOPP-RA needs constraints that are linear in x = ṡ². The tangent of √x at x₀ gives
+        √x ≤ √x₀/2 + x/(2 √x₀).
 
         Parameters
         ----------
@@ -92,13 +101,17 @@ class LinearConstraints:
 
 @record
 class PathLimits:
-    """Limits of a robot at n points of a path, without the motion along it."""
+    """Limits of a robot at n points of a path, before the motion along the path is known."""
 
     robot: Robot
+    """The robot with the limits of its joints and motors."""
     samples: PathSamples
     """q, q' and q'' at the points."""
     loads: tuple[tuple[Array, Array, Array], ...]
-    """A, B, C of τ_rigid = A s̈ + B ṡ² + C, (n, 4) each, for each of `Robot.loads`."""
+    """Coefficients A, B and C of the torques τ_rigid = A s̈ + B ṡ² + C that move the links.
+
+    There is one tuple for each of `Robot.loads`. Each array has the shape (n, 4).
+    """
     directions: Array
     """Signs σ of q'(s), 0 for a joint that does not move, (n, 4)."""
     ceiling: Array
@@ -106,9 +119,9 @@ class PathLimits:
     starts: Mask
     """True where a joint starts from rest, (n, 4)."""
     braking_slopes: Array | None
-    """|J q'| / (2d) at the points, (n,), for a limit d on the tip's distance to stop.
+    """|J q'| / (2d) at the points, (n,), for a limit d on the distance in which the tip can stop.
 
-    |J q'| ṡ is the speed of the tip. None without such a limit.
+    With the Jacobian J of the tip, |J q'| ṡ is the speed of the tip. None without such a limit.
     """
 
     @classmethod
@@ -153,8 +166,8 @@ class PathLimits:
     def constraints(self, speed_squared: Array, *, static_start: bool) -> LinearConstraints:
         """Return the constraints of accelerations, of the distance to stop, and of motor torques.
 
-        The rows of acceleration are ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. `braking_travel` describes
-        those of the distance to stop, and `_torque_terms` those of torque.
+        For joint i, the rows of acceleration are ±(q'_i s̈ + q''_i ṡ²) ≤ q̈_i,max. `braking_travel`
+        describes the rows of the distance to stop, and `_torque_terms` those of torque.
 
         Parameters
         ----------

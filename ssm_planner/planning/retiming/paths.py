@@ -1,7 +1,8 @@
-"""Joint paths q(s), 0 ≤ s ≤ 1, to which TOPP-RA assigns times.
+"""Joint paths q(s), 0 ≤ s ≤ 1, along which TOPP-RA and optimal control plan motions.
 
-They are lines in task coordinates, lines and arcs of the tip, splines, polylines, and the paths of
-existing motions.
+q contains the four joint positions, and s is the path parameter, which has no unit. The paths are
+lines in task coordinates, lines and arcs of the tip, splines, polylines, and the paths of existing
+motions. All are subclasses of `JointPath`. Primes denote derivatives with respect to s.
 """
 
 from abc import ABC, abstractmethod
@@ -28,26 +29,37 @@ if TYPE_CHECKING:  # It loads slowly, and few paths are splines.
     from scipy.interpolate import CubicSpline
 
 MIN_GRID_INTERVALS, MAX_GRID_INTERVALS = 1000, 20_000
-"""Smallest and largest number of grid intervals of TOPP-RA."""
-INTERVALS_PER_POINT = 8
-"""Number of grid intervals for each point of a spline."""
-CORNER_ANGLE = np.radians(30)
-"""Angle between two sides of a polyline above which a spline must not smooth their corner.
+"""Smallest and largest number of grid intervals of TOPP-RA.
 
-The joints are divided by their velocity limits first.
+The time of the computation grows in proportion to the number of intervals.
+"""
+INTERVALS_PER_POINT = 8
+"""Number of grid intervals for each point of a spline, whose curvature changes between points."""
+CORNER_ANGLE = np.radians(30)
+"""Angle between two sides of a polyline above which the robot stops at their corner, rad.
+
+At a sharper corner, a spline would leave the polyline far. The joints are divided by their
+velocity limits first, which makes rad and m comparable.
 """
 BREAK_OFFSET = 1e-4
-"""Distance of a grid point from the break of a motion beside it, as a share of the piece."""
+"""Distance of a grid point from the break of a motion beside it, as a share of the piece.
+
+q'' jumps at a break, so it must not be evaluated there.
+"""
 
 
 @record
 class PathSamples:
-    """Joint positions q (n, 4) and their first two derivatives dq, ddq by s (n, 4), at s (n,)."""
+    """Joint positions and their derivatives at n values of the path parameter."""
 
     s: Array
+    """Path parameters, (n,)."""
     q: Array
+    """Joint positions, (n, 4), rad and m."""
     dq: Array
+    """First derivatives q' = dq/ds, (n, 4)."""
     ddq: Array
+    """Second derivatives q'' = d²q/ds², (n, 4)."""
 
 
 class JointPath(ABC):
@@ -58,18 +70,26 @@ class JointPath(ABC):
     """
 
     mechanism: Mechanism
+    """Geometry of the robot."""
 
     @abstractmethod
     def sample(self, s: Array) -> PathSamples:
-        """Evaluate the joint positions and their first two derivatives by s, at n values s (n,)."""
+        """Evaluate the joint positions and their first two derivatives with respect to s.
+
+        Parameters
+        ----------
+        s : (n,) array
+            Path parameters from 0 to 1.
+        """
 
     @property
     @abstractmethod
     def directions(self) -> tuple[Array, Array]:
         """Reversals of the joints, as two arrays.
 
-        The first contains knots s_k (m + 1,) from 0 to 1, between which no joint reverses. The
-        second contains the signs of q'(s) between them, (m, 4), which are 0 for a joint at rest.
+        The first array contains the knots (m + 1,): values of s from 0 to 1 between which no joint
+        reverses. The second contains the signs of q' between the knots, (m, 4), which are 0 for a
+        joint at rest. Friction acts against these directions.
         """
 
     @cached_property
@@ -79,10 +99,7 @@ class JointPath(ABC):
 
     @property
     def breaks(self) -> Array:
-        """Values of s between which the path is smooth, (k + 1,).
-
-        They are knots of `directions`.
-        """
+        """Values of s between which the path is smooth, (k + 1,). All of them are knots too."""
         return np.array([0.0, 1.0])
 
     @property
@@ -91,21 +108,34 @@ class JointPath(ABC):
         return MIN_GRID_INTERVALS
 
     def speed_at(self, s: float, qd: Array) -> float:
-        """Return ṡ in 1/s with which joints move at velocities qd (4,) along the path, at s."""
+        """Return ds/dt at which the joints have given velocities on the path, 1/s.
+
+        Parameters
+        ----------
+        s : float
+            Path parameter.
+        qd : (4,) array
+            Joint velocities, which point along the path.
+        """
         if not qd.any():
             return 0.0
         slope = self.sample(np.array([s])).dq[0]
         return float(slope @ qd / (slope @ slope))
 
     def find_reversal(self, joint: int, low: float, high: float) -> float:
-        """Return the value of s at which a joint reverses.
+        """Find the value of s at which a joint reverses.
 
-        It lies between `low` and `high`, at which q' of the joint must have different signs.
+        Parameters
+        ----------
+        joint : int
+            Index of the joint.
+        low, high : float
+            Values of s at which q' of the joint has different signs.
         """
         return find_sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
     def smooth_directions(self, watched: tuple[int, ...]) -> tuple[Array, Array]:
-        """Find the reversals of a path that is smooth between its breaks, see `directions`.
+        """Find the reversals of a path that is smooth between its breaks, as in `directions`.
 
         Parameters
         ----------
@@ -148,7 +178,7 @@ class ClosedPath(JointPath):
     first: Array
     """Joint positions at s = 0, (4,). They determine the whole turns of the revolute joints."""
     driven: tuple[int, ...]
-    """Joints whose reversals matter, because they have a drive."""
+    """Indices of the joints with a drive. Only their reversals matter, because of friction."""
 
     @abstractmethod
     def _derivatives(self, s: Array) -> tuple[Array, ...]:
@@ -186,9 +216,9 @@ class StraightPath(ClosedPath):
 
     mechanism: Mechanism
     start: Array
-    """Task coordinates (roll, tilt, spin, depth), (4,)."""
+    """Task coordinates roll, tilt, spin (rad) and depth (m) at s = 0, (4,)."""
     end: Array
-    """Task coordinates roll, tilt, spin (rad) and depth (m) at both ends, (4,) each."""
+    """Task coordinates at s = 1, (4,)."""
     branch: int
     first: Array
     driven: tuple[int, ...] = (0, 1, 2, 3)
@@ -204,10 +234,10 @@ class StraightPath(ClosedPath):
 
 @lru_cache(maxsize=16)
 def _line_function(mechanism: Mechanism, branch: int) -> ca.Function:
-    """Build the CasADi Function that evaluates a line in task coordinates.
+    """Build the CasADi function that evaluates a line in task coordinates.
 
-    Its arguments are s, and the start and displacement as one vector (8,). It returns the joint
-    positions q up to whole turns, and q' and q'' by s.
+    Its arguments are s, and a vector (8,) of the task coordinates at the start and of the
+    displacement to the end. It returns the joint positions q except for whole turns, q' and q''.
     """
     s, parameters = ca.SX.sym("s"), ca.SX.sym("parameters", 8)
     task = parameters[:4] + s * parameters[4:]
@@ -293,7 +323,8 @@ def _tip_curve_function(mechanism: Mechanism, branch: int) -> ca.Function:
 def find_sign_change(function: Callable[[Array], Array], low: float, high: float) -> float:
     """Find the root of a function between two points at which it has different signs.
 
-    The interval is sampled, and the first part with a change of sign becomes the next interval.
+    In each round, the interval is sampled, and the first part with a change of sign becomes the
+    next interval. The function takes arrays, so a round is one call.
 
     Parameters
     ----------
@@ -315,7 +346,8 @@ def find_sign_change(function: Callable[[Array], Array], low: float, high: float
 def add_knots(knots: Array, candidates: Iterable[float]) -> Array:
     """Return knots (k,) and the candidates that are not near any other knot, sorted.
 
-    A candidate is near a knot if it is less than `EQUALITY_TOLERANCE` away. Joints that reverse together thus give one knot.
+    A candidate is near a knot if it is less than `EQUALITY_TOLERANCE` away. Joints that reverse
+    together thus give one knot.
     """
     for knot in sorted(candidates):
         if np.abs(knots - knot).min() > EQUALITY_TOLERANCE:
@@ -327,9 +359,9 @@ def add_knots(knots: Array, candidates: Iterable[float]) -> Array:
 class MotionPath(JointPath):
     """The path of an existing motion, q(s) with s = t / duration.
 
-    The path consists of the polynomials of the motion, so the motion itself has ṡ = 1 / duration.
-    Where all joints rest, q' is 0 but ṡ is not. A new timing therefore begins and ends with the ṡ
-    of the motion.
+    It serves to give the motion a new timing. The path consists of the polynomials of the motion,
+    so the motion itself has ṡ = ds/dt = 1 / duration. Where all joints rest, q' is 0 but ṡ is not.
+    A new timing therefore begins and ends with the ṡ of the motion.
     """
 
     mechanism: Mechanism
@@ -350,10 +382,15 @@ class MotionPath(JointPath):
         return self.knots, self.signs
 
     def grid(self, points: int) -> Array:
-        """Return a grid of about `points` values of s from 0 to 1.
+        """Return a grid of values of s from 0 to 1 for TOPP-RA.
 
         q'' jumps at the breaks of the motion. A grid point therefore lies close to each side of
         every break, and the others lie between the breaks.
+
+        Parameters
+        ----------
+        points : int
+            Approximate number of grid points.
         """
         breaks = self.trajectory.breaks / self.trajectory.duration
         remaining = max(points - 2 * (len(breaks) - 1), 0)
@@ -413,8 +450,8 @@ def joint_starts(
 class SplinePath(JointPath):
     """The natural cubic spline through given joint positions.
 
-    s is the length of the polyline through the points up to s, as a share of its whole length. The
-    joints are divided by `scale` first. No two consecutive points may be equal.
+    At each point, s is the length of the polyline up to this point, as a share of its whole length.
+    The joints are divided by `scale` first. No two consecutive points may be equal.
     """
 
     mechanism: Mechanism
@@ -478,7 +515,7 @@ class SplinePath(JointPath):
 
     @property
     def deviation_from_lines(self) -> Array:
-        """Largest deviation of each joint from the lines between the points, (4,), rad and m."""
+        """Largest deviation of each joint from the polyline through the points, (4,), rad and m."""
         count = len(self.points) - 1
         share = np.linspace(0.0, 1.0, INTERVALS_PER_POINT * count + 1)
         s = np.interp(share, np.linspace(0.0, 1.0, count + 1), self.nodes)
@@ -489,9 +526,9 @@ class SplinePath(JointPath):
 def split_at_corners(points: Array, scale: Array) -> list[Array]:
     """Split a sequence of points at corners that a smooth curve cannot follow.
 
-    The angle at such a corner is larger than `CORNER_ANGLE`. The point at the corner belongs to
-    both parts. Of points that are less than `EQUALITY_TOLERANCE` apart, one is kept, because their
-    direction is noise.
+    The directions before and after such a corner differ by more than `CORNER_ANGLE`. The point at
+    the corner belongs to both parts. Of points that are less than `EQUALITY_TOLERANCE` apart, one
+    is kept, because the direction between them is noise.
 
     Parameters
     ----------

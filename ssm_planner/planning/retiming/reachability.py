@@ -1,4 +1,4 @@
-"""The backward and the forward pass of TOPP-RA.
+"""The backward and the forward pass of TOPP-RA, which find the fastest motion on a grid.
 
 On the interval from grid point s_i to s_{i+1} of length Δ, let x = ṡ² at its start, w = ṡ² at its
 end, and s̈ = (w − x) / 2Δ. The constraints a s̈ + b ṡ² + c ≤ 1 at both ends become p x + q w ≤ r.

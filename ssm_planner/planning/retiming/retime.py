@@ -1,9 +1,10 @@
 """TOPP-RA: the fastest motion along a given path, with friction as exact linear constraints.
 
-constraints.py formulates the constraints, and reachability.py computes one pass over them. The
-viscous terms are concave in ṡ². Each pass replaces them by their tangents at the motion of the
-previous pass. A tangent overestimates its term, so every pass gives a feasible motion, and the
-motion of the next pass is not slower.
+`retime` is the main entry. constraints.py formulates the constraints at the points of a grid, and
+reachability.py computes the fastest motion within linear constraints, which this module calls one
+pass. The terms of viscous friction are concave in ṡ², with the speed ṡ = ds/dt along the path. Each
+pass replaces them by their tangents at the motion of the previous pass. A tangent overestimates its
+term, so every pass gives a feasible motion, and the motion of the next pass is not slower.
 
 Source: H. Pham, Q.-C. Pham, A New Approach to Time-Optimal Path Parameterization based on
 Reachability Analysis, IEEE T-RO 34(3), 2018, and its interpolation scheme.
@@ -28,13 +29,22 @@ from ssm_planner.trajectory import Samples, Trajectory, hermite
 from ssm_planner.typing import Array, Indices, record
 
 UNIFORM_WEIGHT = 0.1
-"""Weight of uniform steps in s for the grid. The rest of the weight is on uniform steps in time."""
+"""Weight of uniform steps in s for the grid. The rest of the weight is on uniform steps in time.
+
+Without it, a fast part of the motion would have too few grid points.
+"""
 MAX_PASSES = 12
-"""Largest number of passes."""
+"""Largest number of passes. A test with strong viscous friction needs ten."""
 MAX_SPEED_RATIO = 10.0
-"""Largest ratio of ṡ after retiming to ṡ of the existing motion."""
+"""Largest ratio of ṡ after retiming to ṡ of the existing motion.
+
+It bounds ṡ where all joints rest, because no limit of a joint does so there.
+"""
 TANGENT_REDUCTION = 1 / 16
-"""Factor on the ṡ² of the tangents after a pass without a feasible motion."""
+"""Factor on the ṡ² of the tangents after a pass without a feasible motion.
+
+The speed of the tangents thus falls to a quarter.
+"""
 FAILURE = "TOPP-RA finds no motion along the path within the limits"
 """Message of a retiming without a motion."""
 
@@ -44,11 +54,12 @@ class Retiming:
     """Result of TOPP-RA: the timing of a path on a grid with n intervals."""
 
     s: Array
+    """Path parameters at the grid points, (n + 1,)."""
     speed_squared: Array
-    """Path parameters s and ṡ² (1/s²) at the grid points, (n + 1,) each. ṡ² is 0 without a motion.
-    """
+    """ṡ² = (ds/dt)² at the grid points, (n + 1,), 1/s². All are 0 if there is no motion."""
     active: Indices
-    """Index of the constraint that binds on each interval, (n,), see `LinearConstraints.active`."""
+    """Index of the constraint that binds on each interval, (n,), from `LinearConstraints.active`.
+    """
 
     @property
     def solved(self) -> bool:
@@ -110,7 +121,7 @@ def retime(
 
 
 def holds_tip_speed(retiming: Retiming, path: JointPath, speed: float) -> bool:
-    """Return True if a motion reaches a speed of the tip and then keeps it until it slows down.
+    """Return True if the tip reaches a speed once and keeps it until it slows down.
 
     Parameters
     ----------
@@ -119,7 +130,7 @@ def holds_tip_speed(retiming: Retiming, path: JointPath, speed: float) -> bool:
     path : JointPath
         Its path.
     speed : float
-        Speed of the tip, m/s. The motion is never faster.
+        Speed of the tip, m/s. The motion is never faster, because this speed was its limit.
     """
     samples = path.sample(retiming.s)
     tip_speed = tool_speed(TipSpeed, path.mechanism, samples.q, samples.dq) * np.sqrt(
@@ -134,7 +145,8 @@ def retime_motion(
 ) -> Retiming:
     """Compute the time-optimal motion along the path of an existing motion by TOPP-RA.
 
-    The result takes about as long as the existing motion, or less if that was not optimal.
+    The planner calls it to slow a free motion down within a limit on the distance to stop. Without
+    such a limit, the result takes at most about as long as the existing motion.
 
     Parameters
     ----------
@@ -175,7 +187,7 @@ def keeps_limits(path: MotionPath, robot: Robot, limits: TaskLimits) -> bool:
 
 
 def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
-    """Return a motion with the timing of `retime_motion`, as quintics between grid points.
+    """Return the motion with the timing of `retime_motion`, as a polynomial on each grid interval.
 
     Two grid points lie beside every break of the path. They become one point on the break, at which
     the acceleration may jump.
