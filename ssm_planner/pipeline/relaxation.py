@@ -146,6 +146,7 @@ class ReducedRates(Relaxation):
         return f"{self.end} of {self._text(value)} instead of {self._text(1.0)}"
 
     def _text(self, share: float) -> str:
+        """Return the rates multiplied by a factor, as they are written in a problem file."""
         entries = []
         for name, rate in self.rates.items():
             unit, scale = display_unit("m/s" if name == "depth" else "rad/s")
@@ -261,10 +262,22 @@ def find_relaxation(
 
 
 def changes_of_limits(problem: Problem, relaxed: Problem) -> dict[float, tuple[str, Problem]]:
-    """Return changes of the limits in which a relaxed problem differs, by share.
+    """Return multiples of the changes by which a relaxed problem differs from a problem.
 
-    The shares are those of `OFFERED_SHARES`. Each change is described in words, with the problem
-    that it gives. Shares that a limit cannot follow are left out. Durations are not changed.
+    The page of a failed plan offers them. Shares that a limit cannot follow are left out. Durations
+    are not changed.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem without a motion.
+    relaxed : Problem
+        The problem with the smallest change of its limits that gives a motion.
+
+    Returns
+    -------
+    dict
+        For each of `OFFERED_SHARES`, the changes in words and the problem that they give.
     """
     pairs = zip(problem.all_limits, relaxed.all_limits, strict=False)
     moved = [(a, b) for a, b in pairs if a != b and a.key == b.key]
@@ -363,6 +376,7 @@ class _RelaxationSearch:
         """
 
         def attempt(share: float) -> TriedRelaxation:
+            """Try a share of the change."""
             self.work.spent += TRIAL_WORK
             return _try_relaxation(relaxation, relaxation.value(share), plan)
 
@@ -381,9 +395,21 @@ class _RelaxationSearch:
         return lower, upper, result
 
     def smallest_change_of_limit(self, relaxation: Relaxation) -> TriedRelaxation | None:
-        """Return the smallest change of one limit that gives a motion. None if it cannot change.
+        """Find the smallest change of one limit that gives a motion.
 
-        The search begins at the change that the reason of the failure asks for.
+        The search begins at the change that the reason of the failure asks for, and continues with
+        multiples of this change (`CHANGE_FACTORS`).
+
+        Parameters
+        ----------
+        relaxation : Relaxation
+            The limit with the bound that the reason asks for.
+
+        Returns
+        -------
+        TriedRelaxation or None
+            The smallest change that gives a motion, or the last one that was tried. None if the
+            limit cannot have such a bound.
         """
         limit, growth = (
             relaxation.limit,
@@ -397,9 +423,21 @@ class _RelaxationSearch:
         )
 
     def smallest_joint_change(self, relaxation: Relaxation) -> TriedRelaxation | None:
-        """Return the smallest change of one limit that gives a motion.
+        """Find the smallest change of one limit, or of several together, that gives a motion.
 
-        If another limit prevents the motion after this change, that limit is changed as well.
+        If another limit prevents the motion after the first change, that limit is changed as well,
+        and so on until there is a motion or the work budget is spent.
+
+        Parameters
+        ----------
+        relaxation : Relaxation
+            The first limit with the bound that the reason asks for.
+
+        Returns
+        -------
+        TriedRelaxation or None
+            The last change, with the others in its field `combined`. Without a motion, the first
+            change alone. None if the first limit cannot have such a bound.
         """
         initial = attempt = self.smallest_change_of_limit(relaxation)
         descriptions: dict[tuple[Any, ...], str] = {}
@@ -428,9 +466,19 @@ class _RelaxationSearch:
 
 
 def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> TriedRelaxation:
-    """Return a attempt with the outcome of the changed problem.
+    """Plan a problem with a changed limit, and return the outcome.
 
-    The problem may forbid the change. TOPP-RA, for example, supports no duration.
+    The problem may forbid the change. For example, the planner `toppra` supports no requested
+    duration. The outcome is a reason then.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+        The change.
+    value : float
+        Value of the change, as it is printed.
+    plan : callable
+        Plans a problem. Returns the duration of its motion or a reason.
     """
     try:
         outcome = plan(relaxation.problem(value))
@@ -440,7 +488,20 @@ def _try_relaxation(relaxation: Relaxation, value: float, plan: Planner) -> Trie
 
 
 def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
-    """Return the relaxation of the limit in a reason, or None if a change of it does not help."""
+    """Return the relaxation of the limit that a reason names.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem without a motion.
+    reason : Reason
+        Reason of the failure, with the required and the available value.
+
+    Returns
+    -------
+    Relaxation or None
+        None if the reason names no limit, or one that cannot be relaxed.
+    """
     if reason.limit is None or reason.required is None or reason.available is None:
         return None
     limit = problem.limit(*reason.limit.key) or reason.limit
@@ -450,7 +511,11 @@ def relaxation_for(problem: Problem, reason: Reason) -> Relaxation | None:
 
 
 def all_relaxations(problem: Problem) -> Iterator[Relaxation]:
-    """Yield relaxations of all limits that may be to blame, joints first, then the tool."""
+    """Yield relaxations of all limits of a problem, joints first, then the tool.
+
+    They serve if the reason of a failure names no limit. Each limit states the bounds to try
+    (`Limit.trials`).
+    """
     of_joints = (limit for joint in problem.robot.joints for limit in reversed(joint.limits))
     others = (limit for limit in problem.limits if limit not in problem.speeds)
     for limit in (*of_joints, *problem.speeds, *others):

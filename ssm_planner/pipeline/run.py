@@ -69,8 +69,11 @@ def _renamed(**names: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Return a decorator that also accepts old names of arguments, `old=new`, with a warning."""
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        """Return the function with the additional names of its arguments."""
+
         @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> T:
+            """Replace old names of arguments and call the function."""
             for old, new in names.items():
                 if old in kwargs:
                     warn(f"{old}= is now {new}=", DeprecationWarning, stacklevel=2)
@@ -277,7 +280,20 @@ class Replanner:
         return plan(with_fast_planner(there), relaxations=False)
 
     def _motions_to(self, target: Point) -> tuple[Motion, ...]:
-        """Return the motion list with another target."""
+        """Return the motion list of the problem with another target of its last motion.
+
+        Parameters
+        ----------
+        target : Point
+            Target of the last motion that has one. Task coordinates that it omits keep their
+            values.
+
+        Raises
+        ------
+        ProblemError
+            If no motion has a target, or if the target of a straight motion is not given in task
+            coordinates.
+        """
         motions = list(self.problem.motion)
         has_target = [isinstance(entry, (Straight, Free)) for entry in motions]
         if not any(has_target):
@@ -362,7 +378,11 @@ def _complete_point(base: Point, point: Point) -> Point:
 
 
 def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
-    """Return the duration without ranges of friction and payload, if there are any, s."""
+    """Return the duration of the motion without ranges of friction and payload, s.
+
+    The report compares it with the duration of the plan, to show what the ranges cost. Returns None
+    if the problem has no such range.
+    """
     if problem.friction is None and problem.payload is None:
         return None
     progress(Step("for comparison without the range"))
@@ -371,7 +391,17 @@ def _nominal_duration(problem: Problem, progress: Progress) -> float | None:
 
 
 def _summaries(problem: Problem, result: PlannerResult) -> tuple[PhaseSummary, ...]:
-    """Return the summaries of the phases, with the measured deviations from their paths."""
+    """Return the summaries of all planned phases for plan.json and the report.
+
+    They contain the deviations of the motion from its corners and its constant speeds.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    result : PlannerResult
+        Result of the planner. Without a complete motion, no deviations are measured.
+    """
     if result.trajectory is None:
         return tuple(_summary(phase, None) for phase in result.phases)
     mechanism = Mechanism.from_robot(problem.robot)
@@ -396,6 +426,7 @@ def _summary(phase_result: PlannedPhase, promise: PromiseResult | None) -> Phase
     """
     phase = phase_result.phase
     confirmation = phase_result.motion.confirmation
+    # The interval in which the tip keeps a constant speed, s, and the relative error there.
     start, end, error = (promise and promise.constant_speed_span) or (None, None, None)
     return PhaseSummary(
         name=phase.motion.name,
@@ -558,6 +589,7 @@ def plan_to_folder(
     """
 
     def draw(trajectory: Trajectory) -> None:
+        """Draw a motion in the other process while this process checks it."""
         if drawer is not None:
             if problem.planner == "optimal":
                 drawer.judge(trajectory, problem)
@@ -566,6 +598,7 @@ def plan_to_folder(
     changes: list[tuple[str, float]] = []
 
     def relax_further(relaxed: Problem) -> None:
+        """Collect larger changes of the limits for the page of a failed plan."""
         changes.extend(_larger_changes(problem, relaxed))
 
     result = plan(problem, progress, draw, stoppable=True, on_relaxation=relax_further)

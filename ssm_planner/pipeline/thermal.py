@@ -64,6 +64,7 @@ class ThermalSearch:
     """Plans and checks a problem with weights of the motors' heat, (4,)."""
 
     def __post_init__(self) -> None:
+        """Begin with the motion without any weight of heat."""
         self.hot = set(self.initial.hot_joints)
         """Names of the joints whose motors were too hot in any motion."""
         self.best = 0.0, self.initial
@@ -211,29 +212,31 @@ def _find_smallest_cool(
     tuple or None
         None if no number gives a cool motion, or if the excess has stopped falling by GAP.
     """
-    lower, over = 0.0, hottest.excess_heat or 0.0
+    # The root lies between `lower`, whose motion has the excess `excess_at_lower` > 0, and `upper`,
+    # whose motion stays below the allowed heat by the share `margin_at_upper` ≥ 0.
+    lower, excess_at_lower = 0.0, hottest.excess_heat or 0.0
     for upper in numbers:
         outcome = motion(upper)
         if outcome.passed:
             break
         excess = outcome.excess_heat
-        if excess is None or (lower and abs(excess - over) <= GAP):
+        if excess is None or (lower and abs(excess - excess_at_lower) <= GAP):
             return None
-        lower, over = upper, excess
+        lower, excess_at_lower = upper, excess
     else:
         return None
-    under, last = -(outcome.excess_heat or 0.0), ""
+    margin_at_upper, last = -(outcome.excess_heat or 0.0), ""
     while upper - lower > GAP and -(outcome.excess_heat or 0.0) > GAP:
-        share = float(np.clip(over / (over + under), 0.02, 0.98))
-        middle = lower + share * (upper - lower)
+        secant = excess_at_lower / (excess_at_lower + margin_at_upper)
+        middle = lower + float(np.clip(secant, 0.02, 0.98)) * (upper - lower)
         trial = motion(middle)
-        # The Illinois method halves the value of an end that stays twice.
+        # The Illinois method halves the value of an end of the interval that stays twice.
         if trial.passed:
-            upper, outcome, under = middle, trial, -(trial.excess_heat or 0.0)
-            over, last = over / (2 if last == "cool" else 1), "cool"
+            upper, outcome, margin_at_upper = middle, trial, -(trial.excess_heat or 0.0)
+            excess_at_lower, last = excess_at_lower / (2 if last == "cool" else 1), "cool"
         else:
-            lower, over = middle, trial.excess_heat or over
-            under, last = under / (2 if last == "hot" else 1), "hot"
+            lower, excess_at_lower = middle, trial.excess_heat or excess_at_lower
+            margin_at_upper, last = margin_at_upper / (2 if last == "hot" else 1), "hot"
     return upper, outcome
 
 

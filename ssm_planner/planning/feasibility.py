@@ -74,7 +74,7 @@ class _PhaseSamples:
         return cls(phase, phase.path.coarse_samples.s, phase.path.coarse_samples.q)
 
     def location(self, k: int) -> str:
-        """Describe the place of sample k in words, for messages."""
+        """Describe the place of sample k on the motion in words, for messages."""
         name, s = self.phase.motion.name, float(self.s[k])
         if s in (0.0, 1.0):
             return f"{name}, at its {'end' if s else 'start'}"
@@ -339,7 +339,13 @@ def with_end_velocities(
 ) -> tuple[tuple[Phase, ...], Reason | None]:
     """Return the phases with the joint velocities at the start and at the end of the motion.
 
-    They follow from the task rates in the problem.
+    The velocities follow from the rates of task coordinates in the problem (`start_rate`,
+    `end_rate`).
+
+    Parameters
+    ----------
+    phases : tuple of Phase
+        All phases of the problem, without velocities.
 
     Returns
     -------

@@ -517,8 +517,14 @@ def _peak_speed_without_cruise(
     """Return the peak velocity v of the motion from rest to rest that does not cruise.
 
     The distance d is v T, with the time T in which the velocity rises to v. If the acceleration
-    reaches its limit a, T = v/a + a/j with the jerk limit j. Otherwise T = 2 √(v/j). All arguments
-    broadcast, and the result has their shape (…).
+    reaches its limit a, T = v/a + a/j with the jerk limit j. Otherwise T = 2 √(v/j).
+
+    Parameters
+    ----------
+    distance : array
+        Distances d ≥ 0, rad or m.
+    acceleration, jerk : array or float
+        Limits a and j. All arguments broadcast.
     """
     limit_speed = acceleration**2 / jerk
     speed = (np.sqrt(limit_speed**2 + 4 * acceleration * distance) - limit_speed) / 2

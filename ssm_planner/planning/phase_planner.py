@@ -252,9 +252,11 @@ class PhasePlanner:
         """
 
         def with_tip_speed(limit_speed: float) -> "PhasePlanner":
+            """Return a copy whose problem limits the speed of the tip."""
             return self.with_problem(limits=(*self.problem.limits, TipSpeed(limit_speed)))
 
         def is_feasible(limit_speed: float) -> bool:
+            """Return True if the tip keeps a limit of its speed as its constant speed."""
             limits = with_tip_speed(limit_speed).problem.task_limits
             robot = with_margin(self.strict, GRID_MARGIN)
             retiming = retime(path, robot, limits)

@@ -95,6 +95,7 @@ def plan_motion(
     work = work or Work()
 
     def planner(phase: Phase) -> PhasePlanner:
+        """Return the planner of one phase."""
         return PhasePlanner(strict, phase, cooling, may_reverse=may_reverse, work=work)
 
     phases, reason = feasible_phases(problem)

@@ -197,8 +197,14 @@ class _ViaVelocityProblem:
     def without_idle_velocities(self, speeds: Array) -> Array:
         """Return the velocities (n − 1, 4) at via points without those that save almost no time.
 
-        Each velocity forces a reversal. They are set to 0 one after the other, the smallest ones
-        first, if the duration then grows by less than the share `IDLE_TOLERANCE` in all.
+        Each velocity forces a reversal. The velocities are set to 0 one after the other, the
+        smallest ones first, as long as the duration grows by less than the share `IDLE_TOLERANCE`
+        in all.
+
+        Parameters
+        ----------
+        speeds : (n − 1, 4) array
+            Joint velocities at the via points.
         """
         result = speeds.copy()
         longest = (1 + IDLE_TOLERANCE) * self.duration(speeds)

@@ -88,16 +88,25 @@ class JointsPlanner:
         return self.motion.spin_free and self.target[1] == len(self.motion.through)
 
     def known_duration(self, phase: Phase) -> float:
-        """Return the duration of a phase if the best motion contains it, else its bound, s."""
+        """Return the duration of a phase if the best motion contains it, or else its bound, s.
+
+        Phases that do not depend on the joints at the target appear unchanged in the best motion,
+        so their durations are better than lower bounds.
+
+        Parameters
+        ----------
+        phase : Phase
+            A phase of the problem with other joints at the target.
+        """
         bound = phase.minimum_duration
         if self.best is None or phase.motion.duration is not None or phase.is_at_rest:
             return bound
-        same = (
+        durations_of_same_phase = (
             item.duration
             for item in self.best.phases
             if item.phase.motion is phase.motion and np.array_equal(item.phase.points, phase.points)
         )
-        return next(same, bound)
+        return next(durations_of_same_phase, bound)
 
     def joints(self) -> list[Array]:
         """Return all joint positions (4,) that reach the target, except those of the phase.
@@ -225,10 +234,19 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     def _feasible_candidate(
         cls, planner: JointsPlanner, q: Array, *, only_spin_differs: bool = False
     ) -> "Iterator[OtherJoints]":
-        """Yield the candidate with joints q (4,) if it is feasible and may be shorter.
+        """Yield the candidate with given joints if it is feasible and may be shorter.
 
         Its bound is the sum over the phases: the known duration of a phase that is already planned,
         and the lower bound of every other phase.
+
+        Parameters
+        ----------
+        planner : JointsPlanner
+            The target and the planner of the problem.
+        q : (4,) array
+            Joint positions at the target, rad and m.
+        only_spin_differs : bool
+            True if joints that differ only in the spin were tried before.
         """
         start = Joints.from_array(planner.phases[0].q_start)
         problem = _replace_target(unchecked_copy(planner.problem, start=start), *planner.target, q)
@@ -247,10 +265,19 @@ class OtherJoints(Candidate[JointsPlanner, MissionMotion]):
     def _candidates_with_other_spins(
         cls, planner: JointsPlanner, q: Array, motion: MissionMotion
     ) -> "Iterator[OtherJoints]":
-        """Yield three spins between those at which the motion to joints q (4,) may become faster.
+        """Yield three spins between those at which the motion to given joints may become faster.
 
-        Durations of the other joints depend on joint 3 only through their load, so a coarse search
-        suffices.
+        These are the spins whose lower bound is below the known duration. The durations of the
+        other joints depend on joint 3 only through their load, so a coarse search suffices.
+
+        Parameters
+        ----------
+        planner : JointsPlanner
+            The target and the planner of the problem.
+        q : (4,) array
+            Joint positions at the target, rad and m.
+        motion : MissionMotion
+            The certified motion with these joints.
         """
         durations = (
             item.duration for item in motion.phases if np.array_equal(item.phase.points[-1], q)

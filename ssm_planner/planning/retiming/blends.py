@@ -84,11 +84,6 @@ class BlendedPath(JointPath):
         return rates * breaks[-1], breaks / breaks[-1]
 
     @property
-    def _piece_rates(self) -> Array:
-        """Rates (p,) at which the parameters of the p pieces grow with s."""
-        return self._rates_and_breaks[0]
-
-    @property
     def breaks(self) -> Array:
         """Values of s at the ends of the p pieces and of the roundings, (2 p,)."""
         return self._rates_and_breaks[1]
@@ -103,7 +98,7 @@ class BlendedPath(JointPath):
         s : (n,) array
             Parameters of the whole path.
         """
-        rate, start = self._piece_rates[k], self.cuts[k - 1, 1] if k else 0.0
+        rate, start = self._rates_and_breaks[0][k], self.cuts[k - 1, 1] if k else 0.0
         samples = self.pieces[k].sample(start + rate * (s - self.breaks[2 * k]))
         return np.stack([samples.q, rate * samples.dq, rate**2 * samples.ddq])
 
