@@ -1,4 +1,4 @@
-"""Motions that avoid the retina or the lens: the tool is drawn back, swings, and is inserted again."""
+"""Motions around the retina or the lens: the tool is drawn back, swings, and is inserted again."""
 
 from collections.abc import Iterator
 from typing import ClassVar
