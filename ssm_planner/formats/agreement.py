@@ -1,9 +1,10 @@
 """Compare an export folder with the content that follows from its motion.
 
-The same functions compute the files and the entries of the manifest for an export and for its
-reader. The export computes them from a plan, and the reader from the motion that it has read. A
-changed file or entry therefore disagrees with the motion, even if somebody also updated the hashes
-in the manifest.
+A reader of an export must notice when somebody edited one of its files. The hashes in the manifest
+do not suffice, because they can be updated as well. Therefore, the functions that compute the files
+and the entries of the manifest serve both the export and its reader: The export applies them to the
+plan, and the reader applies them to the motion that it has read. A changed file or entry then
+disagrees with the motion. The main function is `check_export_content`.
 """
 
 import csv
@@ -27,32 +28,45 @@ EXPLANATORY_KEYS = frozenset(
 )
 """Keys and columns that only explain the export to a reader. Controllers ignore them."""
 RELATIVE_TOLERANCE = 1e-10
+"""Relative difference up to which two numbers count as equal."""
 ABSOLUTE_TOLERANCE = 1e-11
-"""Differences up to which two numbers count as equal, because machines round differently."""
+"""Absolute difference up to which two numbers count as equal, because machines round differently.
+"""
 DECIMAL_NUMBER = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
-"""Numbers with a decimal point in a text. All other text must be the same."""
+"""Pattern of a number with a decimal point in a text. All other text must be the same."""
 DURATION_TOLERANCE = 1e-8
-"""Rounding error of a duration, s."""
+"""Largest rounding error of a duration in a manifest, s."""
 
 
 @record
 class ExportContent:
-    """The part of an export folder that follows from its motion.
+    """Part of an export folder that follows from its motion: files, and entries of the manifest.
 
-    An export writes it. A reader derives it again from the motion that it has read, and compares it
-    with the folder (`check_export_content`).
+    An export writes this content. A reader derives it again from the motion that it has read, and
+    compares it with the folder (`check_export_content`).
     """
 
     entries: JsonObject
     """Entries of the manifest."""
     files: Mapping[str, Iterable[str] | None]
-    """Text of each file by name, possibly in parts, which are used once.
+    """Text of each file by file name, as one text or as consecutive parts that are iterated once.
 
-    None if `check_export_content` does not compare the file.
+    The value is None for a file that `check_export_content` does not compare.
     """
 
     def write(self, folder: Path) -> JsonObject:
-        """Write the files, and return the entries."""
+        """Write the files that have a text into a folder.
+
+        Parameters
+        ----------
+        folder : Path
+            Existing folder. Files with the same names are replaced.
+
+        Returns
+        -------
+        dict
+            Entries of the manifest, so that a caller can write and add them in one step.
+        """
         for name, text in self.files.items():
             if text is not None:
                 with (folder / name).open("w", encoding="utf-8", newline="") as file:
@@ -61,14 +75,29 @@ class ExportContent:
 
 
 def file_name_suffix(manifest: JsonObject) -> str:
-    """Return the suffix that the names of all files in an export have."""
+    """Return the suffix in the names of all files of an export.
+
+    It is `UNVERIFIED_SUFFIX` unless the manifest states that the plan was verified.
+    """
     return "" if manifest.get("verified") is True else UNVERIFIED_SUFFIX
 
 
 def read_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
-    """Return the rate that a manifest states, Hz.
+    """Return the rate of the rows that a manifest states, Hz.
 
-    Raises TrajectoryError if the entry is not a number above 0 and up to `maximum`.
+    Parameters
+    ----------
+    folder : Path
+        Export folder, for messages.
+    manifest : dict
+        Content of the manifest.json of the folder.
+    maximum : float
+        Largest rate that the format allows, Hz.
+
+    Raises
+    ------
+    TrajectoryError
+        If the entry `rate_hz` is not a number above 0 and up to `maximum`.
     """
     rate = manifest.get("rate_hz")
     if isinstance(rate, (int, float)) and 0 < rate <= maximum:
@@ -77,7 +106,10 @@ def read_rate(folder: Path, manifest: JsonObject, maximum: float) -> float:
 
 
 def require_same_robot(folder: Path, manifest: JsonObject, robot: Robot) -> None:
-    """Raise TrajectoryError if a folder was exported for another robot."""
+    """Raise TrajectoryError if a folder was exported for another robot.
+
+    The name of the robot and the SHA-256 of its data must equal those in the manifest.
+    """
     expected = {"name": robot.name, "sha256": robot_hash(robot)}
     fault = first_difference(manifest.get("robot"), expected, "robot")
     if fault:
@@ -87,19 +119,23 @@ def require_same_robot(folder: Path, manifest: JsonObject, robot: Robot) -> None
 def check_export_content(
     folder: Path, manifest: JsonObject, content: ExportContent, duration: float
 ) -> None:
-    """Raise TrajectoryError if files or entries do not follow from the motion.
+    """Raise TrajectoryError if files or entries of an export do not follow from its motion.
+
+    The check has three parts. The entries of the manifest and its list of files must be those of
+    the content. The text of each file must equal the derived text, except for rounding and
+    explanations. The duration of the motion must be that of the exported plan.
 
     Parameters
     ----------
     folder : Path
-        The export folder.
+        Export folder.
     manifest : dict
-        Its manifest.
-    content : Content
+        Content of the manifest.json of the folder.
+    content : ExportContent
         Files and entries that follow from the motion.
     duration : float
-        Duration of the motion, s. A stream of set points may be longer than the plan by less than
-        one period.
+        Duration of the motion that was read, s. It may exceed that of the plan by less than one
+        interpolation period, because a stream of setpoints has a whole number of periods.
     """
     entries = {key: manifest.get(key) for key in content.entries}
     fault = first_difference(entries, content.entries, MANIFEST)
@@ -125,23 +161,23 @@ def check_export_content(
 
 
 def first_difference(actual: Any, derived: Any, location: str) -> str | None:
-    """Describe the first difference between a document and the derived document.
+    """Describe the first difference between a document and the document that it should equal.
 
-    Documents consist of the types of JSON. The keys in `EXPLANATORY_KEYS` are ignored. A missing
-    key
-    equals null. Numbers are equal within `RELATIVE_TOLERANCE` and `ABSOLUTE_TOLERANCE`.
+    Both documents consist of JSON types. The keys in `EXPLANATORY_KEYS` are ignored. A missing key
+    equals a key with the value null. Numbers are equal within `RELATIVE_TOLERANCE` and
+    `ABSOLUTE_TOLERANCE`.
 
     Parameters
     ----------
     actual, derived : JSON types
         The document in the folder, and the document that follows from the motion.
     location : str
-        Name of the document for the description.
+        Name of the document. The description starts with it.
 
     Returns
     -------
     str or None
-        The description, or None if the documents are equal.
+        Description of the first difference, or None if the documents are equal.
     """
     if isinstance(actual, dict) and isinstance(derived, dict):
         keys = sorted((actual.keys() | derived.keys()) - EXPLANATORY_KEYS)
@@ -156,7 +192,11 @@ def first_difference(actual: Any, derived: Any, location: str) -> str | None:
 
 
 def _nearly_equal(actual: Any, derived: Any) -> bool:
-    """Return True if two values are equal, with tolerances for numbers and numbers in texts."""
+    """Return True if two JSON values are equal, with tolerances for numbers.
+
+    The tolerances also apply to numbers with a decimal point within texts. The rest of two texts
+    must be the same, and values of different types are different.
+    """
     if isinstance(actual, str) and isinstance(derived, str):
         if DECIMAL_NUMBER.sub("", actual) != DECIMAL_NUMBER.sub("", derived):
             return False
@@ -169,7 +209,17 @@ def _nearly_equal(actual: Any, derived: Any) -> bool:
 
 
 def _without_explanations(text: str) -> list[Any]:
-    """Return the lines of a file, or the rows of a table, without comments and explanations."""
+    """Return the content of a text file without comments and explanations, for a comparison.
+
+    Comments are lines that start with "#". Explanations are the columns of a CSV table whose names
+    are in `EXPLANATORY_KEYS`.
+
+    Returns
+    -------
+    list of str, or list of lists of str
+        Lines of the file or, if it is a table with columns of explanations, the other cells of each
+        row.
+    """
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     columns = next(csv.reader(lines), [])
     explaining = [k for k, column in enumerate(columns) if column in EXPLANATORY_KEYS]

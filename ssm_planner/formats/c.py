@@ -1,7 +1,8 @@
 """Export a robot and its motion as C99 code.
 
-The code contains kinematics, dynamics and motor torques, and is intended for a control loop. It is
-generated from the CasADi expressions of this package, so no physical law is implemented twice.
+The generated code contains kinematics, dynamics, motor torques and the polynomials of the motion,
+and is intended for a control loop. `export_c` writes it. The code is generated from the CasADi
+expressions with which this package plans, so no physical law is implemented twice.
 """
 
 import math
@@ -44,8 +45,9 @@ from ssm_planner.verification import Certificate, end_velocities
 TEMPLATE_PACKAGE = "ssm_planner.formats"
 """Package that contains the templates."""
 ROBOT_FILE = "ssm_robot"
+"""Name of the files with the robot, without suffix and extension."""
 TRAJECTORY_FILE = "ssm_trajectory"
-"""Names of the files without suffix."""
+"""Name of the files with the motion, without suffix and extension."""
 UNITS = f"rad, m, N*m, N, s; joints in the order {', '.join(JOINTS)}"
 """Units of all quantities in the code."""
 LIMIT_TYPES: dict[str, type[Limit]] = {
@@ -55,7 +57,7 @@ LIMIT_TYPES: dict[str, type[Limit]] = {
     "motor_torque": MotorTorque,
     "motor_speed": MotorSpeed,
 }
-"""Limits of the joints in the code, by the name of their constant."""
+"""Classes of the joint limits in the code, by the part of the C constant that names them."""
 
 
 @record
@@ -119,13 +121,14 @@ def robot_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> t
     robot : Robot
         Robot whose data the code contains.
     remarks : sequence of str
-        Lines that are added to the comment at the beginning.
+        Lines that are added to the comment at the beginning of both files.
     suffix : str
-        Mark in the names of included files.
+        Text that marks unverified files. The source file includes a header with this suffix.
 
     Returns
     -------
     header, source : str
+        Text of the two files.
     """
     functions = c_functions(robot)
     limits = joint_limits(robot)
@@ -152,20 +155,22 @@ def robot_code(robot: Robot, remarks: Sequence[str] = (), suffix: str = "") -> t
 def trajectory_code(plan: Plan, remarks: Sequence[str] = (), suffix: str = "") -> tuple[str, str]:
     """Return the header and the source file of a plan's motion as C99 code.
 
-    The code contains the polynomials as constant tables, and a function that samples them.
+    The code contains the coefficients of the polynomials as constant tables, and a function that
+    evaluates them at a time.
 
     Parameters
     ----------
     plan : Plan
         Plan that is exported.
     remarks : sequence of str
-        Lines that are added to the comment at the beginning.
+        Lines that are added to the comment at the beginning of both files.
     suffix : str
-        Mark in the names of included files.
+        Text that marks unverified files. The source file includes headers with this suffix.
 
     Returns
     -------
     header, source : str
+        Text of the two files.
     """
     motion = plan.motion
     moves = np.abs(end_velocities(motion)) > REST_SPEED
@@ -186,9 +191,13 @@ def _c_literals(values: Array) -> Any:
 
 
 def joint_limits(robot: Robot) -> dict[str, list[float]]:
-    """Return the limits of the four joints by name of the C constant, in SI units.
+    """Return the limits of the four joints in SI units.
 
-    The value of a limit that a joint does not have is infinity.
+    Returns
+    -------
+    dict of lists of 4 floats
+        Limits in the order of the joints, by the name of the C constant, such as
+        "ssm_velocity_max". Infinity stands for a limit that a joint does not have.
     """
 
     def limit(joint: Joint, limit_type: type[Limit]) -> float:
@@ -206,7 +215,15 @@ def joint_limits(robot: Robot) -> dict[str, list[float]]:
 
 
 def _render_files(template: str, values: dict[str, Any]) -> tuple[str, str]:
-    """Return the header and the source file of a template."""
+    """Return the header and the source file that result from two templates.
+
+    Parameters
+    ----------
+    template : str
+        Common name of the templates without their extensions .h and .c.
+    values : dict
+        Values of the variables in the templates, by name.
+    """
     templates = environment(TEMPLATE_PACKAGE, escape=False)
     header = render_template(templates, f"{template}.h", **values)
     source = render_template(templates, f"{template}.c", **values)
@@ -226,15 +243,19 @@ def _file_comment(robot: Robot, remarks: Sequence[str]) -> str:
 
 
 def comment_safe_text(name: str) -> str:
-    """Return a name without the characters that could end a C comment or its line."""
+    """Return a name without the characters that could end a C comment or its line.
+
+    Names come from files of users. A name that contains "*/" would otherwise end the comment, so
+    that the rest of the name would be compiled.
+    """
     return one_line(name, without="*/\\?")
 
 
 def c_functions(robot: Robot) -> list[CFunction]:
-    """Build the C functions of a robot.
+    """Build the C functions of a robot for a control loop.
 
-    They compute the forward and the inverse kinematics, the inverse dynamics, and the motor
-    torques.
+    The functions compute the forward kinematics, the inverse kinematics, the inverse dynamics of
+    the rigid bodies, and the motor torques with friction.
     """
     mechanism = Mechanism.from_robot(robot)
     body = RigidBody.from_robot(robot)
@@ -291,7 +312,10 @@ def c_functions(robot: Robot) -> list[CFunction]:
 
 
 def _declaration(function: CFunction) -> str:
-    """Return the declaration of a C function, without its semicolon."""
+    """Return the C declaration of a function, without its semicolon.
+
+    An array is declared with its length. An input of size 0 is a single number.
+    """
     inputs = [
         f"const ssm_real {argument.name}[{argument.size}]"
         if argument.size

@@ -1,8 +1,9 @@
 """Read and write trajectories as CSV files with units in the column names.
 
-The header names joints and units, and each row contains one point. An export contains points at a
-fixed rate. Without a rate, it contains the points between which cubic or quintic interpolation
-keeps the limits.
+The header names joints and units, such as q1_rad, and each row contains one point of the motion.
+`export_csv` writes rows at a fixed rate or, without a rate, those points between which a controller
+with cubic or quintic interpolation keeps the limits. `read_csv` reads such tables and tables of
+other programs. `read_csv_export` reads a whole export folder.
 """
 
 import math
@@ -42,23 +43,24 @@ from ssm_planner.verification import Certificate
 DEFAULT_RATE = 1000.0
 """Default rate, Hz."""
 DEFAULT_RATE_ROWS = 100_000
-"""Number of rows above which the default rate is divided by 10, 100 and so on."""
+"""Largest number of rows at the default rate, which is divided by 10, 100 and so on if necessary.
+"""
 LARGEST_RATE = 100_000.0
 """Largest rate of an export, Hz."""
 STATE_UNIT_SUFFIXES = {"q": "", "qd": "_per_s", "qdd": "_per_s2", "qddd": "_per_s3"}
-"""Suffix of the unit in the column name, by derivative."""
+"""Text that follows the unit of the joint in a column name, by attribute of `Samples`."""
 MOTOR_UNITS = {"angle": "rad", "speed": "rad_per_s", "torque": "Nm"}
 """Unit in the column name, by motor quantity."""
 COLUMN_GROUPS = (*STATE_UNIT_SUFFIXES, *MOTOR_UNITS, "task")
-"""Groups of columns that an export can select."""
+"""Names of the groups of columns that an export can select."""
 COUNTS_GROUP = "counts"
-"""Name of the group of columns with positions in encoder increments."""
+"""Name of the additional group with positions in encoder increments, which has its own files."""
 COUNTS_PER_TURN_KEY = "increments_per_motor_turn"
-"""Key of the encoder resolution in a manifest."""
+"""Key in a manifest of the increments per turn of a motor."""
 MANIFEST_UNITS = {"time": "s", "position": "increments", "joints": "in the names of the columns"}
 """Units in a manifest."""
 COLUMN_TOLERANCE = 1e-9
-"""Largest relative difference of equal values in a column, related to its largest value."""
+"""Largest difference of equal values in a column, relative to the largest value of the column."""
 DEFAULT_GROUPS = ("q", "qd", "qdd", "angle", "speed", "torque")
 """Groups of columns in a table at a fixed rate."""
 
@@ -68,8 +70,8 @@ def motion_table(
 ) -> tuple[list[str], Array]:
     """Return a table of a motion with its header.
 
-    At an instant at which the acceleration jumps, the row contains the values just after the jump.
-    The last row contains the motor torques just before the end.
+    The acceleration of a plan may jump at an instant. The row of such an instant contains the motor
+    torques just after the jump. Only the last row contains the motor torques just before the end.
 
     Parameters
     ----------
@@ -78,7 +80,8 @@ def motion_table(
     robot : Robot
         Robot that performs the motion.
     columns : sequence of str
-        Groups of `COLUMN_GROUPS`: joint derivatives, motor quantities, task coordinates.
+        Groups of columns, which are names in `COLUMN_GROUPS`: joint positions and their
+        derivatives, motor quantities, task coordinates.
 
     Returns
     -------
@@ -117,7 +120,7 @@ def motion_table(
 
 
 def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | None = None) -> Path:
-    """Write a trajectory to a CSV file with 12 significant digits, and return its path.
+    """Write a trajectory at a fixed rate to a CSV file with 12 significant digits.
 
     Parameters
     ----------
@@ -128,8 +131,13 @@ def write_csv(path: Path, trajectory: Trajectory, robot: Robot, rate: float | No
     robot : Robot
         Robot that performs the motion.
     rate : float, optional
-        Rows per second, Hz. The default is `DEFAULT_RATE`. It is divided by 10 until the file has
-        at most `DEFAULT_RATE_ROWS` rows.
+        Rows per second, Hz. The default is `DEFAULT_RATE`, divided by 10 until the file has at most
+        `DEFAULT_RATE_ROWS` rows.
+
+    Returns
+    -------
+    Path
+        The path of the file.
     """
     if rate is None:
         rate = DEFAULT_RATE / 10.0 ** max(
@@ -150,7 +158,7 @@ def export_csv(
     columns: Sequence[str] | None = None,
     counts_per_turn: CountsPerTurn = None,
 ) -> JsonObject:
-    """Write trajectory.csv into a folder and return the entries of its manifest.
+    """Write trajectory.csv into an export folder, and return the entries of the manifest.
 
     Parameters
     ----------
@@ -166,10 +174,16 @@ def export_csv(
         Rows per second, Hz. By default, the rows are the points between which cubics (or quintics)
         keep the limits.
     columns : Sequence[str], optional
-        Groups of `COLUMN_GROUPS`. With `COUNTS_GROUP`, every driven joint also gets a file with the
-        columns `time,position` in encoder increments, at the given rate or `DEFAULT_RATE`.
+        Groups of columns, which are names in `COLUMN_GROUPS`. With `COUNTS_GROUP`, every driven
+        joint also gets a file with the columns `time,position` in encoder increments, at the given
+        rate or `DEFAULT_RATE`.
     counts_per_turn : int or mapping from joint to int, optional
         Increments per motor turn, see `drive_axes`.
+
+    Returns
+    -------
+    dict
+        Entries that this format adds to the manifest, among them notes for the user.
 
     Raises
     ------
@@ -217,7 +231,10 @@ def export_csv(
 def read_csv_export(
     folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot
 ) -> Reading:
-    """Read the table of an export, and derive its other columns and files.
+    """Read the table of a CSV export, and derive the rest of the folder from it.
+
+    The columns of motors and task coordinates are compared at once. The content of the result
+    serves to compare the other files (`agreement.check_export_content`).
 
     Parameters
     ----------
@@ -229,6 +246,11 @@ def read_csv_export(
         Files of the manifest whose content is unchanged since the export.
     robot : Robot
         Robot that performs the motion.
+
+    Returns
+    -------
+    Reading
+        Trajectory of the table, and the content that the folder must have.
 
     Raises
     ------
@@ -265,7 +287,7 @@ def read_csv_export(
 
 
 def read_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axis]:
-    """Return the axes of all driven joints with the encoders that a manifest states.
+    """Return the axes of all driven joints with the encoder resolutions in a manifest.
 
     Parameters
     ----------
@@ -302,8 +324,18 @@ def read_axes(folder: Path, manifest: JsonObject, robot: Robot) -> dict[str, Axi
 def _check_derived_columns(path: Path, robot: Robot, motion: Trajectory) -> None:
     """Raise TrajectoryError if columns of motors and tasks do not follow from the joints.
 
-    Some values do not follow from the joints of the table, so they are not compared: the torque of
-    a joint at rest, all torques without accelerations, and all motor speeds without velocities.
+    The function computes these columns again from the states of the joints in the table. Some
+    values do not follow from these states, so they are not compared: the torque of a joint at rest,
+    all torques without accelerations, and all motor speeds without velocities.
+
+    Parameters
+    ----------
+    path : Path
+        Table with the columns.
+    robot : Robot
+        Robot that performs the motion.
+    motion : Trajectory
+        Motion through the points of the table, which supplies states that the table omits.
     """
     names = read_layout(path).names
     values = read_columns(path, names)
@@ -347,14 +379,17 @@ def _export_rows(
     rate : float or None
         Rows per second, Hz. None selects the points between which a spline keeps the limits.
     columns : sequence of str
-        Groups of `COLUMN_GROUPS`. If it is empty, default groups are used.
+        Groups of columns, which are names in `COLUMN_GROUPS`. If it is empty, default groups are
+        used.
 
     Returns
     -------
     header : list of str
+        Names of the columns with their units.
     rows : (n, columns) array
+        Values in SI units.
     note : str
-        Description of the rows.
+        Description of the rows for the manifest.
     stretch : float
         Duration of the table divided by the duration of the plan.
     """
@@ -371,9 +406,28 @@ def _export_rows(
 def _count_files(
     motion: Trajectory, axes: Mapping[str, Axis], rate: float, suffix: str
 ) -> ExportContent:
-    """Return the files with the positions of every driven joint in increments.
+    """Return the files with the positions of every driven joint in encoder increments.
 
-    The last row contains the target.
+    Parameters
+    ----------
+    motion : Trajectory
+        Motion that is exported.
+    axes : mapping of str to Axis
+        Axes of the driven joints.
+    rate : float
+        Rows per second, Hz. The last row contains the position at the end of the motion.
+    suffix : str
+        Text that marks unverified files, before the extension.
+
+    Returns
+    -------
+    ExportContent
+        One file for each axis, and an entry of the manifest with the increments per motor turn.
+
+    Raises
+    ------
+    ExportError
+        If a position does not fit 32 bits.
     """
     t = np.arange(int(np.ceil(motion.duration * rate - 1e-9)) + 1) / rate
     q = motion.sample(motion.breaks[0] + t, clamp=True).q
@@ -390,10 +444,14 @@ def _count_files(
 def table_text(
     columns: Mapping[str, Array], forms: tuple[str, str] = ("%.3f", "%d")
 ) -> Iterator[str]:
-    """Yield the text of a CSV file with columns (n,) in parts, which bounds the memory in use.
+    """Yield the text of a CSV file in parts, which bounds the memory in use.
 
-    `forms` contains the printf format of the first column, which is the time, and the format of all
-    other columns.
+    Parameters
+    ----------
+    columns : mapping of str to (n,) arrays
+        Values by name of the column. The first column is the time.
+    forms : (str, str)
+        printf format of the first column, and printf format of all other columns.
     """
     yield ",".join(columns) + "\n"
     values = list(columns.values())
@@ -405,7 +463,21 @@ def table_text(
 
 
 def _interpolation_notes(reading: Reading, plan: Plan) -> list[str]:
-    """Check the rows as a controller interpolates them, and return a note with the result."""
+    """Check the rows as a controller interpolates them, and describe the result.
+
+    Parameters
+    ----------
+    reading : Reading
+        Motion through the rows of the exported table.
+    plan : Plan
+        Plan that is exported. Its limits are checked.
+
+    Returns
+    -------
+    list of one str
+        Note for the manifest: the interpolation, and either the worst violation or the limits that
+        the check could not judge.
+    """
     certificate = reading.check(plan.robot, plan.limits)
     if not certificate.violations:
         details = reading.interpolation
@@ -421,7 +493,19 @@ def _interpolation_notes(reading: Reading, plan: Plan) -> list[str]:
 
 
 def _write_table(path: Path, header: Sequence[str], rows: Array, form: str = "%.17g") -> None:
-    """Write a table of rows (n, columns) with a printf format of all numbers."""
+    """Write a table of numbers to a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    header : sequence of str
+        Names of the columns.
+    rows : (n, columns) array
+        Values of the table.
+    form : str
+        printf format of all numbers. The default is exact.
+    """
     with path.open("w", encoding="utf-8", newline="") as file:
         file.writelines(table_text(dict(zip(header, rows.T, strict=True)), (form, form)))
 
@@ -429,17 +513,17 @@ def _write_table(path: Path, header: Sequence[str], rows: Array, form: str = "%.
 SEPARATORS = (",", ";", "\t")
 """Characters that may separate columns."""
 ROUNDING_SAMPLE_ROWS = 1000
-"""Number of rows whose digits determine the rounding of the positions."""
+"""Number of rows at the beginning of a table that determine the rounding of its positions."""
 LARGEST_EXPONENT = 400
-"""Largest magnitude of a decimal exponent. A float cannot have a finer digit."""
+"""Largest magnitude of a decimal exponent that is evaluated. A float has no finer digit."""
 
 
 @frozen
 class TableLayout:
-    """The layout of a table, which `read_layout` determines from its first lines."""
+    """Layout of a table of text, which `read_layout` determines from the first lines of its file."""
 
     header: int
-    """Index of the line with the header."""
+    """Index of the line with the header, from 0."""
     separator: str
     """Character between columns."""
     names: list[str]
@@ -449,7 +533,7 @@ class TableLayout:
 def read_csv(path: Path, robot: Robot) -> Reading:
     """Read a trajectory from a CSV file whose header names joints and units.
 
-    The function `identify_columns` describes the header.
+    The function `identify_columns` describes the accepted column names.
 
     Parameters
     ----------
@@ -490,11 +574,16 @@ def read_csv(path: Path, robot: Robot) -> Reading:
 
 
 def read_layout(path: Path) -> TableLayout:
-    """Determine the layout of a table.
+    """Determine the header and the separator of a table.
 
-    The header is the first line that is not empty and not a comment. Comments begin with "#".
+    The header is the first line that is neither empty nor a comment. Comments begin with "#". The
+    separator is the one among `SEPARATORS` that occurs most often in the header.
 
-    Raises TrajectoryError if the header is missing, or if the separator is unknown.
+    Raises
+    ------
+    TrajectoryError
+        If the file is empty, if the header does not have at least two columns, or if it contains
+        only numbers.
     """
     for k, line in _lines(path):
         text = line.strip().lstrip("\ufeff")
@@ -516,15 +605,15 @@ def read_layout(path: Path) -> TableLayout:
 
 
 def read_rows(path: Path, layout: TableLayout, selected: Sequence[TableColumn]) -> Array:
-    """Read selected columns of all rows.
+    """Read selected columns of all rows of a table.
 
     Parameters
     ----------
     path : Path
         File that is read.
-    layout : Layout
+    layout : TableLayout
         Layout of the file.
-    selected : sequence of Heading
+    selected : sequence of TableColumn
         k columns with their factors to SI units.
 
     Returns
@@ -570,9 +659,19 @@ def read_rows(path: Path, layout: TableLayout, selected: Sequence[TableColumn]) 
 
 
 def _row_count(path: Path, layout: TableLayout) -> tuple[int, int]:
-    """Return the number of rows, and the number of columns of the last row.
+    """Count the rows of a table, and check that no row has more columns than the header.
 
-    Raises TrajectoryError if the file does not contain rows, or if a row has surplus columns.
+    Returns
+    -------
+    rows : int
+        Number of rows.
+    last_width : int
+        Number of columns of the last row. It is too small if the file is incomplete.
+
+    Raises
+    ------
+    TrajectoryError
+        If the file does not contain rows, or if a row has surplus columns.
     """
     width = len(layout.names)
     rows, line = 0, ""
@@ -587,9 +686,24 @@ def _row_count(path: Path, layout: TableLayout) -> tuple[int, int]:
 
 
 def read_columns(path: Path, names: Sequence[str]) -> Array:
-    """Return the named columns (n, k) of a table, in the units of the file.
+    """Return named columns of a table in the units of the file.
 
-    Raises TrajectoryError if a column is missing.
+    Parameters
+    ----------
+    path : Path
+        File that is read.
+    names : sequence of str
+        k names in the header.
+
+    Returns
+    -------
+    (n, k) array
+        Values of the columns.
+
+    Raises
+    ------
+    TrajectoryError
+        If a column is missing or a row is invalid.
     """
     layout = read_layout(path)
     for name in names:
@@ -602,16 +716,19 @@ def read_columns(path: Path, names: Sequence[str]) -> Array:
 
 
 def _row_error(path: Path, layout: TableLayout, message: str, start: int) -> str:
-    """Return the message for the first invalid row.
+    """Return the error message for the first invalid row of a table.
+
+    `read_rows` calls this function after numpy has refused a block of rows, because the message of
+    numpy names neither the line nor the column.
 
     Parameters
     ----------
     path : Path
         File of the table.
-    layout : Layout
+    layout : TableLayout
         Header and separator of the table.
     message : str
-        Message of the reader, which is used if every row seems to be valid.
+        Message of numpy, which is used if every row seems to be valid.
     start : int
         Index of the first row to examine.
     """
@@ -627,14 +744,40 @@ def _row_error(path: Path, layout: TableLayout, message: str, start: int) -> str
 
 
 def _column_count_error(path: Path, k: int, count: int, width: int) -> str:
-    """Return the message for line k (from 0) with `count` instead of `width` columns."""
+    """Return the error message for a row with a wrong number of columns.
+
+    Parameters
+    ----------
+    path : Path
+        File of the table.
+    k : int
+        Index of the line, from 0.
+    count, width : int
+        Number of columns of the row, and of the header.
+    """
     return f"{path}:{k + 1}: the row has {count} columns, but the header has {width}"
 
 
 def _rounding_errors(path: Path, layout: TableLayout, positions: list[TableColumn]) -> Array:
-    """Return the largest rounding error of each position (4,), rad or m.
+    """Return the largest rounding error of the positions of each joint.
 
-    It is half a unit of the last digit. Only the first `ROUNDING_SAMPLE_ROWS` rows are evaluated.
+    It is half a unit of the last digit that occurs in the first `ROUNDING_SAMPLE_ROWS` rows. The
+    check of a motion that consists of straight lines needs it, because rounding shifts the slopes
+    of the lines.
+
+    Parameters
+    ----------
+    path : Path
+        File of the table.
+    layout : TableLayout
+        Header and separator of the table.
+    positions : list of four TableColumn
+        Columns with the positions of joints 1 to 4.
+
+    Returns
+    -------
+    (4,) array
+        Rounding errors, rad or m. 0 if every value of the joint is zero.
     """
     exponents = np.full(4, 99)
     for _, line in islice(_data_lines(path, layout), ROUNDING_SAMPLE_ROWS):
@@ -646,9 +789,10 @@ def _rounding_errors(path: Path, layout: TableLayout, positions: list[TableColum
 
 
 def _last_digit_exponent(text: str) -> int:
-    """Return the power of ten of the last digit of a number, or 99 for a zero.
+    """Return the power of ten of the last digit of a number, such as −2 for "1.25".
 
-    For example, "1.25" gives −2. A zero does not show how numbers are rounded.
+    The result is 99 for a zero, because a zero does not show how the numbers of its column are
+    rounded.
     """
     mantissa, _, exponent = text.lower().partition("e")
     if not mantissa.strip("+-0."):
@@ -658,26 +802,29 @@ def _last_digit_exponent(text: str) -> int:
 
 
 def _line_number(path: Path, layout: TableLayout, row: int) -> int:
-    """Return the line number, from 1, of the row with the index `row`."""
+    """Return the number of the line, from 1, that contains the row with the index `row`."""
     return next(islice(_data_lines(path, layout), row, None))[0] + 1
 
 
 def _data_lines(path: Path, layout: TableLayout) -> Iterator[tuple[int, str]]:
-    """Yield the index and the text of each line that contains a row."""
+    """Yield the index, from 0, and the text of each line that contains a row of the table."""
     for k, line in _lines(path):
         if k > layout.header and line.strip():
             yield k, line.rstrip("\n")
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the index and the text of each line."""
+    """Yield the index, from 0, and the text of each line of a file."""
     with _open_text(path) as file:
         yield from enumerate(file)
 
 
 @contextmanager
 def _open_text(path: Path) -> Iterator[TextIO]:
-    """Open a file for reading. Raises TrajectoryError if it cannot be read or contains no text."""
+    """Open a text file for reading.
+
+    Raises TrajectoryError if the file cannot be read, or if it is not a text in UTF-8.
+    """
     try:
         with path.open(encoding="utf-8-sig") as file:
             yield file
@@ -688,6 +835,6 @@ def _open_text(path: Path) -> Iterator[TextIO]:
 
 
 def _is_number(text: str) -> bool:
-    """Return True if a text is a decimal number, NaN or infinity."""
+    """Return True if a text is a decimal number, NaN or infinity, as the reader of rows accepts it."""
     pattern = r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)"
     return re.fullmatch(pattern, text.strip(), re.I | re.A) is not None

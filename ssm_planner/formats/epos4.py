@@ -1,7 +1,9 @@
 """Write and read streams of setpoints for maxon EPOS4 drives (CiA 402).
 
-The streams contain positions, velocities or torques for the cyclic synchronous modes. The export
-also writes the setup objects of the drives. Streams of positions can be read as a trajectory.
+A stream contains one row per interpolation period: positions (mode csp), velocities (csv) or
+torques (cst) for the cyclic synchronous modes of the drive. `export_epos4` writes one stream per
+driven joint, and the setup objects of the drives (`epos4_setup`). `read_epos4` reads streams of
+positions as a trajectory, so that the motion of the drives can be checked.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -44,10 +46,10 @@ from ssm_planner.units import display_unit, rpm
 from ssm_planner.verification import Certificate, end_velocities
 
 LARGEST_PERIOD_MS = 100
-"""Largest interpolation period, ms (object 0x60C2)."""
+"""Largest interpolation period that object 0x60C2 of the drive accepts, ms."""
 
 Stream = Arrays
-"""Integer values (n,) by name of the column."""
+"""Stream of one drive: integer values (n,) by name of the column."""
 
 
 def export_epos4(
@@ -61,7 +63,8 @@ def export_epos4(
 ) -> JsonObject:
     """Write one stream per driven joint and objects.csv, and return the entries of the manifest.
 
-    In mode csp, every driven joint also gets a file with the columns `time` and `position`.
+    In mode csp, every driven joint also gets a file with the columns `time` and `position`, and the
+    setpoints of a verified plan are checked as the drives will interpolate them.
 
     Parameters
     ----------
@@ -80,11 +83,16 @@ def export_epos4(
     counts_per_turn : int or mapping from joint to int, optional
         Increments per motor turn, see `drive_axes`.
 
+    Returns
+    -------
+    dict
+        Entries that this format adds to the manifest, among them notes for the user.
+
     Raises
     ------
     ExportError
-        If the mode or the rate is not allowed, an encoder resolution is missing, or a number does
-        not fit its object.
+        If the mode or the rate is not allowed, an encoder resolution is missing, a number does not
+        fit its object, or the setpoints exceed a limit that the plan keeps.
     """
     if mode not in OPERATION_MODES:
         raise ExportError(f"unknown mode {mode!r} (allowed: {', '.join(OPERATION_MODES)})")
@@ -115,18 +123,26 @@ def export_epos4(
 
 @record
 class Setpoints:
-    """Setpoints of all joints at n instants, which the export writes and the reader reads."""
+    """Setpoints of all joints at n equidistant instants.
+
+    The export builds them from a plan, and the reader from the files of an export. Both derive the
+    content of the folder from them (`content`), which makes the comparison of the two possible.
+    """
 
     robot: Robot
+    """Robot that performs the motion."""
     axes: Mapping[str, Axis]
+    """Drives of the driven joints, by joint."""
     mode: str
+    """Mode of operation, which is a key of `STREAM_COLUMNS`."""
     period: int
-    """Interval between the instants, ms."""
+    """Interpolation period, that is, the interval between two instants, ms."""
     q: Array
-    """Positions (n, 4), rad and m."""
+    """Joint positions before rounding to increments (n, 4), rad and m."""
     streams: Mapping[str, Stream]
+    """Streams of the driven joints, by joint."""
     limits: TaskLimits
-    """Limits with the rates of the motion at both ends."""
+    """Limits of the task, with the declared rates of the motion at both ends."""
 
     @property
     def t(self) -> Array:
@@ -134,9 +150,17 @@ class Setpoints:
         return np.arange(float(len(self.q))) * (self.period / 1000)
 
     def content(self, suffix: str) -> ExportContent:
-        """Return the files and the entries of the manifest. File names end with `suffix`.
+        """Return the files and the entries of the manifest.
 
-        Raises ExportError if a number does not fit its object.
+        Parameters
+        ----------
+        suffix : str
+            Text that marks unverified files, before the extension.
+
+        Raises
+        ------
+        ExportError
+            If a number does not fit its object.
         """
         t = self.t
         files: dict[str, Iterable[str]] = {}
@@ -188,10 +212,15 @@ class Setpoints:
         )
 
     def reading(self, place: str) -> Reading:
-        """Return the motion that the target positions describe: straight lines between them.
+        """Return the motion that the drives perform: straight lines between the target positions.
 
-        The velocity and torque offsets are compared with the positions. `place` names a setpoint in
-        messages.
+        The velocity and torque offsets are compared with the positions. The results become checks
+        of the returned motion.
+
+        Parameters
+        ----------
+        place : str
+            Template that names a setpoint in messages. Its field `{}` is the index of the setpoint.
         """
         q, resolution, offsets = self.rounded_joint_values()
         points = Points(self.t, q, resolution=resolution, place=place.format)
@@ -200,7 +229,17 @@ class Setpoints:
         return replace(reading, checks=tuple(checks))
 
     def rounded_joint_values(self) -> tuple[Array, Array, dict[int, Offsets]]:
-        """Return the rounded positions (n, 4), their resolution (4,) and the offsets by joint."""
+        """Convert the integers of the streams back to quantities of the joints.
+
+        Returns
+        -------
+        q : (n, 4) array
+            Positions, rounded to increments for joints with a drive, rad and m.
+        resolution : (4,) array
+            Largest rounding error of each position, rad and m. 0 without a drive.
+        offsets : dict of Offsets
+            Velocity and torque offsets by index of the joint.
+        """
         q = self.q.copy()
         resolution = np.zeros(4)
         offsets = {}
@@ -242,7 +281,11 @@ def setpoint_times(plan: Plan, period: int) -> tuple[Array, float]:
 
 
 def _check_acceptance(plan: Plan, points: Setpoints) -> None:
-    """Raise ExportError if the check would not accept setpoints."""
+    """Raise ExportError if the command `check` would reject the setpoints of a plan.
+
+    Rounding to increments, or straight lines between distant setpoints, can exceed a limit that the
+    plan itself keeps.
+    """
     certificate = points.reading("setpoint {}").check(plan.robot, points.limits)
     if certificate.violations:
         raise ExportError(
@@ -253,10 +296,23 @@ def _check_acceptance(plan: Plan, points: Setpoints) -> None:
 
 
 def csp_streams(plan: Plan, axes: Mapping[str, Axis], period: int) -> dict[str, Stream]:
-    """Return the streams that an export in the mode csp contains, by joint.
+    """Return the streams that an export in the mode csp contains.
 
-    `axes` contains the axes of the driven joints, and `period` is the interval between setpoints
-    in ms.
+    The simulation of a controller plays these streams.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    axes : mapping of str to Axis
+        Axes of the driven joints.
+    period : int
+        Interval between setpoints, ms.
+
+    Returns
+    -------
+    dict of Stream
+        Streams by joint.
     """
     t, stretch = setpoint_times(plan, period)
     return _integer_streams(axes, _sample_motors(plan, t, stretch), "csp")
@@ -279,7 +335,10 @@ def period_ms(rate: float) -> int:
 
 
 def _end_velocity_notes(plan: Plan) -> list[str]:
-    """Return a note for the user if the plan does not end at rest, or an empty list."""
+    """Return a note that names the joints that still move at the end of a plan.
+
+    The result is empty if the plan ends at rest.
+    """
     velocities = end_velocities(plan.motion)[1]
     if np.abs(velocities).max() <= REST_SPEED:
         return []
@@ -295,9 +354,24 @@ def _end_velocity_notes(plan: Plan) -> list[str]:
 
 
 def _sample_motors(plan: Plan, t: Array, stretch: float) -> Arrays:
-    """Return q and the speeds and torques of the motors (n, 4) at instants t (n,) since the start.
+    """Sample a plan at the instants of the setpoints, at the joints and at the motors.
 
-    `stretch` is the factor on the duration. Joints that end at rest hold their last position.
+    A joint whose motion ends at rest is held at its last position after the end.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    t : (n,) array
+        Instants since the start, s.
+    stretch : float
+        Factor on the duration of the plan.
+
+    Returns
+    -------
+    dict of (n, 4) arrays
+        Joint positions "q" (rad and m), motor speeds "speed" (rad/s) and motor torques "torque"
+        (N·m).
     """
     moving = np.abs(end_velocities(plan.motion)[1]) > REST_SPEED
     body = RigidBody.from_robot(plan.robot)
@@ -319,7 +393,7 @@ def _sample_motors(plan: Plan, t: Array, stretch: float) -> Arrays:
 
 
 def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dict[str, Stream]:
-    """Convert a motion to the integers of the streams, by joint.
+    """Convert a motion to the integers of the streams.
 
     Parameters
     ----------
@@ -329,6 +403,11 @@ def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dic
         Result of `_sample_motors`.
     mode : str
         Key of `OPERATION_MODES`, which determines the columns.
+
+    Returns
+    -------
+    dict of Stream
+        Streams by joint.
 
     Raises
     ------
@@ -357,9 +436,18 @@ def _integer_streams(axes: Mapping[str, Axis], motion: Arrays, mode: str) -> dic
 def _setpoint_notes(
     plan: Plan, axes: dict[str, Axis], t: Array, entries: JsonObject
 ) -> Iterator[str]:
-    """Yield the notes of the manifest on the setpoints at times t (n,) s and on each joint.
+    """Yield the notes of the manifest on the setpoints and on each joint.
 
-    `entries` contains the entries of the manifest by joint, with the effects of rounding.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    axes : dict of Axis
+        Axes of the driven joints.
+    t : (n,) array
+        Instants of the setpoints, s.
+    entries : dict
+        Entries of the manifest by joint, with the effects of rounding (`rounding_bounds`).
     """
     yield f"{len(t)} setpoints; the last is the target, reached by {t[-1]:.3f} s"
     travel = np.ptp(plan.motion.sample(plan.motion.breaks).q, axis=0)
@@ -398,7 +486,7 @@ STREAM_COLUMNS = {
     "csv": ("target_velocity_mrpm", TORQUE_COLUMN),
     "cst": ("target_torque_permille",),
 }
-"""Columns of a stream, by mode."""
+"""Columns of a stream besides the time, by mode."""
 
 
 def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot: Robot) -> Reading:
@@ -417,6 +505,11 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
         Files of the manifest whose content is unchanged since the export.
     robot : Robot
         Robot that performs the motion.
+
+    Returns
+    -------
+    Reading
+        Trajectory, checks of the offsets, and the content that the folder must have.
 
     Raises
     ------
@@ -448,9 +541,19 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
 
 
 def replace_end_rates(limits: TaskLimits, robot: Robot, q: Array, qd: Array) -> TaskLimits:
-    """Replace the start and end rates in limits by those of the rounded rows q, qd (n, 4).
+    """Replace the declared rates in limits by the rates of the rounded motion at both ends.
 
-    An end without a declared rate remains unchanged.
+    The rows of an export are rounded, so their first and last velocities differ slightly from those
+    that the problem declares. An end without a declared rate remains unchanged.
+
+    Parameters
+    ----------
+    limits : TaskLimits
+        Limits with the declared rates.
+    robot : Robot
+        Robot that performs the motion.
+    q, qd : (n, 4) arrays
+        Rounded positions and velocities of the joints.
     """
     rates = task_rates(Mechanism.from_robot(robot), q[[0, -1]], qd[[0, -1]]).tolist()
     if limits.start_rate:
@@ -466,7 +569,15 @@ def increments_per_unit(axes: Mapping[str, Axis], name: str) -> float:
 
 
 def _column_names(joint: Joint, driven: bool) -> tuple[str, ...]:
-    """Return the columns of a joint's file besides the time: its stream, or its position."""
+    """Return the columns of a joint's file besides the time: its stream, or its position.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint of the file.
+    driven : bool
+        True if the joint has a drive.
+    """
     return STREAM_COLUMNS["csp"] if driven else (f"position_{joint.unit}",)
 
 
@@ -477,24 +588,25 @@ def read_joint_tables(
     time: str,
     columns: Callable[[Joint, bool], Sequence[str]],
 ) -> tuple[dict[str, Axis], Array, dict[str, list[Array]]]:
-    """Read the table of each joint.
+    """Read the table of each joint in an export folder.
 
     Parameters
     ----------
     folder, manifest, robot : Path, dict, Robot
         See `read_epos4`.
     time : str
-        Column of the time.
+        Name of the column with the time.
     columns : Callable
-        Function that returns the other columns for a joint, and for whether it is driven.
+        Function that returns the names of the other columns of a table. Its arguments are the
+        joint, and whether the joint has a drive.
 
     Returns
     -------
     axes : dict[str, Axis]
         Axes of the driven joints with the encoders that the manifest states.
-    t : (n,)
-        Time column of all tables.
-    tables : dict[str, list of (n,)]
+    t : (n,) array
+        Time column, which is the same in all tables.
+    tables : dict[str, list of (n,) arrays]
         Columns by joint.
 
     Raises
@@ -521,7 +633,22 @@ def read_joint_tables(
 
 
 def _joint_offsets(joint: Joint, speed: Array, torque: Array) -> Offsets:
-    """Convert offsets (n,) in mrpm and per mille to the joint's side."""
+    """Convert the offsets of a stream to quantities of the joint.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with a drive and a motor.
+    speed : (n,) array
+        Velocity offsets, 1e-3 rpm at the motor.
+    torque : (n,) array
+        Torque offsets, per mille of the rated torque.
+
+    Returns
+    -------
+    Offsets
+        Offsets in SI units with their rounding errors, which are half a unit of the integers.
+    """
     assert joint.drive is not None
     assert joint.motor is not None
     to_speed = joint.motor_direction * rpm / (1000 * joint.drive.ratio)

@@ -1,4 +1,9 @@
-"""Compare the velocity and torque offsets of EPOS4 streams with their target positions."""
+"""Compare the velocity and torque offsets of EPOS4 streams with their target positions.
+
+A drive in the mode csp may use the offsets of a stream as feed-forward. Offsets that do not belong
+to the positions would then move the robot away from the checked motion. `offset_checks` therefore
+bounds them by the velocities and torques that the positions allow.
+"""
 
 from collections.abc import Iterator
 from itertools import product
@@ -13,13 +18,17 @@ from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification import LimitCheck
 
 NEIGHBOUR_INTERVALS = 2
-"""Number of intervals on each side of a setpoint whose accelerations the setpoint may have."""
+"""Number of intervals on each side of a setpoint from which its acceleration may come."""
 REST_FRICTION_STATES = ((1.0, True), (-1.0, False), (-1.0, True), (0.0, False))
-"""Direction and breakaway flag of a joint at rest, in addition to continued motion."""
-FULL_ACCELERATION_PERIOD = 0.004
-"""Period (s) from which an acceleration may begin and end between two setpoints of any motion.
+"""Possible friction of a joint at rest: pairs of direction (±1, or 0 if held) and breakaway flag.
 
-Near rest, it may do so at any period, because the motion itself may be that short.
+They apply in addition to the friction of a motion that continues in the positive direction.
+"""
+FULL_ACCELERATION_PERIOD = 0.004
+"""Period between setpoints, s, in which an acceleration of any size may begin and end unnoticed.
+
+For shorter periods, the share of the acceleration limit that may be hidden decreases in proportion.
+Near rest, it is the whole limit at any period, because the motion itself may be that short.
 """
 
 
@@ -32,7 +41,9 @@ class Offsets:
     torque: Array
     """Torque offset (n,), N·m at the motor, in the direction of the joint."""
     velocity_rounding: float
+    """Largest rounding error of a velocity offset, rad/s or m/s."""
     torque_rounding: float
+    """Largest rounding error of a torque offset, N·m."""
 
 
 def offset_checks(
@@ -40,9 +51,9 @@ def offset_checks(
 ) -> Iterator[LimitCheck]:
     """Yield checks that the velocity and torque offsets of the drives agree with the positions.
 
-    A velocity offset may differ from the slopes of the positions beside it by the change that the
-    acceleration limit allows between two setpoints. A torque offset must follow from the motor law
-    with an acceleration that the positions have near the setpoint. It must also keep the torque
+    A velocity offset may differ from the slopes of the positions on both sides by the change that
+    the acceleration limit allows between two setpoints. A torque offset must follow from the motor
+    law with an acceleration that the positions have near the setpoint. It must also keep the torque
     limit of the motor.
 
     Parameters
@@ -50,13 +61,19 @@ def offset_checks(
     robot : Robot
         Robot that performs the motion.
     t : (n,)
-        Times, s.
+        Times of the setpoints, s.
     q : (n, 4)
         Positions, rad and m.
     resolution : (4,)
-        Largest rounding error of the positions.
+        Largest rounding error of the positions, rad and m.
     offsets : dict[int, Offsets]
-        Offsets by joint index.
+        Offsets by index of the joint.
+
+    Yields
+    ------
+    LimitCheck
+        First one check of the velocity offset for each joint. Then, for each joint, a check of the
+        torque offset and a check of the motor torque.
     """
     slopes = np.diff(q, axis=0) / np.diff(t)[:, None]
     qd = stream_velocities(t, q, offsets)
@@ -100,7 +117,7 @@ def stream_velocities(t: Array, q: Array, offsets: dict[int, Offsets]) -> Array:
 def _velocity_check(
     joint: Joint, t: Array, slope: Array, offset: Offsets, rounding: float
 ) -> LimitCheck:
-    """Check that each velocity offset is possible beside the slopes of the positions.
+    """Check that each velocity offset is possible next to the slopes of the positions.
 
     The mean velocity over an interval of length h differs from the velocity at its ends by at most
     q̈_max h / 2, apart from rounding.
@@ -108,15 +125,20 @@ def _velocity_check(
     Parameters
     ----------
     joint : Joint
-        Joint with its limit of the acceleration.
+        Joint with its limit of the acceleration q̈_max.
     t : (n,) array
         Times of the setpoints, s.
     slope : (n − 1,) array
-        Slopes of the positions between the setpoints.
+        Slopes of the positions between the setpoints, rad/s or m/s.
     offset : Offsets
         Offsets of the axis of the joint.
     rounding : float
         Largest rounding error of a position, rad or m.
+
+    Returns
+    -------
+    LimitCheck
+        Result at the setpoint with the largest ratio of the error to the allowed error.
     """
     h = np.diff(t)
     allowed = joint.acceleration * (1 + 1e-6) * h / 2 + 2 * rounding / h + offset.velocity_rounding
@@ -131,9 +153,28 @@ def _velocity_check(
 def _motor_torque_range(
     robot: Robot, t: Array, q: Array, qd: Array, offsets: dict[int, Offsets]
 ) -> tuple[Array, Array]:
-    """Return the lowest and the highest motor torque (n, 4) near each setpoint.
+    """Return the lowest and the highest possible motor torque at each setpoint.
 
-    They cover any acceleration near the setpoint and, at rest, any friction.
+    The range covers every combination of accelerations that the joints may have near the setpoint.
+    For a joint at rest, it also covers every state of friction. The motor torque is evaluated at
+    the corners of the range of accelerations, that is, at all combinations of their lowest and
+    highest values, and at the centre.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot that performs the motion.
+    t : (n,) array
+        Times of the setpoints, s.
+    q, qd : (n, 4) arrays
+        Positions and velocities of the joints.
+    offsets : dict[int, Offsets]
+        Offsets by index of the joint. Only joints with offsets have a finite range.
+
+    Returns
+    -------
+    lowest, highest : (n, 4) arrays
+        Motor torques, N·m.
     """
     rounding = np.array([offsets[i].velocity_rounding if i in offsets else 0.0 for i in range(4)])
     standing = np.abs(qd) <= 1e-6 * robot.velocities + rounding
@@ -183,16 +224,20 @@ def _motor_torque_range(
 def _acceleration_bounds(
     robot: Robot, t: Array, qd: Array, rounding: Array, *, standing: Mask
 ) -> tuple[Array, Array]:
-    """Bound the accelerations near each setpoint, within the limits of the robot.
+    """Bound the accelerations of the joints near each setpoint.
+
+    The bounds are the smallest and largest mean accelerations over the neighbouring intervals. They
+    are widened by what can remain hidden between two setpoints and by rounding, and never exceed
+    the acceleration limits.
 
     Parameters
     ----------
     robot : Robot
-        Robot that performs the motion.
+        Robot with the acceleration limits.
     t : (n,) array
         Times of the setpoints, s.
     qd : (n, 4) array
-        Velocities of the joints.
+        Velocities of the joints, rad/s and m/s.
     rounding : (4,) array
         Largest errors of these velocities.
     standing : (n, 4) array of bool
@@ -201,7 +246,7 @@ def _acceleration_bounds(
     Returns
     -------
     lowest, highest : (n, 4) arrays
-        Accelerations, rad/s² and m/s².
+        Accelerations, rad/s² and m/s². The range always contains 0.
     """
     h = np.diff(t)
     mean = np.diff(qd, axis=0) / h[:, None]

@@ -1,7 +1,10 @@
 """Convert the motion of a joint to the units of its drive, and list the setup objects of an EPOS4.
 
-The units depend on the encoder, the direction and the rated torque of the motor. Every setup object
-is listed with a reason.
+The units of a drive depend on the encoder, the direction and the rated torque of the motor.
+`drive_axes` determines them for each joint. The object dictionary of a drive stores its settings
+under indices such as 0x6065. `setup_objects` computes the values that belong to an export, each
+with a reason. `pdo_mapping`, `sync_setup` and `homing_objects` describe the communication and the
+start of a stream.
 """
 
 import csv
@@ -18,8 +21,11 @@ from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.units import rpm
 
 INT16_MAX = 2**15 - 1
+"""Largest integer of 16 bits with sign."""
 INT32_MAX = 2**31 - 1
+"""Largest integer of 32 bits with sign."""
 PLACEHOLDER_PREFIX = "PLACEHOLDER: "
+"""Beginning of the source of an encoder resolution that is only assumed."""
 
 
 @frozen
@@ -35,8 +41,11 @@ class Axis:
     """
 
     name: str
+    """Name of the joint."""
     joint: Joint
+    """The joint with its drive and motor."""
     direction: int
+    """Sign of the drive's position relative to the joint, ±1."""
     counts_per_turn: int
     """Increments per motor turn."""
     increments_per_unit: float
@@ -47,11 +56,22 @@ class Axis:
     """Source of the encoder resolution."""
 
     def increments(self, q: Array) -> Array:
-        """Convert joint positions q (n,) to target positions (n,), rounded to whole increments."""
+        """Convert joint positions to target positions of the drive.
+
+        Parameters
+        ----------
+        q : (n,) array
+            Positions of the joint, rad or m.
+
+        Returns
+        -------
+        (n,) array
+            Positions in increments, rounded to whole numbers.
+        """
         return np.round(q * self.increments_per_unit) + 0.0
 
     def to_dict(self) -> JsonObject:
-        """Return the entries of the manifest."""
+        """Return the units of the drive as entries of the manifest."""
         return {
             "increments_per_unit": self.increments_per_unit,
             "increments_per_motor_turn": self.counts_per_turn,
@@ -114,7 +134,7 @@ def drive_axes(robot: Robot, counts_per_turn: CountsPerTurn) -> dict[str, Axis]:
 
 
 def encoder_notes(axes: Mapping[str, Axis]) -> list[str]:
-    """Return notes on placeholder values of the encoders."""
+    """Return a note for each axis whose increments depend on an assumed encoder resolution."""
     return [
         f"joint {name}: its increments use a placeholder value of the encoder resolution"
         for name, axis in axes.items()
@@ -130,11 +150,16 @@ def check_integer_range(
     Parameters
     ----------
     values : (n,)
-        Integers.
+        Integers as floats.
     bound : int
         Largest absolute value of the object.
     joint, quantity_name, unit : str
-        Joint, quantity and unit. The error message contains them.
+        Joint, quantity and unit for the error message.
+
+    Returns
+    -------
+    (n,) array
+        The values without negative zeros.
 
     Raises
     ------
@@ -151,10 +176,22 @@ def check_integer_range(
 
 
 def following_error_window(axis: Axis, period: int) -> int:
-    """Return the following error that trips the drive (object 0x6065), increments.
+    """Return the following error at which the drive stops with a fault (object 0x6065).
 
-    It is the travel of the joint in `FOLLOWING_ERROR_PERIODS` periods at its largest speed.
-    `period` is in ms.
+    It is the distance that the joint travels in `FOLLOWING_ERROR_PERIODS` interpolation periods at
+    its largest velocity.
+
+    Parameters
+    ----------
+    axis : Axis
+        Axis of the joint.
+    period : int
+        Interpolation period, ms.
+
+    Returns
+    -------
+    int
+        Following error in increments, at least 2.
     """
     travel = axis.joint.velocity * FOLLOWING_ERROR_PERIODS * period / 1000
     return max(math.ceil(travel * abs(axis.increments_per_unit)), 2)
@@ -163,7 +200,26 @@ def following_error_window(axis: Axis, period: int) -> int:
 def _encoder_counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, str]:
     """Return the increments per motor turn of a joint, and the source of this number.
 
-    Raises ExportError if neither the caller nor the motor file gives it.
+    A number that the caller gives has priority over the motor file.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with a motor.
+    counts_per_turn : int or mapping from joint to int, optional
+        Number that the caller gives, see `drive_axes`.
+
+    Returns
+    -------
+    counts : int
+        Increments per motor turn.
+    source : str
+        Source of the number. It begins with `PLACEHOLDER_PREFIX` if the motor file only assumes it.
+
+    Raises
+    ------
+    ExportError
+        If neither the caller nor the motor file gives the number, or if it is below 1.
     """
     if isinstance(counts_per_turn, Mapping):
         counts_per_turn = counts_per_turn.get(joint.name)
@@ -185,13 +241,13 @@ def _encoder_counts(joint: Joint, counts_per_turn: CountsPerTurn) -> tuple[int, 
 
 
 OPERATION_MODES = {"csp": 8, "csv": 9, "cst": 10}
-"""Mode of operation (object 0x6060)."""
+"""Value of the mode of operation (object 0x6060), by the name of the mode."""
 VELOCITY_UNIT_MRPM = 0xFDB44700
-"""Value of object 0x60A9 for velocities in 1e-3 rpm."""
+"""Value of object 0x60A9 that selects 1e-3 rpm as the unit of velocities."""
 FOLLOWING_ERROR_PERIODS = 10
-"""Number of periods of travel that determine the window of the following error."""
+"""Number of interpolation periods of travel that the window of the following error allows."""
 SYNC_COB_ID = 0x80
-"""COB-ID of the SYNC message."""
+"""CAN identifier of the SYNC message."""
 HOMING_AT_CURRENT_POSITION = 37
 """Homing method (object 0x6098) that defines the present position as the home position."""
 OBJECT_BITS = {
@@ -201,19 +257,28 @@ OBJECT_BITS = {
 OBJECT_BITS |= dict.fromkeys(("0x6064:00", "0x606C:00"), 32)
 """Number of bits of each mapped object. Other objects have 16 bits."""
 COMMAND_OBJECTS = ("0x6040:00", "0x6060:00")
+"""Objects with the control word and the mode of operation, which the controller sends."""
 STREAM_OBJECTS = {
     "csp": (("0x607A:00", "0x60B1:00"), ("0x60B2:00",)),
     "csv": (("0x60FF:00", "0x60B2:00"),),
     "cst": (("0x6071:00",),),
 }
-"""Objects of the stream, by mode and PDO. A PDO has at most 64 bits."""
+"""Objects of the stream, by mode. The objects of each inner tuple share one PDO of at most 64 bits.
+"""
 FEEDBACK_OBJECTS = (("0x6041:00", "0x6061:00"), ("0x6064:00", "0x606C:00"), ("0x6077:00",))
+"""Objects that the drive sends, by PDO.
+
+The first PDO contains the status word and the mode, the second one position and velocity, and the
+third one the torque.
+"""
 TRANSMIT_ON_CHANGE = 255
-"""Transmission type of commands and status: on every change."""
+"""Transmission type of a PDO that is sent on every change. Commands and status have it."""
 TRANSMIT_AT_SYNC = 1
-"""Transmission type of all other objects: at each SYNC."""
+"""Transmission type of a PDO that is sent at each SYNC message. All other PDOs have it."""
 STATUS_QUOTED = "quoted"
+"""Mark of an object whose number, meaning and unit are stated in public code of other authors."""
 STATUS_NOT_VERIFIED = "not verified"
+"""Mark of an object in `UNCONFIRMED_OBJECTS`."""
 UNCONFIRMED_OBJECTS = {"0x60B1:00", "0x6080:00"}
 """Objects whose meaning is known only from CiA 402.
 
@@ -231,13 +296,24 @@ UNTESTED_ASSUMPTIONS = (
     "0x30B0: according to public code, homing method 37 assigns this value to the present "
     "position; read 0x6064 afterwards",
 )
+"""Statements about the drive that were not tested. The manifest contains them."""
 
 
 def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
-    """Return the PDOs of a stream with their objects and transmission types.
+    """Return the process data objects (PDOs) of a stream with their content and transmission types.
 
     Commands and status have separate PDOs, so that the drive can be switched on before the first
-    SYNC.
+    SYNC message.
+
+    Parameters
+    ----------
+    mode : str
+        Key of `OPERATION_MODES`.
+
+    Returns
+    -------
+    dict of lists of dict
+        PDOs that the drive receives ("receive") and sends ("transmit"), as entries of the manifest.
     """
     receive = [
         _pdo(0x1600 + k, 0x1400 + k, 0x200 + 0x100 * k, objects)
@@ -251,7 +327,7 @@ def pdo_mapping(mode: str) -> dict[str, list[JsonObject]]:
 
 
 def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -> JsonObject:
-    """Describe one PDO (process data object) for the manifest.
+    """Describe one process data object (PDO), a CAN message with several objects, for the manifest.
 
     Parameters
     ----------
@@ -260,7 +336,7 @@ def _pdo(mapping: int, communication: int, cob_id: int, keys: tuple[str, ...]) -
     cob_id : int
         CAN identifier without the node ID.
     keys : tuple of str
-        Objects in the PDO, such as "0x607A:00".
+        Objects in the PDO, such as "0x607A:00" (index and subindex).
     """
     objects = []
     for key in keys:
@@ -295,9 +371,19 @@ def sync_setup(period: int) -> JsonObject:
 
 
 def homing_objects(axis: Axis, start: float) -> JsonObject:
-    """Return the objects with which position 0 of the drive corresponds to position 0 of the joint.
+    """Return the objects that make position 0 of the drive equal to position 0 of the joint.
 
-    `start` is the first setpoint, in increments.
+    Parameters
+    ----------
+    axis : Axis
+        Axis of the joint.
+    start : float
+        First setpoint of the stream, in increments. The robot stands there during homing.
+
+    Returns
+    -------
+    dict
+        Entries of the manifest: home position, offset and homing method.
     """
     return {
         "convention": "0 increments are 0 rad or m of the joint",
@@ -326,20 +412,21 @@ with Path(__file__).with_name("epos4_objects.csv").open(encoding="utf-8") as _ta
 def rounding_bounds(axis: Axis, period: int) -> dict[str, float]:
     """Return bounds of the errors that result from rounding positions to increments.
 
-    Every position is wrong by at most half an increment, so a difference of two positions is wrong
-    by one increment, and a second difference by two.
+    Every position is wrong by at most half an increment. A difference of two positions is then
+    wrong by one increment, and a second difference by two.
 
     Parameters
     ----------
     axis : Axis
-        Settings of one axis.
+        Axis with the size of an increment.
     period : int
         Interval between the positions, ms.
 
     Returns
     -------
     dict[str, float]
-        Bounds for the joint's position, speed and acceleration, rad or m and s.
+        Bounds for "position" (rad or m), "speed" (rad/s or m/s) and "acceleration" (rad/s² or m/s²)
+        of the joint.
     """
     increment = 1 / abs(axis.increments_per_unit)
     h = period / 1000
@@ -349,16 +436,22 @@ def rounding_bounds(axis: Axis, period: int) -> dict[str, float]:
 def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     """Return the table of the setup objects for one axis.
 
-    Each row has the columns joint, object, name, value, unit, reason and known.
+    The largest velocity in the drive exceeds that of the joint by the effect of rounding on the
+    stream (`rounding_bounds`), so that the drive does not cut off a permitted motion.
 
     Parameters
     ----------
     axis : Axis
-        Settings of one axis.
+        Axis of the joint.
     mode : str
-        Mode of operation of the controller.
+        Key of `OPERATION_MODES`.
     period : int
-        Interpolation period, ms. The limits in the drive allow for `rounding_bounds`.
+        Interpolation period, ms.
+
+    Returns
+    -------
+    list of dict
+        Rows with the columns joint, object, name, value, unit, reason and known.
 
     Raises
     ------

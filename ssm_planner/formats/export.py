@@ -1,6 +1,9 @@
 """Export a plan to the formats of controllers.
 
-An export requires a passed certificate. Its folder appears only when every file is complete.
+`export` checks a plan again, calls the writer of the format (`format.FORMATS`) and adds a manifest
+with hashes, certificate and, if asked for, a signature. Without a passed certificate it refuses,
+unless the user forces an export that is marked as unverified. The export folder appears only when
+every file is complete.
 """
 
 from __future__ import annotations
@@ -28,7 +31,7 @@ from ssm_planner.verification import Certificate, check_slower, with_seal
 from ssm_planner.verification.check import check
 
 UNVERIFIED_WARNING = "UNVERIFIED: the plan has no passed certificate; do not run it on a machine"
-"""Entry of the manifest of an unverified export."""
+"""Warning in the manifest of an unverified export."""
 
 
 @checked
@@ -145,8 +148,14 @@ def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
     speed : float
         Fraction of the speed, in (0, 1].
     is_verified : bool
-        True if the plan has passed its check. The slower plan then receives a new certificate, and
-        otherwise none.
+        True if the plan has passed its check. The slower plan then receives a new certificate.
+        Otherwise, it has none.
+
+    Returns
+    -------
+    Plan
+        Plan with the slower motion and with the declared rates at both ends that belong to it. It
+        keeps the file name and the hash of the original plan.
 
     Raises
     ------
@@ -170,7 +179,7 @@ def slowed_plan(plan: Plan, speed: float, is_verified: bool) -> Plan:
 def _write_stops(
     plan: Plan, folder: Path, name: str, count: int, details: JsonObject
 ) -> JsonObject:
-    """Write controlled stops from instants of the exported motion.
+    """Write a table of controlled stops that begin at instants of the exported motion.
 
     Parameters
     ----------
@@ -178,13 +187,13 @@ def _write_stops(
         Plan that is exported.
     folder : Path
         Export folder. If its table of positions states velocities and keeps all limits, the stops
-        start from the motion of this table.
+        start from the motion of this table. Otherwise, they start from the motion of the plan.
     name : str
         Name of the file.
     count : int
         Number of instants.
     details : dict
-        Entries of the manifest.
+        Entries of the manifest that the format has added.
 
     Returns
     -------
@@ -267,7 +276,7 @@ def write_manifest(
     details: JsonObject,
     sign: Path | None = None,
 ) -> JsonObject:
-    """Write manifest.json beside the files that it lists, and return its content.
+    """Write manifest.json next to the files that it lists, and return its content.
 
     Parameters
     ----------
@@ -280,11 +289,16 @@ def write_manifest(
     certificate : Certificate
         The new certificate of the plan.
     verified : bool
-        False adds a warning.
+        True if the plan has passed its check. If False, the manifest contains a warning.
     details : dict
         Entries that the format adds.
     sign : Path, optional
-        PEM file with a private Ed25519 key.
+        PEM file with a private Ed25519 key. Without it, the manifest has no signature.
+
+    Returns
+    -------
+    dict
+        Content of the manifest.
     """
     ends = plan.limits.slower(details.get("stretch", 1.0))
     manifest = {

@@ -1,5 +1,7 @@
 """Declarations of the export formats.
 
+`FORMATS` lists every format with its writer, its reader and its options. `export` and
+`read_trajectory` look a format up in this list, and the command line derives its options from it.
 To add a format, declare a `Format` and register it, as docs/architecture.md describes.
 """
 

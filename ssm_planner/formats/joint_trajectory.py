@@ -1,8 +1,9 @@
 """Convert, write and read JointTrajectory messages of ROS 2.
 
-A YAML file contains a message in the form that `ros2 topic pub` or an action goal requires. If
-joint_trajectory_controller would reject a message, the reader raises an error with the reason of
-the controller.
+`trajectory_message` builds a message from the points of a plan, and `yaml_text` writes it in the
+form that `ros2 topic pub` or an action goal requires. `read_yaml` reads such a file. The reader
+interpolates the points as joint_trajectory_controller does. It raises an error with the reason of
+the controller if the controller would reject the message.
 """
 
 import json
@@ -28,9 +29,9 @@ NANOSECONDS_PER_SECOND = 10**9
 LARGEST_FILE = 100_000_000
 """Largest size of a YAML file, bytes."""
 LARGEST_TREE = 7_000_000
-"""Largest number of values in a YAML file."""
+"""Largest number of values in a YAML file, which bounds the memory that its parser needs."""
 LARGEST_SECONDS = 10**9
-"""Largest absolute number of seconds that is accepted."""
+"""Largest absolute number of seconds that is accepted in a time."""
 CONTROLLER_REST_SPEED = 1.2e-7
 """Largest final velocity that joint_trajectory_controller accepts by default, rad/s or m/s."""
 POINT_FIELDS = ("positions", "velocities", "accelerations", "effort")
@@ -62,11 +63,19 @@ class TrajectoryMessage:
 def trajectory_message(
     plan: Plan, points: SplinePoints, effort: bool, rigid: bool = False
 ) -> TrajectoryMessage:
-    """Build the JointTrajectory of spline points.
+    """Build the JointTrajectory message of spline points.
 
-    If `effort` is true, the message contains the motor torques times the ratios of the drives, N·m
-    and N. They include the exact friction. A joint without a drive has its rigid-body effort. If
-    `rigid` is true, the message contains the rigid-body efforts of all joints.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    points : SplinePoints
+        Points of the plan between which the controller interpolates.
+    effort : bool
+        True if the message contains the motor torques times the ratios of the drives, N·m and N.
+        They include the exact friction. A joint without a drive has its rigid-body effort.
+    rigid : bool
+        True if the message contains the rigid-body efforts of all joints instead.
     """
     samples = points.samples
     empty: list[Sequence[float]] = [[] for _ in samples.t]
@@ -93,7 +102,7 @@ def trajectory_message(
 
 
 def split_time(t: float) -> tuple[int, int]:
-    """Split a time in s into whole seconds and nanoseconds."""
+    """Split a time in s into whole seconds and the remaining nanoseconds, as ROS 2 states times."""
     ticks = round(t * NANOSECONDS_PER_SECOND)
     return ticks // NANOSECONDS_PER_SECOND, ticks % NANOSECONDS_PER_SECOND
 
@@ -125,12 +134,15 @@ def yaml_text(message: TrajectoryMessage, comments: Sequence[str], under: str) -
 
 
 def _yaml_list(values: Sequence[float] | Array) -> str:
-    """Format numbers as a YAML list. YAML 1.1 would read 1e-05 as text, so it becomes 1.0e-05."""
+    """Format numbers as a YAML list.
+
+    YAML 1.1 would read 1e-05 as text, so it becomes 1.0e-05. A negative zero becomes 0.0.
+    """
     return "[" + ", ".join(_yaml_number(float(value) + 0.0) for value in np.asarray(values)) + "]"
 
 
 def _yaml_number(value: float) -> str:
-    """Format a number so that its mantissa contains a decimal point."""
+    """Format a number for YAML 1.1, which requires a decimal point in a mantissa with an exponent."""
     text = repr(value)
     mantissa, e, exponent = text.partition("e")
     return text if not e or "." in mantissa else f"{mantissa}.0e{exponent}"
@@ -160,10 +172,10 @@ def read_yaml(path: Path, robot: Robot) -> Reading:
 
 
 def read_yaml_message(path: Path) -> TrajectoryMessage:
-    """Return the message in a YAML file.
+    """Return the JointTrajectory message in a YAML file.
 
-    The message may be at the top level, or under the keys `goal` and `trajectory`. Raises
-    TrajectoryError if the file does not contain a message.
+    The message may be at the top level, or under the keys `goal` and `trajectory`, as in an action
+    goal. Raises TrajectoryError if the file does not contain a message.
     """
     content = read_yaml_content(path)
     for key in ("goal", "trajectory"):
@@ -188,14 +200,19 @@ def read_yaml_content(path: Path) -> Any:
 
 
 def parse_message(data: Any, location: str) -> TrajectoryMessage:
-    """Build a message from dictionaries and lists.
+    """Build a message from the dictionaries and lists of a YAML file, and check their types.
 
     Parameters
     ----------
     data : Any
-        Content of a file.
+        Content of the file at the top level of the message.
     location : str
         Beginning of error messages, such as the path of the file.
+
+    Returns
+    -------
+    TrajectoryMessage
+        The message. The lengths of its lists are not checked.
 
     Raises
     ------
@@ -225,7 +242,7 @@ def interpolate_message(
 
     Parameters
     ----------
-    message : Message
+    message : TrajectoryMessage
         Message that is read.
     robot : Robot
         Robot with the joints of the message, in any order.
@@ -237,6 +254,7 @@ def interpolate_message(
     Returns
     -------
     Reading
+        Trajectory through the points, with remarks on the behaviour of the controller.
 
     Raises
     ------
@@ -266,11 +284,11 @@ def interpolate_message(
 def controller_rejections(
     message: TrajectoryMessage, joints: Sequence[str]
 ) -> tuple[list[str], list[str]]:
-    """Find faults of a message, and remarks on it.
+    """Find the reasons for which joint_trajectory_controller rejects a message, and make remarks.
 
     Parameters
     ----------
-    message : Message
+    message : TrajectoryMessage
         Message that is checked.
     joints : sequence of str
         Names of the joints of the robot.
@@ -278,7 +296,7 @@ def controller_rejections(
     Returns
     -------
     faults : list of str
-        Reasons for which joint_trajectory_controller rejects the message.
+        Reasons for which the controller rejects the message, whatever its configuration.
     remarks : list of str
         Behaviour that depends on the configuration of the controller.
     """
@@ -324,7 +342,7 @@ def controller_rejections(
 
 
 def _reorder_rows(rows: list[Sequence[float]], order: list[int]) -> tuple[Array, Any]:
-    """Return a table of values in the order of the robot's joints.
+    """Return the values of all points in the order of the robot's joints.
 
     Parameters
     ----------

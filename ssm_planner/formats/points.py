@@ -1,8 +1,9 @@
-"""Join the points of a joint motion as joint_trajectory_controller does.
+"""Join the points of a joint motion as joint_trajectory_controller of ROS 2 does.
 
 The motion between two points is a straight line if only positions are given. It is a cubic with
 velocities, and a quintic with velocities and accelerations (ros2_controllers,
-joint_trajectory_controller, trajectory representation).
+joint_trajectory_controller, trajectory representation). All readers of trajectory files build a
+`Points` object and pass it to `interpolate_points`, which returns a `Reading`.
 
 The module also rejects values that do not fit their column: degrees instead of radians, millimetres
 instead of metres, and swapped columns.
@@ -25,7 +26,7 @@ from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 
 IN_MEMORY_ROWS = 1_000_000
-"""Number of points above which points and pieces are kept in temporary files."""
+"""Number of points up to which points and coefficients are kept in memory instead of files."""
 
 
 @record
@@ -37,7 +38,8 @@ class Points:
     t : (n,) array
         Times, s.
     q, qd, qdd : (n, 4) arrays
-        Positions, velocities and accelerations, rad and m. They are in memory or in a file.
+        Positions (rad and m) and their first and second derivatives. qd or qdd is None if no point
+        states it. The arrays are in memory or in a file.
     """
 
     t: Array
@@ -45,28 +47,34 @@ class Points:
     qd: Array | None = None
     qdd: Array | None = None
     has_qd: Mask | None = None
-    """Points with velocities, (n,). None if all points have velocities, or if qd is None."""
+    """True for points with velocities, (n,). None if all points have velocities, or if qd is None.
+    """
     has_qdd: Mask | None = None
-    """Points with accelerations, (n,), with the same meaning of None."""
+    """True for points with accelerations, (n,). None has the same meaning as for `has_qd`."""
     resolution: Array | None = None
-    """Largest rounding error of the positions, (4,). None if the rounding is unknown."""
+    """Largest rounding error of the positions, (4,), rad and m. None if the rounding is unknown."""
     place: Callable[[int], str] = "point {}".format
-    """Function that names a point in messages."""
+    """Function that returns the name of a point for messages, given its index."""
 
 
 @record
 class Reading:
-    """A trajectory that was read from a file, with the other data of the file."""
+    """A trajectory that was read from a file, with the other data of the file.
+
+    All readers of trajectory files return it. Its method `check` checks everything that the file
+    contains.
+    """
 
     trajectory: Trajectory
     interpolation: str
-    """Description of the motion between the points."""
+    """Description of the motion between the points, such as "cubic between points (…)"."""
     resolution: Array | None
-    """Largest rounding error of the positions, (4,). None if every piece is smooth."""
+    """Largest rounding error of the positions (4,), rad and m. None if no piece is a straight line.
+    """
     notes: tuple[str, ...] = ()
     """Remarks on the file for the user."""
     checks: tuple[LimitCheck, ...] = ()
-    """Results for data in the file that are not part of the trajectory."""
+    """Results for data in the file that are not part of the trajectory, such as torque offsets."""
     start_rate: Mapping[str, float] = field(default_factory=dict)
     """Rates of task coordinates that the file declares at the start, rad/s or m/s.
 
@@ -77,7 +85,7 @@ class Reading:
     content: ExportContent | None = None
     """Content that an export folder with this motion must have. None for a single file."""
     stops: tuple["Reading", ...] = ()
-    """Controlled stops through the points of a table."""
+    """Controlled stops that the file contains as positions. `check` checks each of them."""
 
     def check(self, robot: Robot, limits: TaskLimits) -> Certificate:
         """Check the trajectory, its controlled stops and the other data of the file.
@@ -92,7 +100,8 @@ class Reading:
         Returns
         -------
         Certificate
-            Of all stops, it contains only the result with the smallest margin.
+            Result for every limit. Of all stops, it contains only the result with the smallest
+            margin.
         """
         certificate = check(
             self.trajectory,
@@ -116,7 +125,7 @@ class Reading:
         return certificate.with_more(checks)
 
     def add_declared_rates(self, limits: TaskLimits) -> TaskLimits:
-        """Return limits with the rates that the file declares at the start and the end.
+        """Return limits of a task with the rates that the file declares at the start and the end.
 
         Rates that the limits already contain take precedence.
         """
@@ -126,7 +135,7 @@ class Reading:
 
 
 def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()) -> Reading:
-    """Build the trajectory through points.
+    """Build the trajectory through points as joint_trajectory_controller interpolates them.
 
     Parameters
     ----------
@@ -135,11 +144,12 @@ def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()
     robot : Robot
         Robot that performs the motion.
     notes : tuple of str
-        Notes to pass on with the trajectory.
+        Notes that are passed on with the trajectory.
 
     Returns
     -------
     Reading
+        The trajectory. Coefficients of a long trajectory are computed when they are used.
 
     Raises
     ------
@@ -165,11 +175,10 @@ def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()
 
 
 def large_array(shape: tuple[int, ...]) -> Array:
-    """Return an uninitialised array of a given shape (n, …).
+    """Return an uninitialised array of floats with a given shape (n, …).
 
-    An array with more than `IN_MEMORY_ROWS` rows is in a temporary file. The operating system
-    reads and
-    writes its parts on demand.
+    An array with more than `IN_MEMORY_ROWS` rows is in a temporary file. The operating system reads
+    and writes its parts on demand.
     """
     if shape[0] <= IN_MEMORY_ROWS:
         return np.empty(shape)
@@ -178,7 +187,7 @@ def large_array(shape: tuple[int, ...]) -> Array:
 
 
 def describe_interpolation(cubic: Mask, quintic: Mask) -> str:
-    """Describe the interpolation between points in words.
+    """Describe the interpolation between points in words, for certificates and notes.
 
     Parameters
     ----------
@@ -243,21 +252,30 @@ def check_points(points: Points, robot: Robot) -> None:
 class _LazyCoefficients:
     """Coefficients (n − 1, 6, 4) of the pieces between n points, computed when they are used.
 
-    The array of a long table would be larger than the points.
+    An object of this class replaces the array of coefficients of a Trajectory. For a long table,
+    this array would be larger than the points.
     """
 
     points: Points
+    """Points between which the pieces lie."""
     cubic: Mask
+    """True for pieces whose two points state velocities, (n − 1,)."""
     quintic: Mask
-    """True for pieces of at least this degree, (n − 1,)."""
+    """True for pieces whose two points also state accelerations, (n − 1,)."""
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Shape of the coefficients."""
+        """Shape of the array of coefficients: pieces, powers of time, joints."""
         return len(self.cubic), DEGREE + 1, 4
 
     def __getitem__(self, index: slice | Indices) -> Array:
-        """Return the coefficients (m, 6, 4) of the pieces with these indices."""
+        """Return the coefficients (m, 6, 4) of m pieces.
+
+        Parameters
+        ----------
+        index : slice or array of int
+            Indices of the pieces.
+        """
         points = self.points
         start = np.arange(len(self.cubic))[index]
         tables = [table for table in (points.q, points.qd, points.qdd) if table is not None]
@@ -281,24 +299,34 @@ class _LazyCoefficients:
 LARGEST_ANGLE = 8 * math.pi
 """Largest plausible joint angle, rad. Larger values are probably degrees."""
 LARGEST_STROKE = 1.0
-"""Largest plausible stroke, m. Larger values are probably millimetres."""
+"""Largest plausible position of a prismatic joint, m. Larger values are probably millimetres."""
 SHORT_TABLE_INTERVALS = 20
-"""Number of intervals up to which slopes are not compared, because joints may rest in between."""
+"""Number of intervals up to which derivatives are not compared with slopes.
+
+In a short table, the joints may rest at every point and move in between.
+"""
 LARGEST_COMPARED_INTERVALS = 20_000
-"""Largest number of intervals that are compared."""
+"""Largest number of intervals that are compared. Of a longer table, equidistant ones are selected.
+"""
 AGREEMENT_TOLERANCE = 0.05
-"""Largest relative residual, and deviation of the factor from 1, of columns that agree."""
+"""Largest relative residual, and largest deviation of the factor from 1, of columns that agree.
+
+The factor and the residual are those of `_fit_factor`.
+"""
 UNIT_ERROR_FACTOR = 2.0
-"""Factor beyond which velocities proportional to the slopes have a different unit."""
+"""Ratio of derivatives to slopes beyond which the derivatives have another unit than the values."""
 UNIT_CONFUSIONS = (
     (180 / math.pi, "degrees where radians are meant"),
     (1000.0, "millimetres where metres are meant"),
 )
-"""Factors between units that are often confused, with a hint for the user."""
+"""Ratios of units that are often confused, each with a hint for the user."""
 
 
 def check_magnitudes(q: Array, robot: Robot, point_name: Callable[[int], str], start: int) -> None:
     """Raise TrajectoryError if a position is too large for its kind of joint.
+
+    A revolute joint does not turn by more than `LARGEST_ANGLE`, and a prismatic joint does not move
+    by more than `LARGEST_STROKE`. Larger values suggest a wrong unit or swapped columns.
 
     Parameters
     ----------
@@ -307,9 +335,9 @@ def check_magnitudes(q: Array, robot: Robot, point_name: Callable[[int], str], s
     robot : Robot
         Robot that performs the motion.
     point_name : callable
-        Function that returns the name of a point for messages.
+        Function that returns the name of a point for messages, given its index.
     start : int
-        Index of the first point.
+        Index of the first point of `q` in the table.
     """
     for i, joint in enumerate(robot.joints):
         k = int(np.argmax(np.abs(q[:, i])))
@@ -326,16 +354,18 @@ def check_magnitudes(q: Array, robot: Robot, point_name: Callable[[int], str], s
 def check_derivatives(
     t: Array, value: Array, derivative: Array, robot: Robot, names: tuple[str, str]
 ) -> None:
-    """Raise TrajectoryError if a derivative has another unit or belongs to another joint.
+    """Raise TrajectoryError if derivatives have another unit or belong to another joint.
 
-    The mean derivative over each interval is compared with the slope of the values.
+    The derivative, averaged over both ends of each interval, is compared with the slope of the
+    values over this interval. If both are proportional but not equal, the unit is wrong. If the
+    derivative equals the slope of another joint, columns are swapped.
 
     Parameters
     ----------
     t : (n,) array
         Instants, s.
     value, derivative : (n, 4) arrays
-        Values and their derivatives.
+        Positions and velocities, or velocities and accelerations.
     robot : Robot
         Robot that performs the motion.
     names : (str, str)
@@ -375,7 +405,7 @@ def check_derivatives(
 
 
 def _columns_agree(factor: float, residual: float) -> bool:
-    """Return True if a factor and a residual of `_fit_factor` show that two columns agree."""
+    """Return True if a factor and a residual of `_fit_factor` show that two columns are equal."""
     return residual < AGREEMENT_TOLERANCE and abs(factor - 1) < AGREEMENT_TOLERANCE
 
 
@@ -385,13 +415,14 @@ def _fit_factor(slope: Array, mean: Array) -> tuple[float, float]:
     Parameters
     ----------
     slope, mean : (n,) arrays
-        Slopes of the values, and mean derivatives.
+        Slopes of the values over n intervals, and the mean derivatives over these intervals.
 
     Returns
     -------
     factor : float
+        Best factor, or 0 if all mean derivatives are 0.
     residual : float
-        Norm of mean − factor · slope, relative to the norm of `mean`.
+        Norm of mean − factor · slope, relative to the norm of `mean`. It is 1 if the latter is 0.
     """
     size = float(np.linalg.norm(mean))
     if size == 0.0:

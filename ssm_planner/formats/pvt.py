@@ -5,9 +5,10 @@ milliseconds, and positions are whole increments. Therefore, the rows cannot lie
 acceleration jumps of the plan or exactly on the plan. Cubics through rounded samples of the plan
 would exceed its limits.
 
-For this reason, a linear program fits the rows of each joint. It finds the rows nearest to a
-slightly slower plan for which the cubics stay within the accelerations, velocities and positions
-that the plan has nearby. The motion that the drives will execute is then checked.
+For this reason, a linear program fits the rows of each joint (`_RowFit`). It finds the rows nearest
+to a slightly slower plan for which the cubics stay within the accelerations, velocities and
+positions that the plan has nearby. `export_pvt` then checks the motion that the drives will
+execute. `read_pvt` reads exported tables again.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -46,19 +47,21 @@ ROW_INTERVALS_MS = (40, 60, 25, 100)
 Short intervals suffer from the rounding to increments. Long intervals deviate from the plan.
 """
 SLOWDOWNS = (0.002, 0.005, 0.01, 0.02, 0.05)
-"""Relative increases of the duration in the order of trial."""
+"""Relative increases of the plan's duration in the order of trial."""
 ACCELERATION_TOLERANCE = 0.01
-"""Tolerance beyond the plan's nearby accelerations, relative to the acceleration limit."""
+"""Largest excess over the nearby accelerations of the plan, relative to the acceleration limit."""
 PLAN_SAMPLES_PER_ROW = 40
-"""Number of instants of the plan between two rows."""
+"""Number of samples of the plan per row that determine its nearby extremes."""
 UNDRIVEN_UNITS = 1e5
-"""Units per rad or m of a joint without a drive, whose rows are not rounded."""
+"""Units per rad or m of a joint without a drive, in place of increments. They are not rounded."""
 EXCESS_COST = 1e6
-"""Cost, in increments, of exceeding an acceleration bound by the whole limit."""
+"""Cost of exceeding an acceleration bound by the whole limit, as a deviation in increments."""
 TIME_COLUMN = "time_ms"
+"""Name of the column with the time since the previous row."""
 POSITION_COLUMN = "position"
+"""Beginning of the name of the column with positions. The unit follows."""
 VELOCITY_COLUMN = "velocity"
-"""Names of the columns. The unit follows the name."""
+"""Beginning of the name of the column with velocities. The unit follows."""
 COLUMN_EXPLANATIONS = {
     "time_ms": "time since the previous row, 1 to 255; 0 in the first row, whose time is not used",
     "position_inc": "absolute, INT32",
@@ -68,7 +71,7 @@ COLUMN_EXPLANATIONS = {
     "start": "first row: position and velocity that the axis must have at the start",
     "end": "last row: the target; the command that ends a table depends on the drive",
 }
-"""Explanation of the columns in the manifest."""
+"""Explanations of the columns and of the motion between the rows, for the manifest."""
 UNTESTED_ASSUMPTIONS = (
     "the export was not tested on a drive: format and interpolation follow Elmo's SimplIQ manual "
     "(P 32, V 24, T 8 bits; ms, counts/s) and maxon's IPM application note for the EPOS2 (0x20C1); "
@@ -96,6 +99,7 @@ class PvtTable:
     limits: TaskLimits
     """Limits of the slower motion, with the rates at both ends of the table."""
     certificate: Certificate
+    """Certificate of the motion that the drives execute for these rows."""
 
 
 def export_pvt(
@@ -119,6 +123,12 @@ def export_pvt(
         Text that marks unverified files, before the extension.
     counts_per_turn : int or mapping from joint to int, optional
         Increments per motor turn, see `drive_axes`.
+
+    Returns
+    -------
+    dict
+        Entries that this format adds to the manifest. They contain the certificate of the cubics
+        and the largest deviation of the rows from the plan.
 
     Raises
     ------
@@ -175,7 +185,7 @@ def pvt_content(
     t : (n,) array
         Times of the rows, s.
     rows : mapping of str to two (n,) arrays
-        Positions and velocities by joint, see `PvtTable`.
+        Positions and velocities by joint, in the units of `PvtTable.rows`.
     limits : TaskLimits
         Limits with the rates at both ends.
     suffix : str
@@ -292,14 +302,15 @@ def _feasible_table(plan: Plan, certificate: Certificate, axes: dict[str, Axis])
     plan : Plan
         Plan that is exported.
     certificate : Certificate
-        Certificate of the plan. If it did not pass, the first table is returned.
+        Certificate of the plan. If it did not pass, the result is the first table, even if this
+        table exceeds a limit.
     axes : dict of Axis
         Drives by joint.
 
     Raises
     ------
     ExportError
-        If every table exceeds a limit.
+        If every table exceeds a limit. The message describes the table with the largest margin.
     """
     certificates = []
     for table in _candidate_tables(plan, axes, SLOWDOWNS if certificate.passed else (0.0,)):
@@ -321,9 +332,20 @@ def _candidate_tables(
 ) -> Iterator[PvtTable]:
     """Yield tables with different durations and times between rows.
 
-    The order is that of `stretches` (relative increases of the duration) and `ROW_INTERVALS_MS`.
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    axes : dict of Axis
+        Drives by joint.
+    stretches : collection of float
+        Relative increases of the duration in the order of trial. For each of them, the intervals
+        `ROW_INTERVALS_MS` are tried in their order.
+
     Raises
-    ExportError if the motion is too short for a table.
+    ------
+    ExportError
+        If the motion is too short for a table.
     """
     for slowdown in stretches:
         for interval in ROW_INTERVALS_MS:
@@ -350,7 +372,24 @@ def _candidate_tables(
 
 
 def _plan_samples(plan: Plan, t: Array, stretch: float, i: int) -> tuple[Array, Array]:
-    """Return positions and velocities (n,) of joint i at times t (n,) of the slower plan."""
+    """Return the positions and velocities of one joint in a plan that is slowed down.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan that is exported.
+    t : (n,) array
+        Times of the slower motion since its start, s.
+    stretch : float
+        Factor on the duration of the plan.
+    i : int
+        Index of the joint.
+
+    Returns
+    -------
+    positions, velocities : (n,) arrays
+        Samples in rad or m, and rad/s or m/s.
+    """
     s = sample_slowed_plan(plan, plan.motion.breaks[0] + t, stretch)
     return s.q[:, i], s.qd[:, i]
 
@@ -360,8 +399,8 @@ class _RowFit:
 
     Positions are in increments. Velocities are in increments per τ, the mean time between rows. The
     unknowns are the deviations d of the n positions and w of the n velocities from the plan, their
-    bounds e ≥ |d|, and an excess ε ≥ 0. The program minimises Σ e + EXCESS ε subject to these
-    conditions on every interval:
+    bounds e ≥ |d|, and an excess ε ≥ 0. The program minimises Σ e + EXCESS_COST · ε subject to
+    these conditions on every interval:
 
         low ≤ acceleration at its start and end ≤ high        (it is linear in between)
         low ≤ Bernstein coefficients of velocity and position ≤ high
@@ -430,16 +469,18 @@ class _RowFit:
         """Factors of positions and velocities, bounds of their sum, and tolerance for ε = 1."""
 
     def _neighbourhood_extremes(self, values: Array) -> tuple[Array, Array]:
-        """Return the extremes of a quantity on each interval and its two neighbours.
+        """Return the extremes of a quantity on each interval together with its two neighbours.
 
         Parameters
         ----------
         values : (k, instants) array
-            Values of k variants of the quantity at the dense instants.
+            Values of k variants of the quantity at the instants of the plan between the rows. The
+            extremes are taken over all variants.
 
         Returns
         -------
         lowest, highest : (n − 1,) arrays
+            Extremes for each interval between two rows.
         """
         low = np.pad(np.minimum.reduceat(values.min(axis=0), self._interval_starts), 1, mode="edge")
         high = np.pad(
@@ -450,13 +491,13 @@ class _RowFit:
         return lowest, highest
 
     def rows(self, round_to_units: bool) -> tuple[Array, Array]:
-        """Solve the program.
+        """Solve the linear program, and return the rows of the joint.
 
         Parameters
         ----------
         round_to_units : bool
-            Round the results to integers. The method first rounds the positions, and then fits the
-            velocities again.
+            True to round the results to integers. The method then first rounds the positions, and
+            fits the velocities again with fixed positions.
 
         Returns
         -------
@@ -474,12 +515,12 @@ class _RowFit:
         return position, np.round((self.velocities + w) * self.rate)
 
     def _solve(self, d: Array, free: Array) -> tuple[Array, Array]:
-        """Solve the linear program, and return the deviations d and w (n,).
+        """Solve the linear program for some fixed positions.
 
         Parameters
         ----------
         d : (n,) array
-            Deviations of fixed positions.
+            Deviations of fixed positions from the plan, in increments. Other entries are ignored.
         free : (n,) array
             0 for a fixed position, and 1 for a position whose deviation is unknown.
 

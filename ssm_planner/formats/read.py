@@ -1,6 +1,9 @@
 """Read a trajectory file of any supported format.
 
-The suffix of the file name determines the reader. For an export folder, the manifest determines it.
+`read_trajectory` is the entry for all commands that accept a trajectory. The suffix of the file
+name determines the reader. For an export folder, the manifest determines the reader, and the folder
+is first checked for changes: The hashes of its files must be those in the manifest, and the files
+must agree with each other.
 """
 
 import pkgutil
@@ -23,7 +26,7 @@ from ssm_planner.typing import JsonObject
 ACCEPTED_FILES = (
     "plan.json, .csv, .yaml (JointTrajectory), a rosbag2 folder or .mcap, or an export folder"
 )
-"""Supported files, for error messages."""
+"""Description of the supported files for error messages."""
 LARGEST_MANIFEST = 20_000_000
 """Largest size of a manifest, bytes."""
 LARGEST_TASK_RATE = 1e3
@@ -65,7 +68,11 @@ def read_trajectory(path: str | Path, robot: Robot) -> Reading:
 
 
 def _read_file(path: Path, robot: Robot) -> Reading:
-    """Read a single file. Its suffix determines the format. Raises TrajectoryError."""
+    """Read a single file with the reader that belongs to the suffix of its name.
+
+    Raises TrajectoryError if the suffix is unknown, or if the file is not a trajectory of the
+    robot.
+    """
     suffix = path.suffix.lower()
     if not path.is_file():
         raise TrajectoryError(f"{path}: not a regular file")
@@ -79,10 +86,15 @@ def _read_file(path: Path, robot: Robot) -> Reading:
 
 
 def _read_folder(folder: Path, robot: Robot) -> Reading:
-    """Read a rosbag2 or an export folder.
+    """Read a rosbag2 folder or an export folder.
 
     The files of an export must have the hashes in its manifest, and they must agree with the
-    motion. Raises TrajectoryError if they do not.
+    motion. A rosbag2 within an export folder is compared with the hashes of that export.
+
+    Raises
+    ------
+    TrajectoryError
+        If the folder was changed, was exported for another robot, or does not contain a trajectory.
     """
     if (folder / "metadata.yaml").is_file():
         _check_hashes(folder.parent, below=folder.name)
@@ -139,7 +151,7 @@ def read_manifest(folder: Path) -> JsonObject:
 def _check_hashes(
     folder: Path, manifest: JsonObject | None = None, below: str = ""
 ) -> frozenset[str]:
-    """Check that the files of an export are unchanged, and return the names in its manifest.
+    """Check that the files of an export are unchanged.
 
     The SHA-256 of each file is compared with the manifest.
 
@@ -148,9 +160,14 @@ def _check_hashes(
     folder : Path
         Folder of the export.
     manifest : dict, optional
-        Its manifest. By default, the function reads manifest.json if this file exists.
+        Content of its manifest. By default, the function reads manifest.json if this file exists.
     below : str
         Name of a subfolder. If it is not empty, only the files in this subfolder are compared.
+
+    Returns
+    -------
+    frozenset of str
+        Names of all files in the manifest. Empty if there is no manifest.
 
     Raises
     ------
@@ -189,10 +206,26 @@ def _check_hashes(
 
 
 def _declared_rates(folder: Path, manifest: JsonObject, key: str) -> dict[str, float]:
-    """Return the rates of task coordinates that a manifest declares under a key.
+    """Return the rates of task coordinates that a manifest declares for one end of the motion.
 
-    The rates are in rad/s and m/s. Raises TrajectoryError if the entry is not a mapping from task
-    coordinates to numbers.
+    Parameters
+    ----------
+    folder : Path
+        Export folder, for messages.
+    manifest : dict
+        Content of the manifest.json of the folder.
+    key : str
+        Key of the rates: start_rate or end_rate.
+
+    Returns
+    -------
+    dict of float
+        Rates by task coordinate, rad/s and m/s. Coordinates without a rate are at rest.
+
+    Raises
+    ------
+    TrajectoryError
+        If the entry is not a mapping from task coordinates to numbers.
     """
     rates = manifest.get(key, {})
     if not isinstance(rates, dict) or not set(rates) <= set(TASK_COORDINATES):

@@ -1,7 +1,9 @@
 """Export a plan to ROS 2, and read rosbags.
 
-An export contains a JointTrajectory as YAML, an action goal, and a rosbag2 (MCAP). The bag contains
-the trajectory, joint states, the description of the robot, and transforms.
+`export_ros2` writes a JointTrajectory as YAML, an action goal, and a rosbag2 (MCAP). The bag
+contains the trajectory, joint states, the description of the robot, and transforms. `read_ros2`
+reads such an export, and `read_rosbag` reads a bag of any origin. The module `joint_trajectory`
+contains the conversion of the messages.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -52,8 +54,11 @@ LARGEST_METADATA = 10_000_000
 INSTALL_HINT = (
     "reading and writing rosbags needs the package rosbags: pip install 'ssm-planner[ros2]'"
 )
+"""Hint for the user if the optional package rosbags is missing."""
 TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
+"""Type of a trajectory message in ROS 2."""
 STATE_TYPE = "sensor_msgs/msg/JointState"
+"""Type of a joint state message in ROS 2."""
 PUBLISH_COMMENT = (
     "Publish this file with ros2 topic pub --once /joint_trajectory_controller/joint_trajectory",
     "trajectory_msgs/msg/JointTrajectory and --yaml-file, if this option exists. The message is "
@@ -62,7 +67,9 @@ PUBLISH_COMMENT = (
     "ros2 bag play bag --topics /joint_trajectory --remap \\",
     "  /joint_trajectory:=/joint_trajectory_controller/joint_trajectory",
 )
+"""Comment lines in joint_trajectory.yaml that explain how to publish the message."""
 GOAL_COMMENT = "Goal of control_msgs/action/FollowJointTrajectory."
+"""Comment line in goal.yaml."""
 
 
 def export_ros2(
@@ -90,12 +97,17 @@ def export_ros2(
     rate : float
         Rate of the joint states and transforms in the bag, Hz.
     effort : bool
-        Include efforts: the motor torque with exact friction, times the ratio of the drive. A
-        controller without an effort interface rejects them.
+        True to include efforts: the motor torque with exact friction, times the ratio of the drive.
+        A controller without an effort interface rejects them.
     bag : bool, optional
-        Write the bag. By default, the bag is written if the package rosbags is installed.
+        True to write the bag. By default, the bag is written if the package rosbags is installed.
     rigid_effort : bool
-        Include the efforts that move the rigid bodies instead, without drives and friction.
+        True to include the efforts that move the rigid bodies instead, without drives and friction.
+
+    Returns
+    -------
+    dict
+        Entries that this format adds to the manifest, among them notes for the user.
 
     Raises
     ------
@@ -138,11 +150,11 @@ def export_ros2(
 def _yaml_export(
     message: TrajectoryMessage, rate: float, suffix: str, marks: tuple[str, ...] = ()
 ) -> ExportContent:
-    """Return the YAML files and the entries of the manifest.
+    """Return the two YAML files of an export and their entries of the manifest.
 
     Parameters
     ----------
-    message : Message
+    message : TrajectoryMessage
         Message with the points of the motion.
     rate : float
         Rate of the joint states in the bag, Hz.
@@ -179,10 +191,16 @@ def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot:
     robot : Robot
         Robot that performs the motion.
 
+    Returns
+    -------
+    Reading
+        Trajectory of the message, and the content that the folder must have.
+
     Raises
     ------
     TrajectoryError
-        If a file is damaged, the bag differs, or it cannot be read without the package rosbags.
+        If a file is damaged, the bag differs, or the package rosbags is missing although the export
+        contains a bag.
     """
     suffix = file_name_suffix(manifest)
     path = folder / f"joint_trajectory{suffix}.yaml"
@@ -208,9 +226,10 @@ def read_ros2(folder: Path, manifest: JsonObject, names: Collection[str], robot:
 
 
 def _bag_content(folder: Path) -> JsonObject:
-    """Return the metadata and the messages of a rosbag2 with their topics and times, ns.
+    """Return the metadata and the messages of a rosbag2 for a comparison.
 
-    Raises TrajectoryError if the bag cannot be read.
+    Each message is a list of its topic, its time in ns and its fields. Raises TrajectoryError if
+    the bag cannot be read.
     """
     with _bag_reader(folder) as reader:
         messages = [
@@ -223,8 +242,21 @@ def _bag_content(folder: Path) -> JsonObject:
 def write_bag(folder: Path, robot: Robot, message: TrajectoryMessage, rate: float) -> None:
     """Write a rosbag2 folder whose times begin at 0.
 
-    The states and transforms are those of a controller that executes the message. `rate` is their
-    rate, Hz. Raises ExportError if the package rosbags is not installed.
+    Parameters
+    ----------
+    folder : Path
+        Folder of the bag, which must not exist.
+    robot : Robot
+        Robot whose description and transforms the bag contains.
+    message : TrajectoryMessage
+        Trajectory message. The states and transforms are those of a controller that executes it.
+    rate : float
+        Rate of the states and transforms, Hz.
+
+    Raises
+    ------
+    ExportError
+        If the package rosbags is not installed.
     """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
@@ -274,7 +306,17 @@ def _ros_trajectory(message: TrajectoryMessage) -> Any:
 
 
 def _ros_joint_state(t: float, names: Sequence[str], q: Array, qd: Array) -> Any:
-    """Build the JointState at time t (s) with positions q and velocities qd, (4,) each."""
+    """Build a JointState message of ROS 2 without efforts.
+
+    Parameters
+    ----------
+    t : float
+        Time of the state, s.
+    names : sequence of str
+        Names of the joints.
+    q, qd : (4,) arrays
+        Positions and velocities of the joints.
+    """
     return SimpleNamespace(
         header=_ros_header(t, "base"),
         name=list(names),
@@ -296,7 +338,15 @@ def _ros_header(t: float, frame: str) -> Any:
 
 
 def _ros_transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) -> Any:
-    """Build the TFMessage at time t (s) with the poses that `link_poses` yields."""
+    """Build the TFMessage of ROS 2 with the poses of all links at one time.
+
+    Parameters
+    ----------
+    t : float
+        Time of the poses, s.
+    poses : iterator
+        Result of `link_poses`.
+    """
     transforms = []
     for parent, child, turn, shift in poses:
         translation = SimpleNamespace(**dict(zip("xyz", shift, strict=True)))
@@ -312,16 +362,42 @@ def _ros_transforms(t: float, poses: Iterator[tuple[str, str, Array, Array]]) ->
 
 
 def state_times(duration: float, rate: float) -> Array:
-    """Return instants (n,) at a rate in Hz, from 0 to the end of the motion, s."""
+    """Return equidistant instants from 0 to the end of a motion, and the end itself.
+
+    Parameters
+    ----------
+    duration : float
+        Duration of the motion, s.
+    rate : float
+        Instants per second, Hz.
+
+    Returns
+    -------
+    (n,) array
+        Instants, s.
+    """
     t = np.arange(int(np.floor(duration * rate * (1 + 1e-12))) + 1) / rate
     return t if duration - t[-1] < 1e-9 else np.append(t, duration)
 
 
 def link_poses(robot: Robot, q: Array) -> Iterator[tuple[str, str, Array, Array]]:
-    """Yield the pose of every link and of the tool in the frame of its parent, at joints q (4,).
+    """Yield the pose of every link and of the tool relative to its parent link.
 
-    Each entry contains the name of the parent, the name of the child, the rotation matrix (3, 3)
-    and the translation (3,) in m.
+    Parameters
+    ----------
+    robot : Robot
+        Robot with the geometry and the frames of the bodies.
+    q : (4,) array
+        Joint positions, rad and m.
+
+    Yields
+    ------
+    parent, child : str
+        Names of the two links.
+    rotation : (3, 3) array
+        Rotation parent ← child.
+    translation : (3,) array
+        Origin of the child in the frame of the parent, m.
     """
     geometry = robot.geometry
     parent = "base"
@@ -344,7 +420,10 @@ def quaternion(orientation: Array) -> Array:
 
 
 def _latched_qos() -> Any:
-    """Return the quality of service that delivers the robot description to late subscribers."""
+    """Return the quality of service with which ROS 2 delivers a message also to later subscribers.
+
+    The robot description needs it, because programs usually subscribe after its publication.
+    """
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -369,10 +448,20 @@ def _latched_qos() -> Any:
 
 
 def read_rosbag(path: Path, robot: Robot) -> Reading:
-    """Read the JointTrajectory of a rosbag2. Without one, its joint states form the trajectory.
+    """Read the JointTrajectory of a rosbag2, or its joint states if it contains no JointTrajectory.
 
-    Raises TrajectoryError if the bag cannot be read, or if it has different trajectories, because
-    only one of them was run.
+    Parameters
+    ----------
+    path : Path
+        Folder of the bag, or a file in it.
+    robot : Robot
+        Robot with the joints of the messages.
+
+    Raises
+    ------
+    TrajectoryError
+        If the bag cannot be read, or if it contains different trajectories, because only one of
+        them can be checked.
     """
     with _bag_reader(path) as reader:
         message_types = [connection.msgtype for connection in reader.connections]
@@ -403,9 +492,10 @@ def read_rosbag(path: Path, robot: Robot) -> Reading:
 
 @contextmanager
 def _bag_reader(path: Path) -> Iterator[Any]:
-    """Open a rosbag2 for reading.
+    """Open a rosbag2 for reading in a `with` statement.
 
-    Raises TrajectoryError, also for faults that are found in the block, if it cannot be read.
+    Raises TrajectoryError if the bag cannot be read. This also applies to faults of the bag that
+    only become apparent in the body of the statement.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -429,7 +519,7 @@ def _bag_reader(path: Path) -> Iterator[Any]:
 
 
 def _message_from_ros(trajectory: Any) -> TrajectoryMessage:
-    """Convert a JointTrajectory of ROS 2, which the bag contains, to a message."""
+    """Convert a JointTrajectory that was read from a bag to a `TrajectoryMessage`."""
     points = trajectory.points
     stamps = [point.time_from_start for point in points]
     time = np.array(
@@ -445,7 +535,16 @@ def _message_from_ros(trajectory: Any) -> TrajectoryMessage:
 def _message_from_states(messages: list[Any]) -> TrajectoryMessage:
     """Build a message whose points are joint states. Each state may list the joints in any order.
 
-    Raises TrajectoryError if their joints or the lengths of their lists differ.
+    Parameters
+    ----------
+    messages : list
+        JointState messages in the order of the bag. The first one determines the order of the
+        joints and the start of the time.
+
+    Raises
+    ------
+    TrajectoryError
+        If the states have different joints, or a list has a wrong length.
     """
     names = tuple(messages[0].name)
     stamps = [

@@ -1,7 +1,8 @@
 """Sign the manifest of an export with Ed25519 (RFC 8032), and verify the signature.
 
 The signature covers the whole manifest, which contains the hashes of the plan, of the robot and of
-all files, and the versions of the program.
+all files, and the versions of the program. `sign_manifest` creates the signature, and
+`signature_error` verifies it.
 """
 
 import json
@@ -40,9 +41,9 @@ def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None
     Parameters
     ----------
     folder : Path
-        The folder.
+        Export folder.
     manifest : dict
-        Its manifest.
+        Content of its manifest.json.
     key : Path
         PEM file with the Ed25519 public key.
 
@@ -71,7 +72,10 @@ def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None
 
 
 def _signed_bytes(manifest: JsonObject) -> bytes:
-    """Return the manifest without its signature as JSON with sorted keys and no spaces."""
+    """Return the bytes that the signature covers: the manifest without its signature.
+
+    They are JSON with sorted keys and no spaces, so they do not depend on the layout of the file.
+    """
     signed = {key: value for key, value in manifest.items() if key != SIGNATURE}
     return json.dumps(signed, sort_keys=True, separators=(",", ":")).encode()
 
@@ -82,9 +86,14 @@ def _read_key(path: Path, key_type: str) -> Any:
     Parameters
     ----------
     path : Path
-        File of the key.
+        File of the key, without a password.
     key_type : str
         "private" or "public".
+
+    Returns
+    -------
+    Ed25519PrivateKey or Ed25519PublicKey
+        The key.
 
     Raises
     ------

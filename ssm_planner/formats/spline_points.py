@@ -1,9 +1,11 @@
 """Choose points of a plan so that a controller's spline through them keeps the limits.
 
-The first choice are the breaks of the plan's pieces, where its acceleration may jump. If they do
-not suffice, intermediate points are added. The spline that the controller will execute is checked
-like any trajectory. Its cubics differ slightly from the quintics of the plan. If they exceed a
-limit by a small amount, the motion is slowed down until it keeps the limit.
+A controller receives points and joins them by cubics or quintics. `spline_points` chooses the
+points for the exports to CSV and ROS 2. The first choice are the breaks of the plan's pieces, where
+its acceleration may jump. If they do not suffice, each piece is divided into 2, 4 or 8 parts. The
+spline that the controller will execute is checked like any trajectory. Its cubics differ slightly
+from the quintics of the plan. If they exceed a limit by a small amount, the motion is slowed down
+until it keeps the limit.
 """
 
 from dataclasses import replace
@@ -19,15 +21,18 @@ from ssm_planner.typing import Array, record
 from ssm_planner.verification import Certificate, LimitCheck
 
 DIVISIONS = (1, 2, 4, 8)
-"""Numbers of parts into which each piece is divided, in the order of trial."""
+"""Numbers of equal parts into which each piece of the plan is divided, in the order of trial."""
 SMOOTH_ACCELERATION_JUMP = 1e-6
-"""Largest acceleration jump at a break, relative to the limit, for quintics through the breaks."""
+"""Largest acceleration jump at a break, relative to the limit, with which quintics are tried.
+
+A larger jump cannot occur in quintics through the breaks, because each point has one acceleration.
+"""
 LARGEST_SLOWDOWN = 1e-3
-"""Largest relative increase of the duration."""
+"""Largest relative increase of the duration with which a spline is tried."""
 MAX_SLOWDOWN_TRIALS = 4
 """Largest number of slower splines that are tried."""
 REST_SPEED = 1e-7
-"""Largest speed at rest, rad/s or m/s."""
+"""Speed up to which a joint counts as resting at an end of a motion, rad/s or m/s."""
 TIME_ROUNDING = 1e-9
 """Coarsest resolution to which times are rounded, s."""
 
@@ -67,7 +72,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     certificate : Certificate
         Certificate of the plan. If it did not pass, the first choice of points is returned.
     tick : float, optional
-        Resolution of the times, s. None disables rounding.
+        Resolution of the times that the controller accepts, s. None disables rounding.
 
     Returns
     -------
@@ -104,7 +109,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
 
 
 def sample_slowed_plan(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
-    """Sample a plan that is slowed down.
+    """Sample a plan that is slowed down by a constant factor.
 
     Parameters
     ----------
@@ -112,8 +117,7 @@ def sample_slowed_plan(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
         Plan that is exported.
     t : (n,) array
         Instants of the slower motion, s. An instant that exceeds the end by less than
-        `TIME_ROUNDING`
-        counts as the end.
+        `TIME_ROUNDING` counts as the end.
     stretch : float
         Factor on the duration.
 
@@ -136,7 +140,7 @@ def sample_slowed_plan(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
 def _try_points(
     plan: Plan, divisions: int, with_acceleration: bool, stretch: float, tick: float | None
 ) -> SplinePoints:
-    """Return points of a plan, with the certificate of the spline through them.
+    """Divide the pieces of a plan into equal parts, and check the spline through the points.
 
     Parameters
     ----------
@@ -145,11 +149,16 @@ def _try_points(
     divisions : int
         Number of equal parts into which each piece of the plan is divided.
     with_acceleration : bool
-        Join the points by quintics instead of cubics.
+        True to join the points by quintics instead of cubics.
     stretch : float
         Factor on the duration.
     tick : float or None
         Resolution of the times, s. None disables rounding.
+
+    Returns
+    -------
+    SplinePoints
+        The points, and the certificate of the spline through them.
     """
     breaks = plan.motion.breaks
     shares = np.arange(divisions) / divisions
@@ -169,7 +178,7 @@ def _try_points(
 
 
 def _acceleration_jump(plan: Plan) -> float:
-    """Return the largest jump of an acceleration in the plan, relative to its limit."""
+    """Return the largest acceleration jump at a break of the plan, relative to the joint's limit."""
     inner = plan.motion.breaks[1:-1]
     jump = plan.motion.sample(inner, "right").qdd - plan.motion.sample(inner, "left").qdd
     return float(np.max(np.abs(jump) / plan.robot.accelerations, initial=0.0))
@@ -179,8 +188,20 @@ def _stretch_factor(plan: Plan, violation: LimitCheck) -> float:
     """Return the factor on the duration with which the motion keeps a violated limit.
 
     If a motion is slowed down a little, a quantity that depends on the n-th derivative decreases at
-    least with the n-th power of the speed. The factor is therefore (1 − 1.2 margin)^(1/n). It is
-    infinite if a slower motion does not help.
+    least with the n-th power of the speed. The factor is therefore (1 − 1.2 margin)^(1/n), where
+    the margin of a violated limit is negative and 1.2 adds a reserve.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan with the limits.
+    violation : LimitCheck
+        Result for the violated limit.
+
+    Returns
+    -------
+    float
+        Factor above 1. It is infinite if a slower motion does not help.
     """
     limit = plan.problem.limit(violation.name, violation.joint)
     if isinstance(limit, SymmetricLimit) and not isinstance(limit, ContinuousTorque):

@@ -1,9 +1,13 @@
-"""The table of controlled stops in an export folder.
+"""Write and read the table of controlled stops in an export folder.
 
-Stops along the path follow from the accelerations of the motion. If the folder states
-accelerations, the reader computes the stops again and compares them. If the folder states positions
-alone, the reader plays the stops of its table instead. It also plays the stops of robots with
-limits on the jerk, because these stops depend on the limits of the task.
+A controlled stop brakes the robot along its path. The table contains the positions of the joints
+during the stops that begin at selected instants of the motion.
+
+`add_stops` reads the table. If the folder states velocities, the stops follow from the motion, so
+the reader computes them again and compares them with the table. If the folder states positions
+alone, the accelerations of the motion are not known. The stops of a robot with jerk limits depend
+on the limits of the task. In both cases, the reader checks the stops of the table as motions of
+their own.
 """
 
 import io
@@ -25,11 +29,11 @@ from ssm_planner.verification import StopMotions, quickest_stops
 from ssm_planner.verification.stops import MIN_BREAK_DISTANCE
 
 ROW_PERIOD = 1e-3
-"""Time between two rows of a stop, s."""
+"""Time between two rows of a stop, s. Only the last interval is shorter."""
 TIME_DIGIT = 1e-6
-"""Last digit of a time, s."""
+"""Value of the last digit of a time in the table, s."""
 LARGEST_STOP_COUNT = 100_000
-"""Largest number of instants with a stop."""
+"""Largest number of instants from which the table may contain stops."""
 
 
 def stop_table(
@@ -44,13 +48,15 @@ def stop_table(
     robot : Robot
         Robot that performs the motion.
     axes : mapping
-        Drive axes of the export by joint. Positions of these joints are in increments.
+        Entries of the manifest for the drive axes, by joint. Positions of these joints are written
+        in increments.
     name : str
         Name of the file.
 
     Returns
     -------
-    Content
+    ExportContent
+        Text of the file, and the entry "stops" of the manifest.
     """
     header, scales = _column_names(robot, axes)
     rows = [np.empty((0, len(header)))]
@@ -73,7 +79,22 @@ def stop_table(
 
 
 def _column_names(robot: Robot, axes: Mapping[str, Any]) -> tuple[list[str], Array]:
-    """Return the names of the columns, and the factors (4,) from rad or m to their units."""
+    """Return the names of the columns of the table, and the units of the joint positions.
+
+    Parameters
+    ----------
+    robot : Robot
+        Robot that performs the motion.
+    axes : mapping
+        Entries of the manifest for the drive axes, by joint.
+
+    Returns
+    -------
+    names : list of str
+        Names of the six columns.
+    scales : (4,) array
+        Increments per rad or m of each joint, or 1 for a joint in rad or m.
+    """
     names = ["from_s", "time_s"]
     scales = []
     for joint in robot.joints:
@@ -140,13 +161,14 @@ def _recorded_stops(
     """Yield the motions of the stops in the rows of a table.
 
     Each row must lie on the path of the motion, as closely as the points of the motion determine
-    it. With limits on the jerk, only the first row must. A stop may be missing only where the robot
-    rests.
+    it. For a robot with jerk limits, only the first row must. A stop may be missing only where the
+    robot rests.
 
     Parameters
     ----------
     rows : (n, 6) array
-        Instant of the stop and time since then in s, and joint positions in rad and m.
+        Columns: instant at which the stop begins (s), time since then (s), and four joint positions
+        (rad and m).
     count : int
         Number of instants from which the table must contain stops.
     reading : Reading

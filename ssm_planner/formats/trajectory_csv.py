@@ -1,6 +1,8 @@
 """Parse column names of trajectory tables: joint, derivative and unit.
 
-A name consists of words and a unit, such as q1_rad, "roll [deg]" or joint1_velocity_rad_per_s.
+A column name consists of words and a unit, such as q1_rad, "roll [deg]" or
+joint1_velocity_rad_per_s. `identify_columns` finds the quantity of each column, so that tables of
+other programs can be read.
 """
 
 import re
@@ -17,7 +19,7 @@ ORDER_WORDS = (
 )
 """Patterns of the words that denote the position, the velocity and the acceleration."""
 OTHER_WORDS = "joint|j|axis|[1-4]|actual|target|command|desired|value"
-"""Pattern of further words that may be part of a column name."""
+"""Pattern of further words that may be part of a column name, and do not change its meaning."""
 ORDER_NAMES = ("position", "velocity", "acceleration")
 _JOINT_PATTERN = re.compile(r"^(joint|j|axis|q|qd|qdd|dq|ddq|theta)_?([1-4])$")
 
@@ -96,6 +98,17 @@ def _check_complete(
 
     A table needs the time and the positions of all joints. Velocities and accelerations are
     optional, but must be complete, and accelerations require velocities.
+
+    Parameters
+    ----------
+    columns : dict of TableColumn
+        Columns by (derivative, joint), as `identify_columns` returns them.
+    names : list of str
+        All column names of the file, for messages.
+    robot : Robot
+        Robot with the names of the joints.
+    location : str
+        Beginning of error messages: the file and the line.
     """
     if (-1, 0) not in columns:
         raise TrajectoryError(
@@ -123,7 +136,7 @@ def _parse_heading(name: str, robot: Robot) -> tuple[tuple[int, int], float] | N
     Returns
     -------
     key : (int, int)
-        Order of the derivative and index of the joint. The time has the key (−1, 0).
+        Order of the derivative and index of the joint, both from 0. The time has the key (−1, 0).
     factor : float
         Factor that converts values to SI units.
 
@@ -164,15 +177,15 @@ def _parse_words(tokens: list[str], robot: Robot) -> tuple[int | None, int | Non
     Parameters
     ----------
     tokens : list of str
-        Words in lower case.
+        Words of the column name in lower case, without its unit.
     robot : Robot
-        Robot that performs the motion.
+        Robot with the names of the joints.
 
     Returns
     -------
     joint, order : int or None
-        Index of the joint and order of the derivative. None if the words do not state it. Both are
-        None if a word is unknown.
+        Index of the joint and order of the derivative, both from 0. None if the words do not state
+        it. Both are None if a word is unknown.
     """
     joint = None
     order = None
@@ -199,7 +212,7 @@ def _parse_words(tokens: list[str], robot: Robot) -> tuple[int | None, int | Non
 
 
 def _split_unit(unit: str) -> tuple[str, int]:
-    """Split a unit into its base and its order of differentiation.
+    """Split a unit into the unit of the joint and the order of the time derivative.
 
     For example, both deg/s and deg_per_s give ("deg", 1).
     """
@@ -211,7 +224,15 @@ def _split_unit(unit: str) -> tuple[str, int]:
 
 
 def _unit_error(unit: str, allowed: str) -> str:
-    """Return the message for a unit that is missing or not allowed."""
+    """Return the error message for a unit that is missing or not allowed.
+
+    Parameters
+    ----------
+    unit : str
+        The unit, or an empty text.
+    allowed : str
+        Allowed units, separated by commas.
+    """
     if unit:
         return f"unit {unit!r} is not allowed (allowed: {allowed})"
     return f"the unit is missing (allowed: {allowed})"

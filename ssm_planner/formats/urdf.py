@@ -1,6 +1,8 @@
 """Export the mechanism as URDF with joints, limits and inertias.
 
-URDF cannot represent the friction of the drives, so the export leaves it out.
+`export_urdf` writes robot.urdf and the configuration of controllers for ros2_control. `robot_urdf`
+returns the text, which a rosbag2 contains as well. URDF cannot represent the friction of the
+drives, so the export leaves it out.
 """
 
 import math
@@ -28,11 +30,12 @@ LINK_NAMES = ("link1", "link2", "link3", "stage")
 TOOL_FRAME = "tool"
 """Name of the frame at the tool tip."""
 SMALLEST_MASS = 1e-12
-SMALLEST_INERTIA = 1e-14
-"""Mass (kg) and inertia (kg·m²) of a link whose body is massless.
+"""Mass of a link whose body is massless, kg.
 
-Some readers refuse a moving link without inertia. Others assume 1 kg.
+Some readers refuse a moving link without mass and inertia. Others assume 1 kg.
 """
+SMALLEST_INERTIA = 1e-14
+"""Moment of inertia of a link whose body is massless, kg·m²."""
 MASSLESS_NOTE = (
     f"has no mass: {SMALLEST_MASS:g} kg and {SMALLEST_INERTIA:g} kg*m^2 are used instead, because "
     "some readers refuse a massless link"
@@ -41,7 +44,8 @@ MASSLESS_NOTE = (
 HARDWARE_PLUGIN = "mock_components/GenericSystem"
 """Placeholder for the hardware in ros2_control."""
 LINK_CYLINDERS = ((0.08, 0.003), (0.12, 0.001))
-"""Length and radius (m) of the cylinder that shows a turning and a sliding link."""
+"""Length and radius (m) of the cylinder that shows a link: of a turning one, and of a sliding one.
+"""
 UNLIMITED_EFFORT = 1e3
 """Effort limit (N·m or N) of a joint without a motor. URDF requires a number."""
 
@@ -118,7 +122,7 @@ def robot_urdf(robot: Robot, mark: str = "") -> str:
 
 
 def _link_values(robot: Robot) -> Iterator[dict[str, Any]]:
-    """Yield the values of the template for every link and its joint."""
+    """Yield the values that the template needs for every link and its joint."""
     parent = "base"
     frame = np.eye(3)
     geometry = robot.geometry
@@ -168,11 +172,16 @@ def rpy_angles(rotation: Array) -> Array:
 
 
 def effort_limit(joint: Joint) -> float:
-    """Return the largest steady effort (N·m or N) that the motor provides through its drive.
+    """Return the largest steady effort that the motor of a joint provides through its drive.
 
     The motor lifts the load at its largest torque τ_max. The torque without load is τ_0, and k is
-    the slope of the torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where b_oc is
-    the friction at the output. A joint without a motor has `UNLIMITED_EFFORT`.
+    the slope of the motor torque over the load. The result is then (τ_max − τ_0)/k − b_oc, where
+    b_oc is the friction at the output.
+
+    Returns
+    -------
+    float
+        Effort, N·m or N. It is `UNLIMITED_EFFORT` for a joint without a motor.
     """
     drive = joint.drive
     motor = joint.motor
@@ -185,7 +194,13 @@ def effort_limit(joint: Joint) -> float:
 
 @cache
 def _templates(escape: bool) -> "Environment":
-    """Return the templates with the filters that they use."""
+    """Return the environment of the templates with the filters that they use.
+
+    Parameters
+    ----------
+    escape : bool
+        True to escape texts for XML.
+    """
     from markupsafe import Markup
 
     return environment(
@@ -199,7 +214,7 @@ def _templates(escape: bool) -> "Environment":
 
 
 def _format_triple(values: Array) -> str:
-    """Format three numbers for an attribute. Rounding errors become 0."""
+    """Format three numbers for an attribute in XML. Rounding errors below 1e-16 become 0."""
     return " ".join(_format_exact(value) for value in np.where(np.abs(values) < 1e-16, 0.0, values))
 
 

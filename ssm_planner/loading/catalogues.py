@@ -1,4 +1,9 @@
-"""Read catalogues of motors and gears, which are CSV tables with units or folders of YAML files."""
+"""Read catalogues of motors, gears and gearheads.
+
+A catalogue is a CSV table with units in its headings, or a folder of YAML files. Each row is
+converted to the content of a motor or drive file and then read like such a file, so that the same
+checks apply. The sizing of motors and the studies of robots select from the entries.
+"""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -31,21 +36,38 @@ T = TypeVar("T", Motor, Drive, Gearhead)
 LARGEST_CATALOGUE = 10_000
 """Largest number of entries."""
 MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
-"""Columns of motor tables and the equivalent keys of motor files.
+"""Columns of motor tables whose name differs from the key in motor files, with this key.
 
 The torque at the end of a chart is not a rating, and its source states this.
 """
 SIZE_COLUMNS = {"mass": "mass", "length": "length"}
-"""Kind of quantity of each column that no motor or drive file has as a key."""
+"""Columns of the mass and the length of an entry, with the kind of their quantity in `units.KINDS`.
+"""
 TEXT_COLUMNS = {"name", "order_number"}
-"""Text columns whose cells may consist of digits."""
+"""Columns that contain texts even if their cells consist of digits."""
 ROBOT_RATINGS = ("free_length", "ends")
-"""Ratings of a screw that depend on the robot, so they are not ratings of the catalogue's screw."""
+"""Ratings of a screw that depend on its installation in the robot.
+
+Unless a catalogue states them, they are taken from the robot's present screw.
+"""
 
 
 @frozen
 class CatalogueRow:
-    """Row of a table: its file, its label, the text of each cell by column, and its line."""
+    """Row of a CSV catalogue.
+
+    Attributes
+    ----------
+    file : Path
+        The table.
+    label : str
+        Order number or, without one, name of the entry.
+    cells : dict
+        Text or number of each cell that is not empty, by heading. Texts of quantities contain the
+        unit.
+    line : int
+        Line of the row, for messages.
+    """
 
     file: Path
     label: str
@@ -54,15 +76,22 @@ class CatalogueRow:
 
     @property
     def default_source(self) -> str:
-        """Source of the figures in a row without the column `source`."""
+        """Source of the figures in a row that has no column `source`."""
         return f"{self.file.name}, {self.label}"
 
 
 @frozen
 class CatalogueEntry(Generic[T]):
-    """A motor or drive of a catalogue, with its mass (kg) and length (m).
+    """Entry of a catalogue: a motor, a drive or a gearhead.
 
-    Mass and length are None if the catalogue does not state them.
+    Attributes
+    ----------
+    label : str
+        Name of the entry.
+    of : Motor, Drive or Gearhead
+        The motor, drive or gearhead.
+    mass, length : float or None
+        Mass (kg) and length (m). None if the catalogue does not state them.
     """
 
     label: str
@@ -72,19 +101,42 @@ class CatalogueEntry(Generic[T]):
 
 
 def read_catalogue(path: Path, gear: bool = False) -> JsonObject:
-    """Read a catalogue, and return the content of each entry by its name.
+    """Read a catalogue without building the motors or drives.
 
-    The contents have the keys of drive files if `gear` is true, and the keys of motor files
-    otherwise. Raises ProblemError if the catalogue is missing or invalid.
+    Parameters
+    ----------
+    path : Path
+        CSV table or folder of YAML files, or the name of a shipped catalogue.
+    gear : bool
+        True for a catalogue of gears, and False for a catalogue of motors.
+
+    Returns
+    -------
+    dict of dict
+        Content of each entry by its name. It has the keys of a drive file or of a motor file.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is missing or invalid.
     """
     sections = _sections(path, _gear_content if gear else _motor_content)
     return {label: section.value for label, section in sections.items()}
 
 
 def catalogue_sizes(path: Path) -> dict[str, dict[str, float]]:
-    """Return the masses (kg) and lengths (m) in a CSV catalogue, by the name of the entry.
+    """Return the masses and lengths of the entries of a CSV catalogue.
 
-    The result is empty for a folder of YAML files. Raises ProblemError if the catalogue is invalid.
+    Returns
+    -------
+    dict of dict
+        Mass (kg) and length (m) by name of the entry and name of the column. A value that the row
+        does not state is absent. The result is empty for a folder of YAML files.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is invalid.
     """
     file = find_catalogue(path)
     return {
@@ -111,11 +163,30 @@ def read_motors(path: Path) -> list[CatalogueEntry[Motor]]:
 def drives_with_gears(path: Path, drive: Drive, travel: float = 0.0) -> list[CatalogueEntry[Drive]]:
     """Read the gears of a catalogue, and return a drive with each of them.
 
-    A row of a CSV table replaces the gear of the joint's present `drive`. Friction and inertias
-    that the row does not state are taken from the present drive, but its ratings are not. Rows with
+    A row of a CSV table replaces the gear of the joint's present drive. Friction and inertias that
+    the row does not state are taken from the present drive, but its ratings are not. Rows with
     another kind of gear are ignored. A YAML file describes a complete drive, but the present drive
-    decides whether the joint must be self-locking. Raises ProblemError if the catalogue is missing
-    or invalid, or if a screw is shorter than the `travel` (m) of the joint.
+    decides whether the joint must be self-locking.
+
+    Parameters
+    ----------
+    path : Path
+        CSV table or folder of YAML files, or the name of a shipped catalogue.
+    drive : Drive
+        Present drive of the joint.
+    travel : float
+        Travel of the joint, rad or m.
+
+    Returns
+    -------
+    list of CatalogueEntry
+        Drives with the gears of the catalogue. Empty if the table is CSV and the drive has no
+        thread.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is missing or invalid, or if a screw is shorter than the travel.
     """
     file = find_catalogue(path)
     if file.is_dir():
@@ -159,7 +230,22 @@ def read_gearheads(path: Path) -> list[CatalogueEntry[Gearhead]]:
 
 
 def _nest_keys(cells: JsonObject, values: JsonObject) -> JsonObject:
-    """Add cells to values. A cell `part.name` becomes the key `name` of the mapping `part`."""
+    """Add cells of a table to a mapping of values.
+
+    A cell with the heading `part.name` becomes the key `name` of the inner mapping `part`.
+
+    Parameters
+    ----------
+    cells : dict
+        Cells by heading.
+    values : dict
+        Mapping that is extended. Its entries are replaced by cells with the same key.
+
+    Returns
+    -------
+    dict
+        The mapping `values`.
+    """
     for key, cell in cells.items():
         prefix, _, name = key.rpartition(".")
         (values.setdefault(prefix, {}) if prefix else values)[name] = cell
@@ -167,7 +253,11 @@ def _nest_keys(cells: JsonObject, values: JsonObject) -> JsonObject:
 
 
 def _has_dimensions_of(row: CatalogueRow, kind: type[Transmission]) -> bool:
-    """Return whether the columns of a row are dimensions of this kind of drive."""
+    """Return True if the columns of a row are dimensions of one kind of drive.
+
+    A kind with distinctive dimensions requires at least one of them. Any other kind requires that
+    the row has no distinctive dimension of another kind.
+    """
     columns = {name.removeprefix("geometry.") for name in row.cells if "geometry." in name}
     if kind.distinctive:
         return bool(kind.distinctive & columns)
@@ -175,7 +265,10 @@ def _has_dimensions_of(row: CatalogueRow, kind: type[Transmission]) -> bool:
 
 
 def find_catalogue(path: Path) -> Path:
-    """Find a catalogue by its path or by its shipped name. Raises ProblemError if it is missing."""
+    """Return the file or folder of a catalogue, given its path or its shipped name.
+
+    Raises ProblemError if neither exists.
+    """
     shipped = shipped_folder() / "catalogues" / path.name
     with suppress(OSError, ValueError):  # a name can be too long for a file
         if path.exists():
@@ -189,10 +282,15 @@ def find_catalogue(path: Path) -> Path:
 
 
 def read_rows(file: Path) -> list[CatalogueRow]:
-    """Read the rows of a CSV catalogue. Each row must have a unique name or order number.
+    """Read the rows of a CSV catalogue.
 
-    Numbers of tables with semicolons or tabs may have decimal commas. Raises ProblemError if the
-    table is invalid.
+    Each row must have a unique name or order number. Numbers of tables with semicolons or tabs may
+    have decimal commas.
+
+    Raises
+    ------
+    ProblemError
+        If the table is invalid.
     """
     table = list(table_rows(file, decimal_commas=True))
     if not table:
@@ -225,8 +323,22 @@ def read_rows(file: Path) -> list[CatalogueRow]:
 def _sections(path: Path, content: Callable[[CatalogueRow], JsonObject]) -> dict[str, Section]:
     """Read a catalogue, and return the section of each entry by its name.
 
-    `content` converts a row to the content of a file. The name of a YAML file is the stem of its
-    file name. Raises ProblemError if the catalogue is missing or invalid.
+    Parameters
+    ----------
+    path : Path
+        CSV table or folder of YAML files, or the name of a shipped catalogue.
+    content : callable
+        Function that converts a row of a table to the content of a file.
+
+    Returns
+    -------
+    dict of Section
+        Sections by order number or name or, for a folder, by the stem of the file name.
+
+    Raises
+    ------
+    ProblemError
+        If the catalogue is missing or invalid.
     """
     file = find_catalogue(path)
     if file.is_dir():
@@ -240,7 +352,10 @@ C = TypeVar("C")
 
 
 def _check_count(file: Path, named_entries: dict[str, C]) -> dict[str, C]:
-    """Return the entries. Raises ProblemError for 0 or more than `LARGEST_CATALOGUE`."""
+    """Return the entries of a catalogue unchanged.
+
+    Raises ProblemError if there are no entries, or more than `LARGEST_CATALOGUE`.
+    """
     if not 0 < len(named_entries) <= LARGEST_CATALOGUE:
         raise ProblemError(
             f"{len(named_entries)} entries", file=file, allowed=f"1 to {LARGEST_CATALOGUE}"
@@ -257,9 +372,10 @@ def number_or_text(text: str) -> str | float:
 
 
 def _motor_content(row: CatalogueRow) -> JsonObject:
-    """Convert a row to the content of a motor file. Other columns of the table are ignored.
+    """Convert a row of a table to the content of a motor file.
 
-    Raises ProblemError if two columns state the same figure.
+    Columns that are not keys of motor files are ignored. Raises ProblemError if two columns state
+    the same figure.
     """
     cells = dict(row.cells)
     source = cells.pop("source", row.default_source)
@@ -295,9 +411,24 @@ def _section(row: CatalogueRow, values: JsonObject) -> Section:
 
 
 def _mass_or_length(row: CatalogueRow, name: str) -> float | None:
-    """Return the mass (kg) or length (m) in a row, or None if the row does not state it.
+    """Return the mass (kg) or the length (m) in a row.
 
-    Raises ProblemError if the unit is wrong or the value is not positive.
+    Parameters
+    ----------
+    row : CatalogueRow
+        Row of the catalogue.
+    name : str
+        Key of `SIZE_COLUMNS`.
+
+    Returns
+    -------
+    float or None
+        The value, or None if the row does not state it.
+
+    Raises
+    ------
+    ProblemError
+        If the unit is wrong or the value is not positive.
     """
     if name not in row.cells:
         return None
@@ -310,9 +441,21 @@ def _mass_or_length(row: CatalogueRow, name: str) -> float | None:
 
 
 def _drive_for_joint(section: Section, drive: Drive, travel: float) -> Drive:
-    """Return the drive of a section for the joint whose present drive is `drive`.
+    """Build the drive that a YAML file of a catalogue describes, for use at a joint.
 
-    Raises ProblemError if the joint's `travel` (m) exceeds the length of a screw.
+    Parameters
+    ----------
+    section : Section
+        Content of the file.
+    drive : Drive
+        Present drive of the joint, which decides whether the new drive must be self-locking.
+    travel : float
+        Travel of the joint, rad or m.
+
+    Raises
+    ------
+    ProblemError
+        If the travel exceeds the length of a screw.
     """
     result = drive_from(section)
     with locate_errors(section):
@@ -321,7 +464,25 @@ def _drive_for_joint(section: Section, drive: Drive, travel: float) -> Drive:
 
 
 def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
-    """Return a drive with the gear of a row and the friction of the given drive."""
+    """Return a drive with the gear of a row and the friction of the given drive.
+
+    The row replaces the geometry and the ratings. Inertias and coefficients of friction that the
+    row does not state are those of the given drive.
+
+    Parameters
+    ----------
+    row : CatalogueRow
+        Row of a catalogue of gears.
+    drive : Drive
+        Present drive of the joint, which has a thread.
+    travel : float
+        Travel of the joint, rad or m.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid, or if a screw is shorter than the travel.
+    """
     friction = friction_of(drive)
     inertia = "kg" if drive.slides else "kg*m^2"
     values: JsonObject = {

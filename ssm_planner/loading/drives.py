@@ -1,4 +1,9 @@
-"""Read drive files, complete the geometry of the gear, and record the source of each figure."""
+"""Read drive files, complete the geometry of the gear, and record the source of each figure.
+
+A drive file states the geometry of a worm, screw, gear, belt or cable, its friction or efficiency,
+its inertias and its ratings. `drive_model` returns the pydantic model with the keys of one kind of
+drive, and `drive_from` builds the `Drive`.
+"""
 
 import math
 from collections import defaultdict
@@ -62,7 +67,9 @@ from ssm_planner.problem import (
 from ssm_planner.typing import JsonObject, Keywords, Numbers
 
 TO_IDENTIFY = "to_identify"
+"""Text in place of the friction in the file of a drive whose friction must still be identified."""
 LARGEST_FRICTION_COEFFICIENT = 1.5
+"""Largest plausible coefficient of friction."""
 ZERO_PRESSURE_ANGLE = 1e-9
 """Pressure angle in rad that represents a drive with efficiencies. Its cosine is 1."""
 
@@ -91,7 +98,7 @@ POSTERIOR_PART_TYPES = {
     "harmonics_backwards": Harmonics,
     "reaction": Reaction,
 }
-"""Parts of a posterior, which may be None."""
+"""Classes of the fields of a posterior that may be None, by field."""
 _POSTERIOR_PART_MODELS: dict[type, Any] = {
     part: nested_type(
         build_keys_model(
@@ -139,10 +146,16 @@ class _ThreadModel(Model):
 
 
 def _friction_range_type(name: str, slides: bool) -> Any:
-    """Return the type and default of the range of a friction parameter.
+    """Return the type and the default of the key for the range of a friction parameter.
 
-    The range covers lubrication, temperature and wear. It is in the units of a prismatic joint if
-    `slides` is true.
+    The range covers lubrication, temperature and wear.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, a field of Friction.
+    slides : bool
+        True for the units of a drive with a linear output.
     """
     quantity_kind = unit_kind(field_quantities(Friction)[name], slides)
     # the bounds of a dimensionless number may be equal
@@ -159,11 +172,11 @@ def _friction_range_type(name: str, slides: bool) -> Any:
 SCREW_RATINGS = ("free_length", "root_diameter", "ends")
 """Ratings that only a drive with a linear output has."""
 GEARHEAD_RULES = package_table(Path(__file__).with_name("gearheads.csv"))
-"""Ranges of the figures of gear stages in SI units, in the form of `motors.RULES`."""
+"""Ranges of the figures of gear stages in SI units, in the form of `motors.PLAUSIBILITY_RULES`."""
 THREAD_FIELDS = ("self_locking", "friction_ranges", "rig")
-"""Fields that only a worm or screw has."""
+"""Fields of Drive that only a worm or screw has."""
 ANTIBACKLASH_FIELDS = ("preload", "second_nut_mass")
-"""Fields that only an antibacklash screw has."""
+"""Fields of Drive that only an antibacklash screw has."""
 MESH_PARAMETERS = (
     "mu",
     "mu_static",
@@ -183,9 +196,14 @@ _EFFICIENCY = Annotated[
 
 @cache
 def drive_model(drive_kind: str) -> Any:
-    """Return the model of the drive files of one kind, which is a name in `TRANSMISSIONS`.
+    """Return the pydantic model of the drive files of one kind.
 
     The model is built on first use because building it is slow.
+
+    Parameters
+    ----------
+    drive_kind : str
+        Name of the kind of drive in `TRANSMISSIONS`.
     """
     kind: Any = TRANSMISSIONS.find(drive_kind)
     slides = kind.slides
@@ -228,7 +246,20 @@ def gearhead_model() -> Any:
 
 
 def gearhead_from(section: Section, model: Any = None) -> Gearhead:
-    """Build the gear stage that a section describes. Raises ProblemError if a value is invalid."""
+    """Build the gear stage that a section describes.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the gear stage.
+    model : optional
+        The validated section. By default, the function validates the section.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid, or if figures contradict each other.
+    """
     fields = dict(model or validate_section(section, gearhead_model()))
     figures = {name: math.nan if fields[name] is None else fields[name] for name in fields}
     with locate_errors(section.sub("ratings")):
@@ -243,10 +274,17 @@ def gearhead_from(section: Section, model: Any = None) -> Gearhead:
 
 
 def _thread_keys(slides: bool) -> Keywords:
-    """Return the keys of a file of a worm or screw that are not simply fields of Drive.
+    """Return those keys of a worm or screw file that are not simply fields of Drive.
 
-    Each key has a pair of type and default. The units are those of a prismatic joint if `slides` is
-    true.
+    Parameters
+    ----------
+    slides : bool
+        True for the units of a drive with a linear output.
+
+    Returns
+    -------
+    dict
+        A pair of type and default for each key.
     """
     friction = {
         "mu_static": optional_key(field_type(Friction, "mu_static", sourced=True)),
@@ -293,9 +331,17 @@ _FRICTION_TEXT = f"Friction of mesh and bearings. {TO_IDENTIFY!r} is allowed for
 
 
 def _efficiency_keys(kind: Any) -> Keywords:
-    """Return the keys of a file of a drive with efficiencies that are not simply fields of Drive.
+    """Return those keys of a drive file with efficiencies that are not simply fields of Drive.
 
-    Each key has a pair of type and default.
+    Parameters
+    ----------
+    kind : type
+        Subclass of Transmission. Efficiencies are only keys if it has dimensions.
+
+    Returns
+    -------
+    dict
+        A pair of type and default for each key.
     """
     friction = {
         name: optional_key(field_type(Friction, name, sourced=True)) for name in ("b_c", "b_v")
@@ -320,7 +366,11 @@ def _add_to_identify(schema: JsonObject) -> None:
 
 
 def drive_from(section: Section) -> Drive:
-    """Build the drive that a section describes. Raises ProblemError if a value is invalid."""
+    """Build the drive that a section describes.
+
+    Raises ProblemError if a value is invalid, or if the drive is not self-locking although it must
+    be.
+    """
     with locate_errors(section):
         kind = TRANSMISSIONS.find(section.value.get("kind"), "Drive.kind")
     model: Any = validate_section(section, drive_model(kind.name))
@@ -355,7 +405,19 @@ def drive_from(section: Section) -> Drive:
 def _complete_dimensions(section: Section, model: Any, kind: Any) -> dict[str, float]:
     """Return all dimensions of a drive in SI units, by key.
 
-    Raises ProblemError if the stated dimensions contradict each other or do not suffice.
+    Parameters
+    ----------
+    section : Section
+        The drive file, for messages.
+    model : object
+        The validated section.
+    kind : type
+        Subclass of Transmission, which computes the dimensions that the file does not state.
+
+    Raises
+    ------
+    ProblemError
+        If the stated dimensions contradict each other or do not suffice.
     """
     try:
         return kind.complete(model.geometry.numbers() if field_hints(kind) else {})
@@ -368,9 +430,18 @@ def _complete_dimensions(section: Section, model: Any, kind: Any) -> dict[str, f
 def _thread_fields(
     section: Section, model: Any, kind: type[Transmission], dimensions: Numbers
 ) -> Keywords:
-    """Return the fields of a worm or screw that follow from its geometry and friction.
+    """Return the fields of a Drive that follow from the geometry and the friction of a thread.
 
-    `dimensions` contains all dimensions in SI units by key.
+    Parameters
+    ----------
+    section : Section
+        The drive file.
+    model : object
+        The validated section.
+    kind : type
+        Subclass of Transmission.
+    dimensions : mapping
+        All dimensions in SI units by key.
     """
     lead_angle = dimensions["lead_angle"]
     friction = None
@@ -396,11 +467,21 @@ def _thread_fields(
 def _efficiency_fields(
     section: Section, model: Any, kind: type[Transmission], dimensions: Numbers
 ) -> Keywords:
-    """Return the fields of a drive whose file states efficiencies instead of friction.
+    """Return the fields of a Drive whose file states efficiencies instead of friction.
 
-    The friction law needs a thread. The fields therefore describe the thread whose efficiencies
-    in both directions equal the stated ones (dynamics/transmission.of_efficiencies). `dimensions`
-    contains all dimensions in SI units by key.
+    The friction law of this package needs a thread. The fields therefore describe the thread whose
+    efficiencies in both directions equal the stated ones (dynamics/transmission.of_efficiencies).
+
+    Parameters
+    ----------
+    section : Section
+        The drive file.
+    model : object
+        The validated section.
+    kind : type
+        Subclass of Transmission.
+    dimensions : mapping
+        All dimensions in SI units by key.
     """
     ratio = kind.motor_ratio(dimensions)
     bearings = {} if model.friction is None else model.friction.numbers()
@@ -421,7 +502,10 @@ def _efficiency_fields(
 
 
 def _si_values(model: Model) -> Keywords:
-    """Return the figures of a model in SI units, by the fields of the value that it describes."""
+    """Return the values of a model in SI units, by field of the class that the model describes.
+
+    Keys that the file omits, and keys that are not fields of the class, are absent.
+    """
     numbers = {
         name: field_value.value if isinstance(field_value, Figure) else field_value
         for name, field_value in model
@@ -433,7 +517,17 @@ def _si_values(model: Model) -> Keywords:
 def _friction_from(section: Section, model: Any) -> Friction:
     """Build the friction that a section describes. A missing `mu_static` is set to `mu`.
 
-    Raises ProblemError if a coefficient is implausible or if a parameter of the law is missing.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the friction.
+    model : object
+        The validated section.
+
+    Raises
+    ------
+    ProblemError
+        If a coefficient is implausible or if a parameter of the law is missing.
     """
     values = _si_values(model)
     values.setdefault("mu_static", values["mu"])
@@ -453,7 +547,10 @@ def _friction_from(section: Section, model: Any) -> Friction:
 
 
 def _posterior_from(model: Any) -> Posterior:
-    """Build the posterior. Raises ProblemError if its columns have different lengths."""
+    """Build the posterior, that is, the equally likely parameter sets, from its validated section.
+
+    Raises ProblemError if the columns of the parameter sets have different lengths.
+    """
     if len({len(column) for column in model.draws.values()}) != 1:
         raise ProblemError(
             "columns of different lengths",
@@ -469,14 +566,28 @@ def _posterior_from(model: Any) -> Posterior:
 
 
 def _rig_from(model: Any) -> Rig:
-    """Build the test rig that a drive file describes."""
+    """Build the test rig that a drive file describes, from its validated section."""
     published = {} if model.published is None else model.published.numbers()
     direction = 1 if model.payload_direction == "positive" else -1
     return Rig(**{**_si_values(model), "payload_direction": direction, "published": published})
 
 
 def _figure_sources(model: Any) -> tuple[Mapping[str, str], tuple[str, ...]]:
-    """Return the source of each figure by key, and the names of the placeholders."""
+    """Return the sources of the figures of a drive file, and the names of its placeholders.
+
+    Parameters
+    ----------
+    model : object
+        The validated file.
+
+    Returns
+    -------
+    sources : dict of str
+        Source of each figure by key. A figure without its own source has that of its section or
+        file.
+    placeholders : tuple of str
+        Keys of the figures that replace unknown ones.
+    """
     sourced: dict[str, Figure] = {}
     sources: dict[str, str] = {}
     for submodel in (model, getattr(model, "geometry", None), model.friction, model.ratings):

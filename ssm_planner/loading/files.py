@@ -1,4 +1,9 @@
-"""Find files by path or shipped name, read them, and follow the references between them."""
+"""Find files by path or shipped name, read them, and follow the references between them.
+
+A problem file names a robot file, which names drive and motor files. `read_section` reads one file
+as a `Section`, whose values know their line. `follow_reference` reads the file that a value names.
+All functions raise ProblemError with the file and the fault.
+"""
 
 import os
 from collections.abc import Mapping
@@ -11,13 +16,17 @@ from ssm_planner.loading.yaml_nodes import Node, Section, node_from_data, parse_
 ShippedFolder = Literal[
     "problems", "robots", "drives", "motors", "motorisation", "controllers", "studies"
 ]
+"""Folders of files that are shipped with the package."""
 _PACKAGE = Path(__file__).parents[1]
 LARGEST_FILE = 10_000_000
-"""Largest size of a file in bytes. Files written by hand are much smaller."""
+"""Largest size of a file that is read, bytes. Files written by hand are much smaller."""
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the shipped files, in the installed package or in a checkout."""
+    """Return the folder of the shipped files.
+
+    It is part of an installed package. In a checkout, it is next to the package.
+    """
     within = _PACKAGE / "problems"
     return within if within.is_dir() else _PACKAGE.parent / "problems"
 
@@ -31,7 +40,23 @@ def shipped_files(folder: ShippedFolder) -> dict[str, Path]:
 def find_file(name: str | Path, folder: ShippedFolder) -> Path:
     """Find a file by its path or, if no such file exists, by its shipped name.
 
-    `folder` is the folder of the shipped files. Raises ProblemError if neither exists.
+    Parameters
+    ----------
+    name : str or Path
+        Path, or shipped name such as "tilt_insert".
+    folder : str
+        Folder of the shipped files.
+
+    Returns
+    -------
+    Path
+        Path of the file. If the name cannot be the name of a file, it is returned unchanged, and
+        reading it raises the error.
+
+    Raises
+    ------
+    ProblemError
+        If neither exists. The message suggests a similar name.
     """
     path = Path(name)
     names = shipped_files(folder)
@@ -74,7 +99,20 @@ def section_from_data(data: Mapping[str, Any]) -> Section:
 
 
 def _whole_file(file: Path | None, root: Node) -> Section:
-    """Return the section of a whole file. Raises ProblemError unless its root is a mapping."""
+    """Return the section that represents a whole file.
+
+    Parameters
+    ----------
+    file : Path or None
+        The file, or None for a text or data from Python.
+    root : Node
+        Root of its tree.
+
+    Raises
+    ------
+    ProblemError
+        If the content is not a mapping.
+    """
     if isinstance(root.value, dict):
         return Section(file, root)
     subject = "the problem is" if file is None else "the file holds"
@@ -129,9 +167,19 @@ def follow_reference(section: Section, *path: str | int, file_kind: str | None =
 
 
 def read_file_bytes(file: Path, largest: int = LARGEST_FILE) -> bytes:
-    """Read a regular file of at most `largest` bytes.
+    """Read a regular file of limited size.
 
-    Raises ProblemError if the file is missing, too large or unreadable.
+    Parameters
+    ----------
+    file : Path
+        File to read.
+    largest : int
+        Largest permitted size, bytes.
+
+    Raises
+    ------
+    ProblemError
+        If the file is missing, too large or unreadable.
     """
     try:
         if not file.is_file():
@@ -148,7 +196,10 @@ def read_file_bytes(file: Path, largest: int = LARGEST_FILE) -> bytes:
 
 
 def decode_text(file: Path, data: bytes) -> str:
-    """Return the content of a file as text. Raises ProblemError if it is not UTF-8."""
+    """Return the content of a file as text.
+
+    Raises ProblemError, which names the file and the line, if the content is not UTF-8.
+    """
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

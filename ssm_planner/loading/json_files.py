@@ -1,7 +1,9 @@
 """Read JSON files safely.
 
-For any content of a file, the result is either data with finite numbers or an error that names the
-file and the fault.
+plan.json and manifests come from other computers, so a reader must not trust them. For any content
+of a file, the result is either data with finite numbers and limited nesting, or an error that names
+the file and the fault. Long lists of numbers in large files are converted to arrays in parts, which
+saves memory.
 """
 
 import hashlib
@@ -25,17 +27,17 @@ PARTIAL_READ_BYTES = 20 * 2**20
 BATCH_ENTRIES = 4096
 """Number of entries of the longest list that are converted together."""
 LARGEST_WHOLE_BYTES = 2**28
-"""Largest size in bytes of a file without a longest list that can be read in parts."""
+"""Largest size in bytes of a file that is parsed at once, that is, not in parts."""
 _ENTRY_END = re.compile(rb"\]\s*\]\s*,")
 """End of an entry of the longest list. An entry is a list of lists."""
 _LIST_END = re.compile(rb"\]\s*\]\s*\]")
 """End of the longest list."""
 _NUMBER_LISTS = re.compile(r"[][\s0-9eE+.,-]*")
-"""Text of lists that contain only numbers."""
+"""Text that consists only of nested lists of numbers."""
 LARGEST_DEPTH = 30
-"""Largest number of nested levels."""
+"""Largest number of nested levels in a JSON file."""
 LARGEST_INTEGER_DIGITS = 18
-"""Largest number of digits of an integer."""
+"""Largest number of digits of an integer, which fits 64 bits."""
 
 
 def read_json(path: Path, max_size: int) -> Any:
@@ -89,9 +91,22 @@ def read_json_in_parts(path: Path, max_size: int, long_key: tuple[str, ...]) -> 
 def _parse_in_parts(path: Path, data: mmap, long_key: tuple[str, ...]) -> Any:
     """Parse a file, and convert its longest list to an array (n, …).
 
-    A mark replaces the list while the rest of the file is parsed. A file that cannot be split in
-    this way is parsed as a whole, which also describes its faults. `long_key` contains the keys
-    that lead to the list.
+    A random mark replaces the list while the rest of the file is parsed. A file that cannot be
+    split in this way is parsed as a whole, which also describes its faults.
+
+    Parameters
+    ----------
+    path : Path
+        File for messages.
+    data : mmap
+        Content of the file.
+    long_key : tuple of str
+        Keys that lead to the list.
+
+    Returns
+    -------
+    object
+        Content of the file, in which the array replaces the list.
     """
     *outer_keys, key = long_key
     start = re.search(rb'"%b"\s*:\s*(?=\[)' % key.encode(), data)
@@ -126,8 +141,20 @@ def _parse_whole(path: Path, data: mmap) -> Any:
 def _read_array(path: Path, data: mmap, start: int, end: int) -> Array:
     """Convert the part of a file between two positions to an array (n, …), batch by batch.
 
-    Raises ValueError, TypeError, OverflowError, RecursionError or TrajectoryError if the entries
-    are not lists of finite numbers with equal shapes.
+    Parameters
+    ----------
+    path : Path
+        File for messages.
+    data : mmap
+        Content of the file.
+    start, end : int
+        Positions of the first byte of the list's entries, and after their last byte.
+
+    Raises
+    ------
+    ValueError, TypeError, OverflowError, RecursionError, TrajectoryError
+        If the entries are not lists of finite numbers with equal shapes. The caller then parses the
+        whole file.
     """
     decoder = _strict_decoder(path)
     entries = _ENTRY_END.finditer(data, start, end)
@@ -184,7 +211,10 @@ def parse_json(path: Path, data: bytes) -> Any:
 
 
 def _strict_decoder(path: Path) -> json.JSONDecoder:
-    """Return a JSON decoder that accepts finite numbers only. Its errors name the file `path`."""
+    """Return a JSON decoder that refuses NaN, infinity and integers with too many digits.
+
+    Its errors are TrajectoryErrors that name the file `path`.
+    """
 
     def refuse(constant: str) -> NoReturn:
         raise TrajectoryError(f"{path}: contains {constant[:40]}; only finite numbers are allowed")
@@ -200,7 +230,17 @@ def _strict_decoder(path: Path) -> json.JSONDecoder:
 def _check_json_value(path: Path, value: Any, depth: int) -> None:
     """Raise TrajectoryError if a value is nested too deeply, not finite, or contains invalid text.
 
-    A number such as 1e999 is read as infinity. `depth` is the number of levels above the value.
+    The parser reads a number such as 1e999 as infinity without an error, so that the values must be
+    checked afterwards.
+
+    Parameters
+    ----------
+    path : Path
+        File for messages.
+    value : object
+        Value that the parser has returned.
+    depth : int
+        Number of levels above the value.
     """
     if isinstance(value, float):
         if not math.isfinite(value):

@@ -1,4 +1,8 @@
-"""Load problem, robot, drive, motor, controller and motorisation files."""
+"""Load problem, robot, drive, motor, controller and motorisation files.
+
+The public functions `load_…` find a file by its path or shipped name, read it and build the value
+that it describes. `json_schema` and `file_keys` describe the keys of each kind of file.
+"""
 
 from __future__ import annotations
 
@@ -136,7 +140,13 @@ def load_motor(name: str | Path) -> Motor:
 
 
 def _joint_models(cls: Any) -> Any:
-    """Build the type of an optional mapping from joint names to instances of the class `cls`."""
+    """Return the model of an optional mapping from joint names to instances of a class.
+
+    Parameters
+    ----------
+    cls : type
+        Class whose fields are the keys for each joint.
+    """
     return joint_mapping_model(lambda slides: build_class_model(cls, slides=slides))
 
 
@@ -177,7 +187,13 @@ def load_controller(name: str | Path) -> Controller:
 
 
 def _stroke_model(slides: bool) -> Any:
-    """Build the model of a stroke. The units are those of a prismatic joint if `slides` is true."""
+    """Return the model of a stroke of one joint.
+
+    Parameters
+    ----------
+    slides : bool
+        True for the units of a prismatic joint.
+    """
     centre = field_type(Stroke, "centre", slides), 0.0
     return build_class_model(Stroke, {"centre": centre}, slides=slides, without=("joint",))
 
@@ -234,10 +250,14 @@ def load_motorisation(name: str | Path) -> Motorisation:
 
 
 FileKind = Literal["problem", "robot", "drive", "motor", "motorisation", "controller"]
+"""Kinds of files that users write."""
 
 
 def _file_models(file_kind: FileKind) -> tuple[Any, ...]:
-    """Return the models of a kind of file: one for each kind of drive, otherwise a single one."""
+    """Return the models of a kind of file.
+
+    Drive files have one model for each kind of drive. All other files have a single model.
+    """
     models = {
         "problem": problem_model(tuple(MOTIONS)),
         "robot": RobotModel,
@@ -249,13 +269,19 @@ def _file_models(file_kind: FileKind) -> tuple[Any, ...]:
 
 
 def json_schema(file_kind: FileKind) -> JsonObject:
-    """Return the JSON schema of a kind of file. Editors complete and check YAML files with it."""
+    """Return the JSON schema of a kind of file.
+
+    Editors complete and check YAML files with the schema.
+    """
     every: Any = Union[_file_models(file_kind)]  # noqa: UP007 - of a tuple
     return TypeAdapter(every).json_schema()
 
 
 def file_keys(file_kind: FileKind) -> tuple[Key, ...]:
-    """Return every key of a kind of file with its unit, allowed values, default and meaning."""
+    """Return a description of every key in a kind of file.
+
+    A description contains the unit, the allowed values, the default and the meaning of the key.
+    """
     return tuple(
         dict.fromkeys(key for model in _file_models(file_kind) for key in describe_keys(model))
     )

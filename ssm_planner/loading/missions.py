@@ -1,6 +1,8 @@
 """Expand abbreviations in problem files: named points, repeated motions and included problems.
 
-The expansion changes the tree of the file, before the values are checked.
+`expand_abbreviations` changes the tree of the file before its values are checked. All following
+code then sees a plain list of motions. Each part of the tree keeps the line of the file from which
+it comes.
 """
 
 from collections.abc import Mapping
@@ -13,9 +15,9 @@ from ssm_planner.loading.yaml_nodes import Node, Section, node_from_data
 from ssm_planner.problem import Bound
 
 LONGEST_MOTION = 10_000
-"""Largest number of entries of an expanded motion list."""
+"""Largest number of motions in a motion list after the expansion."""
 CORNER_MOTIONS = ("straight", "line")
-"""Motions that may have corners."""
+"""Keys of motions that may have corners, which the key `through` lists."""
 POINT_KEYS = {
     "": ("start",),
     "scan": ("at",),
@@ -28,8 +30,17 @@ POINT_KEYS = {
 def expand_abbreviations(section: Section, within: tuple[Section, ...] = ()) -> Section:
     """Return the section of a problem in which all abbreviations are expanded.
 
-    `within` contains the sections that include this one. Raises ProblemError for an unknown name,
-    or if a problem includes itself.
+    Parameters
+    ----------
+    section : Section
+        Problem file.
+    within : tuple of Section
+        Problem files that include this one, from the outermost to the innermost.
+
+    Raises
+    ------
+    ProblemError
+        If a name is unknown, a motion is incomplete, or a problem includes itself.
     """
     points = _named_points(section)
     children = dict(section.root.children)
@@ -45,7 +56,10 @@ def expand_abbreviations(section: Section, within: tuple[Section, ...] = ()) -> 
 
 
 def _replace_children(node: Node, children: Mapping[str | int, Node]) -> Node:
-    """Return a copy of a mapping or list with other entries. Existing keys keep their lines."""
+    """Return a copy of a mapping or list with other entries.
+
+    Keys that the node already has keep their lines. New keys have the line of their value.
+    """
     values = {key: child.value for key, child in children.items()}
     lines = {key: node.key_lines.get(key, child.line) for key, child in children.items()}
     if isinstance(node.value, list):
@@ -59,9 +73,9 @@ def _replace_children(node: Node, children: Mapping[str | int, Node]) -> Node:
 
 
 def _named_points(section: Section) -> Mapping[str | int, Node]:
-    """Return the nodes of the named points of a problem, by name.
+    """Return the nodes of the points in the key `points` of a problem, by name.
 
-    Raises ProblemError if the key `points` does not contain a mapping of mappings.
+    Raises ProblemError if this key does not contain a mapping of names to mappings.
     """
     if not section.has_key("points"):
         return {}
@@ -88,7 +102,7 @@ def _replace_point_names(
     node : Node
         Tree of this part.
     points : Mapping
-        Named points by name.
+        Nodes of the named points by name.
 
     Raises
     ------
@@ -112,8 +126,24 @@ def _replace_point_names(
 def _split_at_corners(motion_section: Section, entry: Node) -> list[Node]:
     """Split a motion with corners into one motion to each corner and one to its end.
 
-    The motions to the corners get the key `blend`, which rounds the corners. Raises ProblemError if
-    the corners or `blend` are invalid.
+    The motions to the corners get the key `blend`, which rounds the corners.
+
+    Parameters
+    ----------
+    motion_section : Section
+        Part of the file that describes the motion, for messages.
+    entry : Node
+        Entry of the motion list with the single key `straight` or `line`.
+
+    Returns
+    -------
+    list of Node
+        Entries of the motion list without corners.
+
+    Raises
+    ------
+    ProblemError
+        If the corners or `blend` are invalid.
     """
     ((name, node),) = entry.children.items()
     corners = node.children.get("through")
@@ -152,19 +182,35 @@ class RepeatModel(Model):
 
 
 class _MotionExpansion:
-    """Expansion of the motion list of one problem.
-
-    `within` contains the sections of the problems that include this one.
-    """
+    """Expansion of the motion list of one problem."""
 
     def __init__(self, section: Section, within: tuple[Section, ...]) -> None:
+        """Store the problem whose motion list is expanded.
+
+        Parameters
+        ----------
+        section : Section
+            The problem.
+        within : tuple of Section
+            Problems that include this one.
+        """
         self.section = section
         self.within = within
 
     def expand(self, list_section: Section, node: Node) -> list[Node]:
         """Return the entries of a motion list without repetitions, inclusions and corners.
 
-        Raises ProblemError if an entry is invalid or the list becomes too long.
+        Parameters
+        ----------
+        list_section : Section
+            Part of the file with the motion list.
+        node : Node
+            Tree of this part.
+
+        Raises
+        ------
+        ProblemError
+            If an entry is invalid or the list becomes too long.
         """
         expanded: list[Node] = []
         for i, entry in enumerate(node.children.values()):
@@ -197,9 +243,15 @@ class _MotionExpansion:
         return times * once
 
     def _include(self, motion_section: Section) -> list[Node]:
-        """Return the motions of an included problem. Messages refer to the line that includes it.
+        """Return the motions of an included problem.
 
-        Raises ProblemError if the problem has no motions or includes itself.
+        Messages about these motions refer to the line that includes the problem. Relative paths of
+        tables are replaced by absolute ones.
+
+        Raises
+        ------
+        ProblemError
+            If the problem has no motions or includes itself.
         """
         key = motion_section.sub("include")
         if not isinstance(key.value, str):

@@ -1,4 +1,10 @@
-"""Define the keys of the motion list of problem files, and build the motions from their values."""
+"""Define the keys of the motion list of problem files, and build the motions from their values.
+
+Each entry of the list has one key, such as `straight` or `scan`. `MOTIONS` contains a `MotionKey`
+for each of these keys, which states the type of the value and the function that builds the motions.
+`motion_list_type` returns the type of the whole list for validation, and `motions_from` builds the
+motions of one entry.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -49,8 +55,9 @@ from ssm_planner.typing import JsonObject, Keywords, frozen
 JointValues = Annotated[
     tuple[float, float, float, float], vector_reader("angle", "angle", "angle", "length")
 ]
+"""Positions of the four joints, in rad and m after reading."""
 MAX_POINTS = 200
-"""Largest number of points that one motion passes without stopping."""
+"""Largest number of points that one motion of a problem file passes without stopping."""
 PATTERN_KEYS = {"raster": ("rows", "columns"), "ring": ("diameter",), "triple ring": ("diameters",)}
 """Keys of each pattern of a scan in addition to the common ones."""
 KeyPath = tuple[str | int, ...]
@@ -76,7 +83,10 @@ class _PointModel(_NamedModel):
     @model_validator(mode="before")
     @classmethod
     def _one_form(cls, data: Any) -> Any:
-        """Reject an empty point and keys of two different forms."""
+        """Reject an empty point, and a point that mixes keys of different forms.
+
+        The forms are task coordinates, `joints`, and `tip` with `spin`.
+        """
         if not isinstance(data, dict):
             return data
         if not data:
@@ -104,7 +114,7 @@ class _ScanModel(Model):
     @model_validator(mode="before")
     @classmethod
     def _pattern_keys(cls, data: Any) -> Any:
-        """Reject keys of other patterns, and require the keys of this pattern."""
+        """Reject keys that only other patterns have, and require the keys of this pattern."""
         pattern = data.get("pattern") if isinstance(data, dict) else None
         if pattern not in PATTERN_KEYS:
             return data
@@ -127,9 +137,16 @@ class _ScanModel(Model):
 
 
 def accept_keyword(reader: Reader, keyword: str, allowed: str) -> Reader:
-    """Extend a reader so that it also accepts the word `keyword`, which it returns unchanged.
+    """Extend the reader of a value so that it also accepts one word.
 
-    `allowed` describes the allowed values for messages.
+    Parameters
+    ----------
+    reader : Reader
+        Reader of the other values, such as an angle.
+    keyword : str
+        The word. The new reader returns it unchanged.
+    allowed : str
+        Description of the allowed values for messages.
     """
 
     def read(value: object) -> object:
@@ -213,7 +230,7 @@ def _motion_type(
     extra_keys : Mapping, optional
         Additional keys, each as a pair of type and default.
     without : tuple of str
-        Keys that are omitted.
+        Keys among these three that are omitted.
     """
     keys = {"to": required_key(to, "End point."), **(extra_keys or {})}
     return nested_type(
@@ -224,7 +241,17 @@ def _motion_type(
 def _through_key(model: Any, description: str) -> Keywords:
     """Return the key `through` for the optional points between the start and the end of a motion.
 
-    `model` is the model of each point, and `description` documents the key.
+    Parameters
+    ----------
+    model : type
+        Model of each point.
+    description : str
+        Description of the key for the schema and the reference.
+
+    Returns
+    -------
+    dict
+        Pair of type and default for the key `through`.
     """
     points = Annotated[tuple[Annotated[Any, Nested(model)], ...], Field(max_length=MAX_POINTS)]
     return {"through": (points, Field((), description=description))}
@@ -253,6 +280,7 @@ class MotionKey:
     """
 
     name: str
+    """Name of the key."""
     description: str
     """Meaning of the key, for schema and reference."""
     value_type: Any
@@ -267,7 +295,13 @@ class MotionKey:
 def _straight_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the straight motion that the value of a key describes.
 
-    `section` is the part of the file with the value, and `model` is the value in SI units.
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the value. The last key of its path is `straight` or the name of a
+        coordinate such as `tilt`.
+    model : object
+        Validated value in SI units.
     """
     name = str(section.path[-1])
     coordinate = _COORDINATE_BY_KEY.get(name)
@@ -291,7 +325,10 @@ def _free_motions(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
-    """Build the points of the key `through`, which contains several points or that of an arc."""
+    """Build the points in the key `through` of a motion.
+
+    The key contains a list of points or, for an arc, a single point.
+    """
     if not isinstance(model.through, tuple):
         return (point_from(section.sub("through"), model.through),)
     return tuple(
@@ -302,7 +339,7 @@ def _points_between(section: Section, model: Any) -> tuple[Point, ...]:
 def _curve_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the spline, line or arc that the value of a key describes.
 
-    The parameters are those of `_straight_motions`.
+    The parameters are those of `_straight_motions`. The key is the name of the curve.
     """
     name: Any = section.path[-1]
     end = point_from(section.sub("to"), model.to)
@@ -314,7 +351,8 @@ def _curve_motions(section: Section, model: Any) -> Iterator[Motion]:
 def _retina_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the motion along the retina that the value of a key describes.
 
-    The parameters are those of `_straight_motions`.
+    The parameters are those of `_straight_motions`. Raises ProblemError if the end point states a
+    depth, because the distance from the retina already determines it.
     """
     if model.to.depth is not None:
         reason = "do not give depth: distance already determines it"
@@ -332,12 +370,15 @@ def _retina_motions(section: Section, model: Any) -> Iterator[Motion]:
 
 
 def _path_motions(section: Section, file: str) -> Iterator[Motion]:
-    """Yield the motion through the points of a table, whose file name is the value of the key."""
+    """Yield the motion through the points of a table.
+
+    The value of the key is the file name of the table, which `path_from` reads from the section.
+    """
     yield path_from(section, "path", section.line())
 
 
 def _dwell_motions(section: Section, duration: float) -> Iterator[Motion]:
-    """Yield the pause that the value of a key describes, which is its duration in s."""
+    """Yield the pause that the value of a key describes. The value is its duration, s."""
     yield Dwell(duration, "dwell", section.line())
 
 
@@ -436,7 +477,14 @@ _EXPANDED_KEYS = {
 
 
 def motion_list_type(names: tuple[str, ...]) -> Any:
-    """Build the type of a motion list whose entries have the keys `names` of `MOTIONS`."""
+    """Build the type of a motion list for validation.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Keys that the entries may have, which are names in `MOTIONS`. The keys `repeat` and
+        `include` are allowed in addition.
+    """
     keys = {
         name: optional_key(MOTIONS[name].value_type, MOTIONS[name].description) for name in names
     }
@@ -445,22 +493,43 @@ def motion_list_type(names: tuple[str, ...]) -> Any:
 
 
 def motions_from(section: Section, value: Any) -> tuple[Motion, ...]:
-    """Build the motions that the value of a key describes. Raises ProblemError if it is invalid."""
+    """Build the motions that the value of a key describes.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the value. The last key of its path is a name in `MOTIONS`.
+    value : object
+        Validated value in SI units.
+
+    Raises
+    ------
+    ProblemError
+        If the value is invalid.
+    """
     with locate_errors(section):
         return tuple(MOTIONS[str(section.path[-1])].motions(section, value))
 
 
 def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
-    """Return the location in the file of each part of a motion, by its name in error messages.
+    """Return the locations in the file of the parts of a motion.
+
+    The constructors of motions and problems raise errors that name a field, such as motion[2].to.
+    The locations translate it to the keys of the file.
 
     Parameters
     ----------
     field : str
-        Name of the motion in messages, such as motion[2].
+        Name of the motion in errors, such as motion[2].
     place : tuple
         Keys and list positions that lead to the value of the motion's key.
     value : object
-        Value of the key.
+        Validated value of the key.
+
+    Returns
+    -------
+    dict of tuple
+        Keys and list positions that lead to a part, by name of the part in errors.
     """
     name = place[-1]
     keys = ("blend", "duration", "constant_speed", "distance")
@@ -486,9 +555,14 @@ def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
 
 
 def stated_coordinates(model: Any) -> dict[str, float]:
-    """Return the task coordinates or rates that a file states, by name.
+    """Return the task coordinates or rates that a section of a file states, by name.
 
-    Missing coordinates and a free spin are omitted.
+    Missing coordinates and a spin that the planner chooses are absent.
+
+    Parameters
+    ----------
+    model : object
+        The validated section, with an attribute for each task coordinate.
     """
     return {
         name: value
@@ -500,7 +574,17 @@ def stated_coordinates(model: Any) -> dict[str, float]:
 def point_from(section: Section, model: Any) -> Point:
     """Build the point that a section describes.
 
-    `model` is the validated section. Raises ProblemError if a value is invalid.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the point.
+    model : object
+        The validated section.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
     """
     line = section.line()
     with locate_errors(section, {"values": ("joints",), "position": ("tip",)}):

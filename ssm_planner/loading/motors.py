@@ -1,8 +1,10 @@
 """Read motor files, and detect wrong units by comparing the values with each other.
 
-Figures of one datasheet follow from each other by physics: stall torque = k·U/R, no-load speed =
-(U − R·I_0)/k, nominal torque = k·(I_N − I_0), and mechanical time constant = J·R/k². The rules in
-motors.csv state these relations, and ranges for quantities that only experience limits.
+Figures of one datasheet follow from each other by physics: stall torque = k·U/R, no-load speed = (U
+− R·I_0)/k, nominal torque = k·(I_N − I_0), and mechanical time constant = J·R/k². Here, k is the
+torque constant, U the nominal voltage, R the terminal resistance, I_N and I_0 the nominal and the
+no-load current, and J the rotor inertia. The rules in motors.csv state these relations, and ranges
+for quantities that only experience limits. `motor_from` builds a motor and applies the rules.
 """
 
 import math
@@ -31,7 +33,15 @@ from ssm_planner.problem import Motor
 
 
 def _comparison_figure(quantity_kind: str, description: str) -> Any:
-    """Return the type of a quantity that is only compared with other quantities of the file."""
+    """Return the type and default of a key that only serves to check other figures of the file.
+
+    Parameters
+    ----------
+    quantity_kind : str
+        Kind of quantity, a key of units.KINDS.
+    description : str
+        Meaning of the figure.
+    """
     hint = Annotated[Figure, sourced_reader(quantity_reader(quantity_kind, POSITIVE))]
     return optional_key(hint, f"{description}, only to check other figures.")
 
@@ -45,6 +55,7 @@ COMPARISON_FIGURES = {
     "no_load_speed": _comparison_figure("motor_speed", "Speed without a load at nominal voltage"),
     "mechanical_time_constant": _comparison_figure("time", "Mechanical time constant"),
 }
+"""Keys of a motor file that are not fields of Motor. They only serve to check other figures."""
 MotorModel = build_class_model(
     Motor,
     {
@@ -102,6 +113,13 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
     """Raise ProblemError for the first rule that the figures of a motor violate.
 
     Rules whose figures are not all stated are ignored.
+
+    Parameters
+    ----------
+    section : Section
+        The motor file, for messages.
+    values : mapping of float
+        Stated figures in SI units by key.
     """
     figures = defaultdict(lambda: math.nan, values)
     voltage, resistance = figures["nominal_voltage"], figures["terminal_resistance"]
@@ -124,7 +142,16 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
 def check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[str]) -> None:
     """Raise ProblemError if figures violate a rule such as those of `PLAUSIBILITY_RULES`.
 
-    A product of NaN violates none.
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the figures, for messages.
+    figures : mapping of float
+        Figures in SI units by key. NaN stands for a figure that is not stated, so that its rules
+        are not violated.
+    rule : sequence of str
+        Cells of a row of the rules: figure, product, lower and upper limit of the product, scale,
+        and description of a violation.
     """
     figure, product_text, *numbers, fault = rule
     factors = (factor.partition("^") for factor in product_text.split())

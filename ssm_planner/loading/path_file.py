@@ -1,7 +1,8 @@
 """Read paths from tables of points.
 
 A table contains joint positions, task coordinates, or tip positions and spin. Its headings state
-the units.
+the units. `path_from` reads the table that the motion `path` of a problem file names.
+`locate_table_errors` adds the line of the table to later errors about its points.
 """
 
 import math
@@ -19,14 +20,18 @@ from ssm_planner.units import ANGLES, LENGTHS, of_heading
 MAX_POINTS = 20_000
 """Largest number of points in a table."""
 JOINT_COLUMNS = ("q1", "q2", "q3", "q4")
+"""Names of the columns with joint positions."""
 TIP_COLUMNS = ("x", "y", "z")
+"""Names of the columns with the position of the tip."""
 COORDINATE_COLUMNS = (*JOINT_COLUMNS, *TASK_COORDINATES, *TIP_COLUMNS)
+"""Names of all columns with coordinates."""
 IGNORED_COLUMNS = re.compile(r"t|time.*|qd+\d|motor\d_.*")
 """Columns of trajectories that a path does not need."""
 COLUMN_FORMS = (
     "q1, q2, q3, q4; or any of roll, tilt, spin, depth; or x, y, z and spin: each with its "
     "unit, such as 'tilt [deg]'"
 )
+"""Description of the sets of columns that a table may have, for messages."""
 
 
 def path_from(section: Section, name: str, line: int | None) -> Follow:
@@ -136,7 +141,7 @@ def _identify_columns(line: int, names: list[str], file: Path) -> Mapping[str, t
 def _row_values(
     cells: list[str], columns: Mapping[str, tuple[int, float]], location: tuple[Path, int]
 ) -> Mapping[str, float]:
-    """Convert the cells of a row to values in SI units, by coordinate.
+    """Convert the cells of a row to values in SI units.
 
     Parameters
     ----------
@@ -146,6 +151,11 @@ def _row_values(
         Index of the column and factor to SI units of each coordinate.
     location : (Path, int)
         File and line of the row for messages.
+
+    Returns
+    -------
+    Mapping of float
+        Value of each coordinate, rad or m.
 
     Raises
     ------
@@ -171,7 +181,15 @@ def _row_values(
 
 
 def _build_point(values: Mapping[str, float], line: int) -> Point:
-    """Build the point with these coordinates in SI units. `line` is its line in the table."""
+    """Build the point with these coordinates.
+
+    Parameters
+    ----------
+    values : mapping of float
+        Coordinates in SI units by name of the column.
+    line : int
+        Line of the point in the table.
+    """
     if "q1" in values:
         return Joints((values["q1"], values["q2"], values["q3"], values["q4"]), line)
     if "x" in values:
@@ -181,9 +199,16 @@ def _build_point(values: Mapping[str, float], line: int) -> Point:
 
 @contextmanager
 def locate_table_errors(motion: tuple[Motion, ...]) -> Iterator[None]:
-    """Name the table, its line and its column in errors that concern one of its points.
+    """Name the table, the line and the column in errors that concern a point of a table.
 
-    `motion` contains the motions of the problem. Other errors are raised unchanged.
+    The problem checks its points after the table has been read. Its errors name a point such as
+    Problem.motion[0].through[7]. This context manager translates them. Other errors are raised
+    unchanged.
+
+    Parameters
+    ----------
+    motion : tuple of Motion
+        Motions of the problem.
     """
     try:
         yield

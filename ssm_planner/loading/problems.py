@@ -1,6 +1,7 @@
 """Read problem files, and relate the fields of a Problem to the keys of its file.
 
-The models describe the keys of the file. The functions build the values from a validated model.
+`problem_model` describes the keys of the file as a pydantic model, and `problem_from` builds the
+Problem from a validated model.
 """
 
 import math
@@ -73,20 +74,31 @@ from ssm_planner.typing import Array
 from ssm_planner.units import KINDS
 
 DUTY_ONCE = "once"
-"""Duty of a motion that does not repeat."""
+"""Value of the key `duty` for a motion that does not repeat."""
 AXIS_TOLERANCE = math.radians(0.5)
 """Largest deviation of the lens axes from a right angle, rad. Smaller deviations are corrected."""
 
 
 def _rate_type(name: str, bound: Bound = UNBOUNDED) -> Any:
-    """Return the type of the rate of a task coordinate (such as "tilt") with bounds in SI units."""
+    """Return the type of the rate of a task coordinate.
+
+    Parameters
+    ----------
+    name : str
+        Name of the coordinate, such as "tilt".
+    bound : Bound
+        Allowed values in SI units.
+    """
     return Annotated[
         Any, quantity_reader("velocity" if name == "depth" else "angular_velocity", bound)
     ]
 
 
 def _tool_limit_type(limit_type: type[ToolLimit]) -> Any:
-    """Return the type of the bound of a limit on the tool, which must be positive."""
+    """Return the type of the bound of a limit on the tool, which must be positive.
+
+    The unit of the limit determines the kind of quantity.
+    """
     (kind_name, *_) = (
         name for name, candidate in KINDS.items() if candidate.unit == limit_type.unit
     )
@@ -142,9 +154,12 @@ _NamedPoints = Annotated[
 
 
 def _joint_overrides_model(slides: bool) -> Any:
-    """Build the model of joint limits that replace those of the robot.
+    """Return the model of the joint limits in a problem file, which replace those of the robot.
 
-    `slides` is true for the prismatic joint.
+    Parameters
+    ----------
+    slides : bool
+        True for the units of the prismatic joint.
     """
     names = ("velocity", "acceleration", "jerk")
     keys = {
@@ -160,7 +175,13 @@ _START_TEXT = "Start point: four task coordinates, or joints, or tip with spin."
 
 @cache
 def problem_model(motion_keys: tuple[str, ...]) -> Any:
-    """Build the model of problem files whose motions have the keys `motion_keys` of `MOTIONS`."""
+    """Return the model of problem files.
+
+    Parameters
+    ----------
+    motion_keys : tuple of str
+        Keys of motions that the file may contain, which are names in `MOTIONS`.
+    """
     keys = {
         "name": optional_key(Text, "Name. The default is the file's name without its suffix."),
         "robot": (Reference, ...),
@@ -196,7 +217,7 @@ def _motion_keys(section: Section) -> tuple[str, ...]:
     """Return the keys of motions that the model of a file needs.
 
     They are the keys of this package or, if the file has a key of another package, all registered
-    keys. This saves time, because a model with all keys takes longer to build.
+    keys. A model with all keys takes longer to build.
     """
     entries = section.value.get("motion")
     mappings = [entry for entry in entries if isinstance(entry, dict)] if entries else []
@@ -207,7 +228,7 @@ def _motion_keys(section: Section) -> tuple[str, ...]:
 def problem_from(section: Section) -> Problem:
     """Build the problem that a section describes, with its robot.
 
-    Raises ProblemError if a value is invalid.
+    Raises ProblemError, which names the file, the line and the key, if a value is invalid.
     """
     section = expand_abbreviations(section)
     if "geometry" in section.value:
@@ -262,7 +283,17 @@ def problem_from(section: Section) -> Problem:
 def _robot_from(section: Section, model: Any) -> Robot:
     """Build the robot of a problem with the problem's joint limits, mounting and payload.
 
-    Raises ProblemError if a value is invalid.
+    Parameters
+    ----------
+    section : Section
+        The problem file.
+    model : object
+        The validated section.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
     """
     robot = robot_from(follow_reference(section, "robot"))
     if model.speed is not None and not 0 < model.speed <= 1:
@@ -296,12 +327,12 @@ def _robot_from(section: Section, model: Any) -> Robot:
 
 
 def _nonzero_rates(model: Any) -> dict[str, float]:
-    """Return the rates of task coordinates at one end that are not 0, by name."""
+    """Return the rates of task coordinates at one end of the motion that are not 0, by name."""
     return {name: rate for name, rate in stated_coordinates(model).items() if rate}
 
 
 def _rate_and_tool_limits(model: Any) -> Iterable[Limit]:
-    """Yield the limits on the rates of task coordinates and on the tool."""
+    """Yield the limits of a problem file on the rates of task coordinates and on the tool."""
     for name in TASK_COORDINATES:
         if (bound := getattr(model, TaskRate.field_of(name))) is not None:
             yield TaskRate(name, bound)
@@ -311,7 +342,20 @@ def _rate_and_tool_limits(model: Any) -> Iterable[Limit]:
 
 
 def _eye_from(section: Section, model: Any) -> Eye:
-    """Build the eye that a section describes. Raises ProblemError if a value is invalid."""
+    """Build the eye that a section describes.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the eye.
+    model : object
+        The validated section.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
+    """
     lens = None
     if model.lens is not None:
         lens_section = section.sub("lens")
@@ -326,7 +370,20 @@ def _eye_from(section: Section, model: Any) -> Eye:
 def _lens_frame(section: Section, model: Any) -> Array:
     """Return the rotation matrix (3, 3) whose columns are the directions of the lens's semi-axes.
 
-    Raises ProblemError if the directions in the file are not perpendicular.
+    The file states the direction of the third semi-axis, and that of the first one if the first two
+    semi-axes differ.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the lens.
+    model : object
+        The validated section.
+
+    Raises
+    ------
+    ProblemError
+        If a direction is missing or zero, or if the directions are not perpendicular.
     """
 
     def direction(name: str) -> Array:

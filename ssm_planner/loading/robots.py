@@ -1,6 +1,8 @@
 """Read robot files with their drives and motors.
 
-A file may state the axes as vectors or as angles, and inertias in either sign convention.
+A file may state the axes of the joints as vectors or as angles, and inertias in either sign
+convention. The mass and inertia of a body may also follow from its parts, such as rods and boxes.
+The models describe the keys of the file, and `robot_from` builds the Robot.
 """
 
 import math
@@ -62,7 +64,11 @@ ANGLE_NAMES = ("alpha", "home_tilt", "home_roll")
 def _parse_rotations(value: object) -> tuple[tuple[str, float | str], ...]:
     """Read a chain of rotations, such as [x 90 deg, y alpha].
 
-    Each entry consists of an axis, and of an angle in rad or the name of an angle of the geometry.
+    Returns
+    -------
+    tuple of pairs
+        Axis x, y or z, and angle of each rotation. The angle is a number in rad, or the name of an
+        angle of the geometry, possibly with a minus sign.
     """
     allowed = (
         "a list of rotations about the axes of the turned frame, such as [x 90 deg, y 30 "
@@ -87,6 +93,7 @@ _ROTATIONS_READER = Reader(
     "such as [x 90 deg, y 30 deg]",
 )
 Rotations = Annotated[tuple[tuple[str, float | str], ...], _ROTATIONS_READER]
+"""Chain of rotations about the axes of the turned frame."""
 _Angle = Annotated[float, quantity_reader("angle")] | None
 _PositiveAngle = Annotated[float, quantity_reader("angle", POSITIVE)] | None
 _Position = Annotated[tuple[float, float, float], vector_reader("length", "length", "length")]
@@ -286,6 +293,8 @@ RobotModel = build_class_model(
 """Model of a robot file."""
 
 BETA_TOLERANCE = math.radians(0.5)
+"""Largest difference between a stated angle beta and the angle that follows from the others, rad.
+"""
 LARGEST_GYRATION = 1.0
 """Largest plausible radius of gyration of a link, m."""
 
@@ -293,7 +302,7 @@ LARGEST_GYRATION = 1.0
 def robot_from(section: Section) -> Robot:
     """Build the robot that a section describes, with its drives and motors.
 
-    Raises ProblemError if a value is invalid.
+    Raises ProblemError, which names the file, the line and the key, if a value is invalid.
     """
     model: Any = validate_section(section, RobotModel)
     omegas = _joint_axes(section.sub("geometry"), model.geometry)
@@ -329,7 +338,7 @@ def ranges_from(model: Any) -> tuple[TaskRange, ...]:
 
 
 def _joint_from(section: Section, name: str, model: Any) -> Joint:
-    """Build a joint with its drive and motors.
+    """Build a joint with its drive and motors, which the file names or contains.
 
     Parameters
     ----------
@@ -360,11 +369,21 @@ def _joint_from(section: Section, name: str, model: Any) -> Joint:
 def _frame_from(
     section: Section, chain: tuple[tuple[str, float | str], ...], geometry: GeometryModel
 ) -> Array:
-    """Return the rotation matrix (3, 3) of a chain of rotations.
+    """Return the rotation matrix (3, 3) of a chain that may name angles of the geometry.
 
-    The chain may name angles of the geometry.
+    Parameters
+    ----------
+    section : Section
+        Part of the file with the chain, for messages.
+    chain : tuple
+        Axis and angle of each rotation, see `_parse_rotations`.
+    geometry : GeometryModel
+        Geometry that states the named angles.
 
-    Raises ProblemError if the file does not state such an angle.
+    Raises
+    ------
+    ProblemError
+        If the file does not state such an angle.
     """
     angles = []
     for axis, angle in chain:
@@ -385,8 +404,11 @@ def _frame_from(
 def chain_rotation(chain: tuple[tuple[str, float], ...]) -> Array:
     """Return the product (3, 3) of rotations about coordinate axes.
 
-    Each rotation consists of the letter of its axis and an angle in rad. Its axis belongs to the
-    frame that the previous rotations have turned.
+    Parameters
+    ----------
+    chain : tuple of pairs
+        Letter of the axis (x, y or z) and angle (rad) of each rotation. The axis belongs to the
+        frame that the previous rotations have turned.
     """
     result = np.eye(3)
     for axis, angle in chain:
@@ -402,9 +424,24 @@ def chain_rotation(chain: tuple[tuple[str, float], ...]) -> Array:
 
 
 def _joint_axes(section: Section, model: GeometryModel) -> list[Array]:
-    """Return the axes of joints 1 to 3 in the base frame at q = 0, unit vectors (3,).
+    """Return the axes of joints 1 to 3 in the base frame at q = 0.
 
-    Raises ProblemError if the file states both axes and angles, or too few of them.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the geometry.
+    model : GeometryModel
+        The validated section.
+
+    Returns
+    -------
+    list of three (3,) arrays
+        Unit vectors.
+
+    Raises
+    ------
+    ProblemError
+        If the file states both axes and angles, or too few of them.
     """
     angles = [
         name
@@ -453,8 +490,25 @@ def _geometry_from(
 def _axes_from_angles(section: Section, model: GeometryModel) -> list[Array]:
     """Compute the axes of joints 1 to 3 from the angles in the file.
 
-    They are ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(home_roll) Ry(home_tilt) x with α = alpha.
-    The tilt axis is y.
+    They are ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(home_roll) Ry(home_tilt) x, where α is the
+    key alpha, and Rx and Ry are rotations about x and about the tilt axis y.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the geometry.
+    model : GeometryModel
+        The validated section.
+
+    Returns
+    -------
+    list of three (3,) arrays
+        Unit vectors in the base frame at q = 0.
+
+    Raises
+    ------
+    ProblemError
+        If an angle is missing, or if neighbouring axes would be parallel.
     """
     for name in ("alpha", "home_tilt"):
         if getattr(model, name) is None:
@@ -475,7 +529,22 @@ def _axes_from_angles(section: Section, model: GeometryModel) -> list[Array]:
 def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float) -> float:
     """Return the roll at q = 0 that the file states, or the roll that the angle beta requires.
 
-    The default is 0. The angles satisfy cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h.
+    The default is 0. The angles satisfy cos β = cos α cos φ_h + sin α sin φ_h sin ψ_h, where φ_h is
+    home_tilt and ψ_h is home_roll.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the geometry.
+    model : GeometryModel
+        The validated section.
+    alpha, tilt : float
+        Angles alpha and home_tilt, rad.
+
+    Raises
+    ------
+    ProblemError
+        If the stated angles contradict each other, or if no roll gives the stated beta.
     """
 
     def angle(cosine: float) -> float:
@@ -517,7 +586,10 @@ class _BodyPlacement:
     def axis(self, beyond: int) -> Array:
         """Return the unit vector (3,) of a joint axis in the frame of the body.
 
-        The joint is the one that moves the body if `beyond` is 0, and the next joint if it is 1.
+        Parameters
+        ----------
+        beyond : int
+            0 for the joint that moves the body, and 1 for the next joint.
         """
         return self.frame.T @ self.geometry.axes[self.place + beyond]
 
@@ -525,7 +597,19 @@ class _BodyPlacement:
 def _body_from(section: Section, model: Any, setting: _BodyPlacement) -> Body:
     """Build a body from its mass, centre and inertia, or from its parts.
 
-    Raises ProblemError if a value is invalid.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the body.
+    model : object
+        The validated section.
+    setting : _BodyPlacement
+        Position of the body in the robot.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid.
     """
     if model.parts is not None:
         return _body_from_parts(section, model, setting)
@@ -544,7 +628,16 @@ def _body_from(section: Section, model: Any, setting: _BodyPlacement) -> Body:
 
 
 def _check_gyration(section: Section, body: Body) -> Body:
-    """Return the body unchanged, or raise ProblemError if its radius of gyration is too large."""
+    """Raise ProblemError if the inertia of a body is implausible for its mass.
+
+    The radius of gyration of a link is at most `LARGEST_GYRATION`. A larger one suggests wrong
+    units of mass or inertia.
+
+    Returns
+    -------
+    Body
+        The body unchanged.
+    """
     gyration = (
         float(np.sqrt(principal_moments(body.mass, body.com, body.inertia)[2] / body.mass))
         if body.mass > 0
@@ -564,7 +657,19 @@ def _check_gyration(section: Section, body: Body) -> Body:
 def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> Body:
     """Build a body whose mass and inertia are the sums over its parts.
 
-    Raises ProblemError if a value is invalid, or if the file also states the mass or the inertia.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the body.
+    model : object
+        The validated section.
+    setting : _BodyPlacement
+        Position of the body in the robot.
+
+    Raises
+    ------
+    ProblemError
+        If a value is invalid, or if the file also states the mass or the inertia.
     """
     for key in ("mass", "com", "inertia", "products_of_inertia"):
         if section.has_key(key):
@@ -584,9 +689,26 @@ def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> B
 
 
 def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> shapes.Moments:
-    """Compute mass, centre of mass and inertia of a part in the frame of the body.
+    """Compute the mass and its first and second moments of a part in the frame of the body.
 
-    Raises ProblemError if the shape is impossible.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the part of the body.
+    model : object
+        The validated section.
+    setting : _BodyPlacement
+        Position of the body in the robot.
+
+    Returns
+    -------
+    Moments
+        Moments about the origin of the body frame.
+
+    Raises
+    ------
+    ProblemError
+        If the shape is impossible.
     """
     is_last = setting.place == len(setting.frames) - 1
     if isinstance(model, ArcModel):
@@ -624,9 +746,26 @@ def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> sha
 
 
 def _part_mass(section: Section, model: Any, joints: Sequence[Joint]) -> float:
-    """Return the mass of a part in kg, which may be the mass of a joint's motor.
+    """Return the mass of a part, which may be the mass of a joint's motor.
 
-    Raises ProblemError if the motor or its mass is missing.
+    Parameters
+    ----------
+    section : Section
+        Part of the file that describes the part of the body.
+    model : object
+        The validated section. Its mass is a number in kg, or a text such as "motor roll".
+    joints : sequence of Joint
+        Joints with their motors.
+
+    Returns
+    -------
+    float
+        Mass, kg.
+
+    Raises
+    ------
+    ProblemError
+        If the mass is negative, or if the motor or its mass is missing.
     """
     if not isinstance(model.mass, str):
         if model.mass < 0:
@@ -646,8 +785,13 @@ def _part_mass(section: Section, model: Any, joints: Sequence[Joint]) -> float:
 def _inertia_tensor(section: Section, model: Any) -> Array:
     """Return the inertia tensor (3, 3) about the origin of the body frame, kg·m².
 
-    Its products of inertia are −∫xy dm. The file may state them with the opposite sign. Raises
-    ProblemError if the inertia or the sign convention is missing.
+    Its products of inertia are −∫xy dm. The file may state them with the opposite sign, as CAD
+    programs do.
+
+    Raises
+    ------
+    ProblemError
+        If the inertia or the sign convention is missing.
     """
     inertia = model.inertia
     convention = model.products_of_inertia
@@ -670,7 +814,19 @@ def _sign_hint(model: Any, tensor: Array) -> str:
     """Return the end of the message about an impossible inertia tensor.
 
     The usual cause is the sign of the products of inertia. The text says whether the opposite sign
-    gives a possible tensor. It is empty if the file states no sign convention.
+    gives a possible tensor.
+
+    Parameters
+    ----------
+    model : object
+        The validated section of the body.
+    tensor : (3, 3) array
+        Inertia about the origin of the body frame, kg·m².
+
+    Returns
+    -------
+    str
+        End of the message. It is empty if the file states no sign convention.
     """
     convention = model.products_of_inertia
     if convention is None:

@@ -1,10 +1,10 @@
 """Build strict pydantic models of files from the classes of the values that the files describe.
 
 A field of a value that is also a key of a file states its kind of quantity (`value.unit_kind`), its
-bounds and its default in its annotation. The function `build_class_model` reads these
-annotations. The
-modules that read a file declare keys that have another form in the file. All faults of a file are
-collected in one ProblemError.
+bounds and its default in its annotation. The function `build_class_model` reads these annotations,
+so that the loader needs no second list of keys. The modules that read a file only declare keys that
+have another form in the file. A `Reader` converts one value of a file to SI units and documents it.
+`validate_section` collects all faults of a file in one ProblemError.
 """
 
 import copy
@@ -36,7 +36,9 @@ from ssm_planner.units import KINDS, NUMBER
 
 M = TypeVar("M", bound="Model")
 UNBOUNDED = Bound()
+"""Bound that allows every number."""
 POSITIVE = Bound(above=0.0)
+"""Bound that allows numbers above 0."""
 SI_UNIT_AT_END = re.compile(r", (rad|m|s|kg|N|V|A|K|Ω)\b[^ ,.]*( or [^ .]+)?(?=\.(\s|$)|$)")
 """SI unit at the end of a sentence of a docstring."""
 MAX_FAULTS = 10
@@ -44,9 +46,16 @@ MAX_FAULTS = 10
 
 
 class Figure(NamedTuple):
-    """Number in SI units with its source.
+    """Number of a file in SI units, with its source.
 
-    It is a placeholder if the true value is unknown.
+    Attributes
+    ----------
+    value : float
+        The number.
+    source : str or None
+        Source of the number, such as a datasheet.
+    placeholder : bool
+        True if the true value is unknown and the number is assumed.
     """
 
     value: float
@@ -79,7 +88,11 @@ class Model(BaseModel):
 
     @classmethod
     def key_descriptions(cls) -> dict[str, str]:
-        """Return the description of each key, from the docstrings of the fields."""
+        """Return the description of each key, from the docstrings of the fields.
+
+        The fields are those of the model and of the classes that the file describes. Shapes and SI
+        units are removed, because values in files state their units.
+        """
         own_texts = {
             name: info.description for name, info in cls.model_fields.items() if info.description
         }
@@ -121,7 +134,20 @@ class Model(BaseModel):
 
 
 def check_keys(data: dict[Any, Any], allowed: list[str]) -> None:
-    """Raise a pydantic error for an unknown or empty key, and suggest the most similar key."""
+    """Check the keys of a mapping.
+
+    Parameters
+    ----------
+    data : dict
+        Mapping in the file.
+    allowed : list of str
+        Allowed keys.
+
+    Raises
+    ------
+    PydanticCustomError
+        If a key is unknown or has no value. The message suggests the most similar key.
+    """
     for key in data:
         if key not in allowed:
             raise invalid_value(f"unknown key{suggestion(key, allowed)}", ", ".join(allowed), key)
@@ -150,7 +176,10 @@ def invalid_value(
 
 @record
 class Reader:
-    """Annotation of a type that reads, describes and documents one value of a file."""
+    """Annotation of a type that reads, describes and documents one value of a file.
+
+    Pydantic calls it to validate a value and to write the JSON schema.
+    """
 
     read: Callable[[Any], Any]
     """Function that converts a value of the file, and raises BadQuantity if it is invalid."""
@@ -171,7 +200,7 @@ class Reader:
         )
 
     def format_default(self, value: Any) -> str:
-        """Return a default in SI units as text with a unit that files accept."""
+        """Return a default in SI units as text with a unit that files accept, such as "0.6 mm"."""
         if not self.unit or not isinstance(value, float):
             return str(value)
         return f"{value / units.quantity(f'1 {self.unit}', self.kinds[0]):.6g} {self.unit}"
@@ -199,7 +228,7 @@ def nested_type(model: Any) -> Any:
 
 
 def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = False) -> Reader:
-    """Build the reader of a quantity with a unit, which converts it to SI units.
+    """Build the reader of a quantity with a unit, which converts the quantity to SI units.
 
     Parameters
     ----------
@@ -226,12 +255,15 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
 
 
 def positive_type(unit_kind: str) -> Any:
-    """Return the type of a quantity above zero. `unit_kind` is a key of units.KINDS."""
+    """Return the type of a quantity above zero, for a key of a model.
+
+    `unit_kind` is the kind of quantity, a key of units.KINDS.
+    """
     return Annotated[Any, quantity_reader(unit_kind, POSITIVE)]
 
 
 def interval_reader(unit_kind: str) -> Reader:
-    """Build the reader of an interval `[lower, upper]` of one kind of quantity."""
+    """Build the reader of an interval `[lower, upper]` of one kind of quantity, a key of units.KINDS."""
     schema = {"type": "array", "items": _quantity_schema(unit_kind), "minItems": 2, "maxItems": 2}
     return Reader(
         lambda value: units.interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"
@@ -256,10 +288,15 @@ def vector_reader(*kinds: str) -> Reader:
 
 
 def sourced_reader(field: Reader) -> Reader:
-    """Extend the reader of a quantity so that the file may also state a source.
+    """Extend the reader of a quantity so that the file may also state a source of the quantity.
 
     The file then contains either the quantity itself, or a mapping with the keys `value`, `source`
     (a text) and `placeholder` (true for an assumed value). The new reader returns a `Figure`.
+
+    Parameters
+    ----------
+    field : Reader
+        Reader of the quantity.
     """
 
     def read(value: object) -> Figure:
@@ -297,7 +334,7 @@ def sourced_reader(field: Reader) -> Reader:
 
 
 def field_type(cls: Any, name: str, slides: bool = False, sourced: bool = False) -> Any:
-    """Return the type that reads a field of a value, or None if it cannot be derived.
+    """Return the type with which a model reads a field of a value.
 
     Parameters
     ----------
@@ -309,6 +346,11 @@ def field_type(cls: Any, name: str, slides: bool = False, sourced: bool = False)
         True for the units of a prismatic joint.
     sourced : bool
         True if the file may state a source of the quantity.
+
+    Returns
+    -------
+    type or None
+        Annotated type. None if the annotation of the field does not determine it.
     """
     hint_type, marks = strip_annotations(field_hints(cls)[name])
     if get_origin(hint_type) is Literal:
@@ -382,10 +424,22 @@ def build_class_model(
 def build_keys_model(
     fields: Mapping[str, Any], base: type[Model] = Model, value_types: tuple[Any, ...] = ()
 ) -> Any:
-    """Build a model from keys, each as a pair of type and default.
+    """Build the model of a file or of a part of it from its keys.
 
-    The docstrings of the fields of the classes `value_types` describe the keys. If several classes
-    describe a key, the last one applies.
+    Parameters
+    ----------
+    fields : Mapping
+        Pair of type and default by key, as `required_key` and `optional_key` return it.
+    base : type
+        Base class of the model.
+    value_types : tuple of type
+        Classes whose docstrings of the fields describe the keys. If several classes describe a key,
+        the last one applies.
+
+    Returns
+    -------
+    type
+        Subclass of `base` with a field for each key.
     """
     created: Any = create_model
     model = created("KeysModel", __base__=base, **fields)
@@ -413,6 +467,11 @@ def joint_mapping_model(build: Callable[[bool], Any], every: bool = False) -> An
         true, for the prismatic joint.
     every : bool
         True if the mapping must contain all joints.
+
+    Returns
+    -------
+    type
+        Model with a key for each joint.
     """
     turning, sliding = nested_type(build(False)), nested_type(build(True))
     key = required_key if every else optional_key
@@ -484,7 +543,12 @@ def _with_pydantic_errors(
 ) -> Callable[[Any], Any]:
     """Convert a reader that raises BadQuantity to one that raises pydantic's error.
 
-    `key` is the key of the wrong entry within the value, for messages.
+    Parameters
+    ----------
+    reader : callable
+        Function that converts a value of the file.
+    key : str, optional
+        Key of the wrong entry within the value, for messages.
     """
 
     def read(value: Any) -> Any:
@@ -521,9 +585,16 @@ class Key(NamedTuple):
 
 
 def describe_keys(model: Any, path: str = "") -> Iterator[Key]:
-    """Yield a description of every key of a model. The keys of nested models follow their own key.
+    """Yield a description of every key of a model, for tables of keys.
 
-    `path` is the beginning of each path.
+    The keys of nested models follow their own key.
+
+    Parameters
+    ----------
+    model : type
+        Model of a file.
+    path : str
+        Beginning of each path, such as "joints.".
     """
     texts = model.key_descriptions()
     for name, info in model.model_fields.items():
@@ -552,13 +623,19 @@ def describe_keys(model: Any, path: str = "") -> Iterator[Key]:
 
 
 def reader_of_key(info: Any) -> Reader:
-    """Return the Field of a key from pydantic's description of the key."""
+    """Return the reader of a key, given pydantic's description of the key.
+
+    The result is an empty reader if no part of the type is a `Reader`.
+    """
     hints = _nested_hints((info.annotation, *info.metadata))
     return next((hint for hint in hints if isinstance(hint, Reader)), Reader(str, {}))
 
 
 def _nested_hints(hint: Any) -> Iterator[Any]:
-    """Yield a type, and then all types that it contains."""
+    """Yield a type, and then all types that it contains at any depth.
+
+    Literals are not opened, and a nested model stands for itself.
+    """
     yield hint.model if isinstance(hint, Nested) else hint
     for inner in (
         hint
@@ -573,10 +650,23 @@ def _nested_hints(hint: Any) -> Iterator[Any]:
 def validate_section(section: Section, model: type[M]) -> M:
     """Check the value of a section, and convert it to an instance of a model.
 
+    Parameters
+    ----------
+    section : Section
+        File, or part of a file.
+    model : type
+        Model with the keys of this part.
+
+    Returns
+    -------
+    Model
+        Validated values in SI units.
+
     Raises
     ------
     ProblemError
-        For the first fault in the file. The message also lists the other faults.
+        For the first fault in the file. The message also lists further faults, up to `MAX_FAULTS`
+        in all.
     """
     try:
         return model.model_validate(section.value)
@@ -594,7 +684,10 @@ def validate_section(section: Section, model: type[M]) -> M:
 def locate_errors(
     section: Section, locations: Mapping[str, tuple[str | int, ...]] | None = None
 ) -> Iterator[None]:
-    """Add file and line to errors that the constructors of values raise within a `with` block.
+    """Add file and line to errors of the constructors that are called within a `with` statement.
+
+    A constructor knows the name of the invalid field. This context manager finds the key of the
+    file that belongs to the field. Errors that already name a file are raised unchanged.
 
     Parameters
     ----------
@@ -619,7 +712,15 @@ def locate_errors(
 
 
 def _to_problem_error(section: Section, details: Any) -> ProblemError:
-    """Convert one of pydantic's errors to a ProblemError with the file, the line and the key."""
+    """Convert one of pydantic's errors to a ProblemError with the file, the line and the key.
+
+    Parameters
+    ----------
+    section : Section
+        Part of the file that was validated.
+    details : dict
+        Entry of `ValidationError.errors()`.
+    """
     context = details.get("ctx", {})
     path: tuple[str | int, ...] = ()
     for entry in details["loc"]:  # the parts of a pydantic location that are keys of the file

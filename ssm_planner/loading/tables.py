@@ -1,4 +1,8 @@
-"""Read tables of cells from text files, with commas, semicolons or tabs between the columns."""
+"""Read tables of cells from text files, with commas, semicolons or tabs between the columns.
+
+`table_rows` reads any such table, and refuses decimal commas unless the caller allows them.
+`replace_decimal_commas` converts them after checking that they do not separate thousands.
+"""
 
 import csv
 import io
@@ -10,6 +14,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.files import read_text
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+"""Characters that may separate columns, with their names for messages."""
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?(\s*[^\d\s]\S*)?")
 """Number with a decimal comma and possibly a unit."""
 LEADING_NUMBER = re.compile(r"[+-]?\d*([.,])\d+([eE][+-]?\d+)?(?![\d.,])")
@@ -24,12 +29,18 @@ def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, 
     The separator is the one that occurs most often in the headings. Rows of empty cells and lines
     that begin with # are skipped. Cells may be quoted. Spaces at the ends of a cell are removed.
 
+    Parameters
+    ----------
+    file : Path
+        Table to read.
+    decimal_commas : bool
+        True to allow numbers with decimal commas in tables with semicolons or tabs.
+
     Raises
     ------
     ProblemError
         If the file is not a table, if a row does not have as many cells as the headings, or if a
-        cell is a number with a decimal comma. Tables with semicolons or tabs may have such numbers
-        if `decimal_commas` is true.
+        cell is a number with a decimal comma that is not allowed.
     """
     text = read_text(file)
     heading_line = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
@@ -54,11 +65,22 @@ def table_rows(file: Path, decimal_commas: bool = False) -> Iterator[tuple[int, 
 def replace_decimal_commas(
     rows: list[tuple[int, list[str]]], texts: Container[str], file: Path
 ) -> None:
-    """Replace the decimal commas of a table by points, except in the columns `texts`.
+    """Replace the decimal commas of a table by points, except in columns of texts.
 
-    `rows` contains the lines and cells of the table. The headings are the first row. Raises
-    ProblemError if the table has decimal points as well, or if all its commas may separate
-    thousands.
+    Parameters
+    ----------
+    rows : list of tuples
+        Line and cells of each row. The first row contains the headings. The cells are changed in
+        place.
+    texts : container of str
+        Headings of the columns that remain unchanged.
+    file : Path
+        The table, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the table has decimal points as well, or if all its commas may separate thousands.
     """
     headings = rows[0][1]
     numbers = [
@@ -83,7 +105,17 @@ def replace_decimal_commas(
 
 
 def _check_row(cells: list[str], headings: list[str], separator: str, commas: bool) -> None:
-    """Raise ProblemError for a wrong number of cells or for a decimal comma without `commas`."""
+    """Raise ProblemError if a row has a wrong number of cells, or a decimal comma that is not allowed.
+
+    Parameters
+    ----------
+    cells, headings : lists of str
+        Texts of the row and of the headings.
+    separator : str
+        Character between the columns.
+    commas : bool
+        True if numbers may have decimal commas.
+    """
     number_format = f"a decimal point, because {SEPARATORS[separator]} separate the columns"
     if len(cells) != len(headings):
         allowed = f"{len(headings)} as in the headings; numbers have {number_format}"

@@ -1,6 +1,8 @@
 """Parse YAML into a tree that knows the line of every key and value.
 
-A `Section` is a part of this tree. It builds error messages with file, line and key.
+`parse_yaml` builds the tree of `Node` objects. A `Section` is a part of this tree, located by a
+path of keys. It builds error messages with file, line and key. Data from Python become a tree
+without lines (`node_from_data`), so that the same functions can read them.
 """
 
 import math
@@ -18,7 +20,7 @@ from ssm_planner.typing import frozen
 LARGEST_TREE = 300_000
 """Largest number of values after expansion of aliases."""
 LARGEST_DEPTH = 30
-"""Largest number of nested levels."""
+"""Largest number of nested levels in a YAML file."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
 _FLOAT = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -147,9 +149,19 @@ class _TreeBuilder:
         return root
 
     def node(self, event: Any, depth: int) -> Node:
-        """Build the node that starts with an event, at a depth below the root.
+        """Build the node that starts with an event.
 
-        Raises ProblemError if the node is too deep, too large, or not plain YAML.
+        Parameters
+        ----------
+        event : yaml.Event
+            First event of the node.
+        depth : int
+            Number of levels above the node.
+
+        Raises
+        ------
+        ProblemError
+            If the node is too deep, too large, or not plain YAML.
         """
         if depth > LARGEST_DEPTH:
             raise self.error("nested too deeply", event, f"at most {LARGEST_DEPTH} levels")
@@ -317,7 +329,7 @@ class Section:
             Line of the key. If the path does not exist, line and node are those of its deepest
             existing part.
         node : Node
-            The node.
+            Node at the path.
         exists : bool
             True if the path exists.
         """
@@ -343,10 +355,21 @@ def format_path(path: tuple[str | int, ...]) -> str:
 
 
 def node_from_data(data: Any, depth: int = 0, line: int | None = None) -> Node:
-    """Convert data from Python to a tree whose values all have the line `line`.
+    """Convert data from Python to a tree.
 
-    `depth` is the number of levels above the data. Raises ProblemError if there are too many
-    levels.
+    Parameters
+    ----------
+    data : object
+        Mappings, lists and single values.
+    depth : int
+        Number of levels above the data.
+    line : int, optional
+        Line that all values get. The default is None.
+
+    Raises
+    ------
+    ProblemError
+        If there are too many levels.
     """
     if depth > LARGEST_DEPTH:
         raise ProblemError("nested too deeply", allowed=f"at most {LARGEST_DEPTH} levels")
@@ -366,8 +389,8 @@ def node_from_data(data: Any, depth: int = 0, line: int | None = None) -> Node:
 def _original_text(value: object) -> str | None:
     """Format a value as the user wrote it, for messages.
 
-    The result is None for a mapping, except for a quantity with its source, which gives the
-    quantity.
+    The result is None for a mapping. A mapping with the key `value`, which is a quantity with its
+    source, is an exception: It gives the text of the quantity.
     """
     if isinstance(value, dict):
         return _original_text(value["value"]) if "value" in value else None
