@@ -242,7 +242,7 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
 
     def read(value: object) -> float:
         result = units.quantity(value, unit_kind)
-        if fault := bound.fault(result):
+        if fault := bound.violation(result):
             raise units.BadQuantity(
                 fault, allowed if integer else f"{KINDS.get(unit_kind, NUMBER).name} {allowed}"
             )
@@ -263,7 +263,7 @@ def positive_type(unit_kind: str) -> Any:
 
 
 def interval_reader(unit_kind: str) -> Reader:
-    """Build the reader of an interval `[lower, upper]` of one kind of quantity, a key of units.KINDS."""
+    """Build the reader of an interval `[lower, upper]`. `unit_kind` is a key of units.KINDS."""
     schema = {"type": "array", "items": _quantity_schema(unit_kind), "minItems": 2, "maxItems": 2}
     return Reader(
         lambda value: units.interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"

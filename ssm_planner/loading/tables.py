@@ -105,7 +105,7 @@ def replace_decimal_commas(
 
 
 def _check_row(cells: list[str], headings: list[str], separator: str, commas: bool) -> None:
-    """Raise ProblemError if a row has a wrong number of cells, or a decimal comma that is not allowed.
+    """Raise ProblemError if a row has a wrong number of cells, or a forbidden decimal comma.
 
     Parameters
     ----------

@@ -142,5 +142,8 @@ class Controller(Value):
             )
 
     def axis(self, joint: str) -> AxisController:
-        """Return the settings of the position loop of a joint, or the default settings."""
+        """Return the settings of the position loop of a joint, given its name.
+
+        A joint without settings has the default settings of `AxisController`.
+        """
         return self.joints.get(joint, AxisController())

@@ -1,4 +1,9 @@
-"""Geometry, friction, ratings and test rig of drives, in SI units and radians."""
+"""Geometry, friction, ratings and test rig of drives, in SI units and radians.
+
+A `Drive` is the transmission between a motor and a joint: a worm, screw, gear, belt or cable.
+`dynamics/transmission.py` computes its torques from these values. `loading/drives.py` reads drives
+from files.
+"""
 
 import math
 from collections.abc import Mapping
@@ -25,7 +30,9 @@ from ssm_planner.problem.value import (
 from ssm_planner.typing import Numbers, Range, record
 
 LARGEST_LEAD_ANGLE = math.radians(60)
+"""Largest plausible lead angle, rad."""
 RANGE_PARAMETERS = ("mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov")
+"""Parameters of Friction for which a drive may state a range."""
 FRICTION_PARAMETERS = (*LAW_PARAMETERS, "dwell_constant", "memory")
 """Parameters of Friction that are numbers."""
 
@@ -148,7 +155,7 @@ class Friction(Value):
     """Source of the parameters."""
 
     def _check(self) -> None:
-        """Raise ProblemError if fields contradict each other or the law lacks a parameter."""
+        """Raise ProblemError if fields contradict each other, or if the law lacks a parameter."""
         if self.mu_static < self.mu:
             raise self._field_error("mu_static", "smaller than mu", f"at least mu = {self.mu:g}")
         if self.mu_lowest is not None and self.mu_lowest > self.mu:
@@ -178,6 +185,7 @@ EFFICIENCY_LEAD_ANGLE = math.radians(45)
 See dynamics/transmission.of_efficiencies.
 """
 ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"]
+"""Bearings at the two ends of a screw."""
 
 
 @record
@@ -415,7 +423,11 @@ class Drive(Value):
         self._check_ranges()
 
     def _check_ranges(self) -> None:
-        """Raise ProblemError if a range does not contain the parameter's own value."""
+        """Raise ProblemError if a range of friction is invalid.
+
+        The range must belong to a parameter in `RANGE_PARAMETERS`, and must contain the parameter's
+        nominal value.
+        """
         for name, (low, high) in self.friction_ranges.items():
             field = f"friction_ranges.{name}"
             if name not in RANGE_PARAMETERS:
@@ -439,7 +451,13 @@ class Drive(Value):
                 raise self._field_error(field, reason, "a range that contains it", (low, high))
 
     def check_travel(self, travel: float) -> None:
-        """Raise ProblemError if a rotating screw is shorter than the travel (m) of its nut."""
+        """Raise ProblemError if a rotating screw is shorter than the travel of its nut.
+
+        Parameters
+        ----------
+        travel : float
+            Travel of the joint, m. Drives without a rotating screw ignore it.
+        """
         length = None if self.ratings is None else self.ratings.free_length
         if self.transmission.rotating_screw and length is not None and length < travel:
             raise self._field_error(
@@ -450,11 +468,15 @@ class Drive(Value):
             )
 
     def check_locking(self) -> None:
-        """Raise ProblemError if the drive is not self-locking or if the gear jams.
+        """Raise ProblemError if the drive must be self-locking and is not, or if the gear jams.
 
-        A load drives the motor if φ_f = atan(μ/cos θ_n) ≤ λ. Coefficients at rest are ignored
-        because vibration can remove them. A drive that was built in Python can violate this
-        condition. The planner reports the violation.
+        A load drives the motor if φ_f = atan(μ/cos θ_n) ≤ λ, where φ_f is the friction angle, θ_n
+        the normal pressure angle and λ the lead angle. μ is the lowest plausible kinetic
+        coefficient. Coefficients at rest are ignored because vibration can remove them. The gear
+        jams if λ + φ_f reaches 90° for the largest coefficient.
+
+        The loader calls this method. A drive that was built in Python can violate the condition.
+        The planner then reports the violation.
         """
         friction = self.friction
         if friction is None:

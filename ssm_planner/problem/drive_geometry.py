@@ -1,4 +1,9 @@
-"""Compute the dimensions of a gear from any sufficient set of them."""
+"""Compute the dimensions of a gear from any sufficient set of them.
+
+Files of worms and screws may state different dimensions, such as lead and diameter, or starts,
+pitch and lead angle. The dimensions satisfy a few equations, each a product of powers.
+`resolve_dimensions` solves these equations one after the other, and compares redundant dimensions.
+"""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +11,7 @@ from collections.abc import Mapping
 from ssm_planner.typing import Numbers, record
 
 DIMENSION_TOLERANCE = 0.005
-"""Largest relative difference between redundant dimensions."""
+"""Largest relative difference between a stated dimension and the value that follows from others."""
 
 # Each law is a product of powers: Π xᵢ^pᵢ = constant. If only one xᵢ is unknown, the law gives it.
 _Law = tuple[Mapping[str, int], float]
@@ -19,6 +24,8 @@ class GearFamily:
     """Kinds of gears whose dimensions satisfy the same equations."""
 
     laws: tuple[_Law, ...]
+    """Equations between the dimensions. Each consists of powers by dimension and of their product.
+    """
     needed: tuple[str, ...]
     """Dimensions that must follow from the stated ones."""
     diameter: str
@@ -68,13 +75,27 @@ class DimensionError(ValueError):
 def resolve_dimensions(family: GearFamily, numbers: Numbers) -> dict[str, float]:
     """Compute all dimensions of a gear in SI units from those that a file states.
 
-    The result has the keys of the file. The keys of a worm are ratio, worm_diameter,
-    wheel_diameter, lead, lead_angle, starts and pitch, with ratio = π · wheel_diameter / lead. The
-    keys of a screw are diameter or effective_diameter, lead, lead_angle, starts and pitch, with
-    ratio = 2π / lead. Both satisfy tan(lead_angle) = lead / (π · diameter) and lead = starts ·
-    pitch.
+    The keys of a worm are ratio, worm_diameter, wheel_diameter, lead, lead_angle, starts and pitch,
+    with ratio = π · wheel_diameter / lead. The keys of a screw are diameter or effective_diameter,
+    lead, lead_angle, starts and pitch, with ratio = 2π / lead. Both satisfy tan(lead_angle) = lead
+    / (π · diameter) and lead = starts · pitch.
 
-    Raises BadGeometry if the dimensions do not suffice or contradict each other.
+    Parameters
+    ----------
+    family : GearFamily
+        Equations between the dimensions.
+    numbers : mapping of float
+        Stated dimensions in SI units by their keys in the file.
+
+    Returns
+    -------
+    dict of float
+        All dimensions that can be computed, by key.
+
+    Raises
+    ------
+    DimensionError
+        If the dimensions do not suffice or contradict each other.
     """
     named_numbers = _dimensions_by_law_name(numbers)
     dimensions: dict[str, float] = {}
@@ -102,7 +123,21 @@ def resolve_dimensions(family: GearFamily, numbers: Numbers) -> dict[str, float]
 
 
 def _dimensions_by_law_name(dimensions: Numbers) -> dict[str, tuple[str, float]]:
-    """Return the stated dimensions by their names in the laws, each with its key in the file."""
+    """Return the stated dimensions by their names in the equations.
+
+    The equations contain the tangent of the lead angle and a single diameter, which has three keys
+    in files.
+
+    Returns
+    -------
+    dict of tuples
+        Key in the file, and value in SI units, by name in the equations.
+
+    Raises
+    ------
+    DimensionError
+        If a lead angle is implausible, or if two keys state different diameters.
+    """
     internal: dict[str, tuple[str, float]] = {}
     for key, value in dimensions.items():
         if key == "lead_angle":
@@ -124,7 +159,11 @@ def _dimensions_by_law_name(dimensions: Numbers) -> dict[str, tuple[str, float]]
 
 
 def _derive_dimensions(family: GearFamily, dimensions: dict[str, float]) -> None:
-    """Add every dimension that the known ones determine."""
+    """Add every dimension that the known ones determine to `dimensions`.
+
+    An equation with a single unknown dimension determines it. This is repeated until no equation
+    gives a new dimension.
+    """
     progress = True
     while progress:
         progress = False
@@ -140,7 +179,7 @@ def _derive_dimensions(family: GearFamily, dimensions: dict[str, float]) -> None
 
 
 def _format_dimension(name: str, value: float) -> str:
-    """Return a dimension as text in degrees, mm or without a unit."""
+    """Return a dimension as text: an angle in degrees, a length in mm, or a number without a unit."""
     if name == "tan_lead_angle":
         return f"{math.degrees(math.atan(value)):.4g} deg"
     return f"{value:.5g}" if name in ("ratio", "starts") else f"{value * 1e3:.5g} mm"

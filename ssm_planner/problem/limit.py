@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 TIGHTENING_FACTOR = 1.5
 """Ratio of the amount by which a bound is tightened to the amount by which it was exceeded."""
 MESSAGE_DIGITS = 6
-"""Significant digits of a value in messages."""
+"""Number of significant digits of a value in messages."""
 CONVERSION_TOLERANCE = 1e-12
-"""Relative error of a value that was converted to another unit."""
+"""Relative error that a value may have after its conversion to another unit."""
 
 P = TypeVar("P")
 """A Problem. Its module imports this one, so the class is not available for annotations."""
@@ -112,7 +112,9 @@ class Limit(Value, ABC):
     def tightened(self, worst: float, bound: float) -> "Self | None":
         """Return a stricter limit for another plan, or None if a stricter limit does not help.
 
-        The result is stricter by `TIGHTENING_FACTOR` times the excess.
+        A plan may slightly violate a limit between the points at which the planner evaluates it.
+        The planner then plans again with a limit that is stricter by `TIGHTENING_FACTOR` times the
+        excess.
 
         Parameters
         ----------
@@ -126,7 +128,8 @@ class Limit(Value, ABC):
     def relaxed(self, value: float) -> "Self | None":
         """Return a looser limit that allows a value in SI units.
 
-        The result is None if no bound of this kind allows the value.
+        The search for the reason of an infeasible problem uses it. The result is None if no bound
+        of this kind allows the value.
         """
         return None
 
@@ -151,7 +154,10 @@ class Limit(Value, ABC):
         return round_away(scale * value, scale * self.bound(value)) / scale
 
     def described(self, value: float) -> str:
-        """Return a text that states the bound `value` that would suffice, and the present bound."""
+        """Return a text that states the bound `value` that would suffice, and the present bound.
+
+        For example: "velocity limit of joint roll of 60 deg/s instead of 50 deg/s".
+        """
         return (
             f"{self.words.format(limit=self)} {format_quantity(value, self.unit)} "
             f"instead of {format_quantity(self.bound(value), self.unit)}"
@@ -169,7 +175,7 @@ class Limit(Value, ABC):
 
 
 class SymmetricLimit(Limit):
-    """Base class of limits with |value| ≤ largest."""
+    """Base class of limits on a magnitude: |value| ≤ largest."""
 
     largest: float
 
@@ -199,7 +205,7 @@ class SymmetricLimit(Limit):
 
 
 class RangeLimit(Limit):
-    """Base class of limits with lower ≤ value ≤ upper."""
+    """Base class of limits on a range: lower ≤ value ≤ upper."""
 
     lower: float
     upper: float
@@ -228,16 +234,23 @@ class RangeLimit(Limit):
 def replace_fields(value: P, **changes: Any) -> P:
     """Return dataclasses.replace(value, **changes), without a static check of the type.
 
-    The module cannot import the type of the value, because that type imports this module.
+    The module cannot import the type of the value, because the module of that type imports this
+    one.
     """
     instance: Any = value
     return replace(instance, **changes)
 
 
 def round_away(value: float, bound: float) -> float:
-    """Round a value to `MESSAGE_DIGITS` significant digits, away from the bound.
+    """Round a value to `MESSAGE_DIGITS` significant digits, away from a bound.
 
+    A rounded value that a message suggests as a new bound must not be stricter than the exact one.
     A value that agrees with its rounded form up to `CONVERSION_TOLERANCE` is not moved away.
+
+    Parameters
+    ----------
+    value, bound : float
+        The value, and the present bound.
     """
     rounded = float(f"{value:.{MESSAGE_DIGITS}g}")
     if not math.isfinite(value) or math.isclose(value, rounded, rel_tol=CONVERSION_TOLERANCE):
@@ -252,6 +265,9 @@ def round_away(value: float, bound: float) -> float:
 
 
 def format_quantity(value: float, unit: str) -> str:
-    """Format a value in SI units as text with the unit that messages use for it."""
+    """Format a value in SI units as text with the unit that messages use for it.
+
+    For example, 0.02 with the unit "m" becomes "20 mm".
+    """
     name, scale = display_unit("" if unit == "μ" else unit)
     return f"{scale * value:.{MESSAGE_DIGITS}g} {name}".rstrip()

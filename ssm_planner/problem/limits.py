@@ -1,4 +1,10 @@
-"""Define a class for each kind of limit, on joints, motors, task coordinates, tool and path."""
+"""Define a class for each kind of limit, on joints, motors, task coordinates, tool and path.
+
+A limit belongs to the robot, its motors and drives, the task or the eye. The planner converts
+limits to constraints, and the check evaluates them on the planned motion. The base classes in
+`limit.py` define what a limit must provide. `Limited` is the base of all values that contain
+limits.
+"""
 
 from abc import abstractmethod
 from collections.abc import Iterable
@@ -28,9 +34,9 @@ STOP_RESERVE = 2e-3
 The limit is tightened by this share in addition to the excess. `sufficient_bound` adds twice it.
 """
 FEASIBILITY_RESERVE = 5e-3
-"""Relative amount by which a torque or acceleration exceeds the smallest necessary value.
+"""Relative amount by which a torque or acceleration limit exceeds the smallest necessary value.
 
-Without it, the motion would creep, or it would be the only feasible one.
+Without this reserve, the motion would creep, or it would be the only feasible one.
 """
 
 
@@ -596,9 +602,9 @@ class Duration(Limit):
 
 @frozen
 class PathRequirement(Limit):
-    """Requirement on the path of the tip, which the planner fulfils by construction.
+    """Base class of requirements on the path of the tip, which the planner fulfils by construction.
 
-    Only the check evaluates it.
+    Only the check evaluates them.
     """
 
     largest: Positive
@@ -637,6 +643,7 @@ class ConstantSpeed(PathRequirement):
 PATH_REQUIREMENTS = tuple(str(kind.name) for kind in PathRequirement.__subclasses__())
 """Names of the requirements on the path of the tip."""
 END_VELOCITY_NAMES = ("start velocity", "end velocity")
+"""Names of the limits on the difference from the declared velocity at the start and at the end."""
 JUMP_NAMES = (
     *(f"{kind.name} jump" for kind in (JointPosition, JointVelocity, JointAcceleration)),
     *END_VELOCITY_NAMES,
@@ -688,6 +695,7 @@ class EndVelocity(FixedLimit):
 
 
 OFFSET_NAMES = ("velocity offset", "torque offset")
+"""Names of the limits on the errors of feed-forward values."""
 
 
 @frozen
@@ -756,7 +764,17 @@ class Limited:
 def sorted_task_limits(limits: Iterable[Limit], location: str = "limits") -> tuple[Limit, ...]:
     """Check the limits of a task, and sort them in the order of plan.json.
 
-    `location` is the key of the limits for messages.
+    Parameters
+    ----------
+    limits : iterable of Limit
+        Limits in any order.
+    location : str
+        Key of the limits for messages.
+
+    Returns
+    -------
+    tuple of Limit
+        First the ranges, then the rates, and then the limits on the tool.
 
     Raises
     ------
@@ -781,7 +799,10 @@ def sorted_task_limits(limits: Iterable[Limit], location: str = "limits") -> tup
 
 
 def _joint_named(problem: Any, name: str) -> Any:
-    """Return the joint of a problem with a name. Raises ProblemError if the name is unknown."""
+    """Return the joint of a problem with a given name.
+
+    Raises ProblemError if the problem has no such joint.
+    """
     for joint in problem.robot.joints:
         if joint.name == name:
             return joint
@@ -794,7 +815,17 @@ def _joint_named(problem: Any, name: str) -> Any:
 
 
 def _change_joint(problem: P, name: str, **changes: Any) -> P:
-    """Return a copy of a problem with changed fields of one joint."""
+    """Return a copy of a problem in which some fields of one joint are changed.
+
+    Parameters
+    ----------
+    problem : Problem
+        Problem that is copied.
+    name : str
+        Name of the joint.
+    **changes
+        New values by field of Joint.
+    """
     current: Any = problem
     changed = replace(_joint_named(problem, name), **changes)
     joints = tuple(changed if joint.name == name else joint for joint in current.robot.joints)
@@ -802,7 +833,10 @@ def _change_joint(problem: P, name: str, **changes: Any) -> P:
 
 
 def _set_limit(problem: P, limit: Limit) -> P:
-    """Return a copy of a problem with a limit, which replaces the limit with the same key."""
+    """Return a copy of a problem with a limit on the task.
+
+    The limit replaces the limit with the same key, or is added.
+    """
     current: Any = problem
     if all(item.key != limit.key for item in current.limits):
         return replace_fields(problem, limits=(*current.limits, limit))
@@ -812,7 +846,7 @@ def _set_limit(problem: P, limit: Limit) -> P:
 
 
 def _change_eye(problem: P, **changes: Any) -> P:
-    """Return a copy of a problem with changed fields of its eye.
+    """Return a copy of a problem in which some fields of its eye are changed.
 
     Raises ProblemError if the problem has no eye.
     """

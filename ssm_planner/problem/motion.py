@@ -1,4 +1,9 @@
-"""Define points and motions of a tool, and strokes of single joints, in SI units and radians."""
+"""Define points and motions of a tool, and strokes of single joints, in SI units and radians.
+
+The motions of a `Problem` are Straight, Free, Follow, Dwell and Scan. Their ends are points of
+three types: Task (task coordinates), Joints (joint positions) and Tip (position of the tip). A
+`Motorisation` contains strokes of single joints, for which motors are sized without a plan.
+"""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -22,9 +27,9 @@ LARGEST_SCAN_GRID = 50
 """Largest number of rows or columns of a scan."""
 Line = Annotated[int, Bound(above=0)]
 TIP_CURVES = ("line", "arc", "retina")
-"""Curves that the tip follows in space."""
+"""Values of `Follow.curve` whose curve the tip follows in space."""
 SINGLE_COORDINATE_MOTIONS = ("roll", "tilt", "spin", "insert")
-"""Names of straight motions that change only one coordinate."""
+"""Names of straight motions that change only one task coordinate."""
 SMALLEST_BLEND = 1e-5
 """Smallest blend distance, m.
 
@@ -280,7 +285,10 @@ class Follow(Value):
 
 
 def _check_blend(motion: Straight | Follow) -> None:
-    """Raise ProblemError if the distance within which a corner is rounded is too small."""
+    """Raise ProblemError if the corner after a motion is rounded too tightly.
+
+    The blend distance must be at least `SMALLEST_BLEND`.
+    """
     if motion.blend is not None and motion.blend < SMALLEST_BLEND:
         reason = "the robot would almost stop in such a tight corner"
         raise motion._field_error(
@@ -292,7 +300,7 @@ def _check_blend(motion: Straight | Follow) -> None:
 
 
 def _check_stated_points(motion: Free | Follow) -> None:
-    """Raise ProblemError if a point of a motion states no coordinate."""
+    """Raise ProblemError if a point of a motion states no coordinate at all."""
     for i, point in enumerate((*motion.through, motion.to)):
         if isinstance(point, Task) and not point.set_coordinates:
             key = "to" if i == len(motion.through) else f"through[{i}]"
@@ -386,7 +394,7 @@ Motion = Straight | Free | Follow | Dwell | Scan
 
 
 def motion_key(motion: Motion) -> str:
-    """Return the key that represents a motion in a problem file."""
+    """Return the key that represents a motion in a problem file, such as "tilt", "line" or "scan"."""
     if isinstance(motion, Straight):
         return motion.name if motion.name in SINGLE_COORDINATE_MOTIONS else motion.kind
     return motion.curve.replace("samples", "path") if isinstance(motion, Follow) else motion.kind

@@ -1,4 +1,7 @@
-"""Define the figures of a motor's datasheet, in SI units."""
+"""Define the figures of a motor's datasheet, in SI units.
+
+`loading/motors.py` reads motors from files and compares their figures with each other.
+"""
 
 from collections.abc import Mapping
 from dataclasses import field
@@ -17,7 +20,7 @@ from ssm_planner.problem.value import (
 from ssm_planner.typing import record
 
 LARGEST_TORQUE_CONSTANT_DRIFT = -0.01
-"""Largest plausible decrease of the torque constant with temperature, 1/K."""
+"""Largest plausible decrease of the torque constant with temperature, 1/K (a negative number)."""
 
 
 @record

@@ -1,4 +1,9 @@
-"""Define the uncertainty of an identified drive: equally likely friction parameters and ripple."""
+"""Define the uncertainty of an identified drive: equally likely friction parameters and ripple.
+
+The identification of a drive from recordings does not give one set of friction parameters, but many
+sets that are equally likely (`Posterior`). `Ripple`, `Harmonics` and `Reaction` describe how the
+torque of single samples differs from the mean torque that the friction law gives.
+"""
 
 import math
 from collections.abc import Mapping
@@ -27,6 +32,7 @@ LAW_COLUMN = "law"
 The column exists only if several laws are possible.
 """
 FRICTION_LAWS = ("coulomb", "stribeck_exponential", "stribeck_gaussian")
+"""Names of the friction laws. The column `LAW_COLUMN` contains indices into this tuple."""
 LAW_PARAMETERS = (
     "mu",
     "mu_static",
@@ -43,7 +49,20 @@ UNCERTAIN_PARAMETERS = (*LAW_PARAMETERS, "preload")
 
 
 def central_interval(draws: Array, confidence: float = CONFIDENCE) -> Range:
-    """Return the central interval (low, high) of equally likely values (sets,)."""
+    """Return the central interval of equally likely values.
+
+    Parameters
+    ----------
+    draws : (sets,) array
+        Equally likely values.
+    confidence : float
+        Probability of the interval. Half of the rest is below it, and half above it.
+
+    Returns
+    -------
+    low, high : float
+        Ends of the interval.
+    """
     low, high = np.quantile(draws, [(1 - confidence) / 2, (1 + confidence) / 2])
     return float(low), float(high)
 
@@ -84,9 +103,10 @@ class Ripple(Value):
                 )
 
     def draw(self, rng: np.random.Generator, count: int, known: float = 0.0) -> Array:
-        """Draw random deviations of single samples from the mean torque, (count,), N·m.
+        """Draw random deviations of single samples from the mean torque.
 
-        Each deviation is the sum of noise and of a harmonic with random phase.
+        Each deviation is the sum of noise and of a harmonic with random phase. Both have the size
+        that they have in a random recording.
 
         Parameters
         ----------
@@ -97,6 +117,11 @@ class Ripple(Value):
         known : float
             Mean square of the part of the ripple that is predicted separately, N²·m². The harmonic
             is smaller by this part.
+
+        Returns
+        -------
+        (count,) array
+            Deviations, N·m.
         """
         recording = rng.integers(len(self.torque), size=count)
         phase = rng.uniform(0, 2 * np.pi, count)
@@ -105,11 +130,22 @@ class Ripple(Value):
         return harmonic + np.array(self.noise)[recording] * rng.standard_normal(count)
 
     def draw_peak(self, rng: np.random.Generator, count: int) -> Array:
-        """Draw how far the torque deviates at most from the friction law in further recordings.
+        """Draw the largest deviations of the torque from the friction law in further recordings.
 
         The largest deviation of a recording is log-normal. Mean and standard deviation of its
-        logarithm are uncertain, which makes the logarithm t-distributed. `rng` is the source of
-        random numbers. The result has the shape (count,) and the unit N·m.
+        logarithm are uncertain, which makes the logarithm t-distributed.
+
+        Parameters
+        ----------
+        rng : Generator
+            Source of random numbers.
+        count : int
+            Number of draws, each for one recording.
+
+        Returns
+        -------
+        (count,) array
+            Largest deviations, N·m.
         """
         logs = np.log(self.peak)
         degrees = len(self.peak) - 1 + PRIOR_PEAK_WEIGHT
@@ -188,7 +224,13 @@ class Harmonics(Value):
         return np.cos(waves) @ np.array(self.cosine) + np.sin(waves) @ np.array(self.sine)
 
     def rotated(self, start: float) -> "Harmonics":
-        """Return the same series as a function of the angle that is counted from `start`, rad."""
+        """Return the same series as a function of an angle that is counted from another zero.
+
+        Parameters
+        ----------
+        start : float
+            Present angle at the new zero, rad.
+        """
         coefficients = self.coefficients * np.exp(1j * start * np.array(self.orders))
         return Harmonics.from_coefficients(self.orders, coefficients, self.phased)
 
@@ -244,15 +286,36 @@ class Reaction(Value):
                 raise self._field_error(name, "has the wrong length", f"{len(other)} values")
 
     def explained_share(self, w: Array) -> Array:
-        """Return the explained share of the torque's variance at motor speeds w (n,) in rad/s.
+        """Return the share of the torque's variance that the taps explain.
 
         Shares below 1/2 count as 0, because the recorded speed is then mostly noise.
+
+        Parameters
+        ----------
+        w : (n,) array
+            Motor speeds, rad/s.
+
+        Returns
+        -------
+        (n,) array
+            Shares, interpolated between the recordings.
         """
         share = np.interp(w, self.speeds, self.explained)
         return np.where(share >= 0.5, share, 0.0)
 
     def remaining_rms(self, w: Array) -> Array:
-        """Return the RMS of the torque that is not explained at motor speeds w (n,), N·m."""
+        """Return the RMS of the torque that the taps do not explain.
+
+        Parameters
+        ----------
+        w : (n,) array
+            Motor speeds, rad/s.
+
+        Returns
+        -------
+        (n,) array
+            RMS values, N·m.
+        """
         deviation = np.interp(w, self.speeds, self.deviations)
         return deviation * np.sqrt(np.maximum(1 - self.explained_share(w), 0.0))
 
@@ -360,10 +423,15 @@ class Posterior(Value):
         return central_interval(self.column(name), confidence)
 
     def law_shares(self, law: str) -> dict[str, float]:
-        """Return the probability of each friction law.
+        """Return the probability of each friction law, with the most likely law first.
 
-        The probability is the share of the parameter sets with this law. The most likely law is
-        first. If the sets have no column LAW, all of them have the law `law` of the drive.
+        The probability is the share of the parameter sets with this law.
+
+        Parameters
+        ----------
+        law : str
+            Friction law of the drive. If the sets have no column `LAW_COLUMN`, all of them have
+            this law.
         """
         if LAW_COLUMN not in self.names:
             return {law: 1.0}
@@ -386,10 +454,18 @@ class Posterior(Value):
         return self.harmonics_forwards if direction > 0 else self.harmonics_backwards
 
     def values(self, count: int | None = None) -> Mapping[str, Array]:
-        """Return the values of all parameters by name, (count,) each.
+        """Return the values of all parameters by name.
 
-        The default of `count` is the number of sets. If it is larger, the sets are repeated
-        cyclically.
+        Parameters
+        ----------
+        count : int, optional
+            Number of values of each parameter. The default is the number of sets. If it is larger,
+            the sets are repeated cyclically.
+
+        Returns
+        -------
+        mapping of (count,) arrays
+            Values in SI units.
         """
         rows = np.arange(len(self.draws) if count is None else count) % len(self.draws)
         return {name: self.draws[rows, i] for i, name in enumerate(self.names)}

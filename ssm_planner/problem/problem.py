@@ -1,4 +1,9 @@
-"""Define problems, the eye, and the limits of a task, in SI units and radians."""
+"""Define problems, the eye, and the limits of a task, in SI units and radians.
+
+A `Problem` is the input of the planner: a robot, a start, motions and limits. Its constructor
+rejects values that contradict each other, before any planning. `TaskLimits` is the part of a
+problem that a check of an arbitrary trajectory needs.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -53,7 +58,7 @@ from ssm_planner.units import display_unit
 MAX_SPLINE_POINTS = 20
 """Largest number of points of a spline that optimal control can time."""
 POSITION_TOLERANCE = 1e-9
-"""Tolerance in rad or m for points on a limit."""
+"""Tolerance for points on a limit, rad or m."""
 
 
 @record
@@ -142,7 +147,8 @@ class Eye(Value):
     def _check_port(self) -> None:
         """Raise ProblemError if a tool through the remote centre cannot work in this eye.
 
-        The remote centre must be in the port, the tip must be able to enter with the clearance, and
+        The remote centre, about which the tool turns, must be in the port, that is, in the incision
+        through the wall of the eye. The tip must be able to enter with the required clearance, and
         the lens must not block the shaft.
         """
         distance = float(np.linalg.norm(self.centre))
@@ -274,7 +280,7 @@ class TaskLimits(Limited):
 
     @property
     def promising(self) -> str:
-        """Names of the motions whose tip must follow a prescribed line, separated by commas."""
+        """Names of the motions whose tip must follow a prescribed curve, separated by commas."""
         lines = (
             entry
             for entry in self.motion
@@ -431,8 +437,8 @@ class Problem(Value, Limited):
     def _narrow_ranges(self) -> list[TaskRange]:
         """Return the intersections of the ranges of the problem, the robot and joint 4.
 
-        Ranges that exceed those of the robot are stored in `excess_ranges`. Raises ProblemError if
-        an intersection is empty.
+        The ranges of the problem that exceed these intersections are stored in `excess_ranges`, so
+        that reports can mention them. Raises ProblemError if an intersection is empty.
         """
         ranges = self.robot.ranges
         for name, (lower, upper) in (("depth", self.robot.travel), *self.ranges.items()):
@@ -455,7 +461,7 @@ class Problem(Value, Limited):
         return [TaskRange(name, *ends) for name, ends in ranges.items()]
 
     def _points(self) -> Iterator[tuple[str, Point]]:
-        """Yield the key and the point of each point in the problem."""
+        """Yield each point of the problem, with its key for messages."""
         yield "start", self.start
         for i, entry in enumerate(self.motion):
             if isinstance(entry, Straight):
@@ -471,8 +477,14 @@ class Problem(Value, Limited):
     def _check_point(self, key: str, point: Point) -> None:
         """Raise ProblemError if a coordinate that a point states is outside its limits.
 
-        `key` is the key of the point. The module `planning/feasibility` checks the coordinates that
-        follow from the stated ones.
+        The module `planning/feasibility` checks the coordinates that follow from the stated ones.
+
+        Parameters
+        ----------
+        key : str
+            Key of the point for messages, such as "motion[0].to".
+        point : Task, Joints or Tip
+            The point.
         """
         if isinstance(point, Task):
             for name, value in point.set_coordinates.items():
@@ -515,13 +527,14 @@ class Problem(Value, Limited):
         key : str
             Key of the value.
         name : str
-            Name of the coordinate.
+            Name of the task coordinate or joint.
         value : float
             Value, rad or m.
         ends : (float, float), optional
             Range. The default is that of the task coordinate `name`.
         reason : str, optional
-            Message.
+            Beginning of the message. The default says that the value is outside the limits of
+            `name`.
         """
         low, high = ends or self.ranges.get(name, (-math.inf, math.inf))
         if not low - POSITION_TOLERANCE <= value <= high + POSITION_TOLERANCE:
@@ -535,7 +548,12 @@ class Problem(Value, Limited):
     def _check_retina_motion(self, scan: Scan | Follow, key: str) -> None:
         """Raise ProblemError if a motion along the retina does not fit the eye.
 
-        `key` is the key of the motion.
+        Parameters
+        ----------
+        scan : Scan or Follow
+            Motion with a prescribed distance from the retina.
+        key : str
+            Key of the motion for messages.
         """
         eye = self.eye
         if eye is None:

@@ -1,4 +1,8 @@
-"""Define geometry, bodies and joints of robots, in SI units and radians."""
+"""Define geometry, bodies and joints of robots, in SI units and radians.
+
+A `Robot` is a serial mechanism whose first three axes intersect in the remote centre. The fourth
+joint moves the tool along the axis of the third. `loading/robots.py` reads robots from files.
+"""
 
 import math
 from collections.abc import Callable
@@ -56,7 +60,7 @@ TRIANGLE_TOLERANCE = 1e-6
 MOMENT_CONDITION = (
     "positive principal moments about the centre of mass, none above the sum of the other two"
 )
-"""Condition on the moments of inertia of a body, for messages."""
+"""Condition on the principal moments of inertia of a rigid body, for messages."""
 
 
 @record
@@ -247,9 +251,13 @@ class Joint(Value):
         drive.check_travel(self.position[1] - self.position[0])
 
     def plays(self) -> dict[str, float | None]:
-        """Return the play due to each gear stage, by a name such as "gearhead backlash".
+        """Return the play of the joint that is due to each gear stage.
 
-        The play is in rad or m. It is None if the backlash is unknown or a placeholder.
+        Returns
+        -------
+        dict of float or None
+            Play in rad or m, by a name such as "gearhead backlash". It is None if the backlash is
+            unknown or a placeholder.
         """
         plays: dict[str, float | None] = {}
         ratio = 1.0
@@ -469,16 +477,29 @@ def principal_moments(mass: float, com: Array, inertia: Array) -> Array:
 
 
 def is_possible_inertia(moments: Array) -> bool:
-    """Return True if a rigid body can have these ascending principal moments of inertia (3,).
+    """Return True if a rigid body can have these principal moments of inertia.
 
-    They must be positive, and none may exceed the sum of the other two.
+    The moments must be positive, and none may exceed the sum of the other two.
+
+    Parameters
+    ----------
+    moments : (3,) array
+        Ascending principal moments about the centre of mass, kg·m².
     """
     low, middle, high = moments
     return bool(low > 0 and high <= low + middle + TRIANGLE_TOLERANCE * high)
 
 
 def check_rotation(value: Value, name: str) -> None:
-    """Raise ProblemError if the field `name` of a value is not a rotation matrix (3, 3)."""
+    """Raise ProblemError if a field of a value is not a rotation matrix.
+
+    Parameters
+    ----------
+    value : Value
+        Value with the field.
+    name : str
+        Name of the field, which contains a (3, 3) array.
+    """
     matrix = getattr(value, name)
     if (
         not np.allclose(matrix.T @ matrix, np.eye(3), rtol=0, atol=UNIT_TOLERANCE)

@@ -1,6 +1,8 @@
 """Convert values to JSON types and back, as plan.json stores them.
 
-The values are complete: all files that a problem names have been read.
+`to_plain` converts any value, and `problem_from_plain` and `robot_from_plain` restore it bit for
+bit. The values are complete: all files that a problem names have been read. A plan can therefore be
+checked without these files. `robot_hash` identifies the data of a robot.
 """
 
 import dataclasses
@@ -44,13 +46,18 @@ from ssm_planner.typing import Fields, JsonObject
 JSON_PRIMITIVES = {type(None), bool, int, float, str}
 """Types that JSON represents directly."""
 LATER_FIELDS = ("no_load_current", "gearhead", "belt")
-"""Fields that earlier versions do not have. Without a value, they do not change a certificate."""
+"""Fields that earlier versions of this program did not have.
+
+They are omitted if they have no value, so that the hash of a robot in an older certificate remains
+valid.
+"""
 
 
 def to_plain(value: Any) -> Any:
-    """Convert a value to JSON types. Dataclasses become mappings, and arrays become lists.
+    """Convert a value to JSON types.
 
-    The limits of a problem or a robot become a mapping from the limited quantity to its bound.
+    Dataclasses become mappings, and arrays and tuples become lists. The limits of a problem or a
+    robot become a mapping from the limited quantity to its bound.
     """
     value_type: Any = type(value)
     if value_type in JSON_PRIMITIVES:
@@ -77,7 +84,8 @@ def robot_hash(robot: Robot) -> str:
 def robot_text(robot: Robot) -> str:
     """Return a robot's data as JSON text without the names of files.
 
-    The text of the last robot is cached, because one plan needs it several times.
+    The text of the last robot is cached, because one plan needs it several times. `robot_hash` is
+    its SHA-256.
     """
     global _cached_text
     cached = _cached_text
@@ -87,6 +95,7 @@ def robot_text(robot: Robot) -> str:
 
 
 _cached_text: tuple[Robot, str] | None = None
+"""Last robot of `robot_text`, and its text."""
 
 
 def _without_files(data: Any) -> Any:
@@ -140,7 +149,10 @@ def _point_to_plain(point: Point) -> JsonObject:
 
 
 def _motion_to_plain(motion: Motion) -> JsonObject:
-    """Convert an entry of the motion list to the form in plan.json."""
+    """Convert an entry of the motion list to the form in plan.json.
+
+    All kinds of motions share the same keys, and each kind may have further keys (`_KEYS_BY_KIND`).
+    """
     target = getattr(motion, "to", getattr(motion, "at", None))
     scan = None
     if isinstance(motion, Scan):
@@ -160,6 +172,7 @@ def _motion_to_plain(motion: Motion) -> JsonObject:
 
 
 _SCAN_KEYS = ("diameters", "rows", "columns", "spacing", "distance", "dwell")
+"""Fields of a Scan that plan.json stores under the key `scan`."""
 _KEYS_BY_KIND: dict[str, tuple[str, ...]] = {
     Follow.kind: ("blend", "curve", "file", "constant_speed", "distance"),
     Free.kind: ("spin_free",),
@@ -167,14 +180,25 @@ _KEYS_BY_KIND: dict[str, tuple[str, ...]] = {
 }
 """Keys that only motions of one kind have."""
 _ALWAYS_WRITTEN = ("curve", "file")
-"""Those of these keys that plan.json contains even if their value is None."""
+"""Keys in `_KEYS_BY_KIND` that plan.json contains even if their value is None."""
 _MOTION_CLASSES = {kind.kind: kind for kind in (Straight, Free, Follow, Dwell, Scan)}
+"""Classes of motions, by the value of `kind` in plan.json."""
 
 
 def _point_from_plain(data: Any, location: str) -> Point:
     """Build a point from its form in plan.json.
 
-    `location` is the key of the data. Raises ProblemError if the data are invalid.
+    Parameters
+    ----------
+    data : object
+        The form in plan.json.
+    location : str
+        Key of the data, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the data are invalid.
     """
     check_mapping(data, ("task", "joints", "tip", "spin", "line"), location)
     line = {"line": data.get("line")}
@@ -194,7 +218,17 @@ def _point_from_plain(data: Any, location: str) -> Point:
 def _motion_from_plain(data: Any, location: str) -> Motion:
     """Build an entry of the motion list from its form in plan.json.
 
-    `location` is the key of the data. Raises ProblemError if the data are invalid.
+    Parameters
+    ----------
+    data : object
+        The form in plan.json.
+    location : str
+        Key of the data, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the data are invalid.
     """
     kind = str(data.get("kind")) if isinstance(data, Mapping) else ""
     own_keys = ("name", "line", *_KEYS_BY_KIND.get(kind, ()))
@@ -245,12 +279,12 @@ _CONVERTERS: dict[type, Callable[[Any], JsonObject]] = {
     **dict.fromkeys((Task, Joints, Tip), _point_to_plain),
     **dict.fromkeys(_MOTION_CLASSES.values(), _motion_to_plain),
 }
-"""Conversions of the values whose keys in plan.json differ from their fields."""
+"""Functions that convert the values whose keys in plan.json differ from their fields, by class."""
 
 
 @contextmanager
 def _add_file_to_errors(file: str | None) -> Iterator[None]:
-    """Add the name of the file to each ProblemError that the with block raises."""
+    """Add the name of the file to each ProblemError that the body of the `with` statement raises."""
     try:
         yield
     except ProblemError as error:
@@ -354,9 +388,19 @@ def task_limits_from_plain(problem: Fields, file: str | None = None) -> TaskLimi
 
 
 def _ranges_from_plain(data: Any, location: str) -> list[Limit]:
-    """Build the limits on the ranges of task coordinates from a mapping of lower and upper bounds.
+    """Build the limits on the ranges of task coordinates.
 
-    `location` is the key of the data. Raises ProblemError if the data are invalid.
+    Parameters
+    ----------
+    data : object
+        Mapping of pairs (lower, upper) by task coordinate, rad and m, or None.
+    location : str
+        Key of the data, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the data are invalid.
     """
     return [
         TaskRange(name, low, high)
@@ -365,9 +409,21 @@ def _ranges_from_plain(data: Any, location: str) -> list[Limit]:
 
 
 def _convert_by_coordinate(hint: Any, data: Any, location: str) -> dict[str, Any]:
-    """Check a mapping whose keys are task coordinates, and convert its values to the type `hint`.
+    """Check a mapping whose keys are task coordinates, and convert its values.
 
-    The result is empty if `data` is None. `location` is the key of the data for messages.
+    Parameters
+    ----------
+    hint : type
+        Annotated type of the values.
+    data : object
+        The mapping. None gives an empty result.
+    location : str
+        Key of the data, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If a key or a value is invalid.
     """
     hint = Annotated[Mapping[str, hint], Names(TASK_COORDINATES)]
     return convert_value(hint, {} if data is None else data, location)

@@ -1,6 +1,8 @@
 """Define the kinds of drives by their names, geometry, torque law and checks.
 
-To add a kind, write a subclass of `Transmission` and register it (docs/architecture.md).
+Each kind is a subclass of `Transmission`, whose fields are the dimensions in drive files.
+`TRANSMISSIONS` lists all kinds. To add a kind, write a subclass and register it
+(docs/architecture.md).
 """
 
 import math
@@ -24,6 +26,7 @@ _Angle = Annotated[Positive, "angle"]
 Dimensions = Mapping[str, float]
 """Dimensions in SI units by key."""
 LARGEST_THREAD_ANGLE = math.radians(120)
+"""Largest plausible angle between the flanks of a thread, rad."""
 
 
 class Transmission:
@@ -59,9 +62,20 @@ class Transmission:
 
     @classmethod
     def complete(cls, stated: Dimensions) -> dict[str, float]:
-        """Return all dimensions in SI units by key. Raises BadGeometry if they are not determined.
+        """Return all dimensions in SI units by key.
 
-        The result for a thread contains `ratio`, `lead_angle` and `thread_angle`.
+        The default is that a drive has only the stated dimensions. The result for a thread contains
+        `ratio`, `lead_angle` and `thread_angle`.
+
+        Parameters
+        ----------
+        stated : mapping of float
+            Dimensions that the file states, in SI units by key.
+
+        Raises
+        ------
+        DimensionError
+            If the stated dimensions do not determine all others.
         """
         return dict(stated)
 
@@ -75,9 +89,10 @@ class Transmission:
 
     @classmethod
     def effort_arm(cls, dimensions: Dimensions) -> float:
-        """Return the effort arm γ of a thread. The motor torque per output effort is γ·tan(λ ± φ).
+        """Return the effort arm γ of a thread.
 
-        For a screw, γ is the radius at which friction acts, m.
+        The motor torque per output effort is γ·tan(λ ± φ), where λ is the lead angle and φ the
+        friction angle. For a screw, γ is the radius at which friction acts, m.
         """
         return dimensions["diameter"] / 2
 
@@ -100,9 +115,10 @@ class _Thread(Transmission):
 
     @classmethod
     def complete(cls, stated: Dimensions) -> dict[str, float]:
-        """Return all dimensions in SI units.
+        """Return all dimensions in SI units by key.
 
-        Raises BadGeometry if they are not determined or implausible.
+        Raises DimensionError if the stated dimensions do not determine the others, or are
+        implausible.
         """
         numbers = dict(stated)
         thread_angle = numbers.pop("thread_angle")
@@ -140,7 +156,7 @@ class Worm(_Thread):
 
     @classmethod
     def effort_arm(cls, dimensions: Dimensions) -> float:
-        """Return the quotient of the diameters of worm and wheel."""
+        """Return the quotient of the diameters of worm and wheel, which has no unit."""
         return dimensions["worm_diameter"] / dimensions["wheel_diameter"]
 
 
@@ -215,7 +231,7 @@ class BallScrew(Transmission):
 
     @classmethod
     def motor_ratio(cls, dimensions: Dimensions) -> float:
-        """Return 2π / lead."""
+        """Return 2π / lead, the motor angle per travel of the nut, rad/m."""
         return 2 * math.pi / dimensions["lead"]
 
 
@@ -232,7 +248,10 @@ class CableSlide(Transmission):
 
     @classmethod
     def motor_ratio(cls, dimensions: Dimensions) -> float:
-        """Return the motor turns per turn of the pulley, divided by the radius of the pulley."""
+        """Return the motor angle per travel of the slide, rad/m.
+
+        It is the ratio of motor to pulley turns, divided by the radius of the pulley.
+        """
         return dimensions.get("ratio", 1.0) * 2 / dimensions["pulley_diameter"]
 
 

@@ -50,7 +50,7 @@ class Bound:
             f"{phrase} {bound:g}" for phrase, bound in bounds.items() if math.isfinite(bound)
         )
 
-    def fault(self, value: float) -> str | None:
+    def violation(self, value: float) -> str | None:
         """Return a text that says why a number violates the bound, or None if it does not."""
         if not value > self.above:
             return "not greater than zero" if self.above == 0 else "too small"
@@ -78,12 +78,19 @@ class Ascending:
 
 
 Positive = Annotated[float, Bound(above=0.0)]
+"""Number above 0."""
 NotNegative = Annotated[float, Bound(at_least=0.0)]
+"""Number of at least 0."""
 Count = Annotated[int, Bound(at_least=0)]
+"""Whole number of at least 0."""
 Interval = Annotated[Range, Ascending()]
+"""Pair of numbers, of which the first one is smaller."""
 Vector = Annotated[Array, Shape((3,))]
+"""Array (3,) of numbers."""
 Matrix = Annotated[Array, Shape((3, 3))]
+"""Array (3, 3) of numbers."""
 Sign = Literal[-1, 1]
+"""Direction, −1 or +1."""
 Length = Annotated[Positive, "length"]
 """Positive length, m."""
 Time = Annotated[Positive, "time"]
@@ -165,12 +172,12 @@ class Value:
 
 
 def get_attributes(value: object, names: Iterable[str]) -> JsonObject:
-    """Return some attributes of an object as a dictionary by name."""
+    """Return the attributes `names` of an object as a dictionary by name."""
     return {name: getattr(value, name) for name in names}
 
 
 def unchecked_copy(value: V, **changes: Any) -> V:
-    """Return a copy with changed fields, like dataclasses.replace, but without checks.
+    """Return a copy of a value with changed fields, like dataclasses.replace, but without checks.
 
     It is needed for trial values of a fit, for arrays that represent many drives at once, for
     drives without friction, and for values that reproduce mistakes of other programs.
@@ -191,7 +198,22 @@ def field_hints(cls: Any) -> dict[str, Any]:
 
 
 def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Split a type into the type without None and Annotated, and a tuple of its annotations."""
+    """Split a type into its core and its annotations.
+
+    For example, Annotated[float, Bound(above=0.0)] | None gives float and (Bound(above=0.0),).
+
+    Parameters
+    ----------
+    hint : type
+        Type of a field, possibly with None as an alternative.
+
+    Returns
+    -------
+    core : type
+        The type without None and Annotated. A union of several types is returned unchanged.
+    annotations : tuple
+        Annotations of the type.
+    """
     if get_origin(hint) in (typing.Union, types.UnionType):
         inner = [inner_hint for inner_hint in get_args(hint) if inner_hint is not type(None)]
         return strip_annotations(inner[0]) if len(inner) == 1 else (hint, ())
@@ -202,10 +224,15 @@ def strip_annotations(hint: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def unit_kind(quantity: str, slides: bool = False) -> str:
-    """Return the key of `units.KINDS` for a prismatic (`slides`) or a revolute joint.
+    """Return the kind of a physical quantity for a revolute or a prismatic joint.
 
-    `quantity` is such a key, or both of them for revolute and prismatic joints, such as
-    "angle or length".
+    Parameters
+    ----------
+    quantity : str
+        Key of `units.KINDS`, or two of them, for revolute and prismatic joints, such as "angle or
+        length".
+    slides : bool
+        True for a prismatic joint.
     """
     turning, _, sliding = quantity.partition(" or ")
     return sliding if slides and sliding else turning
@@ -243,7 +270,7 @@ def field_descriptions(cls: type) -> dict[str, str]:
 
 
 def read_only_array(value: object, shape: tuple[int, ...]) -> Array:
-    """Return a read-only float array of the given shape."""
+    """Return a read-only float array with the given shape, a copy of the value."""
     array = np.array(value, dtype=float).reshape(shape)
     array.setflags(write=False)
     return array
@@ -378,7 +405,7 @@ def wrong_type_error(location: str, value: object, allowed: str) -> ProblemError
 def _convert_annotated(arguments: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
     """Convert a value to a type Annotated[type, *marks], and check the conditions in the marks.
 
-    The other parameters are those of `convert_value`.
+    `arguments` contains the type and the marks. The other parameters are those of `convert_value`.
     """
     hint_type, *marks = arguments
     for mark in marks:
@@ -386,7 +413,7 @@ def _convert_annotated(arguments: tuple[Any, ...], value: Any, location: str, bu
             return _convert_array(mark.shape, value, location)
         value = convert_value(hint_type, value, location, build)
         if isinstance(mark, Bound):
-            if fault := mark.fault(value):
+            if fault := mark.violation(value):
                 raise ProblemError(fault, key=location, value=value, allowed=mark.allowed)
         elif isinstance(mark, Names):
             for key in value:
@@ -404,7 +431,7 @@ def _convert_annotated(arguments: tuple[Any, ...], value: Any, location: str, bu
 def _convert_union(members: tuple[Any, ...], value: Any, location: str, build: bool) -> Any:
     """Convert a value to one of several types. None is returned unchanged if it is one of them.
 
-    The other parameters are those of `convert_value`.
+    `members` contains the types. The other parameters are those of `convert_value`.
     """
     if value is None and type(None) in members:
         return None
@@ -423,7 +450,8 @@ def _convert_tuple(
 ) -> tuple[Any, ...]:
     """Convert a list, tuple or array to a tuple whose entries have the types `members`.
 
-    The other parameters are those of `convert_value`.
+    If the last of these types is Ellipsis, all entries have the first type. The other parameters
+    are those of `convert_value`.
     """
     if isinstance(value, np.ndarray):
         value = value.tolist()
@@ -444,12 +472,25 @@ _SCALAR_DESCRIPTIONS = {
     str: "a text",
     bool: "true or false",
 }
+"""Descriptions of the types for messages."""
 
 
 def _convert_scalar(hint: Any, value: Any, location: str) -> Any:
-    """Convert a value to float, int, str or bool (`hint`).
+    """Convert a value to float, int, str or bool.
 
-    Raises ProblemError, with the key `location`, if the value has another type or is not finite.
+    Parameters
+    ----------
+    hint : type
+        One of these four types.
+    value : object
+        Value to convert. Numbers of numpy are allowed.
+    location : str
+        Key of the value, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the value has another type or is not finite.
     """
     number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(
         value, bool
@@ -466,7 +507,19 @@ def _convert_scalar(hint: Any, value: Any, location: str) -> Any:
 def _convert_array(shape: tuple[int, ...], value: Any, location: str) -> Array:
     """Convert a value to a read-only array of finite numbers, and check its shape.
 
-    A length of −1 in `shape` allows any length. Raises ProblemError with the key `location`.
+    Parameters
+    ----------
+    shape : tuple of int
+        Required shape. A length of −1 allows any length.
+    value : object
+        Value to convert.
+    location : str
+        Key of the value, for messages.
+
+    Raises
+    ------
+    ProblemError
+        If the value is not an array of finite numbers with this shape.
     """
     allowed = f"finite numbers of shape {shape}"
     try:
