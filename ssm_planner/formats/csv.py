@@ -520,7 +520,7 @@ LARGEST_EXPONENT = 400
 
 @frozen
 class TableLayout:
-    """Layout of a table of text, which `read_layout` determines from the first lines of its file."""
+    """Layout of a table of text, which `read_layout` determines from its first lines."""
 
     header: int
     """Index of the line with the header, from 0."""
@@ -835,6 +835,6 @@ def _open_text(path: Path) -> Iterator[TextIO]:
 
 
 def _is_number(text: str) -> bool:
-    """Return True if a text is a decimal number, NaN or infinity, as the reader of rows accepts it."""
+    """Return True if a text is a decimal number, NaN or infinity."""
     pattern = r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)"
     return re.fullmatch(pattern, text.strip(), re.I | re.A) is not None

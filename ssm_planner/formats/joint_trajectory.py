@@ -142,7 +142,7 @@ def _yaml_list(values: Sequence[float] | Array) -> str:
 
 
 def _yaml_number(value: float) -> str:
-    """Format a number for YAML 1.1, which requires a decimal point in a mantissa with an exponent."""
+    """Format a number for YAML 1.1, which requires a decimal point before an exponent."""
     text = repr(value)
     mantissa, e, exponent = text.partition("e")
     return text if not e or "." in mantissa else f"{mantissa}.0e{exponent}"

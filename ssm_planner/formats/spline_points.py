@@ -178,7 +178,7 @@ def _try_points(
 
 
 def _acceleration_jump(plan: Plan) -> float:
-    """Return the largest acceleration jump at a break of the plan, relative to the joint's limit."""
+    """Return the largest acceleration jump at a break, relative to the limit of the joint."""
     inner = plan.motion.breaks[1:-1]
     jump = plan.motion.sample(inner, "right").qdd - plan.motion.sample(inner, "left").qdd
     return float(np.max(np.abs(jump) / plan.robot.accelerations, initial=0.0))

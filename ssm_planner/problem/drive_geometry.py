@@ -179,7 +179,7 @@ def _derive_dimensions(family: GearFamily, dimensions: dict[str, float]) -> None
 
 
 def _format_dimension(name: str, value: float) -> str:
-    """Return a dimension as text: an angle in degrees, a length in mm, or a number without a unit."""
+    """Return a dimension as text: an angle in degrees, a length in mm, or a plain number."""
     if name == "tan_lead_angle":
         return f"{math.degrees(math.atan(value)):.4g} deg"
     return f"{value:.5g}" if name in ("ratio", "starts") else f"{value * 1e3:.5g} mm"

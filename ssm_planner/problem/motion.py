@@ -394,7 +394,7 @@ Motion = Straight | Free | Follow | Dwell | Scan
 
 
 def motion_key(motion: Motion) -> str:
-    """Return the key that represents a motion in a problem file, such as "tilt", "line" or "scan"."""
+    """Return the key that represents a motion in a problem file, such as "tilt" or "scan"."""
     if isinstance(motion, Straight):
         return motion.name if motion.name in SINGLE_COORDINATE_MOTIONS else motion.kind
     return motion.curve.replace("samples", "path") if isinstance(motion, Follow) else motion.kind

@@ -284,7 +284,7 @@ _CONVERTERS: dict[type, Callable[[Any], JsonObject]] = {
 
 @contextmanager
 def _add_file_to_errors(file: str | None) -> Iterator[None]:
-    """Add the name of the file to each ProblemError that the body of the `with` statement raises."""
+    """Add the name of the file to each ProblemError that the `with` statement raises."""
     try:
         yield
     except ProblemError as error:
