@@ -47,7 +47,7 @@ class Played:
     """Which pieces have an acceleration, (m,)."""
 
 
-def of_pieces(breaks: Array, coefficients: Array) -> Played:
+def from_pieces(breaks: Array, coefficients: Array) -> Played:
     """A plan: coefficients (m, 6, 4) of the time since the start of each piece."""
     powers = coefficients * (np.diff(breaks)[:, None] ** np.arange(6))[:, :, None]
     return Played(np.asarray(breaks), powers, np.ones(len(breaks) - 1, dtype=bool))
