@@ -109,8 +109,8 @@ def resuming(folder: Path) -> tuple[float, float, float]:
     study = replace(
         load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", ROWS, 1)
     )
-    description = run.description_of(study)
-    context = run.context_of(description)
+    description = run.describe_study(study)
+    context = run.context_hash(description)
     rng = np.random.default_rng(1)
     figures = [
         dict(zip(study.minimise, pair, strict=True)) for pair in rng.random((ROWS, 2)).tolist()

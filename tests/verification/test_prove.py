@@ -362,7 +362,7 @@ def test_bounds_contain_values_and_halves_are_the_same_polynomial(seed: int) -> 
     values = np.array([np.polyval(model.c[::-1, k], s) for k in range(3)])
     assert np.all(values.min(axis=1) - model.r >= low)
     assert np.all(values.max(axis=1) + model.r <= high)
-    b, _ = prove.bernstein_coefficients(model)
+    b, _ = prove.bernstein(model)
     parts = prove.halves(b)
     np.testing.assert_allclose(parts[[0, -1], :3], [b[0], values[:, 50]], atol=1e-13)
     np.testing.assert_allclose(parts[[0, -1], 3:], [values[:, 50], b[-1]], atol=1e-13)

@@ -299,7 +299,7 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
         )
         there = starting_from(weak, shipped, at)
         (phase,), _ = planner.feasible_phases(there)
-        reason = planner.motor_too_weak_to_brake(phase)
+        reason = planner.check_braking_torque(phase)
         assert (reason is None) == (share > 1)
         if reason is not None:
             assert reason.required <= least
