@@ -57,7 +57,11 @@ from ssm_planner.verification import Certificate, seal_error
 from ssm_planner.verification.check import check
 from ssm_planner.verification.path_bound import Sensitivity
 from ssm_planner.verification.proof import Proof, unproven_limits
-from ssm_planner.verification.second_opinion import Opinion, second_opinions_and_proofs
+from ssm_planner.verification.second_opinion import (
+    GRID_TOLERANCE,
+    Opinion,
+    second_opinions_and_proofs,
+)
 
 if TYPE_CHECKING:  # the check reads plans and must not load the planner
     from matplotlib.axes import Axes
@@ -194,11 +198,12 @@ class PhaseSummary:
 
         A duration by toppra below the proven lower bound of the phase shows an error of toppra. The
         returned summary then has no such duration, and `not_judged` states the reason. A duration
-        that is below the bound only by rounding is replaced by the bound.
+        that is below the bound by at most `GRID_TOLERANCE`, by which the extrapolation over the grid
+        can be too short, is replaced by the bound.
         """
         duration, reason = opinion.duration, opinion.not_judged
-        if duration is not None and duration < (1 - OPINION_ERROR) * self.lower_bound:
-            reason = f"its {duration:.4f} s are below the lower bound of {self.lower_bound:.4f} s"
+        if duration is not None and duration < (1 - GRID_TOLERANCE) * self.lower_bound:
+            reason = f"its {duration:.6g} s are below the lower bound of {self.lower_bound:.6g} s"
             duration = None
         bound = opinion.bound
         if duration is not None:
@@ -246,8 +251,6 @@ OF_SOME = (
 They apply only to free motions, to phases with rounded corners or constant speed, or to plans that
 toppra judged.
 """
-OPINION_ERROR = 1e-5
-"""Relative error of the durations that toppra computes."""
 FASTER = 1e-4
 """Relative difference to toppra's duration above which a motion is faster than its path allows."""
 SLOWER = 1e-3
