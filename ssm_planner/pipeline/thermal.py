@@ -68,7 +68,7 @@ class ThermalSearch:
         self.hot = set(self.initial.hot_joints)
         """Names of the joints whose motors were too hot in any motion."""
         self.best = 0.0, self.initial
-        """Multiplier and motion with the smallest sum of duration and necessary rest so far."""
+        """Multiplier λ and motion with the smallest sum of duration and necessary rest so far."""
 
     def run(self) -> Outcome | None:
         """Return the fastest certified motion, or None if none was found.
@@ -138,6 +138,13 @@ class ThermalSearch:
         """Plan for the least heat, in phases that take longer by a share than in the best motion.
 
         If the motions cannot be planned one by one, the best motion is slowed down instead.
+
+        Parameters
+        ----------
+        problem : Problem
+            The problem, with the planner that computes the motion.
+        share : float
+            Share by which each phase takes longer.
         """
         base = self.best[1]
         phases = base.planned.phases

@@ -78,7 +78,7 @@ def limit_stop_travel(phase: Phase, strict: Robot, motion: PhaseSolution) -> Pha
     trajectory = motion.trajectory
     knots = motion.border_instants / trajectory.duration
     path = MotionPath(mechanism, trajectory, knots, motion.directions)
-    samples = path.trajectory.sample(np.linspace(0.0, motion.duration, MIN_GRID_INTERVALS))
+    samples = trajectory.sample(np.linspace(0.0, motion.duration, MIN_GRID_INTERVALS))
     travel = braking_travel(mechanism, phase.problem.robot, samples.q, samples.qd)
     if travel.max() <= limit.largest:
         return motion

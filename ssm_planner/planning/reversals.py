@@ -196,9 +196,9 @@ def _reversal_instants(multipliers: DirectionMultipliers, directions: Array) -> 
     Parameters
     ----------
     multipliers : DirectionMultipliers
-        Elements and points of the motion.
+        Instants of the n elements and of the points of the motion.
     directions : (n, 4) array
-        Directions of the joints in the elements.
+        Directions of the joints in the elements: +1, −1 or 0.
     """
     instants, points = multipliers.instants, multipliers.points
     gap = MIN_SEGMENT_SHARE * instants[-1]

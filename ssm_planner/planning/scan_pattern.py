@@ -46,6 +46,11 @@ def scan_motions(problem: Problem, mechanism: Mechanism, scan: Scan, q: Array) -
     q : (4,) array
         Joint positions before the scan.
 
+    Returns
+    -------
+    list of Motion
+        Free motions to the spots, or through all spots of a ring or raster, and dwells.
+
     Raises
     ------
     ProblemError
@@ -92,6 +97,9 @@ def spots_in_plane(scan: Scan) -> list[Array]:
 def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
     """Project spots of the tangent plane onto the retina.
 
+    The plane touches the spherical retina where the tool axis meets it in the middle of the
+    pattern. The projection is from the centre of the sphere.
+
     Parameters
     ----------
     eye : Eye
@@ -99,7 +107,8 @@ def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
     axis : (3,) array
         Unit vector of the tool axis in the middle of the pattern.
     side : (3,) array
-        Direction of the first coordinate of the plane. Its component along the normal is removed.
+        Direction of the first coordinate of the plane. Its component normal to the plane is
+        removed.
     plane : (n, 2) array
         Spots in the plane, m.
 
@@ -114,9 +123,8 @@ def spots_on_retina(eye: Eye, axis: Array, side: Array, plane: Array) -> Array:
     row_axis /= np.linalg.norm(row_axis)
     plane_points = middle + plane[:, :1] * row_axis + plane[:, 1:] * np.cross(normal, row_axis)
     from_centre = plane_points - eye.centre
-    return eye.centre + eye.radius * from_centre / np.linalg.norm(
-        from_centre, axis=1, keepdims=True
-    )
+    distances = np.linalg.norm(from_centre, axis=1, keepdims=True)
+    return eye.centre + eye.radius * from_centre / distances
 
 
 def _ring_spots(diameter: float, spacing: float) -> Array:

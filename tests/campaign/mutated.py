@@ -285,7 +285,9 @@ def _study(folder: Path) -> tuple[Path, Path, Path]:
     shutil.copy(ROOT / "problems/catalogues/motors_24v.csv", catalogue)
     study.write_text(STUDY, encoding="utf-8")
     with Store(store) as open_store:
-        open_store.add_candidates((k, f"{k:032x}", {"geometry.alpha": f"{26 + k} deg"}) for k in range(3))
+        open_store.add_candidates(
+            (k, f"{k:032x}", {"geometry.alpha": f"{26 + k} deg"}) for k in range(3)
+        )
         found = Candidate(
             0, "done", {"geometry.alpha": "26 deg"}, figures={"duration": 1.5, "motor_mass": 0.2}
         )

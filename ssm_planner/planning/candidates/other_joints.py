@@ -144,7 +144,7 @@ class JointsPlanner:
         phase, problem = self.phase, self.problem
         low, high = problem.robot.joints[2].position
         start, speed = phase.q_start[2], phase.qd_start[2]
-        spin = task_from_joints(self.phase.mechanism, q[None], near=phase.start)[0, 2]
+        spin = task_from_joints(phase.mechanism, q[None], near=phase.start)[0, 2]
         ends = problem.ranges.get("spin", (-np.inf, np.inf))
         if ends[1] - ends[0] < 2 * np.pi:
             low = max(low, q[2] + ends[0] - spin)
@@ -154,7 +154,7 @@ class JointsPlanner:
         values = np.clip([q[2], start, stop, *turn], low, high)
         configurations = np.tile(q, (len(values), 1))
         configurations[:, 2] = values
-        tasks = task_from_joints(self.phase.mechanism, configurations, near=phase.start)
+        tasks = task_from_joints(phase.mechanism, configurations, near=phase.start)
         bounds = [
             replace(phase, points=np.vstack([phase.points[:-1], joints]), end=task).lower_bound
             for joints, task in zip(configurations, tasks, strict=True)

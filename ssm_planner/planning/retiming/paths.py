@@ -134,20 +134,21 @@ class JointPath(ABC):
         """
         return find_sign_change(lambda s: np.asarray(self.sample(s).dq[:, joint]), low, high)
 
-    def smooth_directions(self, watched: tuple[int, ...]) -> tuple[Array, Array]:
+    def smooth_directions(self, driven: tuple[int, ...]) -> tuple[Array, Array]:
         """Find the reversals of a path that is smooth between its breaks, as in `directions`.
 
         Parameters
         ----------
-        watched : tuple of int
-            Indices of the joints whose reversals matter. The others count as joints at rest.
+        driven : tuple of int
+            Indices of the joints with a drive. The others count as joints at rest, because their
+            reversals change no friction.
         """
         s = np.unique(
             np.concatenate([np.linspace(a, b, PATH_SAMPLES) for a, b in pairwise(self.breaks)])
         )
         dq = self.sample(s).dq
         rests = np.abs(dq) <= ROUNDING_TOLERANCE
-        moving = ~rests.all(axis=0) & np.isin(np.arange(4), watched)
+        moving = ~rests.all(axis=0) & np.isin(np.arange(4), driven)
         # A joint can only start after a rest at a break of the path, and every break is a knot.
         reverses = (np.signbit(dq[1:]) != np.signbit(dq[:-1])) & ~(rests[1:] & rests[:-1])
         roots = (

@@ -91,6 +91,10 @@ def retime(
 ) -> Retiming:
     """Compute the time-optimal motion along a path by TOPP-RA.
 
+    If the grid has many points, the function first calls itself with a coarse grid. The motion on
+    the coarse grid determines where the points of the fine grid lie, and where the first tangents
+    are taken.
+
     Parameters
     ----------
     path : JointPath
@@ -102,21 +106,20 @@ def retime(
     speeds : (float, float)
         ṡ at both ends, 1/s.
     points : int or None
-        Number of grid intervals. None: that of the path.
+        Number of grid intervals. None: the number that the path needs (`JointPath.grid_intervals`).
 
     Returns
     -------
     Retiming
         The motion. Its property `solved` is False if there is none.
     """
-    # A motion on a coarse grid determines where the points of the fine grid lie.
-    points, coarse = points or path.grid_intervals, PATH_SAMPLES // 2
-    rough = retime(path, robot, limits, speeds, points=coarse) if points > coarse else None
-    grid = _grid(path.directions[0], points, rough)
+    points, few = points or path.grid_intervals, PATH_SAMPLES // 2
+    coarse = retime(path, robot, limits, speeds, points=few) if points > few else None
+    grid = _grid(path.directions[0], points, coarse)
     path_limits = PathLimits.on_grid(path, grid, robot, limits)
     tangent = path_limits.ceiling
-    if rough is not None and rough.solved:
-        tangent = np.interp(grid, rough.s, rough.speed_squared)
+    if coarse is not None and coarse.solved:
+        tangent = np.interp(grid, coarse.s, coarse.speed_squared)
     return _repeat_passes(grid, path_limits, tangent, speeds, static=speeds[0] == 0.0)
 
 
@@ -286,13 +289,14 @@ def _passing_times(grid: Array, speed_squared: Array) -> Array:
     return np.append(0.0, np.cumsum(steps))
 
 
-def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
+def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
     """Return the grid points of TOPP-RA from 0 to 1, (points + 1,).
 
-    Without a rough motion the grid is uniform in s. With one it is nearly uniform in time, because
-    the interpolation scheme loses most in intervals that take long: it satisfies the constraints at
-    both ends of an interval with a single s̈. With the same number of points, such a grid loses a
-    quarter as much. In both cases the grid points nearest to the knots are moved to the knots.
+    Without a coarse motion, the grid is uniform in s. With one, it is nearly uniform in time,
+    because the interpolation scheme loses most in intervals that take long: it satisfies the
+    constraints at both ends of an interval with a single s̈. With the same number of points, such a
+    grid loses a quarter as much. In both cases the grid points nearest to the knots are moved to
+    the knots.
 
     Parameters
     ----------
@@ -300,13 +304,14 @@ def _grid(knots: Array, points: int, rough: Retiming | None) -> Array:
         Values of s at which joints may reverse.
     points : int
         Number of grid intervals.
-    rough : Retiming or None
-        Motion on a coarser grid.
+    coarse : Retiming or None
+        Motion on a coarse grid.
     """
     grid = np.linspace(0.0, 1.0, points + 1)
-    if rough is not None and rough.solved:
-        shares = UNIFORM_WEIGHT * rough.s + (1 - UNIFORM_WEIGHT) * rough.times / rough.duration
-        grid[1:-1] = np.interp(grid, shares, rough.s)[1:-1]
+    if coarse is not None and coarse.solved:
+        time_shares = coarse.times / coarse.duration
+        weighted_shares = UNIFORM_WEIGHT * coarse.s + (1 - UNIFORM_WEIGHT) * time_shares
+        grid[1:-1] = np.interp(grid, weighted_shares, coarse.s)[1:-1]
     used = [0, points]
     for knot in knots[1:-1]:
         index = int(np.clip(np.argmin(np.abs(grid - knot)), 1, points - 1))
