@@ -198,8 +198,8 @@ class PhaseSummary:
 
         A duration by toppra below the proven lower bound of the phase shows an error of toppra. The
         returned summary then has no such duration, and `not_judged` states the reason. A duration
-        that is below the bound by at most `GRID_TOLERANCE`, by which the extrapolation over the grid
-        can be too short, is replaced by the bound.
+        that is below the bound by at most `GRID_TOLERANCE`, by which the extrapolation over the
+        grid can be too short, is replaced by the bound.
         """
         duration, reason = opinion.duration, opinion.not_judged
         if duration is not None and duration < (1 - GRID_TOLERANCE) * self.lower_bound:

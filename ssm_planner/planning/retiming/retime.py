@@ -309,9 +309,9 @@ def _grid(knots: Array, points: int, coarse: Retiming | None) -> Array:
     """
     grid = np.linspace(0.0, 1.0, points + 1)
     if coarse is not None and coarse.solved:
-        time_shares = coarse.times / coarse.duration
-        weighted_shares = UNIFORM_WEIGHT * coarse.s + (1 - UNIFORM_WEIGHT) * time_shares
-        grid[1:-1] = np.interp(grid, weighted_shares, coarse.s)[1:-1]
+        weighted_times = (1 - UNIFORM_WEIGHT) * coarse.times / coarse.duration
+        shares = UNIFORM_WEIGHT * coarse.s + weighted_times
+        grid[1:-1] = np.interp(grid, shares, coarse.s)[1:-1]
     used = [0, points]
     for knot in knots[1:-1]:
         index = int(np.clip(np.argmin(np.abs(grid - knot)), 1, points - 1))
