@@ -77,6 +77,7 @@ def test_plan_writes_a_complete_and_consistent_folder(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_figures")
 def test_the_summary_ends_with_verdicts_and_names_placeholders(
     files: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

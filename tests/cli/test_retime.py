@@ -61,6 +61,7 @@ def test_a_slowed_export_is_as_fast_again(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_figures")
 def test_the_command_writes_the_plan_that_it_prints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from tests.support.cli import python
 from tests.support.paths import PROBLEMS
 
 SHIPPED = PROBLEMS
+KEYS = cache(file_keys)
 
 
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("drives/*.yaml")), ids=lambda path: path.stem)
@@ -63,6 +65,12 @@ def test_the_robot_is_the_published_one() -> None:
     assert [body.mass for body in robot.bodies] == [0.72278480, 0.37375585, 0, 0.09964338]
 
 
+@cache
+def keys_of(path: Path) -> set[str]:
+    """Return every key of a YAML file, on all levels."""
+    return _keys(read_section(path).value)
+
+
 @pytest.mark.slow
 def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
     for kind, folder in (
@@ -74,7 +82,7 @@ def test_every_key_of_the_shipped_files_is_in_the_json_schema() -> None:
         schema = json_schema(kind)
         known = _properties(schema)
         for path in (SHIPPED / folder).glob("*.yaml"):
-            assert _keys(read_section(path).value) <= known, path
+            assert keys_of(path) <= known, path
 
 
 @pytest.mark.slow
@@ -95,17 +103,15 @@ def test_every_key_of_the_shipped_files_is_listed() -> None:
         "placeholder",
     }  # of figures and of identifications
     for kind, folder in folders.items():
-        listed = {
-            part.removesuffix("[]") for key in file_keys(kind) for part in key.path.split(".")
-        }
+        listed = {part.removesuffix("[]") for key in KEYS(kind) for part in key.path.split(".")}
         for path in (SHIPPED / folder).glob("*.yaml"):
-            assert _keys(read_section(path).value) - free <= listed, path
+            assert keys_of(path) - free <= listed, path
 
 
 @pytest.mark.slow
 def test_a_listed_key_has_unit_bound_default_and_meaning() -> None:
     motor, controller, robot, problem = (
-        {key.path: key for key in file_keys(kind)}
+        {key.path: key for key in KEYS(kind)}
         for kind in ("motor", "controller", "robot", "problem")
     )
     assert motor["nominal_torque"][1:] == ("mN*m", "above 0", "required", "Continuous torque.")

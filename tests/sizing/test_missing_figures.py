@@ -18,6 +18,7 @@ from ssm_planner.loading.load import load_robot
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.selection import JointSelection, select_joint
+from tests.support.cases import drawn
 from tests.support.sizing_cases import random_trajectory
 
 SPREAD, SUPPLY, PAUSE = 0.2, 24.0, 1.0
@@ -203,7 +204,8 @@ def test_no_pair_of_a_random_catalogue_passes_without_a_figure(
     axes: tuple[JointLoad, ...], tmp_path: Path
 ) -> None:
     answers: Counter[tuple[bool | None, bool]] = Counter()
-    for seed in range(6):
+    pairs = [(0, 1), (2, 3), (4, 5)]  # one catalogue for each axis
+    for seed in itertools.chain(*drawn(1, pairs)):
         answers += compared(axes, tmp_path, seed)
     assert answers[True, True] > 20
     assert answers[False, False] > 20
