@@ -26,10 +26,10 @@ from tests.support.paths import ROOT
 EVERYTHING = """\
 import ssm_planner as ssm
 from pathlib import Path
-from ssm_planner.loading.files import shipped_folder, shipped_names
+from ssm_planner.loading.files import shipped_folder, shipped_files
 assert Path(ssm.__file__).parent in shipped_folder().parents, shipped_folder()
 for kind in ("problem", "robot", "drive", "motor"):
-    load, names = getattr(ssm, "load_" + kind), shipped_names(kind + "s")
+    load, names = getattr(ssm, "load_" + kind), shipped_files(kind + "s")
     assert names
     for name in names:
         load(name)

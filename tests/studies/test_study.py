@@ -599,7 +599,7 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     asked = [(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})]
     pickled = pickle.dumps(Evaluation(study()))
     # Ipopt's programs are what takes memory
-    monkeypatch.setattr("ssm_planner.studies.evaluation.quickly", lambda problem: problem)
+    monkeypatch.setattr("ssm_planner.studies.evaluation.with_fast_planner", lambda problem: problem)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", math.inf)
     ((kept,), *_) = evaluate_batch(pickled, asked)
     assert Transcription.build.cache_info().currsize > 0

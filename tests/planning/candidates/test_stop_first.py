@@ -22,6 +22,7 @@ from ssm_planner.problem.limits import TaskRange
 from ssm_planner.problem.motion import Dwell, Free, Joints, Motion, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.typing import Array
+from tests.support.cases import drawn
 from tests.support.paths import ROOT
 
 TARGET = Task(roll=0.35, tilt=-2.1, spin=0.4, depth=0.02)
@@ -74,8 +75,11 @@ def stopping_times(base: Plan, at: float) -> Array:
     return np.array(found.independent_min_durations)
 
 
-@pytest.mark.parametrize("share", [0.1, 0.37, 0.66, 0.9])
-@pytest.mark.parametrize("kept", [(0, 1, 2, 3), (0, 1, 2), (3,), (1, 3)])
+KEPT = [(0, 1, 2, 3), (0, 1, 2), (3,), (1, 3)]
+RETURNS = [(share, kept) for kept in KEPT for share in drawn(2, [0.1, 0.37, 0.66, 0.9], str(kept))]
+
+
+@pytest.mark.parametrize(("share", "kept"), RETURNS)
 def test_joints_return_to_where_they_are_while_they_move(
     moving: Plan, share: float, kept: tuple[int, ...]
 ) -> None:
