@@ -23,11 +23,6 @@ from ssm_planner.native import library
 from ssm_planner.typing import Array, frozen
 
 
-def _copy(source: Array, result: Array) -> None:
-    """Write the values of an operand (n,) to the result (n,)."""
-    result[...] = source
-
-
 def _if_else_zero(condition: Array, value: Array, result: Array) -> None:
     """Write `value` to the result where the condition is not 0, and 0 elsewhere, (n,) each."""
     result[...] = np.where(condition != 0, value, 0.0)
@@ -49,7 +44,7 @@ class Operation:
 
 
 OPERATIONS = {
-    "assign": Operation(_copy, "{0}"),
+    "assign": Operation(np.positive, "{0}"),
     "neg": Operation(np.negative, "-{0}"),
     "sq": Operation(np.square, "{0} * {0}"),
     "twice": Operation(lambda a, out: np.add(a, a, out), "SSM_R(2.0) * {0}"),

@@ -163,9 +163,8 @@ def with_margin(robot: Robot, share: float) -> Robot:
             motor=motor,
         )
 
-    joint_1, joint_2, joint_3, joint_4 = robot.joints
-    joints = (reduced(joint_1), reduced(joint_2), reduced(joint_3), reduced(joint_4))
-    return replace(robot, joints=joints)
+    joint_1, joint_2, joint_3, joint_4 = map(reduced, robot.joints)
+    return replace(robot, joints=(joint_1, joint_2, joint_3, joint_4))
 
 
 def robot_key(robot: Robot) -> bytes:

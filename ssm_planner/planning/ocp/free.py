@@ -1,6 +1,7 @@
 """Optimisation of free motions, in which the solver chooses the joint path between given points.
 
-`solve_free` builds the mesh and the initial guess, and solves the optimal control problem.
+`solve_free` builds the mesh and the initial guess, and solves the optimal control problem
+(`free_problem`). `phase_planner` calls it for each candidate of a free motion.
 """
 
 from dataclasses import replace
@@ -30,7 +31,7 @@ from ssm_planner.typing import Array, keyword_record
 DEFAULT_ELEMENTS = 40
 """Default number of mesh elements (time intervals) of a motion."""
 FINE_MESH_FACTOR = 2
-"""Factor on `DEFAULT_ELEMENTS` for motions that need a finer mesh."""
+"""Factor on `DEFAULT_ELEMENTS` for motions that need a finer mesh, see `default_count`."""
 
 
 def solve_free(
@@ -68,7 +69,8 @@ def solve_free(
     cutoff : float
         Duration in s. A solution that takes longer is not refined further, because it is of no use.
     fastest_only : bool
-        Return the fastest motion as the first solver computes it. `find_best_free` completes it.
+        True to return the fastest motion as the first solver computes it, for example to compare
+        candidates. `find_best_free` continues from this result.
     work : Work or None
         Counter of the computational work.
 
@@ -133,7 +135,7 @@ def find_best_free(motion: PhaseSolution, cutoff: float = np.inf) -> PhaseSoluti
 
 @keyword_record
 class _FreeProblemBuilder:
-    """Builder of the optimal control problem of a free motion on its mesh.
+    """Builder of the optimal control problem of a free motion: its mesh and its initial guess.
 
     The fields without a description are the arguments of `solve_free`.
     """
@@ -154,10 +156,10 @@ class _FreeProblemBuilder:
 
     @property
     def is_structured(self) -> bool:
-        """True if the structured solver (see `ocp.structured`) solves the problem first.
+        """True if the structured solver (`ocp.structured`) solves the problem first, not Ipopt.
 
-        If jerk is limited, this solver can only begin at q̈ = 0. To estimate a duration, it ignores
-        another initial acceleration.
+        If jerk is limited, the structured solver can only begin at q̈ = 0. An estimate of the
+        duration ignores another initial acceleration.
         """
         return self.method == "estimated" or (
             self.method != "Ipopt" and not self.phase.qdd_start.any()
@@ -175,9 +177,9 @@ class _FreeProblemBuilder:
     def default_count(self) -> int:
         """Default number of mesh elements of the motion.
 
-        A motion between two points that Ipopt confirms gets a finer mesh. So does a jerk-limited
-        motion that begins or ends at speed, because its initial acceleration must end within one
-        element.
+        Two kinds of motions get a finer mesh: motions between two points that Ipopt confirms, and
+        jerk-limited motions that begin or end at speed, because their initial acceleration must end
+        within one element.
         """
         at_rest = self.phase.begins_and_ends_at_rest
         confirmed = self.method == "confirmed" and at_rest and not self.borders.free
@@ -190,9 +192,9 @@ class _FreeProblemBuilder:
         )
 
     def elements_per_segment(self, count: int) -> int:
-        """Return the number of elements between two neighbouring points.
+        """Return the approximate number of elements between two neighbouring points.
 
-        Between two points only, it is `count`. A motion through more points gets twice as many
+        It is `count` for a motion between two points. A motion through more points gets 2 · `count`
         elements in all, and at least 8 between two points.
         """
         return (
@@ -202,8 +204,8 @@ class _FreeProblemBuilder:
     def chain(self, per_segment: int) -> SegmentChain:
         """Build the chain of segments with their guesses. No joint reverses within a segment.
 
-        A border between two segments is also inserted where the tip passes the port (incision) of
-        an eye, because the distance to the retina is only limited inside.
+        There is also a border between two segments where the tip passes the port (incision) of an
+        eye, because the distance to the retina is only limited inside.
 
         Parameters
         ----------
@@ -286,9 +288,9 @@ class _FreeProblemBuilder:
     def _one_time_per_segment(self, chain: SegmentChain) -> bool:
         """Return True if the duration of each segment is one unknown of the program.
 
-        Otherwise each arc between two switching points has its own duration. With one unknown,
-        joints switch at the same shares of the segment as in the guess. The structured solver then
-        converges more often, but the motion may be longer.
+        Otherwise each arc between two switching points has its own duration. With one unknown, the
+        joints switch at the same fractions of the segment's duration as in the guess. The
+        structured solver then converges more often, but the motion may be longer.
 
         Parameters
         ----------

@@ -1,12 +1,12 @@
 """Optimal control problem of a free motion, in which the solver chooses the joint path.
 
-The motion is divided by borders into segments. Every joint moves in one direction within a segment,
-so its position lies between those at the borders, and the sign of its friction is known. A joint
-that moves on in its direction passes a border at speed. A joint that reverses there, or that rests
-on one side of the border, has velocity 0 there. Limits of velocity, acceleration and jerk bound the
+Borders divide the motion into segments. Every joint moves in one direction within a segment, so its
+position lies between those at the borders, and the sign of its friction is known. A joint that
+moves on in its direction passes a border at speed. A joint that reverses there, or that rests on
+one side of the border, has velocity 0 there. Limits of velocity, acceleration and jerk bound the
 unknowns themselves. Motor torque, tip speed, rates of task coordinates, ranges of roll and spin,
 and the limits of the eye are path constraints. Only those that a motion comes close to are part of
-the program ("active").
+the program ("active"). `free.solve_free` builds and solves the problem.
 """
 
 from dataclasses import replace
@@ -53,9 +53,10 @@ from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
 MIN_LENGTH_UNIT = 0.05
-"""Smallest unit of length of a joint that may reverse at a free border.
+"""Smallest unit of length of a joint in a motion with free borders.
 
-It is a share of the distance that the joint would cover at full velocity in the guess's duration.
+It is a share of the distance that the joint would cover at full velocity in the duration of the
+guess.
 """
 
 
@@ -71,11 +72,11 @@ class FreeProblem(OcpProblem):
     phase: Phase
     """The phase with its problem, and the velocities and acceleration at its ends."""
     chain: SegmentChain
-    """Segments with their borders, directions and guesses."""
+    """Segments of the motion with their borders, directions and guesses."""
 
     @property
     def requested_duration(self) -> float | None:
-        """Requested duration in scaled time. None: as short as possible."""
+        """Requested duration of the phase in scaled time. None: as short as possible."""
         duration = self.phase.motion.duration
         return None if duration is None else duration / self.time_scale
 
@@ -123,7 +124,7 @@ class FreeProblem(OcpProblem):
 
     @property
     def limits(self) -> tuple[Array, Array, Array]:
-        """Limits of u̇, ü and u⃛ in scaled units, (m,) each."""
+        """Limits of |u̇|, |ü| and |u⃛| in scaled units, (m,) each."""
         velocity, acceleration, jerk = (
             self.scaled(self.joint_limits[name], order)
             for order, name in enumerate(KINEMATIC_LIMITS, 1)
@@ -161,17 +162,17 @@ class FreeProblem(OcpProblem):
         for velocity, at_end in ends:
             if velocity.any():
                 at_end[np.isfinite(at_end)] = 1 + EQUALITY_TOLERANCE
-        # The robot can stop first instead.
+        # A motion that begins at speed is worth few iterations, because the robot can stop first.
         brief = self.phase.problem.planner == "fast" and bool(self.phase.qd_start.any())
         return replace(base, path_bound=bound, brief=brief)
 
     def scaled(self, values: Array, order: int) -> Array:
-        """Convert joint values to the coordinates u and to scaled time.
+        """Convert values of the joints to the coordinates u and to scaled time.
 
         Parameters
         ----------
         values : (…, 4) array
-            q − q0 or one of its derivatives, rad and m, per s to the power of `order`.
+            q − q0 in rad and m, or one of its derivatives with respect to time in s.
         order : int
             Order of the derivative.
 
@@ -186,7 +187,7 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def complete_element(self) -> FreeElement:
-        """Element model with all path constraints that the problem may need.
+        """Element model with all path constraints that the motion must keep.
 
         They are the limits of task coordinates, tool speeds, the eye, and the motor torques of
         moving joints.
@@ -238,9 +239,9 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def _parameters(self) -> Array:
-        """Parameters of the element model as one vector, in the order of `FreeElement.layout`.
+        """Second parameter vector of the element model, in the order of `FreeElement.layout`.
 
-        They are the scales of the program, and the limits of joints, tool and task coordinates.
+        It contains the units of the program, and the limits of joints, tool and task coordinates.
         """
         problem = self.phase.problem
         ranges = np.array(
@@ -265,8 +266,8 @@ class FreeProblem(OcpProblem):
     def _whole_turns(self) -> Array:
         """Whole turns, in rad, between two values of each of `RANGE_LIMITED_COORDINATES`.
 
-        At the first point, `task_of_joints` counts whole turns, and the closed form of the path
-        constraints does not. The ranges are shifted by the difference.
+        `task_of_joints` counts whole turns of an angle, and the closed form in the path constraints
+        does not. The constraints shift the ranges by the difference at the first point.
         """
         start = self.chain.points[0]
         unwrapped = task_of_joints(NUMPY, self.phase.mechanism, tuple(start))
@@ -282,7 +283,7 @@ class FreeProblem(OcpProblem):
     def _retina_easing(self) -> float:
         """Amount by which the retina's constraint is relaxed, so that it allows all given points.
 
-        The check accepted these points because its tolerance covers the amount.
+        A given point may exceed the constraint by an amount that the tolerance of the check covers.
         """
         if self.phase.problem.eye is None:
             return 0.0
@@ -297,7 +298,7 @@ class FreeProblem(OcpProblem):
         """Estimate how much time reversals of joints, or motions of resting joints, could save.
 
         The estimate is of first order. It follows from the Lagrange multipliers of the constraints
-        "u̇ keeps its direction", and, for joints at rest, from `reduced_costs`.
+        "u̇ keeps its direction", and for joints at rest from `reduced_costs`.
 
         Parameters
         ----------
@@ -316,7 +317,8 @@ class FreeProblem(OcpProblem):
         lengths = solution.elements[:, -1]
         directions = self.directions[structure.segment]
         velocity = self.joint_limits["velocity"] * self.time_scale
-        # Times the limit of u̇, a multiplier belongs to the velocity as a share of its limit.
+        # A multiplier is a derivative with respect to u̇. Its product with the limit of u̇ is the
+        # saving if the joint moved at its largest velocity.
         values = np.zeros((structure.elements, 4))
         values[:, self.moving] = multipliers.direction * (
             velocity[self.moving] / self.unit[self.moving]
@@ -360,7 +362,7 @@ class FreeProblem(OcpProblem):
         """
         elements, orders = solution.elements, np.arange(4)
         unit = np.where(self.unit > 0, self.unit, 1.0)
-        # u, u̇, ü at the start and ü at the end of four joints, and the length.
+        # Vectors z with u, u̇, ü at the start and ü at the end of all four joints, and the length.
         element_variables = np.zeros((len(elements), 17))
         element_variables[:, np.add.outer(4 * orders, self.moving).ravel()] = elements[:, :-1]
         element_variables[:, -1] = elements[:, -1]
@@ -373,6 +375,7 @@ class FreeProblem(OcpProblem):
         gradient = constraint_gradient(
             element, element_variables, (sigma, parameters), multipliers.rows
         )
+        # Derivatives with respect to q, q̇, q̈ at the start and q̈ at the end, (n, 4, 4).
         by_state = gradient[:, :-1].reshape(-1, 4, 4) / unit
         return np.stack([by_state[:, 0], by_state[:, 1], by_state[:, 2] + by_state[:, 3]], axis=1)
 
@@ -404,7 +407,7 @@ class FreeProblem(OcpProblem):
             return expanded + (self.chain.points[0] if order == 0 else 0.0)
 
         breaks = np.concatenate([[0.0], np.cumsum(solution.elements[:, -1] * self.time_scale)])
-        # The end of an element is the start of the next one, so that both agree exactly.
+        # Every element ends in the state in which the next one begins, so that both agree exactly.
         next_states = (
             np.vstack([pieces.u[1:], boundary.points[-1]]),
             np.vstack([pieces.v[1:], boundary.end_velocity]),

@@ -15,15 +15,15 @@ from ssm_planner.planning.ocp.segments import SegmentChain, SegmentGuess, sample
 from ssm_planner.typing import Array
 
 MIN_SEGMENT_SHARE = 4e-3
-"""Smallest time between two reversals of the guess, as a share of the duration.
+"""Smallest time between two reversals in a guess, as a share of the duration.
 
-The solver may reduce it to a hundredth of that.
+The solver may reduce this time to the share `problem.MIN_BLOCK_SHARE`.
 """
 ACCELERATION_RAMP_SHARE = 5e-4
-"""Share of the time between two points in which a joint without a jerk limit reaches its largest
-acceleration.
+"""Time in which a joint without a jerk limit reaches its largest acceleration.
 
-It applies if another joint has a jerk limit, because the program then limits the jerk of all.
+It is a share of the time between two points. It applies if another joint has a jerk limit, because
+the program then limits the jerk of all joints.
 """
 KINEMATIC_LIMITS = ("velocity", "acceleration", "jerk")
 """Names of the joint limits in the order of their derivatives: q̇, q̈ and q⃛."""
@@ -39,7 +39,7 @@ def guess_between(
     count: int,
     least_count: int,
 ) -> SegmentChain:
-    """Build the guess of joints that move between two points.
+    """Build the guess of a motion between two points.
 
     All joints take the duration of the slowest one. If a joint must reverse because of its velocity
     at an end, the reversals of all joints, ordered in time, divide the motion into segments.
@@ -59,7 +59,8 @@ def guess_between(
     count : int
         Approximate number of elements.
     least_count : int
-        Smallest number of elements between two switching points.
+        Smallest number of elements between two switching points, at which the acceleration of a
+        joint changes.
 
     Returns
     -------
@@ -119,8 +120,8 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
     Returns
     -------
     borders : list of k + 1 floats
-        Start, reversals and end, s. Neighbours have a distance of at least MIN_SEGMENT_SHARE ·
-        duration.
+        Start, reversals and end of the motion, s. Neighbours have a distance of at least
+        `MIN_SEGMENT_SHARE` times the duration.
     directions : (k, m) array
         Direction +1, −1 or 0 of each joint between two borders.
     """
@@ -149,7 +150,7 @@ def _reversals_in_order(profiles: list[JointProfile], duration: float) -> tuple[
 
 
 def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[SegmentChain]:
-    """Sample the guess of a motion with reversals from the motion in `borders.guess`.
+    """Build the guess of a motion with reversals from the earlier motion in `borders.guess`.
 
     Parameters
     ----------
@@ -185,10 +186,10 @@ def sampled_guesses(borders: Borders, *, count: int, least_count: int) -> list[S
 def jerk_limits_of_all_joints(
     limits: dict[str, Array], displacements: Array, ends: tuple[Array, Array]
 ) -> Array:
-    """Return a jerk limit for every joint, (4,), of a robot that limits the jerk of some joints.
+    """Return jerk limits for all joints of a robot that limits the jerk of some joints.
 
     A joint without a limit gets one with which it reaches its largest acceleration in the share
-    `ACCELERATION_RAMP_SHARE` of the time of the quickest displacement.
+    `ACCELERATION_RAMP_SHARE` of the shortest time between two points.
 
     Parameters
     ----------
@@ -197,7 +198,12 @@ def jerk_limits_of_all_joints(
     displacements : (k, 4) array
         Displacements between the points, rad and m.
     ends : ((4,), (4,)) arrays
-        Joint velocities q̇ at both ends.
+        Joint velocities q̇ at the start and at the end of the motion.
+
+    Returns
+    -------
+    (4,) array
+        Limits of jerk, rad/s³ and m/s³.
     """
     velocity, acceleration, jerk = (limits[name] for name in KINEMATIC_LIMITS)
     least_durations = np.abs(displacements) / velocity + 2 * np.sqrt(

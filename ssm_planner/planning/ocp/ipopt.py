@@ -1,4 +1,9 @@
-"""Ipopt's options for every kind of start, and exact sparse derivatives of a program."""
+"""Ipopt solvers for a program of CasADi, with exact sparse derivatives.
+
+`transcription` states the program with the symbols of `ProgramSymbols`. `build_solvers` adds the
+constraints and costs of the elements, differentiates everything, and builds Ipopt with options that
+depend on the initial point.
+"""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -21,11 +26,11 @@ from ssm_planner.typing import record
 Start = Literal["cold", "brief", "confirming"]
 """Kind of initial point, which decides on Ipopt's options.
 
-"cold": a guess. "brief": a guess, with few iterations. "confirming": a solution of the structured
-solver.
+"cold": a guess. "brief": a guess of a motion that is only worth few iterations. "confirming": a
+solution of the structured solver, which Ipopt is to confirm.
 """
 COLD_START_ITERATIONS = 300
-"""Largest number of iterations of a cold start, or twice the elements if that is more."""
+"""Largest number of iterations of a cold start, unless twice the number of elements is larger."""
 COMMON_OPTIONS = {
     "print_level": 0,
     "sb": "yes",
@@ -37,7 +42,8 @@ COMMON_OPTIONS = {
 BRIEF_START_ELEMENT_ITERATIONS = 4800
 """Largest product of iterations and elements of a brief start.
 
-Of 20 motions that began at speed, 17 took at most 65 iterations. Failures take up to 300.
+The planner "fast" uses it for motions that begin at speed. Of 20 such motions, 17 took at most 65
+iterations, but failures take up to 300.
 """
 OPTIONS_BY_START: dict[Start, dict[str, Any]] = {
     "cold": {"mu_init": FIRST_BARRIER, "bound_push": 1e-2, "bound_frac": 1e-2},
@@ -65,21 +71,21 @@ class ProgramSymbols:
 
     structure: NlpStructure
     x: ca.MX
-    """u, u̇, ü at the start and ü at the end of every element, (4 m, n)."""
+    """u, u̇, ü at the start and ü at the end of every element as columns, (4 m, n)."""
     times: ca.MX
-    """Durations of the blocks, (b,)."""
+    """Durations of the blocks in scaled time, (b,)."""
     cubic: Cubic
     """The elements as cubics, (m, n) each."""
     z: ca.MX
-    """Vectors [u; u̇; ü; ü; h] of the elements as columns, with their lengths h, (4 m + 1, n)."""
+    """Vectors z of the elements as columns: the rows of `x`, and the lengths h, (4 m + 1, n)."""
     element_parameters: list[ca.MX]
-    """Parameters of the element model, (size, n) or (size, 1) each."""
+    """Parameter vectors of the element model as columns, (size, n) or (size, 1) each."""
     own_parameters: ca.MX
     """Parameters of the program itself as one vector."""
     layout: Layout
-    """Positions of the named parameters in this vector."""
+    """Names and positions of the parameters in this vector. The names are fields of `NlpData`."""
     p: Any
-    """The same parameters by name."""
+    """The same parameters as attributes."""
 
     @classmethod
     def build(cls, structure: NlpStructure, element: ElementModel) -> "ProgramSymbols":
@@ -90,7 +96,7 @@ class ProgramSymbols:
         structure : NlpStructure
             Numbers of elements, coordinates and blocks.
         element : ElementModel
-            Element model, which determines the sizes of its parameters.
+            Element model, which determines the sizes of its parameter vectors.
         """
         n, m, b = structure.elements, structure.coordinates, len(structure.block_sizes)
         x, times = ca.MX.sym("x", 4 * m, n), ca.MX.sym("times", b)
@@ -127,7 +133,7 @@ class ProgramSymbols:
 
     @property
     def parameters(self) -> ca.MX:
-        """All parameters as one vector: those of the element model, then those of the program."""
+        """All parameters as one vector: those of the element model, then `own_parameters`."""
         return ca.vertcat(*map(ca.vec, self.element_parameters), self.own_parameters)
 
 
@@ -144,11 +150,13 @@ def build_solvers(
     The program is
 
         min   f(x) = objective + w Σ L(z_k)
-        s.t.  bounds on g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant.
+        s.t.  bounds on g(x) = [constraints; G(z_1); …; G(z_n)],  z = S x + constant,
 
-    The Jacobian and the Hessian of one element, in C or as expanded expressions, are evaluated for
-    all elements. This is several times faster than differentiating the program as a whole, and
-    gives the same numbers. With H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k),
+    where z contains the vectors z_k of all elements. The Jacobian and the Hessian of one element,
+    in C or as expanded expressions, are evaluated for all elements. This is several times faster
+    than the derivatives of the program as a whole, and gives the same numbers. With the Lagrange
+    multipliers λ of all constraints, λ_k of G(z_k), and λ_f of the objective, and with the Hessians
+    H_k = ∇²(λ_kᵀ G + λ_f w L)(z_k),
 
         ∇g = [∂constraints/∂x; diag(∂G/∂z(z_k)) S],   ∇f = ∇objective + w Sᵀ [∇L(z_k)]_k,
         ∇²(Lagrangian) = ∇²(λ_f objective + λᵀ constraints) + Sᵀ diag(H_k) S.
@@ -169,7 +177,7 @@ def build_solvers(
     Returns
     -------
     callable
-        Returns the solver for a kind of start, and keeps it for the next call.
+        Function that returns the solver for a kind of start, and keeps it for the next call.
     """
     x, p, z, weight = symbols.variables, symbols.parameters, symbols.z, symbols.p.weights[1]
     n, z_by_x = z.size2(), ca.jacobian(ca.vec(z), x)
@@ -214,7 +222,7 @@ def _ipopt_by_start(
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program. It decides on the options.
+        Structure of the program, on which the options depend.
     nlp : dict
         Expressions x (variables), p (parameters), f (objective) and g (constraints).
     grad_f : MX
@@ -222,7 +230,7 @@ def _ipopt_by_start(
     jac_g : MX
         Jacobian of g by x.
     hess_lag : Function
-        Upper triangle of the Hessian of the Lagrangian, as CasADi's `nlpsol` calls it.
+        Upper triangle of the Hessian of the Lagrangian, with the arguments of CasADi's `nlpsol`.
     """
     x, p, f, g = nlp.values()
     options: dict[str, Any] = {
@@ -265,11 +273,11 @@ def _map_elements(
     Parameters
     ----------
     native : MappedElements or None
-        Functions in C. None: CasADi evaluates them.
+        The element functions in C. None: CasADi evaluates them.
     z : (4 m + 1, n) MX
-        The elements as columns.
+        Vectors z of the elements as columns.
     parameters : list of MX
-        Parameters of the element model, (size, n) or (size, 1) each.
+        Parameter vectors of the element model, (size, n) or (size, 1) each.
     function : Function
         Function of one element.
     *inputs : MX

@@ -1,8 +1,8 @@
-"""Motion of one joint alone between two given velocities, as the guess of a free motion.
+"""Motion of one joint between two given velocities in closed form, for the guess of a free motion.
 
-A joint from rest to rest makes its fastest motion, stretched in time. A joint that begins at speed
-brakes, covers the rest of its displacement, and accelerates to its velocity at the end. If the rest
-points against the velocity at an end, the joint reverses near that end.
+A joint from rest to rest makes its fastest motion, stretched to the duration of the slowest joint.
+Another joint changes its initial velocity to a peak velocity, cruises, and changes to its final
+velocity. If the peak points against the velocity at an end, the joint reverses near that end.
 """
 
 import math
@@ -22,10 +22,10 @@ from ssm_planner.typing import Array, record
 
 @record
 class JointProfile:
-    """Motion of one joint between two given velocities.
+    """Family of motions of one joint between two given velocities, one for each duration.
 
-    The joint changes its velocity to a peak, cruises, and changes it again. Jerk is only limited
-    from rest to rest.
+    The joint changes its velocity to a peak, cruises, and changes its velocity again. Jerk is only
+    limited in motions from rest to rest.
     """
 
     displacement: float
@@ -33,9 +33,11 @@ class JointProfile:
     speeds: tuple[float, float]
     """Velocities at both ends, rad/s or m/s."""
     velocity: float
+    """Limit of the velocity, at least as large as the velocities at both ends."""
     acceleration: float
+    """Acceleration of the changes of velocity, at most the limit."""
     jerk: float
-    """Limits of velocity, acceleration and jerk. The latter may be infinite."""
+    """Limit of the jerk. Infinite without a limit."""
     sign: float
     """Direction of the peak velocity: +1 or −1."""
 
@@ -47,7 +49,7 @@ class JointProfile:
         limits: Array,
         start_acceleration: float,
     ) -> "JointProfile":
-        """Build the profile of a joint.
+        """Build the profile of a joint from its limits.
 
         Parameters
         ----------
@@ -58,7 +60,7 @@ class JointProfile:
         limits : (3,) array
             Limits of velocity, acceleration and jerk.
         start_acceleration : float
-            Acceleration at the start.
+            Acceleration at the start, rad/s² or m/s².
         """
         velocity, acceleration, jerk = limits.tolist()
         # The joint brakes less hard if its jerk is limited. This decides whether it can stop in
@@ -75,12 +77,15 @@ class JointProfile:
 
     @property
     def is_moving(self) -> bool:
-        """True if the joint moves."""
+        """True if the joint moves, False if it rests during the whole motion."""
         return abs(self.displacement) > ROUNDING_TOLERANCE or any(self.speeds)
 
     @property
     def reversal_times(self) -> tuple[float, float]:
-        """Times in s between either end and the reversal next to it. 0 stands for no reversal."""
+        """Times from the start to the first reversal, and from the last one to the end, s.
+
+        0 stands for no reversal.
+        """
         at_start, at_end = (
             abs(speed) / self.acceleration if speed * self.sign < 0 else 0.0
             for speed in self.speeds
@@ -152,7 +157,10 @@ class JointProfile:
 
 
 def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: float) -> float:
-    """Return the direction +1 or −1 of a joint between its initial and its final acceleration.
+    """Return the direction +1 or −1 of the peak velocity of a joint.
+
+    It is the sign of the displacement that remains after a stop from the initial velocity and a
+    start to the final velocity.
 
     Parameters
     ----------
@@ -161,7 +169,7 @@ def _peak_sign(displacement: float, speeds: tuple[float, float], acceleration: f
     speeds : (float, float)
         Velocities at both ends.
     acceleration : float
-        Acceleration at both ends, rad/s² or m/s².
+        Acceleration of the changes of velocity, rad/s² or m/s².
     """
     start, end = speeds
     remaining = displacement - (start * abs(start) + end * abs(end)) / (2 * acceleration)
@@ -181,9 +189,9 @@ def _braking_acceleration(speed: float, acceleration: float, limit: float, jerk:
     Parameters
     ----------
     speed, acceleration : float
-        Velocity and acceleration at the beginning of the stop.
+        Velocity and acceleration of the joint when it begins to stop.
     limit, jerk : float
-        Limits of acceleration and jerk.
+        Limits of acceleration and jerk. The jerk may be infinite.
     """
     if not speed:
         return limit

@@ -1,7 +1,8 @@
-"""Mesh (division into time intervals) of a motion along a given path.
+"""Mesh of a motion along a given path, that is, its division into intervals of time (elements).
 
-The mesh follows the motion of TOPP-RA: its elements end where another limit becomes the binding
-one.
+The mesh follows the motion of TOPP-RA along the same path, which is fast to compute. In this motion
+s̈ jumps where another limit becomes the binding one. The elements end at these instants, because the
+optimal motion switches near them, and a cubic cannot represent a jump of s̈ within an element.
 """
 
 import numpy as np
@@ -16,7 +17,7 @@ MIN_ARC_SHARE = 0.01
 An arc is the time between two switching points, at which another limit becomes binding.
 """
 END_ARC_SPEED_SHARE = 0.5
-"""Short arcs at the ends of the motion remain if ṡ reaches this share of its maximum in them.
+"""A short arc at the start or end remains if ṡ reaches this share of its maximum in it.
 
 Motions that are slow at their ends spend little time in such arcs and need no elements there.
 """
@@ -31,20 +32,20 @@ class Mesh:
     instants: Array
     """Ends of the elements, (n + 1,), s."""
     interval: Indices
-    """Interval between two reversals of joints that contains the element, (n,).
+    """Index of the interval between two reversals of joints that contains each element, (n,).
 
     The elements of an interval share its duration in fixed proportion, so an interval is a block of
-    the program.
+    the program (see `nlp`).
     """
 
     @classmethod
     def from_retiming(
         cls, guess: Retiming, knots: Array, count: int, jerk: Array | None = None
     ) -> "Mesh":
-        """Build a mesh of at least `count` elements for a motion of TOPP-RA.
+        """Build a mesh for a motion of TOPP-RA.
 
-        If jerk is limited, every jump of s̈ needs time. The element borders then get a ramp behind
-        every jump, as in the jerk-limited motion of a single joint.
+        If jerk is limited, every jump of s̈ needs time. The mesh then has an additional arc, a ramp,
+        behind every jump, as in the jerk-limited motion of a single joint.
 
         Parameters
         ----------
@@ -53,12 +54,13 @@ class Mesh:
         knots : (k + 1,) array
             Values of s at the ends of the path and at the reversals of its joints.
         count : int
-            Approximate number of elements.
+            Number of elements. The mesh has more if there are too many arcs.
         jerk : (n + 1,) array or None
-            Largest s⃛ at the grid points of `guess`, 1/s³. None without a jerk limit.
+            Largest s⃛ at the n + 1 grid points of `guess`, 1/s³. None without a jerk limit.
         """
         times = guess.times
         reversals = np.interp(knots, guess.s, times)
+        # The active limit changes between two intervals at a switching point.
         speed, ends = np.sqrt(guess.speed_squared), [*reversals]
         for k in 1 + np.flatnonzero(guess.active[1:] != guess.active[:-1]):
             switch = times[k]
@@ -85,7 +87,7 @@ class Mesh:
         return cls(instants, interval)
 
     def elements(self, motion: Retiming) -> Array:
-        """Return the elements of a motion as the program's first guess, for a duration of 1.
+        """Return the elements of a motion as the first guess of the program, for a duration of 1.
 
         Parameters
         ----------
@@ -95,7 +97,7 @@ class Mesh:
         Returns
         -------
         (n, 5) array
-            s, ṡ, s̈ at the start and s̈ at the end of each element, and its length.
+            s, ṡ, s̈ at the start, s̈ at the end, and length of each element.
         """
         scale = motion.duration
         shares = self.instants / self.instants[-1]
@@ -140,13 +142,13 @@ def _element_ends(borders: Array, count: int) -> Array:
 def _with_ramps(
     borders: Array, reversals: Array, guess: Retiming, jerk: Array
 ) -> tuple[Array, Array]:
-    """Add a border behind each jump of s̈, at the end of the ramp that limited jerk requires.
+    """Add a border behind each jump of s̈, where the ramp ends that limited jerk requires.
 
     Parameters
     ----------
     borders : (k,) array
         Instants of the jumps and of both ends, s.
-    turns : (i,) array
+    reversals : (i,) array
         Start, reversals and end of the motion, s.
     guess : Retiming
         Motion of TOPP-RA along the path.

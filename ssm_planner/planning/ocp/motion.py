@@ -1,4 +1,9 @@
-"""Motion of a phase in SI units: joint polynomials, directions and reversals of the joints."""
+"""Motion of a phase in SI units: joint polynomials, directions and reversals of the joints.
+
+A phase is a part of a mission from one stop to the next. `free` and `straight` return its motion as
+a `PhaseSolution`. `reversals` reads the direction multipliers of a solution, and proposes `Borders`
+at which joints may reverse in the next one.
+"""
 
 from dataclasses import field, replace
 from typing import Any
@@ -15,8 +20,10 @@ from ssm_planner.typing import Array, record
 class DirectionMultipliers:
     """Time that a motion would save, to first order, if its joints left their directions.
 
-    The motion has n elements (time intervals). `FreeProblem.direction_multipliers` computes the
-    values from the Lagrange multipliers of the optimal control problem.
+    In an optimised motion, every joint keeps its direction between two borders. A large multiplier
+    shows where a reversal would save time. `FreeProblem.direction_multipliers` computes the values
+    from the Lagrange multipliers of the optimal control problem, for a motion with n elements (time
+    intervals).
     """
 
     instants: Array
@@ -34,27 +41,27 @@ class DirectionMultipliers:
 
     @property
     def largest_joint_sum(self) -> float:
-        """Largest sum of |values| over the elements that one of the joints has."""
+        """Largest of the four joints' sums of |values| over the elements."""
         return float(np.abs(self.values).sum(axis=0).max(initial=0.0))
 
 
 @record
 class Borders:
-    """Positions on a free motion at which joints may reverse."""
+    """Positions of a free motion at which joints may reverse, its start and end included."""
 
     points: Array
-    """Joints at the borders, (k + 1, 4)."""
+    """Joint positions at the borders, (k + 1, 4), rad and m."""
     free: tuple[int, ...] = ()
     """Indices of the borders whose positions are only guesses. The solver determines them."""
     directions: Array | None = None
-    """Directions of the joints between the borders, +1, −1 or 0, (k, 4).
+    """Directions of the joints between the borders: +1, −1 or 0, (k, 4).
 
     None: the signs of the displacements from border to border.
     """
     via_velocity: Array | None = None
-    """Joint velocities q̇ at the via points, (k − 1, 4), for the guess. None: at rest.
+    """Joint velocities q̇ of the guess at the inner borders, (k − 1, 4). None: 0.
 
-    They decide between which points joints reverse.
+    They decide between which borders joints reverse.
     """
     guess: tuple[Trajectory, Array] | None = None
     """A motion through the borders, and the instants at which it passes them, (k + 1,), s."""
@@ -67,7 +74,7 @@ class PhaseSolution:
     status: str
     """Status "solved", "infeasible" or "not converged"."""
     message: str
-    """Message of the solver."""
+    """Message of the solver, see `NlpSolution.message`."""
     iterations: int = 0
     """Number of iterations of the solver."""
     breaks: Array = field(default_factory=lambda: np.zeros(1))
@@ -89,9 +96,14 @@ class PhaseSolution:
 
     @classmethod
     def from_solver(cls, solution: NlpSolution, **motion: Any) -> "PhaseSolution":
-        """Return the result of a solver in SI units.
+        """Build the result from the solution of a program.
 
-        `motion` contains the fields that describe the motion. It is empty after a failure.
+        Parameters
+        ----------
+        solution : NlpSolution
+            Solution, or the status of the failure.
+        **motion
+            Fields that describe the motion in SI units. Empty after a failure.
         """
         return cls(
             solution.status,

@@ -1,10 +1,14 @@
 """Values that describe a nonlinear program: structure, boundary conditions, data and solution.
 
-Time is divided into n elements, and m coordinates u describe the position (the path parameter s, or
-the moving joints). Borders divide the elements into k segments. A border is a point where u is
-given, or a free position where a joint reverses. The elements are also grouped into b blocks. The
-duration of a block is an unknown, and its elements share it in fixed proportion. All lengths and
-times are scaled.
+These values are the common language of the optimal control problems (`free_problem`, `straight`),
+which create them, and of the solvers (`transcription` with Ipopt, `structured`), which read them.
+
+Time is divided into n intervals, called elements. In an element, each of the m coordinates u (the
+path parameter s, or the moving joints) is a cubic polynomial of time. Borders divide the elements
+into k segments. A border is a point where u is given, or a free position where a joint reverses.
+The elements are also grouped into b blocks. The duration of a block is an unknown, and its elements
+share it in fixed proportion. All lengths and times are scaled: u by units of length, and time by
+about the duration of the motion.
 """
 
 from collections.abc import Sequence
@@ -20,8 +24,9 @@ from ssm_planner.trajectory import Cubic
 from ssm_planner.typing import Array, Indices, Mask, frozen, record
 
 Solver = Literal["structured", "Ipopt"]
+"""Name of a solver."""
 Method = Literal["Ipopt", "structured", "confirmed", "estimated"]
-"""How one attempt solves a problem. `phase_planner` chooses the next attempt if it fails.
+"""Solution method of one attempt. `phase_planner` chooses another one if the attempt fails.
 
 "Ipopt": by Ipopt alone. "structured": by the structured solver (`ocp.structured`). "confirmed": by
 the structured solver, then Ipopt confirms the optimum. "estimated": by the structured solver, only
@@ -30,15 +35,16 @@ to estimate the duration.
 MAX_BLOCK_ELEMENTS = 20
 """Largest number of elements of a block.
 
-Longer blocks are divided, so that the positions of their elements are well determined.
+An arc with more elements is divided into several blocks, whose durations may differ.
 """
 
 
 @frozen
 class NlpStructure:
-    """Everything that the expressions of a program depend on, except for its element model.
+    """Numbers of elements, segments and blocks, and the kinds of constraints of a program.
 
-    Programs with the same structure and element model share their compiled functions.
+    Apart from the element model, the expressions of a program depend on nothing else. Programs with
+    the same structure and element model therefore share their compiled functions.
     """
 
     moves: tuple[tuple[bool, ...], ...]
@@ -50,7 +56,7 @@ class NlpStructure:
     has_continuous_acceleration: bool
     """True if ü is continuous, because jerk is limited."""
     velocity_limits: bool
-    """True if the velocities of the coordinates themselves are limited."""
+    """True if the coordinates have velocity limits of their own, as joints do."""
     coordinates_are_joints: bool
     """True if the coordinates are joints, False if there is only the path parameter s.
 
@@ -110,7 +116,7 @@ class NlpStructure:
 
     @property
     def borders(self) -> list[int]:
-        """Index of the first element of each segment."""
+        """Indices of the first elements of all segments."""
         return [0, *np.cumsum(self.segment_sizes)[:-1].tolist()]
 
     @property
@@ -126,27 +132,27 @@ class NlpStructure:
 
 @record
 class BoundaryConditions:
-    """Positions and velocities of the m coordinates at the borders and ends of a motion."""
+    """Positions and velocities of the m coordinates at the borders and ends of k segments."""
 
     points: Array
-    """u at every border and at the end, (k + 1, m). NaN where it is free."""
+    """u at the start, at every border and at the end, (k + 1, m). NaN where the solver finds it."""
     signs: Array
     """Direction +1, −1 or 0 of u in every segment, (k, m)."""
     start_velocity: Array
     end_velocity: Array
     """u̇ at the start and at the end, (m,) each."""
     start_acceleration: Array = field(default_factory=lambda: np.zeros(1))
-    """ü at the start, if jerk is limited, (m,)."""
+    """ü at the start, (m,). It is only given if jerk is limited."""
     ranges: Array = field(default_factory=lambda: np.zeros((2, 1)))
-    """Smallest and largest u at a free border, (2, m)."""
+    """Smallest and largest u at a free border (where `points` is NaN), (2, m)."""
 
     def bounds(
         self, structure: NlpStructure, velocity: Array, acceleration: Array
     ) -> tuple[Array, Array, tuple[Array, Array]]:
         """Return the bounds of the states of all elements, and those of u̇ within the elements.
 
-        They are the fields lower (n, 4 m), upper (n, 4 m) and velocity of `NlpData`. A coordinate
-        that reverses at a border, or that rests on one side of it, gets velocity 0 there.
+        A coordinate that reverses at a border, or that rests on one side of it, has velocity 0
+        there, which the bounds impose.
 
         Parameters
         ----------
@@ -154,8 +160,16 @@ class BoundaryConditions:
             Structure of the program.
         velocity, acceleration : (m,) or (n, m) arrays
             Limits of |u̇| and |ü|. Infinite without a limit.
+
+        Returns
+        -------
+        lower, upper : (n, 4 m) arrays
+            The fields of `NlpData` with these names.
+        velocity : tuple of two (n, m) arrays
+            The field `NlpData.velocity`.
         """
         m, segment = structure.coordinates, structure.segment
+        # Columns of u̇, of ü at the start and of ü at the end of an element.
         v, a0, a1 = (slice(i * m, (i + 1) * m) for i in range(1, 4))
         signs = self.signs[segment]
         v_min, v_max = (np.where(sign * signs > 0, sign * velocity, 0.0) for sign in (-1, 1))
@@ -181,10 +195,10 @@ class BoundaryConditions:
 
 @record
 class NlpData:
-    """Parameters and bounds of one program. Solvers read them for a given `NlpStructure`."""
+    """All numbers of a program: its parameters and its bounds."""
 
     element_parameters: tuple[Array, ...]
-    """Parameters of the element model, (size,) or (n, size)."""
+    """Parameter vectors of the element model, (size,) for all elements or (n, size)."""
     fractions: Array
     """Length of every element as a share of its block, (n,)."""
     least_times: Array
@@ -196,24 +210,26 @@ class NlpData:
     velocity: tuple[Array, Array]
     """Smallest and largest u̇ within each element, (n, m) each."""
     end: Array
-    """u and u̇ at the end, (2 m,)."""
+    """u and u̇ at the end of the motion, (2 m,)."""
     acceleration: Array
     jerk: Array
     """Limits of |ü| and |u⃛| if the coordinates are joints, (m,) each."""
     path_bound: Array
     """Upper bounds of r path constraints at start, middle and end of each element, (n, 3 r).
 
-    They are 1 − backoff. The backoff keeps the constraint satisfied between these instants too.
+    They are 1 − backoff. The backoff is a margin that `refinement` chooses, so that the motion
+    keeps the limit between these instants too.
     """
     breakaway_bound: Array
-    """Upper bounds of the breakaway constraints, (pairs of `NlpStructure.breakaways`, joints).
+    """Upper bounds of the breakaway constraints, (pairs, rows).
 
-    They are infinite for joints that are not at rest there.
+    The pairs are those of `NlpStructure.breakaways`, and the rows those of the element model's
+    `breakaway`. The bounds are infinite for joints that do not start to move there.
     """
     duration: tuple[float, float] = (0.0, np.inf)
-    """Smallest and largest total duration."""
+    """Smallest and largest duration of the motion."""
     brief: bool = False
-    """True if a cold start of Ipopt has only few iterations."""
+    """True if Ipopt may take only few iterations from a guess, see `ipopt.Start`."""
     weights: tuple[float, float] = (1.0, 0.0)
     """Weights of the duration and of the cost (heat or effort of the motors) in the objective."""
 
@@ -223,10 +239,10 @@ class NlpData:
         return np.asarray(self.upper - self.lower <= ROUNDING_TOLERANCE)
 
     def needs_position_bounds(self, structure: NlpStructure) -> Mask:
-        """Return a mask (n, m) of the bounds of u that do not follow from other constraints.
+        """Return a mask of the bounds of u that do not follow from other constraints, (n, m).
 
-        Bounds of u are needed at free borders. A coordinate keeps its direction between borders, so
-        it stays between its positions there without them.
+        Only the first element behind a free border needs them. Between two borders a coordinate
+        keeps its direction, so it stays between its positions at both borders anyway.
         """
         counts = np.zeros_like(self.velocity[0], dtype=bool)
         counts[structure.borders[1:]] = True
@@ -235,7 +251,7 @@ class NlpData:
 
 @frozen
 class Confirmation:
-    """Results of Ipopt, which started at an optimum of the structured solver to confirm it."""
+    """Result of Ipopt after a start at the optimum of the structured solver, to confirm it."""
 
     iterations: int
     """Iterations of Ipopt. They include those for the motion of least heat or effort."""
@@ -247,9 +263,9 @@ class Confirmation:
 
 @record
 class Multipliers:
-    """Lagrange multipliers of a solution by element, in scaled time.
+    """Lagrange multipliers of a solution in every element, in scaled time.
 
-    A positive multiplier tells how fast the objective would fall if its constraint were relaxed.
+    A multiplier is the rate at which the objective would decrease if its constraint were relaxed.
     """
 
     direction: Array
@@ -261,7 +277,7 @@ class Multipliers:
     rows: Array
     """Multipliers of r path constraints at start, middle and end of each element, (n, 3 r), ≥ 0."""
     active: frozenset[tuple[str, int | None]]
-    """Names and joints of these path constraints."""
+    """Names and joints of the r path constraints."""
 
     @classmethod
     def of_bounds(
@@ -299,16 +315,19 @@ class NlpSolution:
     """Result of a solver: the motion in scaled units, or the status of the failure."""
 
     message: str
-    """Return status of the solver in Ipopt's words."""
+    """Return status of the solver, one of Ipopt's or of those in `structured`, `objectives`."""
     structure: NlpStructure
+    """Structure of the program that was solved."""
     elements: Array
     """u, u̇, ü at the start, ü at the end, and length of every element, (n, 4 m + 1)."""
     iterations: int
+    """Number of iterations of the solver."""
     solver: Solver = "Ipopt"
+    """Name of the solver."""
     structured_state: State | None = None
-    """Internal state of the structured solver. A solve of a similar program may start there."""
+    """Final state of the structured solver, at which a solve of a similar program may start."""
     objective: float = np.nan
-    """Value of the objective."""
+    """Value of the objective at the solution."""
     residual: float = np.nan
     """Violation of the optimality (KKT) conditions at Ipopt's last iterate."""
     multipliers: Multipliers | None = None
@@ -318,7 +337,7 @@ class NlpSolution:
 
     @property
     def status(self) -> str:
-        """Status "solved", "infeasible" or "not converged"."""
+        """Outcome: "solved", "infeasible" (no motion near Ipopt's start) or "not converged"."""
         if self.message in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             return "solved"
         return "infeasible" if self.message == "Infeasible_Problem_Detected" else "not converged"
@@ -335,7 +354,7 @@ class NlpSolution:
 
 
 def as_cubics(elements: Array) -> Cubic:
-    """Return the elements as cubic polynomials, one value with fields of shape (n, m).
+    """Return the elements as cubic polynomials, in one `Cubic` with fields of shape (n, m).
 
     Parameters
     ----------

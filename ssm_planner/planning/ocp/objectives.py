@@ -1,6 +1,8 @@
-"""Optimisation for an objective: first the fastest motion, then that of least heat or effort.
+"""Optimisation for the objective of a problem.
 
-Ipopt confirms each of them if the solution method is "confirmed".
+`find_fastest_motion` computes the motion of least duration. From there, `find_best_motion` computes
+the motion of least heat or effort, if the objective or a requested duration asks for one. If the
+solution method is "confirmed", Ipopt confirms both motions.
 """
 
 from dataclasses import replace
@@ -24,22 +26,26 @@ from ssm_planner.problem import Objective
 from ssm_planner.typing import Array
 
 CENTRING_ITERATIONS = 8
-"""Largest number of iterations that move a solution close to the central path.
+"""Largest number of iterations of the structured solver that centre a solution before Ipopt starts.
 
-Ipopt then computes nearly exact multipliers from its slacks.
+Near the central path, the product of slack and multiplier is equal for all constraints. Ipopt then
+computes nearly exact multipliers from the slacks.
 """
 NOT_CONFIRMED = "Not_Confirmed_By_Ipopt"
-"""Status of a motion that Ipopt did not confirm."""
+"""Message of a solution that Ipopt did not confirm."""
 LEAST_HEAT_EXTRA_TIME = 1e-3
-"""Relative amount by which the motion of least heat may take longer than the fastest motion."""
+"""Relative amount by which the motion of least heat may take longer than the fastest motion.
+
+The objective "time then heat" gives up so much time to save heat.
+"""
 
 
 def find_fastest_motion(
     problem: OcpProblem, guess: Array, duration: float | None = None, *, cutoff: float = np.inf
 ) -> RefinedMotion:
-    """Compute the fastest motion with the solver that the problem's method tries first.
+    """Compute the motion of least duration, with the solver that the problem's method tries first.
 
-    `find_best_motion` then confirms the motion and optimises the objective.
+    `find_best_motion` continues from the result.
 
     Parameters
     ----------
@@ -49,9 +55,9 @@ def find_fastest_motion(
         Motion at which the optimisation begins: u, u̇, ü at the start, ü at the end, and length of
         each element.
     duration : float or None
-        Requested duration in scaled time. None: as short as possible.
+        Requested duration in scaled time, which replaces `cutoff`. None: as short as possible.
     cutoff : float
-        Duration in scaled time. A motion that takes longer is not refined further.
+        Duration in scaled time beyond which a motion is of no use. It is not refined further.
 
     Returns
     -------
@@ -74,8 +80,8 @@ def find_best_motion(
     - Objective "time": the fastest motion.
     - Objective "time then heat": the motion of least heat among those that take at most a share
       `LEAST_HEAT_EXTRA_TIME` more time than the fastest.
-    - With a requested duration: the motion of least effort that takes it, or the fastest motion if
-      that takes longer.
+    - With a requested duration: the motion of least effort that takes this duration, or the fastest
+      motion if that takes longer.
     - With heat weights (`joint_limits["cooling"]`): the least weighted sum of heat and time, or the
       least weighted heat in a requested duration.
 
@@ -167,9 +173,9 @@ def _least_cost_motion(
 def _solve_and_confirm(
     state: RefinementState, aim: Aim, duration: tuple[float, float]
 ) -> RefinedMotion:
-    """Solve and refine a program until the motion keeps all limits, then let Ipopt confirm it.
+    """Compute a motion that keeps all limits, and let Ipopt confirm it.
 
-    If Ipopt does not confirm the motion, Ipopt solves the program alone.
+    If Ipopt does not confirm the motion, Ipopt solves the program alone, from the initial state.
 
     Parameters
     ----------
@@ -188,12 +194,12 @@ def _solve_and_confirm(
 
 
 def _confirm(refined: RefinedMotion, aim: Aim) -> RefinedMotion | None:
-    """Confirm the optimum of the structured solver by Ipopt, which starts there.
+    """Let Ipopt confirm an optimum of the structured solver, at which Ipopt starts.
 
-    The result is the structured solver's motion with the difference between both durations, unless
-    Ipopt's motion is shorter (or cheaper) by more than rounding. The structured solver's motion is
-    preferred because it satisfies the dynamics exactly even in very short elements. A motion that
-    needs no confirmation is returned unchanged.
+    If both solvers agree, the result is the structured solver's motion, because it satisfies the
+    dynamics exactly even in very short elements. If Ipopt's motion is shorter, or cheaper, by more
+    than rounding, the result is Ipopt's motion. A motion that needs no confirmation is returned
+    unchanged.
 
     Parameters
     ----------

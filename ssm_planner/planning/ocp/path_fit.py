@@ -1,6 +1,7 @@
 """Polynomials in s that approximate a path and its load near each element of a mesh.
 
-They are parameters of the element model `elements.straight_element.StraightElement`.
+They are parameters of the element model `elements.straight_element.StraightElement`, so that the
+optimisation evaluates no kinematics.
 """
 
 from functools import cache
@@ -14,14 +15,14 @@ from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.typing import Array
 
 MIN_FIT_HALF_WIDTH = 0.004
-"""Smallest half width in s of the interval of a fit.
+"""Smallest half width of the interval of a fit, in units of the path parameter s ∈ [0, 1].
 
-The optimisation can thus move a short element along the path without leaving its interval.
+The optimisation moves an element along the path. A short element thus remains in its interval.
 """
 
 
 def fit_path(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: Array) -> Array:
-    """Fit polynomials to a path, its load and its tool speeds, one set for each element.
+    """Fit polynomials to a path, its load and its tool speeds near each element.
 
     The fitted curves are the derivatives dq/ds of the joints, the coefficients of the load in s
     (`RigidBody.path_load`), and the speeds of the tool at ṡ = 1. Each polynomial interpolates its
@@ -40,8 +41,8 @@ def fit_path(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: A
     Returns
     -------
     (n, size) array
-        Centre and half width of the interval, and the coefficients of all polynomials by powers of
-        (s − centre) / half width.
+        Fit of each element in the order of `straight_element.fit_layout`: centre and half width of
+        the interval, and the coefficients of ξ^0, ξ^1, … with ξ = (s − centre) / half width.
     """
     middle, breaks = (low + high) / 2, path.breaks
     piece = np.clip(np.searchsorted(breaks, middle) - 1, 0, len(breaks) - 2)

@@ -1,6 +1,8 @@
-"""Base class of the optimal control problems.
+"""Base class of the optimal control problems of free motions and of motions along a path.
 
-It provides the data of the program, and evaluates the path constraints between collocation points.
+An optimal control problem becomes a nonlinear program on a mesh of elements (`nlp`). The base class
+provides the data of this program, and evaluates path constraints between the instants at which the
+program imposes them. The subclasses are `free_problem.FreeProblem` and the problem of `straight`.
 """
 
 from abc import ABC, abstractmethod
@@ -23,7 +25,10 @@ from ssm_planner.planning.work import Work
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
 MIN_BLOCK_SHARE = 0.01
-"""Smallest duration of a block, as a share of its duration in the guess."""
+"""Smallest duration of a block, as a share of its duration in the guess.
+
+It prevents elements of length 0, in which accelerations would be undetermined.
+"""
 
 
 @keyword_record
@@ -31,24 +36,24 @@ class OcpProblem(ABC):
     """An optimal control problem with n elements, k segments, b blocks and r path constraints.
 
     Elements, segments and blocks are defined in `nlp`. A path constraint (also called a row) is a
-    function of the state that must not exceed 1. A subclass provides the element models and their
-    parameters.
+    function of the motion at one instant that must not exceed 1. A subclass provides the element
+    models with their parameters, the limits of the coordinates and the boundary conditions.
     """
 
     structure: NlpStructure
     """Structure of the program."""
     lengths: Array
-    """Length of every element in the guess, (n,), in scaled time."""
+    """Length of every element in the guess in scaled time, (n,)."""
     joint_limits: dict[str, Array]
-    """Result of `rows.joint_limits` for the robot whose limits the motion must keep."""
+    """Limits of joints and motors that the motion must keep, from `rows.joint_limits`."""
     time_scale: float
     """Unit of scaled time, s."""
     directions: Array
     """Direction of every joint in every segment: +1, −1 or 0, (k, 4)."""
     starts_at_rest: Array
-    """True for joints that begin the motion at rest, (4,)."""
+    """True for joints that are at rest at the start of the motion, (4,)."""
     method: Method = "Ipopt"
-    """Solution method."""
+    """Solution method, see `nlp.Method`."""
     work: Work = field(default_factory=Work)
     """Counter of the computational work."""
 
@@ -62,28 +67,28 @@ class OcpProblem(ABC):
     def limits(self) -> tuple[Array, Array, Array]:
         """Limits of velocity u̇, acceleration ü and jerk u⃛ of the coordinates in scaled time.
 
-        They have the shape (m,) or (n, m) each, and are infinite without a limit.
+        Each has the shape (m,) or (n, m), and is infinite without a limit.
         """
 
     @property
     @abstractmethod
     def complete_element(self) -> ElementModel:
-        """Element model with all r path constraints that this problem may need."""
+        """Element model with all r path constraints that the motion must keep."""
 
     @abstractmethod
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the parameters of the element model for a motion.
+        """Return the parameter vectors of the element model for a motion.
 
         Parameters
         ----------
         elements : (n, 4 m + 1) array
-            u, u̇, ü at the start, ü at the end, and length of each element. Parameters that
-            approximate a curve are computed near the positions u.
+            u, u̇, ü at the start, ü at the end, and length of each element. A model that
+            approximates a path does so near the positions u.
 
         Returns
         -------
         tuple of arrays
-            (size,) if all elements share the values, otherwise (n, size).
+            (size,) for a vector that all elements share, otherwise (n, size).
         """
 
     def element(self, active: frozenset[RowName], aim: Aim) -> ElementModel:
@@ -92,7 +97,7 @@ class OcpProblem(ABC):
         Parameters
         ----------
         active : frozenset
-            Names and joints of the path constraints.
+            Names and joints of those path constraints that are part of the program.
         aim : str
             Cost in addition to time, see `elements.element.Aim`.
         """
@@ -127,12 +132,12 @@ class OcpProblem(ABC):
         )
 
     def with_divided_elements(self, counts: Indices) -> "OcpProblem":
-        """Return the problem with every element divided into equal parts.
+        """Return the problem on a finer mesh, in which every element is divided into equal parts.
 
         Parameters
         ----------
         counts : (n,) int array
-            Number of parts of each element.
+            Number of parts of each element. 1 leaves it as it is.
         """
         lengths = np.repeat(self.lengths / counts, counts)
         return replace(
@@ -152,15 +157,18 @@ class OcpProblem(ABC):
 
     @property
     def has_free_borders(self) -> bool:
-        """True if the solver determines positions at some borders.
+        """True if the solver determines positions at some borders between segments.
 
-        Such borders are reversals of joints, and passages of the port of an eye.
+        Such borders are reversals of joints, and passages of the port (incision) of an eye.
         """
         return bool(np.isnan(self.boundary.points).any())
 
     @property
     def always_active(self) -> frozenset[RowName]:
-        """Path constraints that are part of the program whatever the guess."""
+        """Names and joints of path constraints that are always part of the program.
+
+        The others become part of it when a guess or a solution comes close to their limits.
+        """
         return frozenset()
 
     @property
@@ -170,7 +178,7 @@ class OcpProblem(ABC):
 
     @cached_property
     def row_names(self) -> list[RowName]:
-        """Names and joints of all r path constraints."""
+        """Names and joints of all r path constraints, in the order of their values."""
         return self.complete_element.row_names
 
     @property
@@ -181,8 +189,8 @@ class OcpProblem(ABC):
     def row_maxima(self, elements: Array) -> Array:
         """Return the largest value of each path constraint in each element of a motion.
 
-        The constraints are evaluated at nine instants of each element, and interpolated by
-        parabolas at their peaks.
+        The constraints are evaluated at the nine `DENSE_POINTS` of each element. A parabola through
+        the largest value and its neighbours estimates the maximum.
 
         Parameters
         ----------
@@ -202,17 +210,18 @@ class OcpProblem(ABC):
         return np.where(self.ignored_rows, -np.inf, peaks)
 
     def _breakaway_bound(self) -> Array:
-        """Return the upper bounds of the breakaway constraints, (pairs, joints).
+        """Return the upper bounds of the breakaway constraints, (pairs, rows).
 
-        They are 1 for joints that start or reverse at the instant, and infinite for the others. The
-        rows belong to the pairs of `NlpStructure.breakaways`.
+        The pairs (k, j) are those of `NlpStructure.breakaways`. A bound is 1 for a joint that
+        starts or reverses at the beginning of element k and moves in element j. It is infinite for
+        other joints.
         """
         sigma = self.sigma
         joints = self.complete_element.breakaway_joints
         bounds = []
-        for k, side in self.structure.breakaways:
-            turning = sigma[k] != sigma[k - 1] if k else self.starts_at_rest
-            bounds.append(np.where(turning & (sigma[side] != 0), 1.0, np.inf)[joints])
+        for k, j in self.structure.breakaways:
+            starts = sigma[k] != sigma[k - 1] if k else self.starts_at_rest
+            bounds.append(np.where(starts & (sigma[j] != 0), 1.0, np.inf)[joints])
         return np.array(bounds)
 
 

@@ -1,12 +1,13 @@
 """Reduced costs of joints at rest: the time that a motion would save if a joint moved.
 
-The savings are of first order. A moving joint has the multipliers λ of "u̇ keeps its direction" at
-the optimum. A joint j at rest has no multiplier, because it is not an unknown of the program. Its
-reduced costs follow from the multipliers of the path constraints, ℓ(q) = Σ_k λ_kᵀ G(z_k). Let q̇_j
-be linear between its values v_k at the ends of the elements, and let q_j be its integral. The
-reduced costs are c_k = ∂ℓ/∂v_k. A joint that returns to its position satisfies Σ w_k v_k = 0 with
-the weights w_k of the trapezoidal rule. The steepest descent of ℓ under this condition is v_k =
-mean(c/w) − c_k / w_k. Its size is the multiplier of "q̇_j = 0".
+The savings are of first order. At an optimum, a moving joint has Lagrange multipliers of the
+constraint "u̇ keeps its direction". A joint j at rest has none, because it is not an unknown of the
+program. Its reduced costs follow from the multipliers λ_k of the path constraints G(z_k) of the
+elements k, with the function ℓ = Σ_k λ_kᵀ G(z_k). Let q̇_j be linear between its values v_k at the
+ends of the elements, and let q_j be its integral. The reduced costs are c_k = ∂ℓ/∂v_k. A joint that
+returns to its position satisfies Σ w_k v_k = 0 with the weights w_k of the trapezoidal rule. The
+steepest descent of ℓ under this condition is v_k = mean − c_k / w_k, with the mean Σ c / Σ w. Its
+size is the multiplier of "q̇_j = 0".
 """
 
 from collections.abc import Sequence
@@ -28,11 +29,11 @@ def constraint_gradient(
     element : ElementModel
         Element model with r path constraints G(z).
     z : (n, size of z) array
-        States and lengths of the elements.
+        Vectors z of the elements, see `elements.element`.
     parameters : sequence of arrays
-        Parameters of the element model, (size,) or (n, size) each.
+        Parameter vectors of the element model, (size,) or (n, size) each.
     multipliers : (n, 3 r) array
-        Multipliers λ at start, middle and end of each element.
+        Multipliers λ of the r constraints at start, middle and end of each element.
 
     Returns
     -------
@@ -54,8 +55,8 @@ def constraint_gradient(
 def steepest_descent(gradient: Array, lengths: Array) -> Array:
     """Compute the direction in which a joint at rest should move in order to save time.
 
-    The joint's velocity in the middle of each element is mean(c/w) − c/w, with the costs c and the
-    weights w of the module's docstring.
+    The function computes the velocities v_k of the module's docstring at the ends of the elements,
+    and from them the velocity in the middle of each element.
 
     Parameters
     ----------
@@ -67,7 +68,8 @@ def steepest_descent(gradient: Array, lengths: Array) -> Array:
     Returns
     -------
     (n,) array
-        Velocity times length of each element. It is positive if the joint should move forwards.
+        Velocity in the middle of each element, times its length. It is positive if the joint
+        should move forwards.
     """
     h, (by_position, by_velocity, by_acceleration) = lengths, gradient.T
     # A velocity within an element also shifts the positions in all later elements.

@@ -1,10 +1,13 @@
 """Refinement of a program until its solution keeps all limits at every instant.
 
-The program contains path constraints only at the collocation points (start, middle and end of each
-element), and only the active ones. After each solution, all path constraints are evaluated densely
-on the true path. A violated constraint that is not active becomes active. An element with a large
-violation is divided (mesh refinement). A small violation lowers the bound of its constraint
-(backoff). Then the program is solved again.
+The program imposes path constraints only at the collocation points (start, middle and end of each
+element), and only those that the motion comes close to (the active ones). After each solution, all
+path constraints are evaluated at more instants. A violated constraint that is not active becomes
+active. An element with a large violation is divided (mesh refinement). A small violation lowers the
+bound of its constraint by a margin (backoff). Then the program is solved again.
+
+`solve_to_tolerance` is the main entry. Its state, `RefinementState`, allows a later refinement with
+another objective to continue from the result.
 """
 
 from dataclasses import replace
@@ -27,13 +30,16 @@ from ssm_planner.problem import LensClearance, MotorTorque
 from ssm_planner.typing import Array, record
 
 INITIALLY_ACTIVE_SHARE = 0.8
-"""Share of its limit that a constraint must reach in the guess to be active at the start."""
+"""Value, as a share of the limit, from which a constraint of the guess is active at the start."""
 LIMIT_TOLERANCE = 5e-7
-"""Share by which a constraint may exceed its limit between collocation points."""
+"""Largest excess of a constraint over its limit, as a share of the limit, in a refined motion."""
 DIVISION_THRESHOLD = 4e-3
-"""Excess of a constraint over its limit above which its element is divided."""
+"""Excess of a constraint over its limit, as a share of it, above which the element is divided.
+
+A backoff corrects smaller excesses, so that the number of elements remains small.
+"""
 DIVERGENCE_THRESHOLD = 1.0
-"""Excess of an inactive constraint above which a solution is a bad initial point.
+"""Excess over the limit, as a share of it, above which a solution is a bad initial point.
 
 The refinement then starts at the guess again. Without this, random problem 30436 and two missions
 with a hot motor (tests/planning/test_continuous_torque.py) have no plan.
@@ -41,9 +47,15 @@ with a hot motor (tests/planning/test_continuous_torque.py) have no plan.
 PARTS_PER_DIVISION = 3
 """Number of parts into which an element is divided."""
 DIVISION_ROUNDS = 2
-"""Number of rounds that may divide elements. The next solve then starts without multipliers."""
+"""Number of rounds at the beginning of a refinement that may divide elements.
+
+A solve on a new mesh must start without multipliers, so it takes more iterations.
+"""
 BACKOFF_FACTOR = 2.0
-"""Ratio of the added backoff to the violation."""
+"""Ratio of the additional backoff of a constraint to its violation.
+
+A ratio above 1 makes a second violation unlikely.
+"""
 MAX_SOLVES = 12
 """Largest number of solves.
 
@@ -63,9 +75,9 @@ class RefinementState:
     problem: OcpProblem
     """Optimal control problem on the present mesh."""
     active: frozenset[RowName]
-    """Names and joints of the path constraints that are part of the program."""
+    """Names and joints of the path constraints that are part of the program, the active ones."""
     backoff: Array
-    """Reduction of the bounds of all path constraints, (n, r)."""
+    """Amounts by which the bounds of all r path constraints are lowered, (n, r)."""
     elements: Array
     """Elements of the latest solution, or those of the guess, (n, 4 m + 1)."""
     warm: NlpSolution | None = None
@@ -99,7 +111,7 @@ class RefinementState:
         return replace(self, guess=guess, elements=guess, warm=None)
 
     def program(self, aim: Aim, duration: tuple[float, float] | None) -> NlpProgram:
-        """Return the nonlinear program that is solved next.
+        """Return the nonlinear program for the next solve.
 
         Parameters
         ----------
@@ -121,14 +133,14 @@ class RefinementState:
         return structure, element, data
 
     def solve(self, program: NlpProgram) -> NlpSolution:
-        """Solve a program by Ipopt or by the structured solver, depending on the method."""
+        """Solve a program from the latest motion, by the solver that the problem's method names."""
         structure, element, data = program
         if self.problem.method == "Ipopt":
             return Transcription.build(structure, element).solve(data, self.elements)
         # The constraint of the lens has rounded edges, so the barrier must decrease slowly.
-        beside_lens = any(name == LensClearance.name for name, _ in self.active)
+        limits_lens = any(name == LensClearance.name for name, _ in self.active)
         return solve_structured(
-            structure, element, data, self.elements, warm=self.warm, slow_barrier=beside_lens
+            structure, element, data, self.elements, warm=self.warm, slow_barrier=limits_lens
         )
 
     def with_divided_elements(self, coarse: Array) -> "RefinementState":
@@ -139,7 +151,7 @@ class RefinementState:
         Parameters
         ----------
         coarse : (n,) mask
-            True for the elements to divide.
+            True for the elements that are divided.
         """
         counts = np.where(coarse, PARTS_PER_DIVISION, 1)
         elements = divide_elements(self.elements, counts)
@@ -153,12 +165,12 @@ class RefinementState:
         )
 
     def with_backoff(self, solution: NlpSolution, increase: Array) -> "RefinementState":
-        """Return the state for a solve with stricter bounds, which starts at a solution.
+        """Return the state for a solve with lower bounds, which starts at a solution.
 
         Parameters
         ----------
         solution : NlpSolution
-            Solution whose multipliers are used.
+            Solution at which the next solve starts, with its multipliers.
         increase : (n, r) array
             Amount by which the bound of each path constraint is lowered in each element.
         """
@@ -167,14 +179,14 @@ class RefinementState:
 
 @record
 class RefinedMotion:
-    """Result of a refinement: the motion, and whether it keeps all limits."""
+    """Result of a refinement: the motion, and whether it keeps all limits at every instant."""
 
     solution: NlpSolution
     """Latest solution. Its number of iterations includes all solves."""
     state: RefinementState
     """State of the refinement at its end."""
     feasible: bool
-    """True if the motion keeps all limits between the collocation points too."""
+    """True if no path constraint exceeds its limit by more than `LIMIT_TOLERANCE`."""
     program: NlpProgram
     """Program that was solved last."""
 
@@ -186,10 +198,10 @@ def solve_to_tolerance(
     duration: tuple[float, float] | None = None,
     cutoff: float = np.inf,
 ) -> RefinedMotion:
-    """Solve the optimal control problem repeatedly, until the motion keeps all limits.
+    """Solve an optimal control problem repeatedly, until the motion keeps all limits.
 
-    Between two solves, the program is refined: more path constraints become part of it, elements
-    are divided, or bounds are lowered.
+    Between two solves, `_next_state` refines the program: more path constraints become part of it,
+    elements are divided, or bounds are lowered.
 
     Parameters
     ----------
@@ -201,13 +213,13 @@ def solve_to_tolerance(
         Smallest and largest duration of a motion of least cost, in scaled time. None: the duration
         is minimised.
     cutoff : float
-        Duration in scaled time. The refinement of a motion that takes longer ends, since it could
-        only become longer.
+        Duration in scaled time. The refinement ends when the motion takes longer, because refined
+        motions only become longer.
 
     Returns
     -------
     RefinedMotion
-        Latest solution. It is feasible if no limit is exceeded by more than `LIMIT_TOLERANCE`.
+        The latest solution. After `MAX_SOLVES` solves, it may still violate limits.
     """
     iterations, work = 0, state.problem.work
     feasible = False
@@ -220,7 +232,7 @@ def solve_to_tolerance(
             solution.solver, solution.iterations, len(solution.elements), costs=aim != "time"
         )
         state = replace(state, elements=solution.elements)
-        # A failed solve cannot be refined, and refinement only makes a motion longer.
+        # A failed solve cannot be refined, and a motion beyond the cutoff is of no use.
         if not solution.solved or solution.duration > cutoff:
             break
         violation = state.problem.row_maxima(solution.elements) - 1
@@ -237,10 +249,10 @@ def _next_state(
 ) -> RefinementState:
     """Return the state for the next solve, after a solution that violates limits.
 
-    The first of these steps that applies is taken.
+    The function takes the first of these steps that applies.
 
-    1. Violated constraints that are not part of the program become part of it. If the solution has
-       diverged, the next solve starts at the guess again.
+    1. Violated constraints that are not active become active. If the violation exceeds
+       `DIVERGENCE_THRESHOLD`, the next solve starts at the guess again.
     2. Elements with large violations are divided, if `may_divide` is true.
     3. The bounds of violated constraints are lowered.
 
@@ -249,12 +261,13 @@ def _next_state(
     state : RefinementState
         State of the last solve.
     solution : NlpSolution
-        Its solution.
+        Solution of the last solve.
     violation : (n, r) array
         Excess of every path constraint over its limit in every element.
     may_divide : bool
         True if elements may be divided.
     """
+    # Violated constraints that are not part of the program.
     missed = constraints_above(state.problem.row_names, violation, LIMIT_TOLERANCE) - state.active
     if missed:
         state = replace(state, active=state.active | missed)
@@ -268,9 +281,17 @@ def _next_state(
 
 
 def additional_backoff(violation: Array) -> Array:
-    """Return the additional backoff (n, r) of path constraints from their violations (n, r).
+    """Return the amounts by which the bounds of path constraints are lowered further.
 
-    Only violated constraints get one. A factor above 1 makes a second violation unlikely.
+    Parameters
+    ----------
+    violation : (n, r) array
+        Excess of every path constraint over its limit in every element.
+
+    Returns
+    -------
+    (n, r) array
+        A little more than `BACKOFF_FACTOR` times the violation, or 0 where there is none.
     """
     return np.where(violation > 0, BACKOFF_FACTOR * violation + LIMIT_TOLERANCE, 0.0)
 
@@ -278,8 +299,9 @@ def additional_backoff(violation: Array) -> Array:
 def constraints_above(names: list[RowName], values: Array, threshold: float) -> frozenset[RowName]:
     """Select the path constraints that exceed a threshold in at least one element.
 
-    A motor has one torque constraint for each corner of a range of friction and payload. Such a
-    constraint is only selected if it is the largest one of its motor in an element.
+    If friction or payload is a range, a motor has one torque constraint for each of its extremes.
+    Such a constraint is only selected if it also is the largest one of its motor in this element.
+    The program then contains few of them.
 
     Parameters
     ----------
@@ -291,7 +313,8 @@ def constraints_above(names: list[RowName], values: Array, threshold: float) -> 
         Threshold of the values.
     """
     above = values > threshold
-    # The index of a torque constraint is 4 · corner + joint. All other constraints get −1.
+    # The second entry of a torque constraint's name is joint + 4 k, see `RowName`. All other
+    # constraints get −1.
     motors = np.array(
         [-1 if name != MotorTorque.name or i is None else i % 4 for name, i in names], dtype=int
     )

@@ -1,7 +1,8 @@
 """Segments of a free motion, with their borders, directions and initial guesses.
 
 Every joint keeps its direction within a segment. Two neighbouring segments meet at a border, which
-is a given point, a reversal of a joint, or a passage of the port (incision) of an eye.
+is a given point, a reversal of a joint, or a passage of the port (incision) of an eye. `guesses`
+creates the segments, and `free_problem` reads them.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -22,20 +23,30 @@ class SegmentGuess:
     """Initial guess of one segment of a free motion, with n elements (time intervals)."""
 
     elements: Cubic
-    """q, q̇, and q̈ at both ends of the elements, (n, 4) each, in SI units. Lengths (n, 1), s."""
+    """q, q̇, q̈ at the start and q̈ at the end of the elements, (n, 4) each, and lengths (n, 1), s."""
     arcs: tuple[int, ...]
-    """Number of elements of each arc between two consecutive switching points."""
+    """Number of elements of each arc, that is, between two consecutive switching points."""
 
     @classmethod
     def sampled(cls, motion: Trajectory, instants: Array, arcs: tuple[int, ...]) -> "SegmentGuess":
-        """Sample the guess from a motion, with elements that end at instants (n + 1,), s."""
+        """Sample the guess from a motion.
+
+        Parameters
+        ----------
+        motion : Trajectory
+            Motion of the joints.
+        instants : (n + 1,) array
+            Ends of the elements, s.
+        arcs : tuple of int
+            Number of elements of each arc.
+        """
         starts, ends = motion.sample(instants[:-1]), motion.sample(instants[1:], side="left")
         lengths = np.diff(instants)[:, None]
         return cls(Cubic(starts.q, starts.qd, starts.qdd, ends.qdd, lengths), arcs)
 
     @property
     def motion(self) -> Trajectory:
-        """The guess as joint polynomials. The time begins at 0."""
+        """The guess as joint polynomials, which begin at time 0."""
         cubic = self.elements
         zeros = np.zeros_like(cubic.u)
         coefficients = [cubic.u, cubic.v, cubic.a0 / 2, cubic.jerk / 6, zeros, zeros]
@@ -45,9 +56,10 @@ class SegmentGuess:
     def divided_at_position(
         self, joint: int, position: float, least_count: int
     ) -> "tuple[SegmentGuess, SegmentGuess]":
-        """Divide the guess in the middle of its duration, where a joint must pass a given position.
+        """Divide the guess into halves of equal duration, between which a joint passes a position.
 
-        The motion of this joint is compressed in time in one half, and stretched in the other one.
+        The motion of this joint is compressed in time in one half and stretched in the other one,
+        so that the joint has the given position in the middle.
 
         Parameters
         ----------
@@ -81,14 +93,14 @@ class SegmentGuess:
         joint_span: tuple[float, float],
         least_count: int,
     ) -> "SegmentGuess":
-        """Return the guess during an interval of time, with one joint taken from another interval.
+        """Return the guess during an interval, with the motion of one joint from another interval.
 
         Parameters
         ----------
         span : (float, float)
             Start and end of the interval, s.
         joint : int
-            Index of the joint that is taken from another interval.
+            Index of the joint whose motion is taken from another interval.
         joint_span : (float, float)
             Start and end of that interval, s. Its motion is stretched to the duration of `span`.
         least_count : int
@@ -148,7 +160,7 @@ def sample_curves(
     density: float,
     least_count: int,
 ) -> SegmentGuess:
-    """Build the guess of a segment from motions of its joints in closed form.
+    """Sample the guess of a segment from motions of the joints in closed form.
 
     The segment lies between the first and the last switching instant.
 
@@ -204,8 +216,8 @@ class SegmentChain:
         chains : sequence of SegmentChain
             Chains in the order of time.
         free : collection of int
-            Indices of chains that begin at a free border. The positions of the joints that move on
-            both sides of such a border are only guesses.
+            Indices of chains that begin at a free border. The positions of joints that move before
+            and after such a border are only guesses.
         """
         first, *later_chains = chains
         fixed = [first.fixed.copy()]
@@ -250,10 +262,10 @@ class SegmentChain:
     def divided_at_port(
         self, port: float, is_outside: Callable[[Array], bool], least_count: int
     ) -> "SegmentChain":
-        """Insert a border wherever the tip passes the port of an eye, which divides a segment.
+        """Divide every segment in which the tip passes the port of an eye.
 
         The depth of the tip depends on joint 4 alone. The distance to the retina is only limited on
-        the inner side of the border.
+        the inner side of the new border.
 
         Parameters
         ----------
@@ -326,12 +338,22 @@ class SegmentChain:
         return side_directions
 
     def is_within_port(self, port: float) -> Mask:
-        """Return a mask (k,) of the segments in which the depth of the tip is at most `port`, in m.
+        """Determine the segments in which the tip certainly stays outside the eye or in its port.
 
         The depth is only known at borders with fixed positions, but it only grows or only shrinks
-        within a segment. If it grows from one border to the next, the depth of the next one is an
-        upper bound on that of the first. Two passes, forwards and backwards, carry the upper bounds
-        to all borders.
+        within a segment. If it grows from one border to the next, the depth at the second border is
+        an upper bound of the depth at the first. Two passes, forwards and backwards, carry the
+        upper bounds to all borders.
+
+        Parameters
+        ----------
+        port : float
+            Depth of the port, m.
+
+        Returns
+        -------
+        (k,) mask
+            True for the segments in which the depth is at most `port`.
         """
         depths = np.abs(self.points[:, 3])
         upper_bounds = np.where(self.fixed[:, 3], depths, np.inf)

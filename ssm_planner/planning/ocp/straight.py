@@ -3,7 +3,9 @@
 The unknown is the timing s(t) of the path parameter s, as cubic polynomials on the elements of a
 mesh. The guess is the motion of TOPP-RA along the path, and the mesh follows its switching points.
 Every joint keeps its direction between two reversals, so the sign of its friction is known.
-`joint_polynomials` converts s(t) to joint polynomials.
+
+`solve_straight` is the main entry. `joint_polynomials` converts a timing to joint polynomials, also
+for motions that TOPP-RA alone times.
 """
 
 from collections.abc import Mapping
@@ -54,17 +56,17 @@ from ssm_planner.trajectory import hermite
 from ssm_planner.typing import Array, keyword_record
 
 MIN_ELEMENTS = 84
-"""Smallest number of elements of a path.
+"""Number of elements of a path that is one smooth piece, and the smallest number of any path.
 
-A path with several pieces, for example with rounded corners, gets `MIN_ELEMENTS` / 2 for each end
-of a piece.
+A path of several pieces, for example with rounded corners, gets half as many for each of
+`JointPath.breaks`, the ends of the pieces.
 """
 ELEMENTS_PER_SPLINE_BREAK = 18
-"""Number of elements for each end of a piece of a spline."""
+"""Number of elements for each of `JointPath.breaks` of a path that is a spline."""
 FINE_MESH_FACTOR = 3
 """Factor on the number of elements of a jerk-limited motion that Ipopt confirms."""
 POLYNOMIALS_PER_ELEMENT = 4
-"""Number of quintic joint polynomials of an element.
+"""Number of quintic polynomials of each joint in an element.
 
 Between their ends, the motion then deviates from the path by about 1e-9 rad.
 """
@@ -158,9 +160,9 @@ def solve_straight(
 def retimed_polynomials(
     path: JointPath, retiming: Retiming, end_speed: float
 ) -> tuple[Array, Array]:
-    """Convert the motion of TOPP-RA to joint polynomials.
+    """Convert a motion of TOPP-RA to joint polynomials.
 
-    ṡ² is linear in s between grid points, so s̈ is constant there.
+    In this motion, ṡ² is linear in s between grid points, so s̈ is constant there.
 
     Parameters
     ----------
@@ -189,9 +191,11 @@ class _StraightProblem(OcpProblem):
     """Optimal control problem of the timing s(t) along a path. Its only coordinate is s."""
 
     robot: Robot
+    """The robot, with the true limits."""
     path: JointPath
+    """The path q(s) of the joints."""
     limited: tuple[ToolLimit, ...]
-    """Speeds of the tool that are limited."""
+    """Limits of the tool: of its speeds and of the distance that it travels during a stop."""
     speed_limit: Array
     """Largest ṡ that the limited rates of task coordinates allow, in scaled time, (k,).
 
@@ -229,7 +233,7 @@ class _StraightProblem(OcpProblem):
 
     @property
     def boundary(self) -> BoundaryConditions:
-        """Boundary conditions: s at the reversals of joints, and ṡ at both ends."""
+        """Values of s at the reversals of joints, and ṡ at both ends, in scaled time."""
         knots, signs = self.path.directions
         return BoundaryConditions(
             knots[:, None], np.ones((len(signs), 1)), self.speeds[:1], self.speeds[1:]
@@ -263,17 +267,25 @@ class _StraightProblem(OcpProblem):
 
     @cached_property
     def always_active(self) -> frozenset[RowName]:
-        """Names of the jerk constraints, which are active for every guess.
+        """Names of the jerk constraints, which are always part of the program.
 
         The guess of TOPP-RA ignores jerk, so it does not show which of them bind.
         """
         return frozenset(name for name in self.row_names if name[0] == JointJerk.name)
 
     def element_parameters(self, elements: Array) -> tuple[Array, ...]:
-        """Return the parameters of the element model for elements (n, 5).
+        """Return the parameter vectors of the element model for a motion.
 
-        They are the directions σ (n, 4) of the joints, the polynomials (n, size) that approximate
-        the path near the elements (`path_fit.fit_path`), and the limits (size,).
+        Parameters
+        ----------
+        elements : (n, 5) array
+            s, ṡ, s̈ at the start, s̈ at the end, and length of each element.
+
+        Returns
+        -------
+        tuple of arrays
+            Directions σ (n, 4) of the joints, polynomials (n, size) that approximate the path near
+            the elements (`path_fit.fit_path`), and limits (size,).
         """
         limits = StraightElement.layout.pack(
             **self.joint_limits, **tool_limits(self.limited), time_scale=self.time_scale
@@ -318,7 +330,7 @@ def path_speed_limits(path: JointPath, rates: Mapping[str, float]) -> Array:
 
 
 def _path_jerk_limits(robot: Robot, path: JointPath, s: Array) -> Array:
-    """Return the largest s⃛ that the jerk limits of the joints allow if ṡ is small.
+    """Return the largest s⃛ that the jerk limits of the joints allow while ṡ is small.
 
     Parameters
     ----------
@@ -343,7 +355,7 @@ def joint_polynomials(
 ) -> tuple[Array, Array]:
     """Convert a timing s(t) to quintic joint polynomials.
 
-    Their q, q̇ and q̈ are exact at both ends of every piece.
+    The polynomials have exact values of q, q̇ and q̈ at both ends of every piece.
 
     Parameters
     ----------

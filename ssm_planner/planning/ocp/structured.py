@@ -1,9 +1,11 @@
-"""Solution of the program of `transcription` by the structured interior-point solver (`interior`).
+"""Solution of a nonlinear program by the structured interior-point solver (package `interior`).
 
-The solver uses the chain of elements: the unknowns are coefficients of splines, so the dynamics
-hold by construction, and limits of ü and jerk are linear in the variables of one element. Equality
-constraints remain in two cases. A jerk-limited coordinate passes a point, or rests there, in a
-motion of several segments. Or the duration is given.
+The program is that of `transcription`, in another form. The unknowns are coefficients of splines,
+so that neighbouring elements join by construction, and limits of ü and jerk are linear in the
+variables of one element. Equality constraints remain in two cases: if a jerk-limited coordinate
+passes a point, reverses there, or begins or ends at speed, and if the duration is given.
+
+`solve_structured` is the main entry. It needs the compiled part of the package.
 """
 
 from typing import Any
@@ -27,21 +29,26 @@ from ssm_planner.planning.ocp.transcription import BLOCK_VARIANCE_WEIGHT, SMOOTH
 from ssm_planner.typing import Array, Indices
 
 MAX_ITERATIONS = 600
-"""Largest number of iterations for each of the exponents."""
+"""Largest number of iterations of one attempt, that is, with one of `BARRIER_EXPONENTS`."""
 BARRIER_EXPONENTS = 1.5, 1.2, 1.1, 1.3
-"""Exponents e of the barrier weight, which decreases as μ → μ^e. One of them usually converges.
+"""Exponents e with which the barrier weight decreases, μ → μ^e, in the order of the attempts.
 
-Only a motion with limited jerk, or with a single unknown duration, is solved with the first one,
-which is faster and more accurate.
+One of the attempts usually converges. Only a motion with limited jerk, or with a single unknown
+duration, is tried with the first exponent, which is accurate and fast.
 """
 GUESS_SLOWDOWN = 1.2
-"""Factor by which a guess is slowed down, so that it violates fewer constraints."""
+"""Factor on the duration of a guess. The slower motion violates fewer constraints."""
 NOT_CONVERGED = "Structured_Solver_Not_Converged"
-"""Return status of a solve that did not converge."""
+"""Message of a solution that did not converge."""
 CENTRING_TOLERANCE = 1e-3
-"""Largest relative deviation of slack · multiplier from the barrier weight, if Ipopt continues."""
+"""Largest relative deviation of slack · multiplier from the barrier weight, if Ipopt continues.
+
+Ipopt computes its multipliers from the slacks in this way.
+"""
 Equalities = tuple[Indices, Indices, Array]
-"""Given entries of the elements: index of the element, index in its vector z, and value, (e,) each.
+"""Given entries of the elements: index k of the element, index i in its vector z, and value.
+
+There are three arrays (q,), one entry for each constraint z_k[i] = value, see `interior.Program`.
 """
 
 
@@ -58,7 +65,7 @@ def solve_structured(
 ) -> NlpSolution:
     """Solve a program by the structured interior-point solver.
 
-    The exponents of the barrier weight are tried one after the other until the solver converges.
+    The function tries `BARRIER_EXPONENTS` one after the other until the solver converges.
 
     Parameters
     ----------
@@ -69,7 +76,7 @@ def solve_structured(
     data : NlpData
         Parameters and bounds of the program.
     start : (n, 4 m + 1) array
-        Elements of a guess.
+        Elements of a guess: u, u̇, ü at the start, ü at the end, and length.
     warm : NlpSolution or None
         Structured solution of a similar program. The first attempt starts at it, the others at the
         guess.
@@ -77,8 +84,8 @@ def solve_structured(
         Largest number of iterations of an attempt. Below `MAX_ITERATIONS`, only one exponent is
         tried.
     slow_barrier : bool
-        True if a path constraint has rounded edges. The first of `BARRIER_EXPONENTS` is then
-        skipped, because the barrier weight must decrease slowly.
+        True if a path constraint has rounded edges. The barrier weight must then decrease slowly,
+        so the first of `BARRIER_EXPONENTS` is skipped.
     centred : bool
         True if the solver stops close to the central path, where slack · multiplier is the barrier
         weight. Ipopt can then compute the multipliers from the slacks.
@@ -89,7 +96,7 @@ def solve_structured(
         The solution. Its message is `NOT_CONVERGED` if no attempt converged.
     """
     program = build_program(structure, element, data)
-    # The first attempt may start at a similar solution, the others start at the guess.
+    # The first attempt may start at a similar solution. The others start at the guess.
     state = None if warm is None else warm.structured_state
     total_iterations = 0
     initial = _initial_point(program, structure, data, start)
@@ -134,18 +141,19 @@ def _multipliers(
     ----------
     program : Program
         Program of the structured solver.
-    structure, element, data
-        Description of the same program by `solve_structured`.
+    structure, element, data : NlpStructure, ElementModel, NlpData
+        The same program in the form of `solve_structured`.
     rows : (all constraints,) array
-        Multipliers: first those of the groups, then those of the linear constraints of each
-        element.
+        Multipliers of the constraints in the order of `interior.Program.sizes`: those of the
+        groups, then those of the linear constraints of each element.
     """
     n, m = structure.elements, structure.coordinates
     sizes = [group.bound.size for group in program.groups]
     path_multipliers = rows[: sizes[0] if element.row_names else 0].reshape(n, -1)
     linear_multipliers = rows[sum(sizes) :][: program.bound.size].reshape(n, -1)
-    # `_linear_rows` returns upper bounds of u (optional), u̇, ü at the start, ü at the end and the
-    # middle Bernstein coefficient of u̇, then the lower bounds of these, then jerk.
+    # `_linear_rows` contains `size` upper bounds: of u (optional), u̇, ü at the start, ü at the end
+    # and the middle Bernstein coefficient of u̇, m each. Their lower bounds and jerk follow. The
+    # multipliers of u̇ and of the Bernstein coefficient count, because both bound the velocity.
     size = len(program.matrix) // 2 - m * (
         structure.has_continuous_acceleration and structure.coordinates_are_joints
     )
@@ -157,7 +165,7 @@ def _multipliers(
 
 
 def build_program(structure: NlpStructure, element: ElementModel, data: NlpData) -> Program:
-    """Build the program in the form that the structured solver reads.
+    """Convert a program to the form that the structured solver reads.
 
     Parameters
     ----------
@@ -169,7 +177,7 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
         Parameters and bounds of the program.
     """
     n, m = structure.elements, structure.coordinates
-    # From rest to rest, the spline's unknowns do not change if all times grow by one factor.
+    # A motion from rest to rest can be stretched in time without a change of the unknowns.
     at_speed = data.lower[0, m : 2 * m].any() or data.end[m:].any()
     spline = Spline(
         "bspline" if structure.has_continuous_acceleration else "hermite",
@@ -189,7 +197,8 @@ def build_program(structure: NlpStructure, element: ElementModel, data: NlpData)
             )
         )
     if np.isfinite(data.breakaway_bound).any():
-        # A joint may break away at the start of one element in its direction in another one.
+        # A pair (k, j) contains the element k at whose start a joint breaks away, and the element j
+        # from which it takes its direction. All other parameters are those of element k.
         element_indices, direction_indices = np.array(structure.breakaways).T
         sigma, *other_parameters = data.element_parameters
         parameters = (
@@ -228,14 +237,14 @@ def _build_group(
     *,
     breakaway: bool = False,
 ) -> RowGroup:
-    """Build a group of constraints for the structured solver.
+    """Build a group of constraints with the same functions for the structured solver.
 
     Parameters
     ----------
     element : ElementModel
         Element model.
     parameters : tuple of arrays
-        Parameters of the element model, (size,) or (n, size) each.
+        Parameter vectors of the element model, (size,) or (n, size) each.
     elements : (n,) int array
         Elements at which the constraints are imposed.
     bound : (n, constraints) array
@@ -261,14 +270,14 @@ def _build_group(
 def _boundary_values(
     structure: NlpStructure, spline: Spline, data: NlpData
 ) -> tuple[Array, Array, Equalities]:
-    """Translate the boundary conditions to the unknowns of the spline.
+    """Convert the boundary conditions to values of the spline's unknowns.
 
     Parameters
     ----------
     structure : NlpStructure
         Structure of the program.
     spline : Spline
-        Spline of the coordinates with its unknown coefficients.
+        Spline whose coefficients are the unknowns.
     data : NlpData
         Bounds of the program.
 
@@ -277,9 +286,9 @@ def _boundary_values(
     free : (rows, m) mask
         True for unknowns that the boundary conditions leave free.
     values : (rows, m) array
-        Values of the other unknowns.
+        Values of the other unknowns. The entries of free unknowns have no meaning.
     equalities : Equalities
-        Entries of the elements with given values, which the unknowns alone cannot fix.
+        Boundary conditions that involve several unknowns. They become equality constraints.
     """
     n, m = structure.elements, structure.coordinates
     is_fixed = np.vstack([data.is_fixed[:, : 2 * m], np.ones((1, 2 * m), dtype=bool)])
@@ -318,9 +327,17 @@ def _boundary_values(
 
 
 def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, Any, Any]]:
-    """Return the entries of the elements that are given at via points.
+    """Return the equality constraints of a jerk-limited motion at its via points.
 
-    Only coordinates that move in the segments before and after the point are included.
+    They fix positions, and velocities 0, of coordinates that move before and after the point. The
+    unknowns of other coordinates are fixed themselves.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program.
+    data : NlpData
+        Bounds of the program.
 
     Returns
     -------
@@ -339,13 +356,22 @@ def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, A
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     """Return the linear constraints A z ≤ b_k of the elements k.
 
-    They bound u̇ at the start and in the middle of an element, ü and jerk, and u where it may
-    reverse.
+    They bound u̇ at the start and in the middle of an element, ü and jerk, and u where a coordinate
+    may reverse. The bounds of u̇ in the middle apply to the middle Bernstein coefficient, so that u̇
+    keeps them in the whole element.
+
+    Parameters
+    ----------
+    structure : NlpStructure
+        Structure of the program.
+    data : NlpData
+        Bounds of the program.
 
     Returns
     -------
     matrix : (l, 5 m + 1) array
-        A, for the vector z of an element and the middle Bernstein coefficients of u̇.
+        A. The columns are those of z: u, u̇, ü at the start, ü at the end, length, and middle
+        Bernstein coefficients of u̇.
     bound : (n, l) array
         b_k, infinite where a constraint does not apply.
     """
@@ -377,7 +403,9 @@ def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
 def _initial_point(
     program: Program, structure: NlpStructure, data: NlpData, elements: Array
 ) -> Point:
-    """Return the initial point of the solver for a guess. It is slower than the guess.
+    """Return the initial point of the solver, which is the guess, slowed down.
+
+    A motion with a given range of durations is not slowed down.
 
     Parameters
     ----------
@@ -388,9 +416,10 @@ def _initial_point(
     data : NlpData
         Bounds of the program.
     elements : (n, 4 m + 1) array
-        Elements of the guess.
+        Elements of the guess: u, u̇, ü at the start, ü at the end, and length.
     """
     m = structure.coordinates
+    # The solver starts inside the bounds of the durations.
     times = np.maximum(structure.times(elements[:, -1]), 1.001 * data.least_times)
     if data.duration == (0.0, np.inf):
         elements, times = stretched(elements, GUESS_SLOWDOWN), times * GUESS_SLOWDOWN

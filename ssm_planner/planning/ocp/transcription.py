@@ -1,8 +1,10 @@
-"""The nonlinear program of every optimised motion: transcription on cubic elements.
+"""Nonlinear program of every optimised motion for Ipopt, by direct transcription.
 
-A motion along a path has one coordinate, the path parameter s. The coordinates of a free motion are
-its moving joints. `Transcription.build` states the program from top to bottom. Only the element
-model differs between both kinds.
+Direct transcription replaces the unknown motion by cubic polynomials on the elements of a mesh, and
+imposes the path constraints at a few instants of each element (collocation points). A motion along
+a path has one coordinate, the path parameter s. The coordinates of a free motion are its moving
+joints. `Transcription.build` states the program from top to bottom. Only the element model differs
+between both kinds of motion.
 """
 
 from collections.abc import Callable
@@ -29,12 +31,12 @@ from ssm_planner.typing import Array, frozen
 SMOOTHING_WEIGHT = 3e-6
 """Weight of the term 3 ∫ (ü/limit)² dt of the joints in the objective.
 
-It determines the motion of joints that could move in many ways without a change of the duration.
+The term makes the motion unique if joints could move in many ways in the same duration.
 """
 BLOCK_VARIANCE_WEIGHT = 1e-5
-"""Weight of the variance of the blocks' durations, each divided by its smallest value.
+"""Weight of the variance of the blocks' durations, each divided by its lower bound.
 
-It makes the mesh unique.
+The term makes the mesh unique if blocks could have different durations in the same motion.
 """
 
 
@@ -42,25 +44,32 @@ It makes the mesh unique.
 class Transcription:
     """Nonlinear program for Ipopt, for one structure and one element model.
 
-    All numbers of NlpData are parameters or bounds, so the program serves many problems.
+    All numbers in `NlpData` are parameters or bounds, so one program serves many problems.
     """
 
     structure: NlpStructure
+    """Structure of the program."""
     element: ElementModel
+    """Element model with the path constraints and the cost."""
     solver: Callable[[Start], ca.Function] = field(compare=False)
     """Returns Ipopt's solver for a kind of start, see `ipopt.Start`."""
     native: MappedElements | None = field(compare=False)
     """Functions of the elements in C. None without the compiled part."""
     parameters: Layout = field(compare=False)
-    """Layout of the fields of NlpData that are parameters. They follow those of the element model.
+    """Layout of the parameters of the program itself, by their names in `NlpData`.
+
+    They follow the parameters of the element model.
     """
     sizes: dict[str, int] = field(compare=False)
-    """Number of constraints in every group before the path constraints, in their order."""
+    """Number of constraints in every group, by name, in the order of the groups.
+
+    The path constraints follow the last group.
+    """
 
     @classmethod
     @lru_cache(maxsize=12)
     def build(cls, structure: NlpStructure, element: ElementModel) -> "Transcription":
-        """Build the program and its solvers. The result is cached for each structure and model.
+        """Build the program and its solvers. Equal structures and models share the result.
 
         With n elements k, m coordinates and b blocks of duration T, the program is
 
@@ -126,7 +135,8 @@ class Transcription:
         if self.native is not None:
             self.native.check()
         x, lam_x, lam_g = (result[name].full().ravel() for name in ("x", "lam_x", "lam_g"))
-        # The variables are the states of all elements, then the durations of the blocks.
+        # The variables are u, u̇, ü at the start and ü at the end of every element, then the
+        # durations of the blocks.
         states = x[: 4 * m * n].reshape(n, 4 * m)
         times = x[4 * m * n :]
         elements = np.column_stack([states, times[self.structure.block] * data.fractions])
@@ -143,22 +153,24 @@ class Transcription:
     def _multipliers(
         self, data: NlpData, variable_multipliers: Array, constraint_multipliers: Array
     ) -> Multipliers:
-        """Convert CasADi's multipliers to those of the path constraints and directions.
+        """Select the multipliers of path constraints and directions from CasADi's multipliers.
 
         Parameters
         ----------
         data : NlpData
             Bounds of the program.
         variable_multipliers, constraint_multipliers : arrays
-            Multipliers of the bounds on the variables (4 m n + b,) and of those on the constraints.
-            They are negative at lower bounds.
+            Multipliers of the bounds on the variables, (4 m n + b,), and of the bounds on the
+            constraints. They are negative at lower bounds.
         """
         n, m = self.structure.elements, self.structure.coordinates
+        # Multipliers of the bounds on the middle Bernstein coefficient of u̇.
         middle = np.zeros((n, m))
         start = self.sizes["dynamics"]
         limited = self.structure.moving & self.structure.velocity_limits
         middle[limited] = constraint_multipliers[start : start + self.sizes["velocity"]]
-        # Fixed states have multipliers too, but no bound that forbids a reversal.
+        # Those of the bounds on u̇ at the start. A fixed u̇ has a multiplier too, but it has no bound
+        # that forbids a reversal.
         at_start = np.where(
             data.is_fixed, 0.0, variable_multipliers[: 4 * m * n].reshape(n, 4 * m)
         )[:, m : 2 * m]
@@ -170,8 +182,8 @@ class Transcription:
     def _without_implied_bounds(self, data: NlpData) -> NlpData:
         """Return the data without the bounds of u that follow from other constraints.
 
-        The structured solver does not have them either. Their barrier would move the point at which
-        Ipopt stops.
+        The structured solver does not have these bounds either. In a confirmation, their barrier
+        would move the point at which Ipopt stops.
         """
         positions = slice(self.structure.coordinates)
         needed = data.needs_position_bounds(self.structure) | data.is_fixed[:, positions]
@@ -191,7 +203,7 @@ class Transcription:
             Elements of the initial point.
         """
         limited = self.structure.moving & self.structure.velocity_limits
-        # Lower and upper bounds of the groups of constraints.
+        # Lower and upper bounds of the groups of constraints, by the names in `sizes`.
         bounds = {
             "dynamics": (0.0, 0.0),
             "velocity": tuple(velocity[limited] for velocity in data.velocity),
@@ -219,7 +231,7 @@ class Transcription:
 
 
 def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any) -> ca.MX:
-    """Return the terms of the objective that make the solution unique.
+    """Return the two terms of the objective that make the solution unique.
 
     They are 3 SMOOTHING_WEIGHT Σ ∫ r² dt with r = ü/limit, if the coordinates are joints, and
     BLOCK_VARIANCE_WEIGHT times the variance of the blocks' durations. ü is linear in an element, so
@@ -250,8 +262,8 @@ def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any)
 def _dynamics_constraints(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> ca.MX:
     """Return the differences of u and u̇ (and ü if jerk is limited) between neighbouring elements.
 
-    They must be 0. The last element is compared with `end` (2 m,), which contains u and u̇ at the
-    end. Without a jerk limit, ü may jump.
+    The program requires that they are 0. The end of the last element is compared with the end of
+    the motion. Without a jerk limit, ü may jump.
 
     Parameters
     ----------
@@ -260,7 +272,7 @@ def _dynamics_constraints(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> 
     cubic : Cubic
         The elements, (m, n) each.
     end : (2 m,) MX
-        u and u̇ at the end.
+        u and u̇ at the end of the motion.
     """
     m, moving = structure.coordinates, structure.moving
     u_after, v_after = cubic.end
@@ -280,9 +292,10 @@ def _joint_limit_constraints(
 ) -> dict[str, ca.MX]:
     """Return the constraints of velocity and jerk, by name.
 
-    "velocity" contains the middle Bernstein coefficient of u̇ in each element. The outer ones are
-    variables with bounds. "jerk" contains |ü(h) − ü(0)| − jerk · h as two constraints, which must
-    not be positive.
+    "velocity" contains the middle Bernstein coefficient of u̇ in each element. The outer
+    coefficients are u̇ at both ends, which are variables with bounds. If all three keep a bound, u̇
+    keeps it in the whole element. "jerk" contains |ü(h) − ü(0)| − jerk · h as two constraints,
+    which must not be positive.
 
     Parameters
     ----------
@@ -291,7 +304,7 @@ def _joint_limit_constraints(
     cubic : Cubic
         The elements, (m, n) each.
     jerk : (m,) MX
-        Limits of jerk.
+        Limits of |u⃛|.
     """
     moving = structure.moving
     jerk_limited = moving & (
@@ -311,12 +324,12 @@ def _joint_limit_constraints(
 def _breakaway_constraints(
     structure: NlpStructure, element: ElementModel, symbols: ProgramSymbols
 ) -> ca.MX:
-    """Return the constraints of static friction at the instants at which joints may start to move.
+    """Return the torque constraints of joints that start to move, with static friction.
 
     Parameters
     ----------
     structure : NlpStructure
-        Structure of the program. Its `breakaways` contain the instants.
+        Structure of the program. Its `breakaways` are the instants and directions of the starts.
     element : ElementModel
         Element model, which contains the friction law.
     symbols : ProgramSymbols
@@ -331,7 +344,7 @@ def _breakaway_constraints(
 
 
 def clear_program_cache() -> None:
-    """Clear the cache of programs to free memory."""
+    """Clear the cache of `Transcription.build`, in order to free memory."""
     Transcription.build.cache_clear()
 
 
@@ -349,5 +362,13 @@ def _select_entries(values: ca.MX, mask: Any) -> ca.MX:
 
 
 def _parameter_column(parameter: ca.MX, k: int) -> ca.MX:
-    """Return the parameter values of element k. A parameter with one column is the same for all."""
+    """Return a parameter vector of element k.
+
+    Parameters
+    ----------
+    parameter : (size, n) or (size, 1) MX
+        Vectors of all elements as columns, or one vector that all elements share.
+    k : int
+        Index of the element.
+    """
     return parameter if parameter.size2() == 1 else parameter[:, k]
