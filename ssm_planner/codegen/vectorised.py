@@ -393,6 +393,7 @@ class VectorisedFunction:
         constants = [
             instruction.constant for instruction in sequence if instruction.name == "const"
         ]
+        # First slot of each argument and of each result. The last entry of either is the end.
         first_slot = self._registers + len(constants)
         first_input_slots = first_slot + np.cumsum([0, *self.rows_in])
         first_output_slots = first_input_slots[-1] + np.cumsum([0, *self.rows_out])
@@ -411,14 +412,8 @@ class VectorisedFunction:
                     int(first_input_slots[instruction.argument]) + instruction.index
                 )
             elif instruction.name == "output":
-                program.append(
-                    (
-                        "assign",
-                        operand,
-                        -1,
-                        int(first_output_slots[instruction.argument]) + instruction.index,
-                    )
-                )
+                result = int(first_output_slots[instruction.argument]) + instruction.index
+                program.append(("assign", operand, -1, result))
             else:
                 program.append((instruction.name, operand, other_operand, instruction.out))
                 slot[instruction.out] = instruction.out

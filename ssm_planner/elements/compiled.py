@@ -436,6 +436,7 @@ def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
     drives = [_drive_values(drive, motor.nominal_torque) for _, drive, motor in motorised(joints)]
     if element.aim == "effort":
         other_joints = list(motorless(joints))
+        # Law 0 has one mesh and a constant friction coefficient.
         laws += [(i, 0) for i in other_joints]
         drives += [ACCELERATION_DRIVE] * len(other_joints)
     return np.array(laws, dtype=int).reshape(-1, 2), np.array(drives).reshape(-1, DRIVE_LAYOUT.size)
@@ -509,7 +510,7 @@ class _ElementsCallback(ca.Callback):
     """
 
     def __init__(self, elements: "_LatestElements", name: str, function: ca.Function) -> None:
-        """Determine the sizes of arguments and results.
+        """Determine the sizes of all arguments and results, and register the callback in CasADi.
 
         Parameters
         ----------
@@ -523,33 +524,36 @@ class _ElementsCallback(ca.Callback):
         ca.Callback.__init__(self)
         self._elements = elements
         self._name = name
-        self._in = [elements.element.size]
-        self._repeated = [True]
+        self._argument_rows = [elements.element.size]
+        self._per_element = [True]
         for parameter in elements.element.parameters:
-            self._in.append(parameter.size)
-            self._repeated.append(parameter.per_element)
+            self._argument_rows.append(parameter.size)
+            self._per_element.append(parameter.per_element)
         if name == "hessian":
-            self._in.append(function.size1_in(len(self._in)))
-            self._repeated.append(True)
-        self._out = [function.sparsity_out(i) for i in range(function.n_out())]
-        sparsity = self._out[-1]
+            self._argument_rows.append(function.size1_in(len(self._argument_rows)))
+            self._per_element.append(True)
+        self._result_sparsities = [function.sparsity_out(i) for i in range(function.n_out())]
+        sparsity = self._result_sparsities[-1]
         rows, columns = sparsity.get_triplet()
         row_starts = np.array(rows, dtype=int) * sparsity.size2()
-        self._indices = row_starts + np.array(columns, dtype=int)
+        self._nonzero_positions = row_starts + np.array(columns, dtype=int)
         """Positions of the structural nonzeros in a dense row-major result."""
         self.construct(f"{name}_of_elements", {"enable_fd": False})
 
+    # CasADi calls the following methods. Their names and signatures are CasADi's.
     def get_n_in(self) -> int:
-        return len(self._in)
+        return len(self._argument_rows)
 
     def get_n_out(self) -> int:
-        return len(self._out)
+        return len(self._result_sparsities)
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._in[i], self._elements.count if self._repeated[i] else 1)
+        return ca.Sparsity.dense(
+            self._argument_rows[i], self._elements.count if self._per_element[i] else 1
+        )
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.repmat(self._out[i], 1, self._elements.count)
+        return ca.repmat(self._result_sparsities[i], 1, self._elements.count)
 
     def has_eval_buffer(self) -> bool:
         return True
@@ -582,7 +586,7 @@ class _ElementsCallback(ca.Callback):
             if len(results) > 1 and results[0]:
                 np.frombuffer(results[0])[:] = native.call("cost", z).ravel()
             values = native.call(self._name, z, multipliers).reshape(elements.count, -1)
-            np.frombuffer(results[-1])[:] = values[:, self._indices].ravel()
+            np.frombuffer(results[-1])[:] = values[:, self._nonzero_positions].ravel()
         except BaseException as error:  # noqa: BLE001
             elements.failures.append(error)
         return len(elements.failures)

@@ -330,9 +330,16 @@ def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list
 
 
 def acceleration_rows(instant: Instant, i: int, jerk: bool) -> list[PathConstraint]:
-    """Return the acceleration rows of joint i in both directions.
+    """Return the rows of acceleration and jerk of one joint in both directions.
 
-    If `jerk` is true, the row of the jerk follows each of them.
+    Parameters
+    ----------
+    instant : Instant
+        Motion and limits at one instant.
+    i : int
+        Index of the joint.
+    jerk : bool
+        True if the row of the jerk follows that of the acceleration in each direction.
     """
     rows = []
     for side in (1, -1):

@@ -267,7 +267,7 @@ class _FreeProblemBuilder:
             Approximate number of mesh elements. None: `default_count`.
         """
         chain = self.chain(self.elements_per_segment(count or self.default_count))
-        one_block_per_segment = self._one_time_per_segment(chain)
+        one_block_per_segment = self._has_one_block_per_segment(chain)
         structure = chain.structure(
             one_block_per_segment=one_block_per_segment, has_continuous_acceleration=self.jerk
         )
@@ -285,7 +285,7 @@ class _FreeProblemBuilder:
             work=self.work,
         )
 
-    def _one_time_per_segment(self, chain: SegmentChain) -> bool:
+    def _has_one_block_per_segment(self, chain: SegmentChain) -> bool:
         """Return True if the duration of each segment is one unknown of the program.
 
         Otherwise each arc between two switching points has its own duration. With one unknown, the

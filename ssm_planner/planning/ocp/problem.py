@@ -114,6 +114,7 @@ class OcpProblem(ABC):
             Reduction of the bound of every active path constraint in every element.
         """
         velocity, acceleration, jerk = self.limits
+        # Durations of the blocks in the guess.
         boundary, times = self.boundary, self.structure.times(self.lengths)
         lower, upper, v_bounds = boundary.bounds(self.structure, velocity, acceleration)
         return NlpData(

@@ -308,7 +308,7 @@ def constraints_above(names: list[RowName], values: Array, threshold: float) -> 
     names : list of RowName
         Names and joints of all r constraints.
     values : (n, r) array
-        Values of the constraints in every element.
+        Largest values of the constraints in every element, or their excesses over the limits.
     threshold : float
         Threshold of the values.
     """

@@ -110,9 +110,11 @@ def solve_straight(
         Joint polynomials of the motion, or the status of the failure.
     """
     robot, limits, duration = phase.problem.robot, phase.problem.task_limits, phase.motion.duration
+    # ṡ at both ends, 1/s.
     speeds = phase.speeds_along(path)
     jerk = limits_jerk(robot)
     knots, signs = path.directions
+    # Number of elements, which grows with the number of smooth pieces of the path.
     elements_per_break = (
         ELEMENTS_PER_SPLINE_BREAK if isinstance(path, SplinePath) else MIN_ELEMENTS // 2
     )
@@ -144,9 +146,9 @@ def solve_straight(
         directions=signs,
         robot=robot,
         path=path,
-        limited=limits.of_tool,
+        limits_of_tool=limits.of_tool,
         speed_limit=speed_limit,
-        speeds=np.array(speeds) * scale,
+        end_speeds=np.array(speeds) * scale,
         starts_at_rest=np.full(4, speeds[0] == 0.0),
         work=work or Work(),
     )
@@ -194,14 +196,14 @@ class _StraightProblem(OcpProblem):
     """The robot, with the true limits."""
     path: JointPath
     """The path q(s) of the joints."""
-    limited: tuple[ToolLimit, ...]
+    limits_of_tool: tuple[ToolLimit, ...]
     """Limits of the tool: of its speeds and of the distance that it travels during a stop."""
     speed_limit: Array
     """Largest ṡ that the limited rates of task coordinates allow, in scaled time, (k,).
 
     There is one value for each interval between two knots of the path.
     """
-    speeds: Array
+    end_speeds: Array
     """ṡ at both ends, in scaled time, (2,)."""
 
     def result(self, solution: NlpSolution, end_speed: float) -> PhaseSolution:
@@ -236,7 +238,7 @@ class _StraightProblem(OcpProblem):
         """Values of s at the reversals of joints, and ṡ at both ends, in scaled time."""
         knots, signs = self.path.directions
         return BoundaryConditions(
-            knots[:, None], np.ones((len(signs), 1)), self.speeds[:1], self.speeds[1:]
+            knots[:, None], np.ones((len(signs), 1)), self.end_speeds[:1], self.end_speeds[1:]
         )
 
     @property
@@ -260,7 +262,7 @@ class _StraightProblem(OcpProblem):
             rows |= {(JointVelocity.name, int(i)), (JointAcceleration.name, int(i))}
             if self.robot.joints[i].jerk is not None:
                 rows.add((JointJerk.name, int(i)))
-        rows |= tool_row_names(self.limited, np.flatnonzero(moving))
+        rows |= tool_row_names(self.limits_of_tool, np.flatnonzero(moving))
         return shared_model(
             StraightElement(robot=self.robot, jerk=limits_jerk(self.robot), active=frozenset(rows))
         )
@@ -288,7 +290,7 @@ class _StraightProblem(OcpProblem):
             the elements (`path_fit.fit_path`), and limits (size,).
         """
         limits = StraightElement.layout.pack(
-            **self.joint_limits, **tool_limits(self.limited), time_scale=self.time_scale
+            **self.joint_limits, **tool_limits(self.limits_of_tool), time_scale=self.time_scale
         )
         starts = elements[:, 0]
         polynomials = fit_path(self.path, self._bodies, starts, np.append(starts[1:], 1.0))

@@ -424,6 +424,8 @@ def _initial_point(
     if data.duration == (0.0, np.inf):
         elements, times = stretched(elements, GUESS_SLOWDOWN), times * GUESS_SLOWDOWN
     h = times[structure.block] * data.fractions
+    # u, u̇ and ü at the ends of all elements, (n + 1, m). At an inner end, ü is the mean of its
+    # values on both sides.
     pieces = as_cubics(elements)
     u = np.vstack([pieces.u, data.end[:m]])
     v = np.vstack([pieces.v, data.end[m:]])

@@ -77,10 +77,17 @@ class Transcription:
             s.t.  u, u̇ continuous, ü too if jerk is limited;
                   bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
 
-        with w_s = SMOOTHING_WEIGHT and w_v = BLOCK_VARIANCE_WEIGHT.
-        z_k contains u, u̇, ü at the start, ü at the end, and the length of element k. The path
-        constraints G and the cost L (heat or effort) follow from the element model. Matrices have
-        the shape (coordinates, elements), because CasADi maps functions over columns.
+        with w_s = `SMOOTHING_WEIGHT`, w_v = `BLOCK_VARIANCE_WEIGHT`, and the weights w_t and w_c in
+        `NlpData.weights`. z_k contains u, u̇, ü at the start, ü at the end, and length of element k.
+        The path constraints G and the cost L (heat or effort) follow from the element model.
+        Matrices have the shape (coordinates, elements), because CasADi maps functions over columns.
+
+        Parameters
+        ----------
+        structure : NlpStructure
+            Structure of the program.
+        element : ElementModel
+            Element model with the path constraints and the cost.
         """
         symbols = ProgramSymbols.build(structure, element)
         duration = ca.sum1(symbols.times)
@@ -88,9 +95,8 @@ class Transcription:
             structure, symbols.cubic, symbols.times, symbols.p
         )
 
-        # Boundary conditions: bounds of the variables (BoundaryConditions), and static friction
-        # where a joint starts. The path constraints G(z_k) and the cost L(z_k) follow from the
-        # element model, with exact derivatives.
+        # Constraints other than the path constraints, which `build_solvers` adds with the costs.
+        # The boundary conditions are bounds of the variables (`BoundaryConditions`).
         constraints = {
             "dynamics": _dynamics_constraints(structure, symbols.cubic, symbols.p.end),
             **_joint_limit_constraints(structure, symbols.cubic, symbols.p.jerk),
