@@ -324,12 +324,14 @@ def element_functions(element: ElementModel) -> ElementFunctions:
     z = ca.SX.sym("z", element.size)
     p = element.parameter_symbols(ca.SX)
     inputs = [z] + p
+    # G, and its part λᵀ G of the Lagrangian.
     states = element.collocation_states(z)
     rows = ca.vertcat(*[element.point(x, *p) for x in states])
     multipliers = ca.SX.sym("multipliers", rows.numel())
     lagrangian = multipliers.T @ rows
     cost = gradient = None
     if element.cost is not None:
+        # The cost L, and its part κ L of the Lagrangian.
         weighted = (w * element.cost(x, *p) for x, w in zip(states, SIMPSON_WEIGHTS, strict=True))
         integral = z[-1] * sum(weighted, start=ca.SX(0))
         kappa = ca.SX.sym("kappa")

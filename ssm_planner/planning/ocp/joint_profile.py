@@ -122,17 +122,20 @@ class JointProfile:
         """
         if not any(self.speeds):
             return self._fastest_from_rest().stretched(duration)
+        # All velocities and distances count positive in the direction of the peak.
         start, end = (self.sign * speed for speed in self.speeds)
         distance = self.sign * self.displacement
         acceleration = self.acceleration
-        squares = (start * abs(start) + end * abs(end)) / (2 * acceleration)
-        # Peak velocities of the slowest and of the fastest motion.
-        low = math.sqrt(max(squares - distance, 0.0) * acceleration)
+        # Distance of a stop from the initial velocity and of a start to the final velocity.
+        ramp_distance = (start * abs(start) + end * abs(end)) / (2 * acceleration)
+        # Peak velocities of the slowest and of the fastest motion. The joint comes to rest in the
+        # slowest motion (low = 0) unless the displacement is shorter than the ramps.
+        low = math.sqrt(max(ramp_distance - distance, 0.0) * acceleration)
         high = min(
             math.sqrt(max(acceleration * distance + (start**2 + end**2) / 2, 0.0)), self.velocity
         )
 
-        def phase_lengths(peak: float) -> tuple[float, float, float]:
+        def ramp_and_cruise_times(peak: float) -> tuple[float, float, float]:
             """Return the durations of the first ramp, of cruising and of the last ramp, s."""
             ramps = abs(peak - start) / acceleration, abs(peak - end) / acceleration
             travelled = ramps[0] * (start + peak) / 2 + ramps[1] * (end + peak) / 2
@@ -141,9 +144,12 @@ class JointProfile:
         # A higher peak velocity gives a shorter motion.
         for _ in range(BISECTION_STEPS):
             middle = (low + high) / 2
-            low, high = (low, middle) if sum(phase_lengths(middle)) < duration else (middle, high)
-        ramp_up, cruise, ramp_down = phase_lengths(high)
-        if distance - squares <= ROUNDING_TOLERANCE:
+            low, high = (
+                (low, middle) if sum(ramp_and_cruise_times(middle)) < duration else (middle, high)
+            )
+        ramp_up, cruise, ramp_down = ramp_and_cruise_times(high)
+        # Between its ramps, a joint without any distance to cover rests for the remaining time.
+        if distance - ramp_distance <= ROUNDING_TOLERANCE:
             cruise = max(duration - ramp_up - ramp_down, 0.0)
         times = np.array([ramp_up, cruise, ramp_down])
         directions = [math.copysign(1.0, high - start), 0.0, math.copysign(1.0, end - high)]

@@ -180,11 +180,16 @@ def _solve_and_confirm(
     Parameters
     ----------
     state : RefinementState
-        Initial state.
+        Initial state, with the problem and the guess.
     aim : str
         Cost that is minimised, see `elements.element.Aim`.
     duration : (float, float)
         Smallest and largest duration in scaled time.
+
+    Returns
+    -------
+    RefinedMotion
+        The motion, or the status of the failure.
     """
     result = _confirm(solve_to_tolerance(state, aim, duration=duration), aim)
     if result is not None and (result.solution.solved or state.problem.method == "estimated"):

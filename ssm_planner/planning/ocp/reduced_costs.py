@@ -72,10 +72,12 @@ def steepest_descent(gradient: Array, lengths: Array) -> Array:
         should move forwards.
     """
     h, (by_position, by_velocity, by_acceleration) = lengths, gradient.T
-    # A velocity within an element also shifts the positions in all later elements.
+    # The velocities v at the start and end of an element determine q̈ = (v_end − v_start) / h in it,
+    # and shift the positions in all later elements by (v_start + v_end) h / 2.
     position_after = np.append(np.cumsum(by_position[::-1])[::-1], 0.0)[1:]
     at_start = by_velocity - by_acceleration / h + position_after * h / 2
     at_end = by_acceleration / h + position_after * h / 2
+    # Reduced costs c_k at the n + 1 ends of the elements, and c_k / w_k.
     costs = np.append(at_start, 0.0) + np.append(0.0, at_end)
     cost_rate = 2 * costs / (np.append(h, 0.0) + np.append(0.0, h))
     return np.asarray(h * (costs.sum() / h.sum() - (cost_rate[1:] + cost_rate[:-1]) / 2))
