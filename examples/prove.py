@@ -231,10 +231,16 @@ class Boxes:
         (s, c), (sine, cosine) = sin_cos(given(roll)), sin_cos(given(tilt))
         return self.axes[0] * cosine + (self.across * s - self.normal * c) * sine
     def coordinates(self, u, depth):
-        """Return roll, tilt and depth where boxes begin, with errors below 1e-15 rad and m."""
-        *sides, axial, depth = (bernstein(x)[0][0] for x in (*self.seen(u), depth))
-        tilt = self.side * np.arctan2(np.hypot(*sides), axial)
-        return {"roll": np.arctan2(*sides[::-1]), "tilt": tilt, "depth": depth}
+        """Return roll, tilt and depth where boxes begin, and the largest errors of each.
+
+        An error ε of a vector with the length ρ turns it by at most 2 ε/ρ if ε < ρ/2.
+        """
+        ends = [bernstein(x) for x in (*self.seen(u), depth)]
+        (c, s, axial, depth), (*errors, last) = ([x[0] for x, _ in ends], [e for _, e in ends])
+        across, error = np.hypot(c, s), sum(errors) + 4 * U
+        near = np.where(error < across / 2, 2 * error, np.inf)
+        now = {"roll": np.arctan2(s, c), "tilt": self.side * np.arctan2(across, axial)}
+        return {**now, "depth": depth}, {"roll": near / across, "tilt": near, "depth": last}
     def posed(self, joints):
         """Return the tool (3, 1) of joint positions."""
         pose = copy.copy(self)
@@ -626,7 +632,7 @@ class Proof:
         """
         share, (b, e), boxes = 1e-6, bernstein(x), self.boxes
         start, stop = boxes.start[at], boxes.stop[at]
-        key, how = ("constant speed", None), {"half": share * top, "mask": at}
+        key, how = ("constant speed", None), {"half": share * top, "mask": at, "scale": share}
         self.bound(key, [x], top * (1 + share), value=lambda x: top * root(1 + 2 * x), **how)
         order = np.argsort(start)
         first = arrival(b[:, order], e[order], start[order], stop[order], -share)
@@ -634,7 +640,8 @@ class Proof:
         last = -arrival(b[::-1, order], e[order], -stop[order], -start[order], -share)
         if first < last:
             time = Model(np.stack([(start + stop) / 2, (stop - start) / 2]), 8 * U * np.abs(stop))
-            self.bound(key, [-x, time - first, constant(last) - time], -top * (1 - share), side=-1.0,
+            after, before = (time - first) * STEEP**2, (constant(last) - time) * STEEP**2
+            self.bound(key, [-x, after, before], -top * (1 - share), side=-1.0,
                        value=lambda x: -top * root(1 - 2 * x), **how)
     def eye(self, eye, tip, depth):
         """Bound the distance from the retina and the scale at which the lens touches the shaft.
@@ -719,24 +726,29 @@ def phases(plan):
             yield chain, *(ends or (0, 0))
             counted, index = True, index + 1
         chain = []
+    if chain:
+        yield chain, 0, 0
 
 class Path:
-    """The curves of one phase, and the tip in its boxes. Rounding moves a curve by < 1e-14 m."""
+    """The curves of one phase, and the tip in its boxes."""
     def __init__(self, proof, chain, at, rates):
         """Each curve starts where the one before it ends, the first one where the phase starts."""
         self.boxes, self.sign = proof.boxes, float(proof.robot["geometry"]["insertion_sign"])
         u, self.depth = self.boxes.tool[:, at], self.boxes.motion[0][3][at] * self.sign
         tip, begin = u * self.depth * self.sign, self.boxes.start[at].argmin()
-        self.tip, self.curves = Model(tip.c, tip.r + 1e-14), []
-        (b, e), now = bernstein(tip[:, [begin]]), self.boxes.coordinates(u, self.depth)
+        (b, e), (now, self.errors) = bernstein(tip[:, [begin]]), self.boxes.coordinates(u, self.depth)
         order, turns = np.argsort(self.boxes.start[at]), 2 * math.pi
         now["roll"][order] = np.unwrap(now["roll"][order])
         rolls = [m["target"]["task"]["roll"] for m in chain
                  if m["kind"] == "straight" and "roll" in m["target"]["task"]]
         if rolls:
             now["roll"] += turns * np.round((rolls[-1] - now["roll"][order[-1]]) / turns)
-        self.task = {name: integral(rates[name][at], now[name], self.boxes.half[at]) for name in now}
+        self.task = {name: integral(rates[name][at], self.boxes.half[at])
+                     + Model(x[None], self.errors[name] + 4 * U * np.abs(x)) for name, x in now.items()}
+        self.errors = {name: x[begin] for name, x in self.errors.items()}  # of places
         place, start, self.ends = {name: x[begin] for name, x in now.items()}, Model(b[:1], e), []
+        self.tip, self.curves, (low, high) = tip, [], bounds(self.depth)
+        self.far = max(high.max(), -low.min())
         self.exact = all(motion["kind"] == "path" for motion in chain)
         for motion in chain:
             tips, before = [start], place
@@ -755,10 +767,15 @@ class Path:
                 along, r = dot(u, c), eye["radius"] - motion["distance"]
                 depth = along + power(along * along - dot(c, c) + r * r, 0.5)
                 place, tips[-1] = {**place, "depth": float(depth.c[0, 0])}, u * depth
+                self.errors["depth"] += float(depth.r[0])
                 start, end = start - c, tips[-1] - c
                 self.curves += self.arc(c, start, end, cross(start, end))
             start = tips[-1]
             self.ends.append(start)
+        self.tip = Model(tip.c, tip.r + self.shift())  # relative to curves
+    def shift(self):
+        """Return how far errors of places move a curve at most, in m."""
+        return self.far * (self.errors["roll"] + self.errors["tilt"] + 1e-14) + self.errors["depth"]
     def place(self, point, before):
         """Return the task coordinates of a point of the problem, and its tip (3, 1)."""
         if point["task"]:
@@ -771,18 +788,20 @@ class Path:
         else:
             tip, depth = given(point["tip"]), math.hypot(*point["tip"])
             u = unit(tip) * self.sign
-        place = self.boxes.coordinates(u, constant(np.array([depth])))
+        place, errors = self.boxes.coordinates(u, constant(np.array([depth]), 2 * U))
         place = {name: float(x[0]) for name, x in place.items()}
+        self.errors = {name: x + float(errors[name][0]) for name, x in self.errors.items()}
         turns = round((before["roll"] - place["roll"]) / (2 * math.pi))
         return {**place, "roll": place["roll"] + turns * 2 * math.pi}, tip
     def on(self, near):
         """Return choices: the tip is at most `near` from a curve, if it is on its extension.
 
-        D is the distance from the extension, and a tip e beyond an end is at most D + 2e from the
-        curve. D/near witnesses; D ≤ 0.99 near and e ≤ 0.005 near suffice.
+        D is the distance from the extension. A tip e beyond an end is at most D + 2e + shift from
+        the curve, which is at most D + n/1000 with n = near if e ≤ 0.0004 n and shift ≤ 0.0002 n,
+        and (D + n/1000)² ≤ 1.001 D² + 0.001001 n². D witnesses.
         """
-        return [(ball(square, near, 0.5), ball(square, 0.99 * near, 0.5),
-                 *((x * (200 / near) - 1.0) * STEEP for x in beyond))
+        return [(ball(square, near, 0.5), ball(square * 1.001 + 0.00101 * near**2, near, 0.5),
+                 *((x * (2500 / near) - 1.0) * STEEP for x in beyond))
                 for square, *beyond in self.curves]
     def straight(self, start, end):
         """Return (d − δd/2)² (δψ² + δφ²) + δd² ≥ D² for a straight line in roll, tilt and depth.
@@ -792,9 +811,7 @@ class Path:
         p = d u and c = d′ u′, |p − c|² = (d − d′)² + d d′ |u − u′|², d d′ ≤ (d + d′)²/4, and
         |u − u′|² ≤ δψ² + δφ².
         """
-        low, high = bounds(self.depth)
-        far = max(high.max(), -low.min())
-        weights = {"roll": far, "tilt": far, "depth": 1.0}
+        weights = {"roll": self.far, "tilt": self.far, "depth": 1.0}
         change = {name: end[name] - x for name, x in start.items()}
         main = max(change, key=lambda name: weights[name] * abs(change[name]))
         moved = {name: x - start[name] for name, x in self.task.items()}
@@ -805,6 +822,8 @@ class Path:
         middle = self.depth - off["depth"] * 0.5
         square = middle * middle * angles + off["depth"] * off["depth"]
         scale = math.copysign(1.5 * weights[main], change[main])
+        if not self.shift() <= 0.0002 * OFF:
+            square = square * math.inf
         return square, moved[main] * -scale, (moved[main] - change[main]) * scale
     def segment(self, start, end):
         """Return D² and how far the tip is beyond both ends of a segment."""
@@ -838,13 +857,12 @@ def circle(a, b, c):
 def ball(square, radius, weight):
     """Return weight (x²/r² − 1) for the square x² of a distance."""
     return (square * (1 / radius**2) - 1.0) * weight
-def integral(rate, start, half):
-    """Return the integral of a rate with the value `start` ± 1e-14 at s = −1."""
+def integral(rate, half):
+    """Return the integral of a rate from s = −1. The product covers the rounding of c."""
     powers = np.arange(1.0, len(rate.c) + 1).reshape(-1, *[1] * rate.r.ndim)
     c = rate.c / powers
     first = (c * (-1.0) ** (powers + 1)).sum(0)
-    start = Model(start[None], 0 * start + 1e-14)
-    return Model(np.concatenate([first[None], c]), rate.r * 2) * half + start
+    return Model(np.concatenate([first[None], c]), rate.r * 2) * half
 def arrival(b, e, start, stop, least):
     """Return the time when a function first reaches `least`, or at most SHORT later. inf: never."""
     while (b.max(0) + e >= least).any():

@@ -15,6 +15,7 @@ import ssm_planner as ssm
 from examples import prove
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
+from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.pipeline.run import plan as plan_of
 from ssm_planner.problem.motion import Follow, Free, Straight, Task, Tip
 from ssm_planner.problem.problem import Problem
@@ -273,3 +274,19 @@ def test_the_first_time_of_a_value_is_found() -> None:
     time = prove.arrival(b, e, starts, starts + 1, 2.3)
     assert 2.3 <= time <= 2.3 + 2e-8
     assert prove.arrival(b, e, starts, starts + 1, 5.0) == np.inf
+
+
+def test_coordinates_lie_within_their_errors() -> None:
+    document = planned("arc")
+    mechanism = Mechanism.from_robot(ssm.load_problem("rounded_corners").robot)
+    with np.errstate(all="ignore"):
+        boxes = prove.Proof(document).boxes
+    sign = float(document["problem"]["robot"]["geometry"]["insertion_sign"])
+    places, errors = boxes.coordinates(boxes.tool, boxes.motion[0][3] * sign)
+    joints = prove.bernstein(boxes.motion[0])[0][0].T
+    tasks = dict(
+        zip(("roll", "tilt", "spin", "depth"), task_from_joints(mechanism, joints).T, strict=True)
+    )
+    assert max(float(errors[name].max()) for name in places) < 1e-10
+    for name, values in places.items():
+        assert np.all(np.abs(values - tasks[name]) <= errors[name] + 4e-15), name
