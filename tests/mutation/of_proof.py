@@ -129,7 +129,8 @@ def bent_line() -> dict[str, Any]:
         eye=None,
     )
     document: dict[str, Any] = json.loads(ssm.plan(problem).to_json())
-    document["problem"]["motion"][1]["target"]["task"] |= {"roll": -0.2, "depth": 0.019}
+    target = {"roll": -0.2 - 2 * math.pi, "depth": 0.019}  # the turn does not count
+    document["problem"]["motion"][1]["target"]["task"] |= target
     document["problem"]["start_rate"] |= {"roll": 0.06, "tilt": -0.12, "spin": 0.01, "depth": 0.003}
     return document
 
@@ -169,7 +170,7 @@ def ranged() -> dict[str, Any]:
     problem["friction"], problem["payload"] = 0.9, [0.01, 0.2]
     for drive in (joint["drive"] for joint in problem["robot"]["joints"] if joint["drive"]):
         drive["self_locking"] = False
-        law = drive["friction"] | {"mu": 0.02, "mu_static": 0.024, "b_ov": 1e-3}
+        law = drive["friction"] | {"mu": 0.02, "mu_static": 0.2, "b_ov": 1e-3}
         shares = {"mu": (0.9, 1.2), "b_c": (0.8, 1.3), "b_oc": (0.2, 3.0), "b_ov": (0.0, 3.0)}
         drive["friction_ranges"] = {
             name: [law[name] * share for share in ends] for name, ends in shares.items()
@@ -195,7 +196,27 @@ def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
         bad = module.Model(np.array([[1.0, np.nan]]), np.zeros(2))
         ends = module.supremum([bad], np.array([True, False]), np.zeros(2), np.ones(2))[:2]
         found.append(("open", None, *map(float, ends), ""))
+        loose = module.Model(np.array([[0.1, 2.0], [1.0, 0.1]]), np.array([0.3, 0.2]))
+        for ends in (module.bounds(loose), module.heat(loose, [loose, loose * 0.5])):
+            found.append(("loose", None, *map(float, np.ravel(ends)), ""))
+        for angle in (-0.4, 0.0, 0.4):  # the tool on either side of the plane of the joint axes
+            found.append(("side", None, *map(float, sides(module, angle)), ""))
     return found
+
+
+def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
+    """The sign of the tilt at home, with the third axis turned about the first one, and with the opposite axis."""
+    plan = copy.deepcopy(plans()[1])
+    geometry, found = plan["problem"]["robot"]["geometry"], []
+    first, axis = (np.array(geometry[name]) for name in ("omega1", "omega3"))
+    along = first * (first @ axis)
+    axis = along + (axis - along) * math.cos(angle) + np.cross(first, axis) * math.sin(angle)
+    for sign in (1.0, -1.0):
+        geometry["omega3"] = (sign * axis).tolist()
+        boxes = module.Boxes(plan, np.zeros(1, int), np.zeros(1), np.full(1, 1e-3))
+        boxes.efforts()
+        found.append(boxes.side)
+    return found[0], found[1]
 
 
 def differs(one: list[tuple[Any, ...]], two: list[tuple[Any, ...]]) -> bool:

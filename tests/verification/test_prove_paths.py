@@ -290,3 +290,15 @@ def test_coordinates_lie_within_their_errors() -> None:
     assert max(float(errors[name].max()) for name in places) < 1e-10
     for name, values in places.items():
         assert np.all(np.abs(values - tasks[name]) <= errors[name] + 4e-15), name
+
+
+def test_a_whole_turn_of_the_roll_does_not_count() -> None:
+    base = ssm.load_problem("tilt_insert")
+    motion = (Straight(roll=12 * deg, tilt=-100 * deg), Straight(roll=-5 * deg, depth=12 * mm))
+    result = plan_of(unchecked_copy(base, motion=motion, planner="fast"), relaxations=False)
+    document = json.loads(result.to_json())
+    for turns, verdict in ((0, "PROVEN"), (1, "PROVEN"), (0.5, "REFUTED")):
+        changed = copy.deepcopy(document)
+        for entry in changed["problem"]["motion"]:
+            entry["target"]["task"]["roll"] += turns * 2 * math.pi
+        assert claims_of(changed)["path departure"].verdict == verdict
