@@ -472,7 +472,7 @@ class Proof:
                 if len(most) > 1:
                     sets = [torques, unloaded() if len(torques) > 1 else torques]  # see `cases`
                     self.below(key, [-row for row in sets[1]], top, sure=False, **how)
-                    brakes = np.maximum(brakes, state.mask * self.braking(*sets))
+                    brakes = np.maximum(brakes, np.where(state.mask, self.braking(*sets), 0))
             for (effort, torques, _), sums in zip(high, heats, strict=True):
                 for row in torques if state.moving else []:
                     self.below(key, [row], top, side=state.sign, mask=state.mask, sure=state.sure)
@@ -505,7 +505,7 @@ class Proof:
     def braking(self, *sets):
         """Return upper bounds of −max(rows) and 0 in all boxes, of several sets of rows."""
         slowest = [np.max([bounds(row)[0] for row in torques], 0) for torques in sets]
-        return np.maximum(-np.min(slowest, 0), 0)
+        return np.nan_to_num(np.maximum(-np.min(slowest, 0), 0), nan=np.inf, posinf=np.inf)
     def warm(self, state, effort, torques, sums):
         """Add bounds of ∫τ² in each box to the lists `sums`.
 
