@@ -395,7 +395,7 @@ def _export_rows(
     """
     if rate is None:
         points = spline_points(plan, certificate, tick=None)
-        default = ("q", "qd", "qdd") if points.with_acceleration else ("q", "qd")
+        default = ("q", "qd", "qdd") if points.has_accelerations else ("q", "qd")
         header, rows = motion_table(points.samples, plan.robot, columns or default)
         return header, rows, points.note, points.stretch
     header, rows = motion_table(plan.motion.uniform(rate), plan.robot, columns or DEFAULT_GROUPS)
@@ -567,7 +567,7 @@ def read_csv(path: Path, robot: Robot) -> Reading:
         rows[:, 5:9] if has_velocities else None,
         rows[:, 9:13] if has_accelerations else None,
         resolution=None if has_velocities else _rounding_errors(path, layout, selected[1:]),
-        place=lambda k: f"{path}:{_line_number(path, layout, k)}",
+        point_name=lambda k: f"{path}:{_line_number(path, layout, k)}",
     )
     notes = (f"columns not used: {', '.join(ignored)}",) if ignored else ()
     return interpolate_points(points, robot, notes)

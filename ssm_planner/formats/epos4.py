@@ -211,7 +211,7 @@ class Setpoints:
             files,
         )
 
-    def reading(self, place: str) -> Reading:
+    def to_reading(self, point_name: str) -> Reading:
         """Return the motion that the drives perform: straight lines between the target positions.
 
         The velocity and torque offsets are compared with the positions. The results become checks
@@ -219,11 +219,12 @@ class Setpoints:
 
         Parameters
         ----------
-        place : str
-            Template that names a setpoint in messages. Its field `{}` is the index of the setpoint.
+        point_name : str
+            Template for the name of a setpoint in messages. Its field `{}` is the index of the
+            setpoint.
         """
         q, resolution, offsets = self.rounded_joint_values()
-        points = Points(self.t, q, resolution=resolution, place=place.format)
+        points = Points(self.t, q, resolution=resolution, point_name=point_name.format)
         reading = interpolate_points(points, self.robot)
         checks = offset_checks(self.robot, self.t, q, resolution, offsets)
         return replace(reading, checks=tuple(checks))
@@ -286,7 +287,7 @@ def _check_acceptance(plan: Plan, points: Setpoints) -> None:
     Rounding to increments, or straight lines between distant setpoints, can exceed a limit that the
     plan itself keeps.
     """
-    certificate = points.reading("setpoint {}").check(plan.robot, points.limits)
+    certificate = points.to_reading("setpoint {}").check(plan.robot, points.limits)
     if certificate.violations:
         raise ExportError(
             f"{plan.path}: `check` would reject the setpoints, which exceed "
@@ -536,7 +537,7 @@ def read_epos4(folder: Path, manifest: JsonObject, names: Collection[str], robot
         },
         limits=TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate")),
     )
-    reading = points.reading(f"{folder}: setpoint {{}}")
+    reading = points.to_reading(f"{folder}: setpoint {{}}")
     return replace(reading, content=points.content(file_name_suffix(manifest)))
 
 

@@ -461,7 +461,8 @@ def setup_objects(axis: Axis, mode: str, period: int) -> list[dict[str, str]]:
     joint = axis.joint
     motor = axis.joint.motor
     assert motor is not None
-    # Motor speed in rpm at a joint speed of 1 rad/s or 1 m/s.
+    # The table epos4_objects.csv names these objects, and states their units and reasons.
+    # Motor speed in rpm at a joint speed of 1 rad/s or 1 m/s:
     rpm_per_unit = 60 * abs(axis.increments_per_unit) / axis.counts_per_turn
     max_speed = joint.velocity + rounding_bounds(axis, period)["speed"]
     low, high = sorted(axis.increments_per_unit * position for position in joint.position)

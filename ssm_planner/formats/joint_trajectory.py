@@ -96,7 +96,7 @@ def trajectory_message(
         samples.t,
         positions=samples.q.tolist(),
         velocities=samples.qd.tolist(),
-        accelerations=samples.qdd.tolist() if points.with_acceleration else empty,
+        accelerations=samples.qdd.tolist() if points.has_accelerations else empty,
         effort=efforts,
     )
 
@@ -276,7 +276,7 @@ def interpolate_message(
         qdd=qdd if has_qdd.any() else None,
         has_qd=None if has_qd.all() else has_qd,
         has_qdd=None if has_qdd.all() else has_qdd,
-        place=lambda k: f"{location}: point {k}",
+        point_name=lambda k: f"{location}: point {k}",
     )
     return interpolate_points(points, robot, notes + tuple(remarks))
 

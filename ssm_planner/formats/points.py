@@ -53,7 +53,7 @@ class Points:
     """True for points with accelerations, (n,). None has the same meaning as for `has_qd`."""
     resolution: Array | None = None
     """Largest rounding error of the positions, (4,), rad and m. None if the rounding is unknown."""
-    place: Callable[[int], str] = "point {}".format
+    point_name: Callable[[int], str] = "point {}".format
     """Function that returns the name of a point for messages, given its index."""
 
 
@@ -220,7 +220,7 @@ def check_points(points: Points, robot: Robot) -> None:
     t = points.t
     n = len(points.t)
     if n < 2:
-        raise TrajectoryError(f"{points.place(0)}: {n} point; a trajectory needs at least two")
+        raise TrajectoryError(f"{points.point_name(0)}: {n} point; a trajectory needs at least two")
     columns = (
         ("time", t),
         ("position", points.q),
@@ -234,14 +234,16 @@ def check_points(points: Points, robot: Robot) -> None:
             finite = np.isfinite(values[block])
             if not finite.all():
                 k = block.start + int(np.argwhere(~finite)[0][0])
-                raise TrajectoryError(f"{points.place(k)}: {name} is not a finite number")
+                raise TrajectoryError(f"{points.point_name(k)}: {name} is not a finite number")
     backward = np.flatnonzero(t[1:] <= t[:-1])
     if len(backward):
         k = int(backward[0]) + 1
         fault = "the same time twice" if t[k] == t[k - 1] else "time goes back"
-        raise TrajectoryError(f"{points.place(k)}: {fault}: {t[k]:.12g} s after {t[k - 1]:.12g} s")
+        raise TrajectoryError(
+            f"{points.point_name(k)}: {fault}: {t[k]:.12g} s after {t[k - 1]:.12g} s"
+        )
     for block in blocks(n, BLOCK):
-        check_magnitudes(points.q[block], robot, points.place, block.start)
+        check_magnitudes(points.q[block], robot, points.point_name, block.start)
     if points.qd is not None and points.has_qd is None:
         check_derivatives(t, points.q, points.qd, robot, ("positions", "velocities"))
         if points.qdd is not None and points.has_qdd is None:

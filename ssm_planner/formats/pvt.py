@@ -271,7 +271,7 @@ def read_pvt(folder: Path, manifest: JsonObject, names: Collection[str], robot: 
     t = np.cumsum(steps) / 1000
     scales = [increments_per_unit(axes, name) for name in tables]
     q, qd = np.stack(list(tables.values()), axis=2) / scales
-    reading = interpolate_points(Points(t, q, qd, place=f"{folder}: row {{}}".format), robot)
+    reading = interpolate_points(Points(t, q, qd, point_name=f"{folder}: row {{}}".format), robot)
     declared = TaskLimits(start_rate=manifest.get("start_rate"), end_rate=manifest.get("end_rate"))
     rows = {name: (table[0], table[1]) for name, table in tables.items()}
     limits = replace_end_rates(declared, robot, q, qd)

@@ -43,7 +43,7 @@ class SplinePoints:
 
     samples: Samples
     """State of the joints at n points."""
-    with_acceleration: bool
+    has_accelerations: bool
     """True if the controller must join the points by quintics, and False for cubics."""
     stretch: float
     """Duration of the spline divided by the duration of the plan."""
@@ -93,7 +93,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
     candidate = max(trials, key=lambda trial: trial.certificate.worst.margin)
     # The trials are the quintics through the breaks, if these are smooth, and then one for each
     # entry of PARTS.
-    divisions = 1 if candidate.with_acceleration else DIVISIONS[trials.index(candidate) - smooth]
+    divisions = 1 if candidate.has_accelerations else DIVISIONS[trials.index(candidate) - smooth]
     for _ in range(MAX_SLOWDOWN_TRIALS):
         if candidate.certificate.passed:
             return candidate
@@ -101,7 +101,7 @@ def spline_points(plan: Plan, certificate: Certificate, tick: float | None = 1e-
         stretch = candidate.stretch * max(factors)
         if stretch > 1 + LARGEST_SLOWDOWN:
             break
-        candidate = _try_points(plan, divisions, candidate.with_acceleration, stretch, tick)
+        candidate = _try_points(plan, divisions, candidate.has_accelerations, stretch, tick)
     raise ExportError(
         f"{plan.path}: the spline through {len(candidate.samples.t)} points exceeds "
         f"{candidate.certificate.worst.excess}: no points that keep it were found"
@@ -138,7 +138,7 @@ def sample_slowed_plan(plan: Plan, t: Array, stretch: float = 1.0) -> Samples:
 
 
 def _try_points(
-    plan: Plan, divisions: int, with_acceleration: bool, stretch: float, tick: float | None
+    plan: Plan, divisions: int, has_accelerations: bool, stretch: float, tick: float | None
 ) -> SplinePoints:
     """Divide the pieces of a plan into equal parts, and check the spline through the points.
 
@@ -148,7 +148,7 @@ def _try_points(
         Plan that is exported.
     divisions : int
         Number of equal parts into which each piece of the plan is divided.
-    with_acceleration : bool
+    has_accelerations : bool
         True to join the points by quintics instead of cubics.
     stretch : float
         Factor on the duration.
@@ -171,10 +171,10 @@ def _try_points(
     if np.all(np.abs(s.qd[-1]) < 1e-6):
         s.qd[-1] = 0.0
     reading = interpolate_points(
-        Points(t, s.q, s.qd, s.qdd if with_acceleration else None), plan.robot
+        Points(t, s.q, s.qd, s.qdd if has_accelerations else None), plan.robot
     )
     certificate = reading.check(plan.robot, plan.limits.slower(stretch))
-    return SplinePoints(s, with_acceleration, stretch, certificate)
+    return SplinePoints(s, has_accelerations, stretch, certificate)
 
 
 def _acceleration_jump(plan: Plan) -> float:

@@ -212,9 +212,9 @@ def _parse_words(tokens: list[str], robot: Robot) -> tuple[int | None, int | Non
 
 
 def _split_unit(unit: str) -> tuple[str, int]:
-    """Split a unit into the unit of the joint and the order of the time derivative.
+    """Split a unit into the unit of the joint position and the order of the time derivative.
 
-    For example, both deg/s and deg_per_s give ("deg", 1).
+    For example, both deg/s and deg_per_s give ("deg", 1), and mm/s^2 gives ("mm", 2).
     """
     match = re.fullmatch(rf"(.*?)({PER})?", unit)
     per = (match.group(2) or "") if match else ""

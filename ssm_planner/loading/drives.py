@@ -75,7 +75,11 @@ ZERO_PRESSURE_ANGLE = 1e-9
 
 
 def _parse_numbers(value: Any) -> tuple[float, ...]:
-    """Read a text of finite numbers in SI units that are separated by spaces."""
+    """Read a text of finite numbers in SI units that are separated by spaces.
+
+    The posterior in a drive file contains many numbers, so that a list with units would be too
+    long. Raises a pydantic error if the text contains no number or anything else.
+    """
     try:
         numbers = tuple(float(text) for text in value.split())
     except (AttributeError, ValueError):
@@ -511,7 +515,9 @@ def _si_values(model: Model) -> Keywords:
         for name, field_value in model
         if field_value is not None
     }
-    return {name: value for name, value in numbers.items() if name in field_hints(model.of[-1])}
+    return {
+        name: value for name, value in numbers.items() if name in field_hints(model.value_types[-1])
+    }
 
 
 def _friction_from(section: Section, model: Any) -> Friction:

@@ -385,7 +385,8 @@ def _dwell_motions(section: Section, duration: float) -> Iterator[Motion]:
 def _scan_motions(section: Section, model: Any) -> Iterator[Motion]:
     """Yield the scan of the retina that the value of a key describes.
 
-    The parameters are those of `_straight_motions`.
+    The parameters are those of `_straight_motions`. Raises ProblemError if the diameters of a
+    triple ring do not increase.
     """
     low, middle, high = model.diameters
     if not 0 < low < middle < high:

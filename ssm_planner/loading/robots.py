@@ -317,8 +317,8 @@ def robot_from(section: Section) -> Robot:
     )
     bodies: Any = []
     for i, body in enumerate(model.bodies):
-        setting = _BodyPlacement(i, frames, geometry, joints)
-        bodies.append(_body_from(section.sub("bodies", i), body, setting))
+        placement = _BodyPlacement(i, frames, geometry, joints)
+        bodies.append(_body_from(section.sub("bodies", i), body, placement))
     with locate_errors(section):
         return Robot(
             name=model.name,
@@ -571,7 +571,7 @@ def _home_roll(section: Section, model: GeometryModel, alpha: float, tilt: float
 class _BodyPlacement:
     """Position of a body in the chain, with the data of the robot that its parts may need."""
 
-    place: int
+    index: int
     """Index of the body."""
     frames: Sequence[Array]
     """Rotations (3, 3) from all bodies to the base at q = 0."""
@@ -581,7 +581,7 @@ class _BodyPlacement:
     @property
     def frame(self) -> Array:
         """Rotation (3, 3) from the body to the base at q = 0."""
-        return self.frames[self.place]
+        return self.frames[self.index]
 
     def axis(self, beyond: int) -> Array:
         """Return the unit vector (3,) of a joint axis in the frame of the body.
@@ -591,10 +591,10 @@ class _BodyPlacement:
         beyond : int
             0 for the joint that moves the body, and 1 for the next joint.
         """
-        return self.frame.T @ self.geometry.axes[self.place + beyond]
+        return self.frame.T @ self.geometry.axes[self.index + beyond]
 
 
-def _body_from(section: Section, model: Any, setting: _BodyPlacement) -> Body:
+def _body_from(section: Section, model: Any, placement: _BodyPlacement) -> Body:
     """Build a body from its mass, centre and inertia, or from its parts.
 
     Parameters
@@ -603,7 +603,7 @@ def _body_from(section: Section, model: Any, setting: _BodyPlacement) -> Body:
         Part of the file that describes the body.
     model : object
         The validated section.
-    setting : _BodyPlacement
+    placement : _BodyPlacement
         Position of the body in the robot.
 
     Raises
@@ -612,7 +612,7 @@ def _body_from(section: Section, model: Any, setting: _BodyPlacement) -> Body:
         If a value is invalid.
     """
     if model.parts is not None:
-        return _body_from_parts(section, model, setting)
+        return _body_from_parts(section, model, placement)
     if model.mass is None:
         raise section.error(
             "missing: this key is required", "mass", allowed="mass with com and inertia, or parts"
@@ -620,7 +620,7 @@ def _body_from(section: Section, model: Any, setting: _BodyPlacement) -> Body:
     tensor = _inertia_tensor(section, model)
     with locate_errors(section):
         try:
-            body = Body(model.name, model.mass, np.array(model.com), tensor, setting.frame)
+            body = Body(model.name, model.mass, np.array(model.com), tensor, placement.frame)
         except ProblemError as error:
             error.reason += _sign_hint(model, tensor) if model.mass > 0 else ""
             raise
@@ -654,7 +654,7 @@ def _check_gyration(section: Section, body: Body) -> Body:
     return body
 
 
-def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> Body:
+def _body_from_parts(section: Section, model: Any, placement: _BodyPlacement) -> Body:
     """Build a body whose mass and inertia are the sums over its parts.
 
     Parameters
@@ -663,7 +663,7 @@ def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> B
         Part of the file that describes the body.
     model : object
         The validated section.
-    setting : _BodyPlacement
+    placement : _BodyPlacement
         Position of the body in the robot.
 
     Raises
@@ -679,16 +679,16 @@ def _body_from_parts(section: Section, model: Any, setting: _BodyPlacement) -> B
                 allowed="either parts, or mass, com and inertia",
             )
     solids = [
-        _solid_moments(section.sub("parts", i), model_part, setting)
+        _solid_moments(section.sub("parts", i), model_part, placement)
         for i, model_part in enumerate(model.parts)
     ]
     total = sum(solids, shapes.point(0.0, np.zeros(3)))
     with locate_errors(section, {"inertia": ("parts",), "mass": ("parts",)}):
-        body = Body(model.name, total.mass, total.com, total.inertia, setting.frame)
+        body = Body(model.name, total.mass, total.com, total.inertia, placement.frame)
     return _check_gyration(section, body)
 
 
-def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> shapes.Moments:
+def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> shapes.Moments:
     """Compute the mass and its first and second moments of a part in the frame of the body.
 
     Parameters
@@ -697,7 +697,7 @@ def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> sha
         Part of the file that describes the part of the body.
     model : object
         The validated section.
-    setting : _BodyPlacement
+    placement : _BodyPlacement
         Position of the body in the robot.
 
     Returns
@@ -710,9 +710,9 @@ def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> sha
     ProblemError
         If the shape is impossible.
     """
-    is_last = setting.place == len(setting.frames) - 1
+    is_last = placement.index == len(placement.frames) - 1
     if isinstance(model, ArcModel):
-        if setting.place > 1:
+        if placement.index > 1:
             raise section.error(
                 "no axis follows that of this body", "shape", allowed="rod, box, point"
             )
@@ -721,7 +721,7 @@ def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> sha
                 "reaches beyond the remote centre", "width", allowed="less than twice the radius"
             )
         start, end = (
-            (1 if side == "positive" else -1) * setting.axis(i)
+            (1 if side == "positive" else -1) * placement.axis(i)
             for i, side in enumerate(model.sides)
         )
         return shapes.arc(
@@ -730,7 +730,9 @@ def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> sha
     if model.frame == "next" and is_last:
         raise section.error("the last body has no next frame", "frame", allowed="own")
     turn = (
-        np.eye(3) if model.frame == "own" else setting.frame.T @ setting.frames[setting.place + 1]
+        np.eye(3)
+        if model.frame == "own"
+        else placement.frame.T @ placement.frames[placement.index + 1]
     )
     if isinstance(model, RodModel):
         start = np.array(model.start)
@@ -740,7 +742,7 @@ def _solid_moments(section: Section, model: Any, setting: _BodyPlacement) -> sha
                 "the rod has no length", "end", allowed="a different point than start"
             )
         return shapes.rod(start, end, model.diameter, model.density).rotated(turn)
-    mass = _part_mass(section, model, setting.joints)
+    mass = _part_mass(section, model, placement.joints)
     size = np.array(model.size) if isinstance(model, BoxModel) else np.zeros(3)
     return shapes.box(mass, np.array(model.at), size).rotated(turn)
 

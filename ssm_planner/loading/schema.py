@@ -71,7 +71,7 @@ class Model(BaseModel):
 
     # models are built on first use because one command needs few of them
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-    of: ClassVar[tuple[Any, ...]] = ()
+    value_types: ClassVar[tuple[Any, ...]] = ()
     """Classes whose fields document the keys. If several document a key, the last one applies."""
 
     @model_validator(mode="before")
@@ -98,7 +98,7 @@ class Model(BaseModel):
         }
         of_value = {
             name: text
-            for value_type in cls.of
+            for value_type in cls.value_types
             for name, text in field_descriptions(value_type).items()
         }
         # Descriptions of files omit shapes, None and SI units, because values state their units.
@@ -443,7 +443,7 @@ def build_keys_model(
     """
     created: Any = create_model
     model = created("KeysModel", __base__=base, **fields)
-    model.of = value_types
+    model.value_types = value_types
     return model
 
 

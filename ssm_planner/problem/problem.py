@@ -133,7 +133,11 @@ class Eye(Value):
         self._check_port()
 
     def _check_lens(self, lens: Lens) -> None:
-        """Raise ProblemError if the lens is not inside the eye."""
+        """Raise ProblemError if the lens does not fit the eye.
+
+        Each semi-axis must be shorter than the radius of the eye, and the centre must be inside the
+        eye.
+        """
         for i, length in enumerate(lens.semi_axes.tolist()):
             if not length < self.radius:
                 allowed = f"above 0 and below {_format_mm(self.radius)}"

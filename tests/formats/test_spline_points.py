@@ -41,7 +41,7 @@ def test_points_lie_on_the_plan_at_whole_ticks(plan: Plan, smooth_plan: Plan) ->
     for of, by_quintics in ((plan, False), (smooth_plan, True)):
         points = spline_points(of, of.certificate, tick=1e-6)
         t, breaks = points.samples.t, of.motion.breaks
-        assert points.with_acceleration is by_quintics
+        assert points.has_accelerations is by_quintics
         assert points.certificate.passed
         assert np.abs(t / 1e-6 - np.round(t / 1e-6)).max() < 1e-6
         assert 1 <= points.stretch <= 1 + module.LARGEST_SLOWDOWN
@@ -124,7 +124,7 @@ def test_pieces_are_divided_into_equal_parts(plan: Plan, divisions: int) -> None
         steps = np.diff(t).reshape(-1, divisions)
         assert steps == pytest.approx(np.tile(steps[:, :1], divisions))
         assert points.samples.q == pytest.approx(plan.motion.sample(t).q, abs=1e-9)
-        assert (points.stretch, points.with_acceleration) == (1.25, True)
+        assert (points.stretch, points.has_accelerations) == (1.25, True)
 
 
 @pytest.mark.parametrize("which", ["begins", "ends"])
@@ -171,6 +171,6 @@ def test_quintics_through_the_breaks_are_slowed_down_as_they_are(smooth_plan: Pl
     tight = replace(smooth_plan, problem=replace(smooth_plan.problem, robot=robot))
     points = spline_points(tight, smooth_plan.certificate)
     assert points.certificate.passed
-    assert points.with_acceleration
+    assert points.has_accelerations
     assert len(points.samples.t) == len(smooth_plan.motion.breaks)
     assert 1 + 2e-4 < points.stretch < 1 + 3e-4
