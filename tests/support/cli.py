@@ -24,7 +24,7 @@ def run(command: str, *words: object) -> int:
     parser = argparse.ArgumentParser()
     add_arguments(parser, command)
     if command == "export":
-        module.format_arguments(parser)
+        module.add_format_arguments(parser)
     status = getattr(module, f"run_{command}")(parser.parse_args([str(word) for word in words]))
     return int(status)
 
