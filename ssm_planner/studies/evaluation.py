@@ -96,7 +96,7 @@ class Evaluation:
     study: Study
 
     def __call__(self, number: int, design: Design) -> Candidate:
-        """Evaluate a candidate, and return its results. This method never raises an exception.
+        """Evaluate a candidate, and return its results. An error becomes a result as well.
 
         Parameters
         ----------

@@ -265,11 +265,11 @@ def correlation_ratio(positions: Array, value: Array) -> float:
         edges = np.quantile(positions, np.linspace(0, 1, BIN_COUNT + 1)[:-1])
     bins = np.searchsorted(edges, positions, side="right") - 1
     groups = [value[bins == k] for k in np.unique(bins)]
-    degrees = len(value) - len(groups)
-    if degrees <= 0:
+    degrees_of_freedom = len(value) - len(groups)
+    if degrees_of_freedom <= 0:
         return 0.0
     within = sum(len(group) * group.var() for group in groups)
-    return max(0.0, 1.0 - float(within / degrees / value.var(ddof=1)))
+    return max(0.0, 1.0 - float(within / degrees_of_freedom / value.var(ddof=1)))
 
 
 def design_texts(study: Study, row: Candidate) -> dict[str, str]:

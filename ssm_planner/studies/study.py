@@ -337,7 +337,8 @@ def robot_with_design(robot: Fields, contents: Mapping[str, Fields], design: Des
             raise ProblemError("no such entry", key=path, value=text)
         if path == PACE_PATH:
             continue  # The pace is not a key of the robot file.
-        _set_at_path(tree, path, contents[path][text] if path in contents else number_or_text(text))
+        value = contents[path][text] if path in contents else number_or_text(text)
+        _set_at_path(tree, path, value)
     for path in design:
         if path.startswith("joints.") and path.endswith(".motor"):
             joint = path.split(".")[1]

@@ -61,7 +61,7 @@ class PlanningJob:
         Name of the run in requests.
     steps : Path
         File to which the planner's process writes its progress.
-    outcome : Outcome or None
+    outcome : PlanningOutcome or None
         Result, or None while the run is in progress.
     """
 
@@ -70,7 +70,14 @@ class PlanningJob:
     outcome: PlanningOutcome | None = None
 
     def to_dict(self) -> JsonObject:
-        """Return the object that the page receives, with {steps, done, message, …}."""
+        """Return the state of the run for the page.
+
+        Returns
+        -------
+        dict
+            `steps` lists the progress, and `done` is true after the end. `message`, `relaxation`,
+            `changes` and `desk` are those of the outcome. `plan` is the path of plan.json, or None.
+        """
         outcome = self.outcome  # The planner may finish during this call.
         result = outcome or PlanningOutcome("")
         return {

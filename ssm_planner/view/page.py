@@ -80,22 +80,22 @@ def _coordinate_text(name: str, value: float) -> str:
     return f"{1e3 * value:.12g} mm" if name == "depth" else f"{math.degrees(value):.14g} deg"
 
 
-def view_page(study: "ViewedProblem", token: str) -> str:
+def view_page(page: "ViewedProblem", token: str) -> str:
     """Return the HTML document of a page.
 
     Parameters
     ----------
-    study : ViewedProblem
+    page : ViewedProblem
         Problem that the page shows.
     token : str
         Secret that every POST request of the page must contain.
     """
-    start = study.start()
+    start = page.start()
     return render_page(
         "view.html",
         {"start": start, "token": token, "colours": list(COLOURS)},
         title=f"{start['name']} – mechanism" if start["name"] else "Mechanism",
-        parts=study.variables if start["can_plan"] else (),
+        parts=page.variables if start["can_plan"] else (),
         joints=JOINTS,
         start=start,
     )
@@ -134,6 +134,8 @@ class ViewedProblem:
         Returns
         -------
         mechanism : Mechanism
+            Mechanism with these angles. The roll at q = 0 is 0 unless the angles are those of the
+            robot.
         is_original : bool
             True if the angles are those of the robot.
 
@@ -234,13 +236,20 @@ class ViewedProblem:
     def changed_robot(self, request: JsonObject) -> JsonObject:
         """Return the content of the robot file with the angles and the design of a request.
 
-        The entry `design` gives values to variables in `variables`, by path. Static friction keeps
-        its ratio to kinetic friction. The roll at q = 0 stays 0, so the tilt φ at q = 0 follows
-        from cos β = cos α cos φ. Links keep their masses and shapes, and their frames follow the
-        angles.
+        Static friction keeps its ratio to kinetic friction. The roll at q = 0 stays 0, so the tilt
+        φ at q = 0 follows from cos β = cos α cos φ. Links keep their masses and shapes, and their
+        frames follow the angles.
 
-        Raises ProblemError if a value is invalid, or if the frames of the links cannot follow the
-        angles.
+        Parameters
+        ----------
+        request : dict
+            `alpha` and `beta` (rad), and `design`, which gives values to variables in `variables`,
+            by path.
+
+        Raises
+        ------
+        ProblemError
+            If a value is invalid, or if the frames of the links cannot follow the angles.
         """
         mechanism, is_original = self.mechanism(request)
         design = self._design(request)
@@ -349,19 +358,21 @@ class ViewedProblem:
         ProblemError
             If a value is invalid.
         """
-        mechanism, same = self.mechanism(request)
+        mechanism, is_original = self.mechanism(request)
         required = requested_tilt_range(request)
         low, high = tilt_interval(mechanism)
         margin = min(required[0] - low, high - required[1])
         problem = self.problem
         ranges: dict[str, Range] = {} if problem is None else dict(problem.ranges)
         eye = None if problem is None else problem.eye
-        sides = link_sides(problem.robot, mechanism) if same and problem is not None else None
+        sides = (
+            link_sides(problem.robot, mechanism) if is_original and problem is not None else None
+        )
         return {
             "tilt_range": [low, high],
             "reached": margin >= 0.0,
             "margin": margin,
-            "own": same,
+            "own": is_original,
             "scene": mechanism_scene(mechanism, {**ranges, "tilt": required}, sides, eye),
         }
 
@@ -401,9 +412,18 @@ class ViewedProblem:
     def problem_content(self, request: JsonObject) -> JsonObject:
         """Return the content of a problem file with the robot and the motion of a request.
 
-        The request is {alpha, beta, design, payload} with {own: true} for the motion of the file.
-        For another motion, it is {alpha, beta, design, payload, start, tilt_range, motion: [{pose}
-        or {dwell}, …]}. Raises ProblemError if a value is invalid.
+        Parameters
+        ----------
+        request : dict
+            `alpha` and `beta` (rad), `design` (values of `variables` by path) and `payload` (kg).
+            With `own` true, the motion is that of the file. Otherwise, `start` is a pose,
+            `tilt_range` limits the tilt (rad), and `motion` is a list of {pose} and {dwell}, in
+            rad, m and s.
+
+        Raises
+        ------
+        ProblemError
+            If a value is invalid.
         """
         content = dict(self.document)
         if request.get("design") or not self.mechanism(request)[1]:

@@ -1,4 +1,5 @@
-// Two motions over each other, plans A and B or planned and simulated: the first solid and dark, the second dashed.
+// Compare two motions in one scene and in common plots: plans A and B, or the planned and the simulated motion.
+// The first one is solid and dark, the second one is dashed.
 "use strict";
 (() => {
   const data = SSM.data();
@@ -11,9 +12,9 @@
   SSM.overlay(plots, data, channels, names);
   requestAnimationFrame(() => setTimeout(() => {
     const robots = data.scenes.map((scene, side) => ({ scene, colours: data.colours, ghost: side === 1,
-      path: SSM.trace(channels[side]) }));
+      path: SSM.tipPath(channels[side]) }));
     const scene = new SSM.Scene(byId("scene"), robots);
-    player.listen((index) => channels.forEach((each, side) => scene.pose(side, SSM.joints(each, index))));
+    player.listen((index) => channels.forEach((samples, side) => scene.pose(side, SSM.joints(samples, index))));
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
   }));
 })();

@@ -1,14 +1,15 @@
-// The parts of a mechanism: axes, links as arcs about the RCM, tool, tilt bands, eye. Metres.
+// Build the parts of a mechanism for the 3D view: axes, links as arcs about the remote centre of motion (RCM), tool, tilt bands and eye.
+// All lengths are in m.
 "use strict";
 const { BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, SphereGeometry, Vector2, Vector3 } = THREE;
 
-// of so many parts round something, as many as software draws at 60 frames per second
-SSM.fine = (parts) => (SSM.soft ? Math.ceil(0.55 * parts) : parts);
+// Return the number of segments of a round part. Software rendering draws fewer, so that it reaches 60 frames per second.
+SSM.segmentCount = (parts) => (SSM.rendersInSoftware ? Math.ceil(0.55 * parts) : parts);
 
 SSM.vector = (values) => new Vector3(...values);
 
-// robot: base group, turns (three nested groups), slide, axes
-SSM.mechanism = (scene, colours, ghost, labels) => {
+// Build a robot from a scene of html/scene.py. `base`, the three `turns` and `slide` are nested groups, which move with the joints.
+SSM.mechanismModel = (scene, colours, ghost, labels) => {
   const axes = scene.axes.map(SSM.vector);
   const base = new Group();
   const turns = [0, 1, 2].map(() => new Group());
@@ -31,19 +32,19 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   turns[1].add(SSM.rod(out, r - 0.024, r - 0.002, 0.007, solid(grey[2])));
   turns[2].add(SSM.rail(out, r, solid(grey[1])));
   slide.add(SSM.rod(out, r + 0.002, r + 0.016, 0.006, solid(ghost ? colours[1] : colours[2])));
-  // within an eye nothing may look thicker than there is room for
-  const fine = scene.eye ? 0.4 : 1;
-  slide.add(SSM.rod(out, 0, r + 0.004, 0.0009 * fine, solid(ghost ? colours[1] : "#22272e", 1)));
-  slide.add(SSM.ball(0.0013 * fine, solid(ghost ? colours[1] : "#7a2fa0", 1)));
-  if (!ghost) base.add(SSM.ball(0.0022 * fine, solid("#22272e")));
-  // what the legend names: objects that appear and vanish together, and labels with the object that they stand at
+  // Inside an eye, the tool is drawn thinner, so that it does not hide the anatomy.
+  const thinning = scene.eye ? 0.4 : 1;
+  slide.add(SSM.rod(out, 0, r + 0.004, 0.0009 * thinning, solid(ghost ? colours[1] : "#22272e", 1)));
+  slide.add(SSM.ball(0.0013 * thinning, solid(ghost ? colours[1] : "#7a2fa0", 1)));
+  if (!ghost) base.add(SSM.ball(0.0022 * thinning, solid("#22272e")));
+  // `parts` contains the objects of each entry of the legend. `texts` contains labels, each with the object at which it is placed.
   const parts = {};
   const put = (name, parent, ...objects) => {
     parent.add(...objects);
     parts[name] = [...(parts[name] ?? []), ...objects];
   };
   const texts = [];
-  // shown: by the size of the eye on the screen
+  // `shown` is a function that decides by the scale in pixels per metre whether the label is visible.
   const say = (name, parent, position, text, colour, shown = () => true) => {
     const anchor = new Group();
     anchor.position.copy(position);
@@ -53,7 +54,7 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   if (!ghost) {
     frames.forEach((parent, i) => put("axes", parent, SSM.axisLine(axes[i], r + 0.03, colours[i])));
     for (const band of scene.bands) {
-      const { lines, end } = SSM.band(band, -scene.insertion_sign, colours[1]);
+      const { lines, end } = SSM.bandLines(band, -scene.insertion_sign, colours[1]);
       put(`${band.name} tilt`, base, ...lines);
       if (labels && band.name === "allowed") say("allowed tilt", base, end, "allowed tilt", colours[1]);
     }
@@ -74,17 +75,17 @@ SSM.mechanism = (scene, colours, ghost, labels) => {
   return { base, turns, slide, axes, parts, put, say, texts };
 };
 
-// the y axis of a part along a direction, its origin so far from a place
-SSM.stand = (part, direction, distance = 0, place = new Vector3()) => {
+// Turn the y axis of a part into a direction, and move its origin by a distance in this direction from a place.
+SSM.placeAlong = (part, direction, distance = 0, place = new Vector3()) => {
   part.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), direction);
   part.position.copy(place).addScaledVector(direction, distance);
   return part;
 };
 
 SSM.rod = (direction, from, to, radius, material) =>
-  SSM.stand(new Mesh(new THREE.CylinderGeometry(radius, radius, to - from, SSM.fine(20)), material), direction, (from + to) / 2);
+  SSM.placeAlong(new Mesh(new THREE.CylinderGeometry(radius, radius, to - from, SSM.segmentCount(20)), material), direction, (from + to) / 2);
 
-SSM.ball = (radius, material) => new Mesh(new SphereGeometry(radius, SSM.fine(12), SSM.fine(8)), material);
+SSM.ball = (radius, material) => new Mesh(new SphereGeometry(radius, SSM.segmentCount(12), SSM.segmentCount(8)), material);
 
 SSM.arc = (from, to, radius, thickness, material) => {
   const angle = from.angleTo(to);
@@ -92,10 +93,10 @@ SSM.arc = (from, to, radius, thickness, material) => {
   if (normal.length() < 1e-6) normal.set(from.y, -from.x, from.z || 1e-3);
   normal.normalize();
   const points = Array.from({ length: 25 }, (_, i) => from.clone().applyAxisAngle(normal, (angle * i) / 24).multiplyScalar(radius));
-  return new Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), SSM.fine(24), thickness, SSM.fine(10)), material);
+  return new Mesh(new THREE.TubeGeometry(new THREE.CatmullRomCurve3(points), SSM.segmentCount(24), thickness, SSM.segmentCount(10)), material);
 };
 
-// beside the tool axis, so that the spin can be seen
+// Build a rail beside the tool axis, which makes the spin visible.
 SSM.rail = (out, r, material) => {
   const aside = new Vector3(0, 1, 0).addScaledVector(out, -out.y).normalize().multiplyScalar(0.011);
   const rail = SSM.rod(out, r - 0.02, r + 0.055, 0.0028, material);
@@ -103,15 +104,15 @@ SSM.rail = (out, r, material) => {
   return rail;
 };
 
-// dash: its length, or 0 for a solid line
+// Build a line. `dash` is the length of a dash, or 0 for a solid line.
 SSM.line = (points, colour, dash = 0) =>
   new THREE.Line(new BufferGeometry().setFromPoints(points),
     new THREE.LineDashedMaterial({ color: colour, dashSize: dash || 1, gapSize: dash / 2 })).computeLineDistances();
 
 SSM.axisLine = (axis, length, colour) => SSM.line([-length, length].map((x) => axis.clone().multiplyScalar(x)), colour, 0.008);
 
-// edges of a range of tilts and the meridian between them, as thin lines
-SSM.band = ({ name, rows, columns, vertices }, side, colour) => {
+// Build the edges of a range of tilts and the meridian between them as thin lines.
+SSM.bandLines = ({ name, rows, columns, vertices }, side, colour) => {
   const scale = side * (name === "allowed" ? 1.004 : 1);
   const at = (row, column) => new Vector3().fromArray(vertices, 3 * (row * columns + column)).multiplyScalar(scale);
   const [middle, last] = [columns >> 1, rows - 1];
@@ -124,33 +125,34 @@ SSM.band = ({ name, rows, columns, vertices }, side, colour) => {
   return { lines, end: at(last, middle) };
 };
 
-// places where a phase ends and the tool stands: the spots of a scan, and stops
-SSM.stops = (points) => [true, false].map((spots) => {
-  const ball = new SphereGeometry(spots ? 0.00028 : 0.0004, SSM.fine(12), SSM.fine(8));
+// Build markers of the positions at which a phase ends and the tool rests: the spots of a scan, and other stops.
+SSM.stopMarkers = (points) => [true, false].map((spots) => {
+  const ball = new SphereGeometry(spots ? 0.00028 : 0.0004, SSM.segmentCount(12), SSM.segmentCount(8));
   const [corners, order] = [[...ball.attributes.position.array], [...ball.index.array]];
   const some = points.filter(({ spot }) => spot === spots);
-  const together = new BufferGeometry(); // drawn at once, however many there are
+  const together = new BufferGeometry(); // all markers are one geometry, which is drawn at once
   const vertices = some.flatMap(({ position }) => corners.map((value, i) => value + position[i % 3]));
   together.setAttribute("position", new THREE.BufferAttribute(new Float32Array(vertices), 3));
   together.setIndex(some.flatMap((_, k) => order.map((i) => i + (k * corners.length) / 3)));
   return new Mesh(together, new MeshBasicMaterial({ color: spots ? "#1fae5b" : "#e0a100" }));
 });
 
-// paint: the colour of all its surfaces, or a false value for their own. eye: see Eye of problem/problem.py; base frame, the columns of the lens frame are the directions of its semi-axes.
-// Retina, clearance and lens are the plan's; sclera, cornea, iris and macula are of usual size, to show which eye it is.
-SSM.eye = (eye, paint) => {
+// Build an eye from a value of the class Eye in problem/problem.py, in the base frame. The columns of the lens frame are the directions of its
+// semi-axes. `paint` is the colour of all surfaces, or a false value for individual colours. Retina, clearance and lens are those of the plan.
+// Sclera, cornea, iris and macula have usual sizes and only illustrate the eye.
+SSM.eyeModel = (eye, paint) => {
   const group = new Group();
   const centre = SSM.vector(eye.centre);
   const front = (eye.lens ? SSM.vector(eye.lens.centre).sub(centre) : centre.clone().negate()).normalize();
   const surface = (name, radius, colour, { opacity = 1, side = 0, from = 0, to = Math.PI, at = 0, light = true } = {}) => {
     const options = { color: paint || colour, opacity, transparent: opacity < 1, depthWrite: opacity === 1, side };
     const material = light ? new MeshLambertMaterial(options) : new MeshBasicMaterial(options);
-    const mesh = new Mesh(new SphereGeometry(radius, SSM.fine(40), SSM.fine(24), 0, 2 * Math.PI, from, to - from), material);
+    const mesh = new Mesh(new SphereGeometry(radius, SSM.segmentCount(40), SSM.segmentCount(24), 0, 2 * Math.PI, from, to - from), material);
     mesh.name = name;
-    group.add(SSM.stand(mesh, front, at, centre));
+    group.add(SSM.placeAlong(mesh, front, at, centre));
     return mesh;
   };
-  // seen through: the far half is opaque enough to be a background, the near half a film
+  // The far half of the eye (retina) is opaque enough for a background. The near half (sclera) is almost transparent.
   const outer = eye.radius + 0.0006;
   const limbus = 0.0058; // half the usual width of a cornea
   const opening = Math.asin(Math.min(0.9, limbus / outer));
@@ -159,14 +161,14 @@ SSM.eye = (eye, paint) => {
   const bulge = 0.0078; // usual radius of a cornea
   const half = Math.asin(limbus / bulge);
   surface("cornea", bulge, "#9cc7e8", { opacity: 0.3, side: 2, to: half, at: outer * Math.cos(opening) - bulge * Math.cos(half) });
-  const iris = new Mesh(new THREE.LatheGeometry([new Vector2(0.0022, 0), new Vector2(limbus - 0.0003, 0)], SSM.fine(40)),
+  const iris = new Mesh(new THREE.LatheGeometry([new Vector2(0.0022, 0), new Vector2(limbus - 0.0003, 0)], SSM.segmentCount(40)),
     new MeshBasicMaterial({ color: "#4f7f6a", side: 2, opacity: 0.55, transparent: true, depthWrite: false }));
   const disc = eye.lens ? SSM.vector(eye.lens.centre).distanceTo(centre) + Math.min(...eye.lens.semi_axes) : outer * Math.cos(opening);
   const macula = SSM.ball(0.0012, new MeshBasicMaterial({ color: "#8c2d1a" }));
   macula.scale.y = 0.15;
   const port = new Mesh(new THREE.LatheGeometry([[7, -4], [11, -4], [11, 4], [7, 4]].map(([x, y]) => new Vector2(x / 1e4, y / 1e4)), 24),
     new MeshLambertMaterial({ color: "#3c4650", side: 2 }));
-  group.add(SSM.stand(iris, front, disc, centre), SSM.stand(macula, front, -eye.radius, centre), SSM.stand(port, centre.clone().normalize()));
+  group.add(SSM.placeAlong(iris, front, disc, centre), SSM.placeAlong(macula, front, -eye.radius, centre), SSM.placeAlong(port, centre.clone().normalize()));
   const places = [["macula", macula.position, "#8c2d1a"], ["retina", centre.clone().addScaledVector(new Vector3(0, -1, 0), eye.radius), "#a8482c"]];
   const edges = [];
   if (eye.clearance) edges.push(surface("clearance", eye.radius - eye.clearance, "#b5482a", { opacity: 0.1, light: false }));

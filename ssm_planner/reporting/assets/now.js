@@ -1,6 +1,8 @@
-// What holds at the shown instant: joints, motors, task coordinates, active limits.
+// Show the values at the shown instant: joints, motors, task coordinates and active limits.
 "use strict";
-// cells of the template: data-channel (a side, if there are two, and a channel), data-scale and data-digits; data-joint has a swatch
+// Return a function that writes the values at an instant into the cells of the template. The attribute data-channel of a cell contains
+// the name of the motion, if there are two, and the channel. Its value is multiplied by data-scale and shown with data-digits digits.
+// An element with data-joint gets a short line in the colour of this joint.
 SSM.cells = (data, find) => {
   for (const node of document.querySelectorAll("[data-joint]")) {
     const { joint } = node.dataset;
@@ -9,25 +11,26 @@ SSM.cells = (data, find) => {
   const cells = [...document.querySelectorAll("[data-channel]")].map((node) => ({ node, values: find(...node.dataset.channel.split(" ")) }))
     .filter(({ values }) => values);
   return (index) => {
-    for (const { node, values } of cells) SSM.say(node, fixed(node.dataset.scale * values[index], node.dataset.digits));
+    for (const { node, values } of cells) SSM.setText(node, fixed(node.dataset.scale * values[index], node.dataset.digits));
   };
 };
 
-SSM.active = (container, data, times) => {
-  const stretches = data.panels.flatMap((panel) => panel.active);
-  let said = null;
+// Return a function that lists the limits that are active at an instant.
+SSM.showActiveLimits = (container, data, times) => {
+  const intervals = data.panels.flatMap((panel) => panel.active);
+  let shownText = null;
   return (index) => {
     const t = times[index];
-    const names = [...new Set(stretches.filter((s) => t >= s.start - 1e-9 && t <= s.end + 1e-9).map((s) => s.label))];
+    const names = [...new Set(intervals.filter((s) => t >= s.start - 1e-9 && t <= s.end + 1e-9).map((s) => s.label))];
     const text = names.join(";");
-    if (text === said) return;
-    said = text;
+    if (text === shownText) return;
+    shownText = text;
     const chips = names.map((name) => element("span", { class: "chip" }, name));
     container.replaceChildren("Active limits: ", ...(chips.length ? chips : ["none"]));
   };
 };
 
-// rows of all limits that become active, with bars where they are
+// Draw one row for each limit that becomes active, with a bar for each interval in which it is active.
 SSM.timeline = (container, data, player) => {
   const end = data.duration;
   const percent = (t) => `${(100 * t) / end}%`;
@@ -35,20 +38,20 @@ SSM.timeline = (container, data, player) => {
     const node = element("span", { class: kind, title: `${text}: ${start.toFixed(3)}–${stop.toFixed(3)} s` });
     node.style.left = percent(start);
     node.style.width = `max(3px, ${percent(stop - start)})`;
-    node.style.background = SSM.paint(colour);
+    node.style.background = SSM.cssColour(colour);
     return node;
   };
-  const row = (name, bars, said) => {
+  const row = (name, bars, intervalsText) => {
     const cursor = SSM.cursor();
-    const track = element("div", { class: "track", role: "img", "aria-label": `${name}: active ${said}`, onpointerdown: (event) => player.point(event),
+    const track = element("div", { class: "track", role: "img", "aria-label": `${name}: active ${intervalsText}`, onpointerdown: (event) => player.point(event),
       onpointermove: (event) => event.pointerType === "mouse" && player.point(event) }, ...bars, cursor.node);
     cursors.push(cursor);
     return element("div", { class: "row" }, element("span", { class: "name" }, name), track);
   };
   const cursors = [];
   const groups = new Map();
-  for (const stretch of data.panels.flatMap((panel) => panel.active)) {
-    groups.set(stretch.label, [...(groups.get(stretch.label) ?? []), stretch]);
+  for (const interval of data.panels.flatMap((panel) => panel.active)) {
+    groups.set(interval.label, [...(groups.get(interval.label) ?? []), interval]);
   }
   const rows = [...groups].map(([label, list]) => row(label, list.map((s) => bar(label, s.start, s.end, "bar", data.colours[s.joint])),
     list.map((s) => `${s.start.toFixed(3)} to ${s.end.toFixed(3)} s`).join(", ")));

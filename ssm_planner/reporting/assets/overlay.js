@@ -1,4 +1,4 @@
-// Motions over each other, each in the colour and dash of its side until it ends.
+// Draw two motions in one plot. Each has the colour and the dash pattern of its side, and its curve ends with the motion.
 "use strict";
 SSM.overlay = (plots, data, channels, names) => {
   const times = channels[0].t;

@@ -1,4 +1,4 @@
-// Time: play, scrub, speed. Everybody who shows an instant listens to it.
+// The time slider: play, pause, seek and speed. Everything that shows an instant registers a listener.
 "use strict";
 SSM.Player = class {
   constructor(container, times, phases) {
@@ -16,13 +16,13 @@ SSM.Player = class {
     this.speed = element("select", { "aria-label": "Speed" }, ...speeds);
     this.link = element("a", { class: "link" }, "Link to this view");
     this.saves = element("span", { class: "saves" }, this.link);
-    container.replaceChildren(this.button, this.range, this.speed, this.clock, this.saves, ...this.#strip());
+    container.replaceChildren(this.button, this.range, this.speed, this.clock, this.saves, ...this.#phaseStrip());
     this.set(0);
     document.addEventListener("keydown", (event) => this.#key(event));
     addEventListener("hashchange", () => this.linked());
   }
 
-  // goes to the instant and the camera that the address names
+  // Go to the instant and the camera position that the address of the page contains.
   linked() {
     const parts = new URLSearchParams(location.hash.slice(1));
     const time = parts.get("t");
@@ -31,20 +31,22 @@ SSM.Player = class {
     return time;
   }
 
-  // a button beside the link
+  // Add a button beside the link.
   tool(text, onclick) {
     this.saves.append(element("button", { type: "button", class: "tool", onclick }, text));
   }
 
+  // Call a function with the index of the shown instant, now and after every change.
   listen(listener) {
     this.listeners.push(listener);
     listener(this.index);
   }
 
+  // Show the instant with an index of `times`.
   set(index) {
     this.index = Math.max(0, Math.min(this.times.length - 1, Math.round(index)));
     const t = this.times[this.index];
-    const phase = this.phases.filter((each) => t >= each.start - 1e-9).pop();
+    const phase = this.phases.filter((candidate) => t >= candidate.start - 1e-9).pop();
     this.range.value = this.index;
     this.range.setAttribute("aria-valuetext", `${t.toFixed(3)} seconds${phase ? `, ${phase.name}` : ""}`);
     this.clock.textContent = `${t.toFixed(3)} s${phase ? ` · ${phase.name}` : ""}`;
@@ -53,13 +55,14 @@ SSM.Player = class {
     for (const listener of this.listeners) listener(this.index);
   }
 
-  // the address of this instant and of the camera
+  // Update the link to this instant and camera position.
   address() {
     this.link.href = `#t=${this.times[this.index].toFixed(5)}${this.scene?.renderer ? `&view=${this.scene.place()}` : ""}`;
   }
 
-  // the phases beside the slider, each named as far as there is room; for a reader of screens the slider says them
-  #strip() {
+  // Return a strip below the slider with the phases, each with the longest form of its name that fits.
+  // Screen readers skip it, because the slider announces the phase.
+  #phaseStrip() {
     const [first, end] = [this.times[0], this.times.at(-1) - this.times[0]];
     this.cursor = SSM.cursor();
     const parts = this.phases.map((phase) => {
@@ -69,17 +72,18 @@ SSM.Player = class {
       return part;
     });
     const strip = element("div", { class: "track strip", "aria-hidden": "true", onpointerdown: (event) => this.point(event) }, ...parts, this.cursor.node);
-    new ResizeObserver(() => parts.forEach((part, i) => { part.textContent = SSM.fitting(this.phases[i].name, part.clientWidth); })).observe(strip);
+    new ResizeObserver(() => parts.forEach((part, i) => { part.textContent = SSM.fitPhaseName(this.phases[i].name, part.clientWidth); })).observe(strip);
     return this.phases.length ? [strip] : [];
   }
 
-  // goes to where the pointer is on a track
+  // Go to the position of the pointer on a track.
   point({ currentTarget, clientX }) {
     const { left, width } = currentTarget.getBoundingClientRect();
     this.pause();
     this.set(((this.times.length - 1) * (clientX - left)) / width);
   }
 
+  // Show the instant closest to a time in s.
   at(time) {
     const step = this.times[1] - this.times[0];
     this.set((time - this.times[0]) / step);
@@ -90,12 +94,12 @@ SSM.Player = class {
     if (this.index === this.times.length - 1) this.set(0);
     this.playing = true;
     this.button.textContent = "❚❚ Pause";
-    let before = performance.now();
+    let previous = performance.now();
     let t = this.times[this.index];
     const step = (now) => {
       if (!this.playing) return;
-      t += ((now - before) / 1000) * Number(this.speed.value);
-      before = now;
+      t += ((now - previous) / 1000) * Number(this.speed.value);
+      previous = now;
       this.at(t);
       if (t >= this.times.at(-1)) this.pause();
       else requestAnimationFrame(step);
@@ -109,11 +113,11 @@ SSM.Player = class {
   }
 
   #key(event) {
-    const own = event.target.closest("input, select, button, textarea, summary, a");
+    const control = event.target.closest("input, select, button, textarea, summary, a");
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const move = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (event.key === " " && (!own || own === this.range)) this.toggle();
-    else if (move && !own?.matches("input, select, textarea")) {
+    if (event.key === " " && (!control || control === this.range)) this.toggle();
+    else if (move && !control?.matches("input, select, textarea")) {
       this.pause();
       this.set(this.index + move * (event.shiftKey ? 50 : 5));
     } else return;

@@ -1,4 +1,4 @@
-// The report of one plan.
+// Set up the report of one plan: time slider, plots, tables and 3D view.
 "use strict";
 (() => {
   const data = SSM.data();
@@ -6,7 +6,7 @@
   const times = channels.t;
   const player = new SSM.Player(byId("player"), times, data.phases);
   player.listen(SSM.cells(data, (name) => channels[name]));
-  player.listen(SSM.active(document.querySelector(".chips"), data, times));
+  player.listen(SSM.showActiveLimits(document.querySelector(".chips"), data, times));
   SSM.timeline(byId("active"), data, player);
   const plots = new SSM.Plots(byId("plots"), player, data.colours, data.phases);
   for (const panel of data.panels) {
@@ -14,14 +14,14 @@
       label, colour: data.colours[joint], dash: SSM.dashes[joint], values: channels[channel].map((x) => x * panel.scale),
     })));
   }
-  SSM.maps(byId("plots"), data, channels, player);
+  SSM.addMotorMaps(byId("plots"), data, channels, player);
   for (const [section, notes] of Object.entries(data.notes)) plots.note(section, notes);
   document.querySelectorAll("table.sortable").forEach(SSM.sortable);
-  SSM.moments(player);
+  SSM.linkTimeButtons(player);
   player.tool("Save CSV", () => SSM.download("motion.csv", SSM.csv(data, channels), "text/csv"));
-  // the page is readable before the 3D view starts
+  // The 3D view starts after the first drawing, so that the page is readable before.
   requestAnimationFrame(() => setTimeout(() => {
-    const scene = new SSM.Scene(byId("scene"), [{ scene: data.scene, colours: data.colours, path: SSM.trace(channels), stops: data.stops,
+    const scene = new SSM.Scene(byId("scene"), [{ scene: data.scene, colours: data.colours, path: SSM.tipPath(channels), stops: data.stops,
       begin: SSM.joints(channels, 0) }]);
     player.listen((index) => scene.pose(0, SSM.joints(channels, index)));
     player.scene = scene;
@@ -29,6 +29,6 @@
     scene.controls?.addEventListener("change", () => player.address());
     if (scene.renderer) player.tool("Save picture", () => scene.picture());
     Object.assign(SSM, { player, scene, channels, ready: performance.now() });
-    if (!player.linked() && !SSM.calm) player.toggle();
+    if (!player.linked() && !SSM.prefersReducedMotion) player.toggle();
   }));
 })();

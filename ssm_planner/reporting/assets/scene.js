@@ -1,7 +1,8 @@
-// The mechanism in 3D. Nested groups are the product of exponentials: each turns about its axis at home.
+// The mechanism in 3D. Each joint is a group that turns about its axis at the home position, and contains the groups of the following joints.
+// This nesting corresponds to the product of exponentials.
 "use strict";
 SSM.Scene = class {
-  // container: element; robots: [{scene, colours, path}]; path: places of the tip, or null
+  // `container` is an element. `robots` contains {scene, colours, path} for each robot, see `add`. `path` contains positions of the tip, or is null.
   constructor(container, robots, { labels = true } = {}) {
     this.container = container;
     this.robots = [];
@@ -18,9 +19,9 @@ SSM.Scene = class {
         "No 3D view, because this browser has no WebGL. Plots, values and tables below work without it."));
       return;
     }
-    SSM.soft = SSM.software();
+    SSM.rendersInSoftware = SSM.detectSoftwareRendering();
     this.ratio = Math.min(devicePixelRatio, 2);
-    this.renderer = new THREE.WebGLRenderer({ antialias: !SSM.soft, powerPreference: "low-power" });
+    this.renderer = new THREE.WebGLRenderer({ antialias: !SSM.rendersInSoftware, powerPreference: "low-power" });
     this.renderer.setPixelRatio(this.ratio);
     this.canvas = this.renderer.domElement;
     for (const [name, value] of [["role", "application"], ["tabindex", 0], ["aria-roledescription", "3D view"],
@@ -31,9 +32,9 @@ SSM.Scene = class {
     this.note = element("p", { class: "scene-note", hidden: true });
     this.overlay = element("div", { class: "labels", "aria-hidden": "true" });
     this.legend = element("details", { class: "scene-legend", open: container.clientWidth > 560 && container.clientHeight > 500 }, element("summary", {}, "Legend"));
-    this.legend.addEventListener("toggle", () => { this.#cover(); this.render(); });
+    this.legend.addEventListener("toggle", () => { this.#updateCovered(); this.render(); });
     this.inset = element("div", { class: "inset", "aria-hidden": "true" });
-    this.covering = [this.#views(), this.legend, this.inset];
+    this.covering = [this.#viewButtons(), this.legend, this.inset];
     this.covered = [];
     container.replaceChildren(this.canvas, this.overlay, this.note, ...this.covering);
     this.world = new THREE.Scene();
@@ -50,51 +51,52 @@ SSM.Scene = class {
     this.controls.minDistance = 0.01;
     this.controls.maxDistance = 2;
     this.controls.addEventListener("change", () => this.render());
-    this.canvas.addEventListener("webglcontextlost", () => this.#say("The browser has stopped the 3D view; reload the page to restart it."));
+    this.canvas.addEventListener("webglcontextlost", () => this.#showNote("The browser has stopped the 3D view; reload the page to restart it."));
     this.look("whole");
     for (const robot of robots) this.add(robot);
-    SSM.whenRedrawn(() => this.#redraw());
+    SSM.onRedraw(() => this.#redraw());
     this.#redraw();
-    new ResizeObserver(() => this.#fit()).observe(container);
-    this.#fit();
+    new ResizeObserver(() => this.#resize()).observe(container);
+    this.#resize();
   }
 
-  // stops: [{position, spot}]; begin: joints at the start, rad and m, drawn faintly
+  // Add a robot. `stops` contains {position, spot} for each stop of the tip. `begin` contains the joint positions at the start (rad and m),
+  // at which the robot is also drawn faintly.
   add({ scene, colours, path = null, ghost = false, stops = [], begin = null }) {
     if (!this.renderer) return;
-    const robot = SSM.mechanism(scene, colours, ghost, this.labels && !ghost);
+    const robot = SSM.mechanismModel(scene, colours, ghost, this.labels && !ghost);
     if (path) robot.put("tip trace", robot.base, SSM.line(path, ghost ? colours[1] : "#9a4fc4", ghost * 0.0012));
-    if (stops.length) robot.put(stops.some(({ spot }) => spot) ? "spots" : "stops", robot.base, ...SSM.stops(stops));
+    if (stops.length) robot.put(stops.some(({ spot }) => spot) ? "spots" : "stops", robot.base, ...SSM.stopMarkers(stops));
     this.world.add(robot.base);
-    // an eye that another robot has is drawn once
+    // An eye that both robots have is drawn once.
     robot.eye = JSON.stringify(scene.eye);
     if (scene.eye && !this.robots.some(({ eye }) => eye === robot.eye)) {
-      const { group, places, edges } = SSM.eye(scene.eye, ghost && colours[1]);
+      const { group, places, edges } = SSM.eyeModel(scene.eye, ghost && colours[1]);
       robot.put("eye", robot.base, group);
       if (edges.length) robot.parts.clearance = edges;
-      // its parts are named where they can be told apart
+      // The parts of the eye have labels only if the eye is large on the screen.
       const large = (perMetre) => scene.eye.radius * perMetre > 60;
       for (const [text, position, colour] of this.labels ? places : []) robot.say("eye", robot.base, position, text, ghost ? colours[1] : colour, large);
       if (this.labels) robot.say("eye", robot.base, SSM.vector(scene.eye.centre), "eye", "#a8482c", (perMetre) => !large(perMetre));
     }
     if (begin) {
-      const start = SSM.mechanism(scene, colours, true, false);
+      const start = SSM.mechanismModel(scene, colours, true, false);
       start.base.traverse(({ material }) => material?.setValues({ color: "#77828e", transparent: true, opacity: 0.22, depthWrite: false }));
-      SSM.turn(start, begin);
+      SSM.setJoints(start, begin);
       robot.put("start", robot.base, start.base);
     }
     this.robots.push(robot);
     for (const text of robot.texts) {
       const node = element("span", {}, text.text);
-      node.style.borderColor = SSM.paint(text.colour);
+      node.style.borderColor = SSM.cssColour(text.colour);
       this.overlay.append(node);
       this.texts.push({ ...text, node, size: [node.offsetWidth, node.offsetHeight] });
     }
-    this.#legend();
+    this.#updateLegend();
     if (scene.eye && !this.views.eye) {
       const [x, y, z] = scene.eye.centre;
       this.views.eye = [[x - 0.012, y - 0.06, z + 0.018], [x, y, z + 0.002]];
-      this.container.querySelector(".views").append(this.#view("eye"));
+      this.container.querySelector(".views").append(this.#viewButton("eye"));
       this.first = "eye";
       this.look("eye");
     }
@@ -113,22 +115,22 @@ SSM.Scene = class {
     this.overlay?.replaceChildren();
   }
 
-  // joints of the robot with this number, rad and m
+  // Move the robot with this number to joint positions q, rad and m.
   pose(number, q) {
     const robot = this.robots[number];
     if (!robot) return;
-    SSM.turn(robot, q);
+    SSM.setJoints(robot, q);
     this.render();
   }
 
-  // tool tip in the base frame, m, as drawn
+  // Return the drawn position of the tool tip in the base frame, m.
   tip(number) {
     const robot = this.robots[number];
     robot.base.updateMatrixWorld(true);
     return robot.slide.localToWorld(new Vector3()).toArray();
   }
 
-  // name: of a view, or the numbers of place()
+  // Set the camera to a named view, or to the text that place() returned.
   look(name) {
     const numbers = name.split(",").map(Number);
     const [from, to] = this.views[name] ?? [numbers.slice(0, 3), numbers.slice(3)];
@@ -137,22 +139,22 @@ SSM.Scene = class {
     this.controls.target.set(...to);
     this.controls.update();
     this.inset.hidden = !this.views.eye || this.controls.target.distanceTo(SSM.vector(this.views.eye[1])) > 1e-5;
-    this.#cover();
+    this.#updateCovered();
     this.render();
   }
 
-  // places of the camera and of what it looks at, as text, m
+  // Return the positions of the camera and of its target as text, m.
   place() {
     return [...this.camera.position.toArray(), ...this.controls.target.toArray()].map((x) => Number(x.toFixed(6))).join();
   }
 
-  // saves what is shown, without labels
+  // Save the picture without its labels.
   picture() {
     this.#draw();
     this.canvas.toBlob((blob) => SSM.download("motion.png", blob, blob.type));
   }
 
-  // draws once in the next frame, however often it is asked
+  // Draw once in the next frame, even if the method is called several times.
   render() {
     if (this.waiting || !this.renderer) return;
     this.waiting = true;
@@ -160,13 +162,13 @@ SSM.Scene = class {
       this.waiting = false;
       if (this.renderer.getPixelRatio() !== this.ratio) this.renderer.setPixelRatio(this.ratio);
       this.#draw();
-      this.#watch(now);
-      if (SSM.soft) this.#refine();
+      this.#watchFrameRate(now);
+      if (SSM.rendersInSoftware) this.#refineAtRest();
     });
   }
 
-  // without smooth edges software draws fast enough to move; once at rest, one picture of twice the pixels has them
-  #refine() {
+  // Software rendering is only fast enough without smooth edges. At rest, a picture with twice the resolution replaces the last one.
+  #refineAtRest() {
     clearTimeout(this.resting);
     this.resting = setTimeout(() => {
       this.renderer.setPixelRatio(2 * Math.max(1, this.ratio));
@@ -176,7 +178,7 @@ SSM.Scene = class {
 
   #draw() {
     this.renderer.render(this.world, this.camera);
-    this.#place();
+    this.#placeLabels();
     const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = this.inset;
     if (!offsetWidth) return;
     const box = [offsetLeft, this.size[1] - offsetTop - offsetHeight, offsetWidth, offsetHeight];
@@ -190,14 +192,14 @@ SSM.Scene = class {
     this.renderer.setViewport(0, 0, ...this.size);
   }
 
-  // what stands before the picture: no label goes behind it
-  #cover() {
+  // Store the areas of elements in front of the picture, which labels must avoid.
+  #updateCovered() {
     this.covered = this.covering.map((each) => [
       each.offsetLeft, each.offsetTop, each.offsetLeft + each.offsetWidth, each.offsetTop + each.offsetHeight]);
   }
 
-  // labels beside their places, where no other label stands yet
-  #place() {
+  // Place each label beside its anchor, where it does not overlap another label. A label without such a place is hidden.
+  #placeLabels() {
     const [width, height] = this.size;
     const point = new Vector3();
     const taken = [...this.covered];
@@ -218,8 +220,8 @@ SSM.Scene = class {
     }
   }
 
-  // where frames follow each other too slowly to look smooth, fewer pixels are drawn, and the page says so
-  #watch(now) {
+  // If frames follow each other too slowly to look smooth, reduce the resolution and show a note.
+  #watchFrameRate(now) {
     const spacing = now - this.frames.last;
     this.frames.last = now;
     if (spacing > 33 && spacing < 200) this.frames.slow += 1;
@@ -227,21 +229,21 @@ SSM.Scene = class {
     if (this.frames.slow < 15 || this.frames.lowered) return;
     this.frames.lowered = true;
     this.ratio = 0.6;
-    this.#say("Drawn with fewer pixels: this browser draws 3D in software, below 30 frames per second.");
+    this.#showNote("Drawn with fewer pixels: this browser draws 3D in software, below 30 frames per second.");
     this.render();
   }
 
-  #say(text) {
+  #showNote(text) {
     this.note.textContent = text;
     this.note.hidden = false;
   }
 
-  // the colours of the scheme; on paper a copy, since what WebGL draws is gone when the page is printed
+  // Draw with the colours of the scheme. For printing, add a copy, because the content of a WebGL canvas is lost when the page is printed.
   #redraw() {
-    this.renderer.setClearColor(ink("scene"));
+    this.renderer.setClearColor(themeColour("scene"));
     this.#draw();
     this.container.querySelector(".paper")?.remove();
-    if (!SSM.printing) return;
+    if (!SSM.isPrinting) return;
     const { width, height } = this.canvas;
     const copy = element("canvas", { class: "paper", width, height, role: "img", "aria-label": "The mechanism" });
     copy.getContext("2d").drawImage(this.canvas, 0, 0);
@@ -268,54 +270,54 @@ SSM.Scene = class {
     event.stopPropagation();
   }
 
-  #legend() {
+  #updateLegend() {
     const names = [...new Set(this.robots.flatMap(({ parts }) => Object.keys(parts)))];
-    this.#show();
+    this.#applyVisibility();
     if (names.join() === this.named) return;
     this.named = names.join();
     const entry = (name) => {
       const box = element("input", { type: "checkbox", checked: !this.hidden.has(name), onchange: () => {
         if (box.checked) this.hidden.delete(name);
         else this.hidden.add(name);
-        this.#show();
+        this.#applyVisibility();
         this.render();
       } });
       return element("label", {}, box, name);
     };
     this.legend.replaceChildren(this.legend.firstChild, ...names.map(entry));
-    this.#cover();
+    this.#updateCovered();
   }
 
-  #show() {
+  #applyVisibility() {
     for (const { parts } of this.robots) {
       for (const [name, objects] of Object.entries(parts)) objects.forEach((each) => { each.visible = !this.hidden.has(name); });
     }
   }
 
-  #views() {
-    return element("div", { class: "views", role: "group", "aria-label": "Camera" }, ...Object.keys(this.views).map((name) => this.#view(name)));
+  #viewButtons() {
+    return element("div", { class: "views", role: "group", "aria-label": "Camera" }, ...Object.keys(this.views).map((name) => this.#viewButton(name)));
   }
 
-  #view(name) {
+  #viewButton(name) {
     return element("button", { type: "button", onclick: () => this.look(name) }, name);
   }
 
-  #fit() {
+  #resize() {
     const { clientWidth, clientHeight } = this.container;
-    if (!clientWidth || !clientHeight || SSM.printing) return;
+    if (!clientWidth || !clientHeight || SSM.isPrinting) return;
     this.size = [clientWidth, clientHeight];
-    this.#cover();
+    this.#updateCovered();
     this.renderer.setSize(clientWidth, clientHeight);
     this.camera.aspect = clientWidth / clientHeight;
-    // as wide a field in an upright frame as in a square one
+    // In an upright frame, the field of view is as wide as in a square one.
     this.camera.fov = this.camera.aspect < 1 ? (2 * Math.atan(Math.tan((32 * Math.PI) / 360) / this.camera.aspect) * 180) / Math.PI : 32;
     this.camera.updateProjectionMatrix();
     this.render();
   }
 };
 
-// no graphics processor draws here
-SSM.software = () => {
+// Return true if the browser renders 3D graphics in software, without a graphics processor.
+SSM.detectSoftwareRendering = () => {
   const gl = document.createElement("canvas").getContext("webgl2");
   const about = gl?.getExtension("WEBGL_debug_renderer_info");
   const software = /swiftshader|llvmpipe|software|basic render/i.test(about ? gl.getParameter(about.UNMASKED_RENDERER_WEBGL) : "");
@@ -323,7 +325,7 @@ SSM.software = () => {
   return software;
 };
 
-SSM.turn = ({ turns, slide, axes }, q) => {
+SSM.setJoints = ({ turns, slide, axes }, q) => {
   turns.forEach((turn, i) => turn.quaternion.setFromAxisAngle(axes[i], q[i]));
   slide.position.copy(axes[2]).multiplyScalar(q[3]);
 };

@@ -1,4 +1,4 @@
-// A slider over the changes of a limit, of which the page lists all while there is no script.
+// Replace the list of changes of a limit by a slider that shows one of them. Without JavaScript, the page shows the whole list.
 "use strict";
 (() => {
   const rows = [...document.querySelectorAll("#changes li")];

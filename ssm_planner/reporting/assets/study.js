@@ -1,17 +1,18 @@
-// The page of a study: front, map of what falls out, parallel coordinates with brushes. Plain canvas, no library.
+// Draw the page of a study: Pareto front, map of rejected candidates, and parallel coordinates with brushes, on plain canvases.
+// A brush is a range on an axis of the parallel coordinates. Candidates outside of a brush appear faint.
 "use strict";
 const data = SSM.data();
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#A0457E", "#000000"];
-const clear = (opacity) => { // a grey that lies over itself
-  const [r, g, b] = SSM.dark() ? [170, 182, 194] : [90, 100, 112];
+const translucentGrey = (opacity) => { // a translucent grey, which becomes darker where marks overlap
+  const [r, g, b] = SSM.isDark() ? [170, 182, 194] : [90, 100, 112];
   return `rgba(${r}, ${g}, ${b}, ${opacity})`;
 };
 const column = (name) => data.columns[data.names.indexOf(name)];
 const brushes = new Map();
-const kept = (i) => [...brushes].every(([name, [low, high]]) => column(name).at[i] >= low && column(name).at[i] <= high);
+const isSelected = (i) => [...brushes].every(([name, [low, high]]) => column(name).at[i] >= low && column(name).at[i] <= high);
 
-// A canvas at the screen's own resolution; draw(context, width, height) again whenever it changes its size.
-const surface = (id, draw) => {
+// Prepare a canvas with the resolution of the screen. draw(context, width, height) is called at the start and after every change of its size.
+const makeCanvas = (id, draw) => {
   const canvas = byId(id);
   const paint = () => {
     const scale = devicePixelRatio, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -24,11 +25,11 @@ const surface = (id, draw) => {
     draw(context, width, height);
   };
   new ResizeObserver(paint).observe(canvas);
-  SSM.whenRedrawn(paint);
+  SSM.onRedraw(paint);
   return { canvas, paint };
 };
 
-const extent = (values) => {
+const paddedRange = (values) => {
   const [low, high] = SSM.extremes(values);
   return low < high ? [low, high] : [low - 1, high + 1];
 };
@@ -40,21 +41,21 @@ const ticks = ([low, high]) => {
   return found.map((at) => [at, rounded(at, 6)]);
 };
 const label = (of, value, digits = 5) => (of.labels ? of.labels[value] : rounded(value, digits));
-// the longest form of a title that has room: whole, without the path before its last word, cut
+// Return the longest form of a title that fits: whole, without the path before its last word, or truncated.
 const shortened = (context, title, room) => {
-  const own = title.replace(/^\S*\./, "");
-  const cut = Array.from({ length: own.length }, (_, n) => `${own.slice(0, own.length - n)}…`);
-  return [title, own, ...cut].find((text) => context.measureText(text).width <= room) ?? "";
+  const lastWord = title.replace(/^\S*\./, "");
+  const cut = Array.from({ length: lastWord.length }, (_, n) => `${lastWord.slice(0, lastWord.length - n)}…`);
+  return [title, lastWord, ...cut].find((text) => context.measureText(text).width <= room) ?? "";
 };
 
-// Axes around a plot; returns where values stand.
+// Draw the axes of a plot, and return functions that convert values to pixels.
 const EDGE = { left: 64, right: 14, top: 12, bottom: 44 };
 const axes = (context, width, height, across, up) => {
-  const [x, y] = [extent(across.at), extent(up.at)].map(([low, high]) => [low - (high - low) * 0.03, high + (high - low) * 0.03]);
+  const [x, y] = [paddedRange(across.at), paddedRange(up.at)].map(([low, high]) => [low - (high - low) * 0.03, high + (high - low) * 0.03]);
   const px = (value) => EDGE.left + ((value - x[0]) / (x[1] - x[0])) * (width - EDGE.left - EDGE.right);
   const py = (value) => height - EDGE.bottom - ((value - y[0]) / (y[1] - y[0])) * (height - EDGE.top - EDGE.bottom);
-  context.strokeStyle = ink("tick");
-  context.fillStyle = ink("text");
+  context.strokeStyle = themeColour("tick");
+  context.fillStyle = themeColour("text");
   context.strokeRect(EDGE.left, EDGE.top, width - EDGE.left - EDGE.right, height - EDGE.top - EDGE.bottom);
   context.textAlign = "center";
   const marks = (of, range) => (of.labels ? of.labels.map((text, i) => [i, text.slice(0, 14)]) : ticks(range));
@@ -95,18 +96,18 @@ let nearest = null;
 const numeric = data.names.filter((name) => !column(name).labels);
 const across = fill("across", numeric, data.objectives[0], () => front.paint());
 const up = fill("up", numeric, data.objectives[1] ?? data.choices.find((name) => numeric.includes(name)), () => front.paint());
-const front = surface("front", (context, width, height) => {
-  const only = (of) => ({ ...of, at: done.map((i) => of.at[i]) });
-  const [px, py] = axes(context, width, height, only(column(across.value)), only(column(up.value)));
+const front = makeCanvas("front", (context, width, height) => {
+  const doneOnly = (of) => ({ ...of, at: done.map((i) => of.at[i]) });
+  const [px, py] = axes(context, width, height, doneOnly(column(across.value)), doneOnly(column(up.value)));
   const place = (i) => [px(column(across.value).at[i]), py(column(up.value).at[i])];
   front.places = done.map((i) => [i, ...place(i)]);
-  for (const [i, x, y] of front.places) if (!onFront.has(i)) point(context, 0, x, y, 2.6, clear(kept(i) ? 0.4 : 0.12));
-  for (const [i, x, y] of front.places) if (onFront.has(i)) point(context, 3, x, y, 4, kept(i) ? SSM.tone(COLOURS[0]) : clear(0.25));
+  for (const [i, x, y] of front.places) if (!onFront.has(i)) point(context, 0, x, y, 2.6, translucentGrey(isSelected(i) ? 0.4 : 0.12));
+  for (const [i, x, y] of front.places) if (onFront.has(i)) point(context, 3, x, y, 4, isSelected(i) ? SSM.canvasColour(COLOURS[0]) : translucentGrey(0.25));
   if (nearest !== null) {
     const [x, y] = place(nearest);
     context.beginPath();
     context.arc(x, y, 8, 0, 7);
-    context.strokeStyle = ink("text");
+    context.strokeStyle = themeColour("text");
     context.stroke();
   }
 });
@@ -114,8 +115,8 @@ front.canvas.addEventListener("pointermove", (event) => {
   const [x, y] = [event.offsetX, event.offsetY];
   let best = Infinity;
   for (const [i, px, py] of front.places) {
-    const away = (px - x) ** 2 + (py - y) ** 2;
-    if (away < best) [best, nearest] = [away, i];
+    const distance = (px - x) ** 2 + (py - y) ** 2;
+    if (distance < best) [best, nearest] = [distance, i];
   }
   if (nearest === null) return;
   const parts = data.names.map((name) => [column(name), column(name).at[nearest]]).filter(([, value]) => value !== null);
@@ -128,28 +129,28 @@ front.canvas.addEventListener("pointermove", (event) => {
 const stages = [...new Set(data.stage)].sort((a, b) => (b === "done") - (a === "done"));
 const mapAcross = fill("map-across", data.choices, data.choices[0], () => map.paint());
 const mapUp = fill("map-up", data.choices, data.choices[1] ?? data.choices[0], () => map.paint());
-const map = surface("map", (context, width, height) => {
+const map = makeCanvas("map", (context, width, height) => {
   const [px, py] = axes(context, width, height, column(mapAcross.value), column(mapUp.value));
   data.stage.forEach((stage, i) => {
     const [x, y] = [px(column(mapAcross.value).at[i]), py(column(mapUp.value).at[i])];
     const k = stages.indexOf(stage);
-    point(context, k, x, y, 3, SSM.tone(COLOURS[k % COLOURS.length]));
+    point(context, k, x, y, 3, SSM.canvasColour(COLOURS[k % COLOURS.length]));
   });
 });
 byId("map-legend").append(...stages.map((stage, k) => {
   const shape = element("span", { "aria-hidden": "true" }, "●■▲◆"[k % 4]);
-  shape.style.color = SSM.paint(COLOURS[k % COLOURS.length]);
+  shape.style.color = SSM.cssColour(COLOURS[k % COLOURS.length]);
   return element("li", {}, shape, ` ${stage}`);
 }));
 
 const lanes = [...data.choices, ...data.figures];
-const parallel = surface("parallel", (context, width, height) => {
+const parallel = makeCanvas("parallel", (context, width, height) => {
   const top = 46, bottom = 26;
   const edge = width < 600 ? 24 : 60;
-  const apart = (width - 2 * edge) / Math.max(lanes.length - 1, 1);
-  const digits = apart < 60 ? 3 : 5;
-  const at = (k) => edge + k * apart;
-  const ranges = lanes.map((name) => extent(done.map((i) => column(name).at[i])));
+  const spacing = (width - 2 * edge) / Math.max(lanes.length - 1, 1);
+  const digits = spacing < 60 ? 3 : 5;
+  const at = (k) => edge + k * spacing;
+  const ranges = lanes.map((name) => paddedRange(done.map((i) => column(name).at[i])));
   const y = (k, value) => height - bottom - ((value - ranges[k][0]) / (ranges[k][1] - ranges[k][0])) * (height - top - bottom);
   parallel.at = at;
   parallel.value = (k, py) => ranges[k][0] + ((height - bottom - py) / (height - top - bottom)) * (ranges[k][1] - ranges[k][0]);
@@ -162,48 +163,48 @@ const parallel = surface("parallel", (context, width, height) => {
     context.strokeStyle = colour;
     context.stroke();
   };
-  const shown = done.filter(kept), step = Math.ceil(shown.length / 4000);
+  const shown = done.filter(isSelected), step = Math.ceil(shown.length / 4000);
   byId("kept").textContent = `${shown.length} of ${done.length} kept` + (step > 1 ? `, every ${step}th drawn.` : ".");
-  shown.forEach((i, k) => { if (k % step === 0 && !onFront.has(i)) draw(i, clear(0.2)); });
-  shown.forEach((i) => { if (onFront.has(i)) draw(i, SSM.tone(COLOURS[0])); });
-  context.fillStyle = ink("text");
+  shown.forEach((i, k) => { if (k % step === 0 && !onFront.has(i)) draw(i, translucentGrey(0.2)); });
+  shown.forEach((i) => { if (onFront.has(i)) draw(i, SSM.canvasColour(COLOURS[0])); });
+  context.fillStyle = themeColour("text");
   context.textAlign = "center";
   lanes.forEach((name, k) => {
-    context.strokeStyle = ink("text");
+    context.strokeStyle = themeColour("text");
     context.beginPath();
     context.moveTo(at(k), top);
     context.lineTo(at(k), height - bottom);
     context.stroke();
-    const write = (text, y) => { // within the picture
+    const write = (text, y) => { // keep the text inside the picture
       const half = context.measureText(text).width / 2 + 2;
       context.fillText(text, Math.min(Math.max(at(k), half), width - half), y);
     };
-    write(shortened(context, column(name).title, 2 * apart - 8), 12 + 14 * (k % 2));
+    write(shortened(context, column(name).title, 2 * spacing - 8), 12 + 14 * (k % 2));
     write(label(column(name), ranges[k][1], digits) ?? "", top - 5);
     write(label(column(name), ranges[k][0], digits) ?? "", height - 10);
     const brush = brushes.get(name);
     if (brush) {
       context.fillStyle = "rgba(0, 114, 178, 0.25)";
       context.fillRect(at(k) - 9, y(k, brush[1]), 18, y(k, brush[0]) - y(k, brush[1]));
-      context.fillStyle = ink("text");
+      context.fillStyle = themeColour("text");
     }
   });
 });
-let held = null;
+let drag = null;
 parallel.canvas.addEventListener("pointerdown", (event) => {
   const k = lanes.reduce((best, _, i) => (Math.abs(parallel.at(i) - event.offsetX) < Math.abs(parallel.at(best) - event.offsetX) ? i : best), 0);
-  held = { k, start: event.offsetY };
+  drag = { k, start: event.offsetY };
   parallel.canvas.setPointerCapture(event.pointerId);
 });
 parallel.canvas.addEventListener("pointermove", (event) => {
-  if (held === null || Math.abs(event.offsetY - held.start) < 4) return;
-  const ends = [held.start, event.offsetY].map((y) => parallel.value(held.k, y)).sort((a, b) => a - b);
-  brushes.set(lanes[held.k], ends);
+  if (drag === null || Math.abs(event.offsetY - drag.start) < 4) return;
+  const ends = [drag.start, event.offsetY].map((y) => parallel.value(drag.k, y)).sort((a, b) => a - b);
+  brushes.set(lanes[drag.k], ends);
   parallel.paint();
 });
 parallel.canvas.addEventListener("pointerup", (event) => {
-  if (held !== null && Math.abs(event.offsetY - held.start) < 4) brushes.delete(lanes[held.k]);
-  held = null;
+  if (drag !== null && Math.abs(event.offsetY - drag.start) < 4) brushes.delete(lanes[drag.k]);
+  drag = null;
   parallel.paint();
   front.paint();
 });

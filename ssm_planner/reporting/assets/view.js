@@ -1,4 +1,5 @@
-// The local view: sliders ask the server, which holds the equations; mechanism and band follow at once, the plan when they rest.
+// The local view. Sliders send requests to the server, which evaluates the equations. The mechanism and the tilt band follow the sliders at
+// once, and the motion is planned when they rest.
 "use strict";
 (() => {
   const { start, token, colours } = SSM.data();
@@ -6,13 +7,13 @@
   const click = (name, run) => byId(name).addEventListener("click", run);
   const names = [...document.querySelectorAll("#controls [type=range], #controls .slider select")].map(({ id }) => id);
   const POSE = ["roll", "tilt", "spin", "depth"];
-  // of a motor and its gear: named by its place in the robot file, in the unit of the file
+  // The name of a value of a motor or gear is its path in the robot file, and its unit is that of the file.
   const isPart = (name) => name.includes(".");
   const scale = (name) => ({ depth: 1000, payload: 1000 })[name] ?? (isPart(name) ? 1 : degrees);
-  const state = { sign: null, from: POSE.map((name) => start.values[name]), steps: [], own: true, relaxed: false, pinned: null,
-    robot: true, job: null, judged: null, found: null };
+  const state = { branch: null, from: POSE.map((name) => start.values[name]), steps: [], own: true, relaxed: false, pinned: null,
+    robot: true, job: null, planned: null, solutions: null };
 
-  const ask = async (path, request) => {
+  const postRequest = async (path, request) => {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify({ of: location.pathname, ...request }),
       headers: { "Content-Type": "application/json", "X-Token": token } });
     const body = await answer.json();
@@ -20,22 +21,22 @@
     return body;
   };
 
-  // SI value of a field; exact where nobody has moved it
+  // Exact SI value of each field. The displayed value is rounded.
   const exact = {};
-  const put = (name, si) => {
-    fault(name, "");
+  const setField = (name, si) => {
+    showFault(name, "");
     exact[name] = si;
     const shown = byId(name).options ? si : si * scale(name);
     byId(name).value = shown;
     const typed = byId(`${name}-number`);
     if (typed) typed.value = Number(shown.toFixed(6));
   };
-  // a message beside the field that it means
-  const fault = (name, text) => {
+  // Show a message beside the field to which it applies.
+  const showFault = (name, text) => {
     byId(`${name}-error`).textContent = text;
     byId(`${name}-number`)?.setAttribute("aria-invalid", String(Boolean(text)));
   };
-  const blame = (error) => {
+  const reportError = (error) => {
     const key = (error.key ?? "").replace("robot.", "").replace("mu_static", "mu");
     const part = key.split(".").pop();
     const number = key.match(/motion\[(\d+)\]/);
@@ -44,12 +45,12 @@
     if (byId(`${key}-error`)) name = key;
     else if (number && state.steps.length) [name, text] = ["motion", `entry ${Number(number[1]) + 1}, ${part}: ${text}`];
     else if (key.includes("start")) [name, text] = ["from", `${part}: ${text}`];
-    if (byId(`${name}-error`)) fault(name, text);
+    if (byId(`${name}-error`)) showFault(name, text);
     else byId("verdict").textContent = error.message;
   };
   const pose = () => POSE.map((name) => exact[name]);
-  const listed = (labels, values) => values.map((si, i) => `${labels[i]} ${fixed(si * scale(POSE[i]), 1)} ${i === 3 ? "mm" : "°"}`).join(", ");
-  const words = (place) => listed(POSE, place);
+  const describeCoordinates = (labels, values) => values.map((si, i) => `${labels[i]} ${fixed(si * scale(POSE[i]), 1)} ${i === 3 ? "mm" : "°"}`).join(", ");
+  const describePose = (place) => describeCoordinates(POSE, place);
 
   const scene = new SSM.Scene(byId("scene"), []);
 
@@ -62,29 +63,29 @@
     byId("reach").textContent = `The mechanism reaches ${low}° to ${high}°: ` +
       (answer.reached ? `the required range, with ${spare}° to spare.` : `the required range is larger by ${spare}°.`);
     byId("reach").className = answer.reached ? "good" : "bad";
-    tell();
+    updateControls();
   };
 
   const draw = () => {
-    const chosen = state.found?.branches.find(({ branch }) => branch === state.sign);
+    const chosen = state.solutions?.branches.find(({ branch }) => branch === state.branch);
     if (chosen) scene.pose(0, chosen.joints);
   };
 
   const showBranches = (answer) => {
-    state.found = answer;
-    if (!answer.branches.some(({ branch }) => branch === state.sign)) {
-      state.sign = (answer.branches.find(({ in_limits }) => in_limits) ?? answer.branches[0]).branch;
+    state.solutions = answer;
+    if (!answer.branches.some(({ branch }) => branch === state.branch)) {
+      state.branch = (answer.branches.find(({ in_limits }) => in_limits) ?? answer.branches[0]).branch;
     }
-    byId("branches").replaceChildren(...answer.branches.map(({ joints, branch, in_limits }) => element("option", { value: branch, selected: branch === state.sign },
-      listed(start.joints, joints), in_limits ? "" : " — outside the joint limits")));
+    byId("branches").replaceChildren(...answer.branches.map(({ joints, branch, in_limits }) => element("option", { value: branch, selected: branch === state.branch },
+      describeCoordinates(start.joints, joints), in_limits ? "" : " — outside the joint limits")));
     byId("reached").textContent = answer.reachable ? "The pose is reachable." :
       `Outside the workspace: the nearest pose is drawn, its tool axis ${fixed(answer.error * degrees, 2)}° away.`;
     byId("reached").className = answer.reachable ? "good" : "bad";
     draw();
   };
 
-  // one request of a kind under way, the newest values next
-  const follower = (run) => {
+  // Return a function that runs `run` at most once at a time. Calls during a run cause one more run with the newest values.
+  const runLatest = (run) => {
     let [running, again] = [false, false];
     const go = async () => {
       if (running) { again = true; return; }
@@ -92,91 +93,92 @@
       try {
         await run();
       } catch (error) {
-        blame(error);
+        reportError(error);
       }
       running = false;
       if (again) { again = false; go(); }
     };
     return go;
   };
-  const range = () => [exact.low, exact.high];
+  const tiltRange = () => [exact.low, exact.high];
   const angles = () => ({ alpha: exact.alpha, beta: exact.beta });
-  // an answer is shown unless a newer one has been asked for
+  // An answer is ignored if a newer request has been sent.
   let newest = 0;
   const askJoints = async () => {
     const number = ++newest;
-    const answer = await ask("/ik", { ...angles(), pose: pose() });
+    const answer = await postRequest("/ik", { ...angles(), pose: pose() });
     return () => number === newest && showBranches(answer);
   };
-  const updatePose = follower(async () => (await askJoints())());
-  const updateAll = follower(async () => {
-    const [band, showJoints, begin] = await Promise.all([ask("/workspace", { ...angles(), tilt_range: range() }),
-      askJoints(), ask("/ik", { ...angles(), pose: state.from })]);
-    const nearest = begin.branches.find(({ branch, in_limits }) => in_limits && branch === state.sign) ?? begin.branches.find(({ in_limits }) => in_limits);
+  const updatePose = runLatest(async () => (await askJoints())());
+  const updateAll = runLatest(async () => {
+    const [band, showJoints, begin] = await Promise.all([postRequest("/workspace", { ...angles(), tilt_range: tiltRange() }),
+      askJoints(), postRequest("/ik", { ...angles(), pose: state.from })]);
+    const nearest = begin.branches.find(({ branch, in_limits }) => in_limits && branch === state.branch) ?? begin.branches.find(({ in_limits }) => in_limits);
     state.begin = begin.reachable ? (nearest ?? begin.branches[0]).joints : null;
     showWorkspace(band);
     showJoints();
     SSM.ready ??= performance.now();
   });
 
-  // a chosen gear has its own ratio or lead
-  const replaced = (name) => name.includes(".geometry.") && ["worm", "screw"].some((gear) => exact[name.replace(/geometry.*/, gear)]);
-  const changes = () => names.filter((name) => isPart(name) && !replaced(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
-  // a verdict holds for the settings that it judged
-  const inputs = () => ({ of: location.pathname, ...angles(), design: Object.fromEntries(changes()), payload: exact.payload, relaxed: state.relaxed,
-    ...(state.own ? { own: true } : { start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: range() }) });
-  const wanted = () => JSON.stringify({ ...inputs(), pinned: state.pinned });
-  const obstacle = () => (!start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
+  // A chosen gear determines the ratio or lead, so the slider for it is hidden.
+  const isReplacedByGear = (name) => name.includes(".geometry.") && ["worm", "screw"].some((gear) => exact[name.replace(/geometry.*/, gear)]);
+  const changes = () => names.filter((name) => isPart(name) && !isReplacedByGear(name) && exact[name] !== start.values[name]).map((name) => [name, exact[name]]);
+  // The settings that determine a planning run. A shown result is outdated if they have changed.
+  const planSettings = () => ({ of: location.pathname, ...angles(), design: Object.fromEntries(changes()), payload: exact.payload, relaxed: state.relaxed,
+    ...(state.own ? { own: true } : { start: state.from, motion: state.steps.length ? state.steps : [{ pose: pose() }], tilt_range: tiltRange() }) });
+  const currentRequest = () => JSON.stringify({ ...planSettings(), pinned: state.pinned });
+  const planningObstacle = () => (!start.can_plan ? "Planning needs a robot with drives: ssm-planner view PROBLEM."
     : state.own || state.steps.length || String(pose()) !== String(state.from) ? ""
       : "The pose is the start of the motion. Move a slider of the pose, or plan the motion of the problem file.");
-  const tell = () => {
-    const stale = state.judged !== null && state.judged !== wanted();
+  const updateControls = () => {
+    const stale = state.planned !== null && state.planned !== currentRequest();
     byId("stale").style.visibility = stale ? "visible" : "hidden";
     byId("desk").classList.toggle("old", stale);
     byId("result").hidden = stale;
     const assumed = [!state.robot && "The links keep their masses and shapes; their frames follow α and β.",
       changes().length && "Drives keep their inertia, and static friction its ratio to μ; a chosen motor brings its own rotor.",
       exact.payload && "The payload is a point mass at the tip."];
-    byId("why").textContent = obstacle() || assumed.filter(Boolean).join(" ");
-    byId("plan").disabled = byId("pin").disabled = byId("save").disabled = Boolean(obstacle());
-    names.filter(isPart).forEach((name) => { byId(name).parentNode.hidden = replaced(name); });
+    byId("why").textContent = planningObstacle() || assumed.filter(Boolean).join(" ");
+    byId("plan").disabled = byId("pin").disabled = byId("save").disabled = Boolean(planningObstacle());
+    names.filter(isPart).forEach((name) => { byId(name).parentNode.hidden = isReplacedByGear(name); });
     byId("pin").textContent = state.pinned ? "Unpin A" : "Pin this motion as A";
     byId("cancel").disabled = !state.job;
-    byId("from").textContent = state.own ? "The motion of the problem file" : `From: ${words(state.from)}`;
-    byId("to").textContent = `${state.own || state.steps.length ? "Shown, not part of the motion" : "To"}: ${words(pose())}`;
+    byId("from").textContent = state.own ? "The motion of the problem file" : `From: ${describePose(state.from)}`;
+    byId("to").textContent = `${state.own || state.steps.length ? "Shown, not part of the motion" : "To"}: ${describePose(pose())}`;
     byId("steps").replaceChildren(...(state.own ? [] : state.steps).map((step, i) => {
-      const text = step.pose ? words(step.pose) : `dwell ${short(step.dwell)} s`;
-      const away = element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => { state.steps.splice(i, 1); kept(); } }, "×");
+      const text = step.pose ? describePose(step.pose) : `dwell ${short(step.dwell)} s`;
+      const away = element("button", { type: "button", "aria-label": `Remove ${text}`, onclick: () => { state.steps.splice(i, 1); applySettings(); } }, "×");
       return element("li", {}, text, " ", away);
     }));
   };
-  const kept = (more = {}) => {
+  const applySettings = (more = {}) => {
     Object.assign(state, { relaxed: false }, more);
-    tell();
+    updateControls();
   };
 
-  // from a slider: one end of the range pushes the other. What is typed is used as it is, or refused beside the field.
+  // Use the value of a slider or of a typed number. A slider at one end of the tilt range pushes the other end.
+  // A typed value is used unchanged, or refused beside the field.
   const bounds = (name) => [Number(byId(name).min), Number(byId(name).max)];
   const inside = (name, shown) => shown >= bounds(name)[0] - 1e-9 && shown <= bounds(name)[1] + 1e-9;
   const changed = (name, shown, typed) => {
     const unit = byId(`${name}-number`).nextElementSibling.textContent;
-    if (!Number.isFinite(shown)) return fault(name, "not a number");
-    if (!inside(name, shown)) return fault(name, `${short(shown)} ${unit} is out of range: ${bounds(name).map(short).join(" to ")} ${unit}`);
+    if (!Number.isFinite(shown)) return showFault(name, "not a number");
+    if (!inside(name, shown)) return showFault(name, `${short(shown)} ${unit} is out of range: ${bounds(name).map(short).join(" to ")} ${unit}`);
     const si = shown / scale(name);
     const step = 0.1 / degrees;
     const crossed = (name === "low" && si >= exact.high) || (name === "high" && si <= exact.low);
     if (crossed && (typed || Math.abs(shown) >= 180)) {
-      put(name, exact[name]);
-      return fault(name, name === "low" ? "must be below the upper end" : "must be above the lower end");
+      setField(name, exact[name]);
+      return showFault(name, name === "low" ? "must be below the upper end" : "must be above the lower end");
     }
-    put(name, si);
-    if (crossed) put(name === "low" ? "high" : "low", name === "low" ? si + step : si - step);
-    kept(POSE.includes(name) ? { own: false } : {});
+    setField(name, si);
+    if (crossed) setField(name === "low" ? "high" : "low", name === "low" ? si + step : si - step);
+    applySettings(POSE.includes(name) ? { own: false } : {});
     if (POSE.includes(name)) updatePose();
     else if (!isPart(name)) updateAll();
   };
   for (const name of names) {
-    if (byId(name).options) byId(name).addEventListener("change", (event) => { put(name, event.target.value); kept(); });
+    if (byId(name).options) byId(name).addEventListener("change", (event) => { setField(name, event.target.value); applySettings(); });
     else {
       byId(name).addEventListener("input", (event) => changed(name, event.target.valueAsNumber, false));
       byId(`${name}-number`).addEventListener("change", (event) => changed(name, event.target.valueAsNumber, true));
@@ -203,19 +205,19 @@
     SSM.overlay(plots, desk, channels, desk.names);
     player.set(state.own ? player.index : Infinity);
   };
-  // changes: shares of the relaxation, each with its words
+  // Create a slider over `changes`, which contains fractions of the relaxation and their descriptions.
   const slider = (changes) => {
     const at = Math.max(0, changes.findIndex(([share]) => share === state.relaxed));
     const words = element("label", { for: "change" }, changes[at][1]);
     const range = element("input", { type: "range", id: "change", min: 0, max: changes.length - 1, value: at,
-      oninput: () => { words.textContent = changes[range.value][1]; }, onchange: () => kept({ relaxed: changes[range.value][0] }) });
+      oninput: () => { words.textContent = changes[range.value][1]; }, onchange: () => applySettings({ relaxed: changes[range.value][0] }) });
     return [range, words];
   };
   const show = ({ message, relaxation, changes, desk, plan }) => {
     const job = state.job;
     const link = (kind, text, more) => element("a", { href: `/${kind}/${job}`, ...more }, text);
     const read = () => byId("result").replaceChildren(element("h2", {}, "Plan"), element("iframe", { src: `/report/${job}`, title: "Report of the plan" }));
-    const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => kept({ relaxed: 1 }) }, `Plan with ${changes.length ? "this change" : relaxation}`)]
+    const links = relaxation ? [element("button", { type: "button", id: "relax", onclick: () => applySettings({ relaxed: 1 }) }, `Plan with ${changes.length ? "this change" : relaxation}`)]
       : plan ? [link("report", "Report in a new tab", { target: "_blank", rel: "noopener" }), link("plan", "plan.json", { download: "plan.json" }),
         element("button", { type: "button", id: "read", onclick: read }, "Report below")] : [];
     const row = (cells) => element("tr", {}, ...cells.map((text, i) => element(i ? "td" : "th", { scope: i ? null : "row" }, text)));
@@ -225,85 +227,85 @@
     byId("result").replaceChildren();
     showCurves(desk);
   };
-  // all that is set stands in the address: it can be reloaded, sent and bookmarked
-  const live = follower(async () => {
+  // Plan whenever the settings differ from those of the shown result. The address contains all settings, so it can be reloaded and bookmarked.
+  const planIfChanged = runLatest(async () => {
     const { from, steps, own, pinned } = state;
     history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify({ ...exact, from, steps, own, pinned }))}`);
-    const asked = wanted();
-    if (obstacle() || asked === state.judged) return;
+    const asked = currentRequest();
+    if (planningObstacle() || asked === state.planned) return;
     let answer = {};
     try {
-      ["from", "motion", "dwell"].forEach((name) => fault(name, ""));
-      state.job = (await ask("/plan", JSON.parse(asked))).job;
+      ["from", "motion", "dwell"].forEach((name) => showFault(name, ""));
+      state.job = (await postRequest("/plan", JSON.parse(asked))).job;
       while (!answer.done) {
-        answer = await ask("/progress", { job: state.job });
+        answer = await postRequest("/progress", { job: state.job });
         byId("step").textContent = answer.done ? "" : answer.steps.at(-1) ?? "";
-        tell();
+        updateControls();
         if (!answer.done) await new Promise((resolve) => setTimeout(resolve, 40));
       }
       byId("verdict").textContent = "";
     } catch (error) {
       answer = { message: "not planned" };
-      blame(error);
+      reportError(error);
     }
-    if (asked === wanted()) {
+    if (asked === currentRequest()) {
       show(answer);
-      state.judged = asked;
+      state.planned = asked;
     }
     state.job = null;
-    tell();
+    updateControls();
   });
-  for (const kind of ["change", "click"]) document.querySelector("main").addEventListener(kind, live);
-  byId("branches").addEventListener("change", (event) => { state.sign = Number(event.target.value); draw(); });
-  click("plan", () => { state.judged = ""; });
-  click("whole", () => kept({ own: true }));
-  click("pin", () => kept({ pinned: state.pinned ? null : inputs(), relaxed: state.relaxed }));
-  click("cancel", () => ask("/cancel", { job: state.job }).catch(blame));
-  // runs with the settings as YAML
-  const asYaml = (use) => ask("/yaml", inputs()).then(({ text }) => use(text)).catch(blame);
+  for (const kind of ["change", "click"]) document.querySelector("main").addEventListener(kind, planIfChanged);
+  byId("branches").addEventListener("change", (event) => { state.branch = Number(event.target.value); draw(); });
+  click("plan", () => { state.planned = ""; });
+  click("whole", () => applySettings({ own: true }));
+  click("pin", () => applySettings({ pinned: state.pinned ? null : planSettings(), relaxed: state.relaxed }));
+  click("cancel", () => postRequest("/cancel", { job: state.job }).catch(reportError));
+  // Call a function with the settings as YAML.
+  const asYaml = (use) => postRequest("/yaml", planSettings()).then(({ text }) => use(text)).catch(reportError);
   click("save", () => asYaml((text) => SSM.download("problem.yaml", text, "application/yaml")));
   byId("source").addEventListener("toggle", ({ target }) => target.open && asYaml((text) => { byId("text").value = text; }));
-  click("apply", () => ask("/edit", { text: byId("text").value })
+  click("apply", () => postRequest("/edit", { text: byId("text").value })
     .then(({ page }) => location.assign(`${page}#${encodeURIComponent(JSON.stringify({ pinned: state.pinned }))}`))
-    .catch(({ message }) => fault("text", message)));
-  click("here", () => { kept({ from: pose(), own: false }); updateAll(); });
-  click("waypoint", () => kept({ steps: [...state.steps, { pose: pose() }], own: false }));
+    .catch(({ message }) => showFault("text", message)));
+  click("here", () => { applySettings({ from: pose(), own: false }); updateAll(); });
+  click("waypoint", () => applySettings({ steps: [...state.steps, { pose: pose() }], own: false }));
   click("dwell", () => {
     const time = byId("dwell-number").valueAsNumber;
-    if (!(time >= 0.001 && time <= 3600)) return fault("dwell", "a dwell must last 0.001 s to 3600 s");
-    fault("dwell", "");
-    kept({ steps: [...state.steps, { dwell: time }], own: false });
+    if (!(time >= 0.001 && time <= 3600)) return showFault("dwell", "a dwell must last 0.001 s to 3600 s");
+    showFault("dwell", "");
+    applySettings({ steps: [...state.steps, { dwell: time }], own: false });
   });
-  const putAll = (values) => {
-    for (const [name, si] of Object.entries(values)) put(name, si);
-    kept();
+  const setAllFields = (values) => {
+    for (const [name, si] of Object.entries(values)) setField(name, si);
+    applySettings();
     updateAll();
   };
-  click("own", () => { state.own = true; putAll(start.values); });
-  click("suggest", () => ask("/suggest", { tilt_range: range() }).then(({ alpha, beta }) => {
-    putAll({ alpha, beta });
-    live();
-  }).catch(blame));
+  click("own", () => { state.own = true; setAllFields(start.values); });
+  click("suggest", () => postRequest("/suggest", { tilt_range: tiltRange() }).then(({ alpha, beta }) => {
+    setAllFields({ alpha, beta });
+    planIfChanged();
+  }).catch(reportError));
 
-  // what the address holds, as far as it is what the fields take
-  const recall = () => {
-    let held = {};
-    try { held = JSON.parse(decodeURIComponent(location.hash.slice(1))) ?? {}; } catch { return; }
+  // Restore the settings from the address, as far as the fields accept them.
+  const restoreSettings = () => {
+    let stored = {};
+    try { stored = JSON.parse(decodeURIComponent(location.hash.slice(1))) ?? {}; } catch { return; }
     const fits = (name, si) => (byId(name).options ? typeof si === "string" : Number.isFinite(si) && inside(name, si * scale(name)));
     const isPose = (each) => Array.isArray(each) && each.length === 4 && each.every((si, i) => fits(POSE[i], si));
-    for (const name of names) if (fits(name, held[name])) put(name, held[name]);
-    if (exact.low >= exact.high) for (const name of ["low", "high"]) put(name, start.values[name]);
-    if (isPose(held.from)) state.from = held.from;
-    if (Array.isArray(held.steps)) state.steps = held.steps.filter((each) => each && (isPose(each.pose) || Number.isFinite(each.dwell)));
-    state.own = held.own !== false;
-    state.pinned = held.pinned ?? null;
+    for (const name of names) if (fits(name, stored[name])) setField(name, stored[name]);
+    if (exact.low >= exact.high) for (const name of ["low", "high"]) setField(name, start.values[name]);
+    if (isPose(stored.from)) state.from = stored.from;
+    if (Array.isArray(stored.steps)) state.steps = stored.steps.filter((each) => each && (isPose(each.pose) || Number.isFinite(each.dwell)));
+    state.own = stored.own !== false;
+    state.pinned = stored.pinned ?? null;
   };
 
   ["min", "max"].forEach((end, i) => { byId("depth")[end] = (1000 * start.depth_range[i]).toFixed(3); });
-  for (const name of names) put(name, start.values[name]);
-  recall();
-  tell();
+  for (const name of names) setField(name, start.values[name]);
+  restoreSettings();
+  updateControls();
   updateAll();
-  live();
+  planIfChanged();
   SSM.scene = scene;
 })();

@@ -97,7 +97,7 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = DEFAULT_W
         ("qd", "velocity", "/s", JointVelocity),
         ("qdd", "acceleration", "/s²", JointAcceleration),
     )
-    for row, (field, name, per, limited) in enumerate(quantities):
+    for row, (field, name, per_time, limit_type) in enumerate(quantities):
         for column, (kind, base) in enumerate((("revolute", "rad"), ("prismatic", "m"))):
             unit, scale = display_unit_of(base)
             axes = panels.flat[2 * row + column]
@@ -110,10 +110,10 @@ def motion_figure(trajectory: Trajectory, robot: Robot, width: float = DEFAULT_W
                     t, values, LINE_DASHES[i], color=COLOURS[i], label=joint_label(joint.name)
                 )
                 for limit in joint.limits:
-                    if isinstance(limit, limited):
+                    if isinstance(limit, limit_type):
                         _draw_limit(axes, (scale * limit.low, scale * limit.high), values)
             time_label = "time (s)" if axes in panels[-1] else ""
-            finish_axes(axes, time_label, f"{name}{separator}({unit}{per})")
+            finish_axes(axes, time_label, f"{name}{separator}({unit}{per_time})")
     handles = []
     for axes in panels.flat[:2]:
         handles += axes.get_legend_handles_labels()[0]
@@ -142,12 +142,12 @@ def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
     values : (n,) array
         Values of the curve.
     """
-    size = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
+    curve_range = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
     for end in ends:
         if (
-            values.min() - MAX_LIMIT_DISTANCE * size
+            values.min() - MAX_LIMIT_DISTANCE * curve_range
             <= end
-            <= values.max() + MAX_LIMIT_DISTANCE * size
+            <= values.max() + MAX_LIMIT_DISTANCE * curve_range
         ):
             axes.axhline(end, **LIMIT_STYLE)
 

@@ -145,17 +145,19 @@ def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizin
     for run in _runs_of_direction(verdict.load.direction):
         axes.plot(speeds[run], torque[run], color=COLOURS[i], linewidth=1.0)
     # The area of a circle is the time that the motion spends near it.
-    weight = verdict.load.weight * (verdict.load.direction != 0)
-    share, *sums = (
-        np.histogram2d(speeds, torque, bins=8, weights=weight * values)[0]
-        for values in (np.ones(len(speeds)), speeds, torque)
-    )
-    used = share > 0
-    x, y = (values[used] / share[used] for values in sums)
+    moving_time = verdict.load.weight * (verdict.load.direction != 0)
+
+    def sum_over_cells(weights: Array) -> Array:
+        """Divide the plane into 8 × 8 cells, and sum the weights (n,) of the instants in each."""
+        return np.histogram2d(speeds, torque, bins=8, weights=weights)[0]
+
+    time_share = sum_over_cells(moving_time)
+    is_used = time_share > 0
+    area = time_share[is_used]
     axes.scatter(
-        x,
-        y,
-        s=1500.0 * share[used],
+        sum_over_cells(moving_time * speeds)[is_used] / area,
+        sum_over_cells(moving_time * torque)[is_used] / area,
+        s=1500.0 * area,
         color=COLOURS[i],
         alpha=0.35,
         linewidths=0,

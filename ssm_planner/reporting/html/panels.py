@@ -83,25 +83,25 @@ def build_panels(plan: Plan, channels: Arrays) -> list[Panel]:
         Panels in display units.
     """
     joints = plan.robot.joints
-    kinds = [
+    joint_groups = [
         ("rad", [(i, joint) for i, joint in enumerate(joints) if not joint.slides]),
         ("m", [(i, joint) for i, joint in enumerate(joints) if joint.slides]),
     ]
     tool = list(tool_panels(plan.limits))
     panels = [panel for panel in tool if panel["section"] == "Task coordinates"]
-    for field, per, limit_type in (
+    for field, per_time, limit_type in (
         ("q", "", JointPosition),
         ("qd", "/s", JointVelocity),
         ("qdd", "/s²", JointAcceleration),
         ("qddd", "/s³", JointJerk),
     ):
-        for unit, group in kinds:
+        for unit, group in joint_groups:
             # Without a jerk limit the acceleration jumps, and its derivative would be solver noise.
             has_limit = limit_type is not JointJerk or any(
                 joint.jerk is not None for _, joint in group
             )
             if group and has_limit:
-                panels.append(_joint_panel(group, field, unit + per, limit_type))
+                panels.append(_joint_panel(group, field, unit + per_time, limit_type))
     panels += [panel for panel in tool if panel not in panels]
     panels += _motor_panels(joints, channels)
     panels += torque_part_panels(channels)
@@ -401,7 +401,15 @@ def _joint_panel(
 
 
 def _motor_panels(joints: tuple[Joint, ...], channels: Arrays) -> Iterator[Panel]:
-    """Yield the panels of the speed and the torque of every motor."""
+    """Yield the panels of the speed and the torque of every motor.
+
+    Parameters
+    ----------
+    joints : tuple of Joint
+        All joints of the robot.
+    channels : dict of (n,) arrays
+        Sampled quantities by name. A joint is driven if its motor torque is among them.
+    """
     driven = [i for i in range(4) if f"tau{i}" in channels]
     for name, limit_type, unit in (("w", MotorSpeed, "rpm"), ("tau", MotorTorque, "N·m")):
         for i in driven:
