@@ -10,7 +10,10 @@ from ssm_planner.progress import Step
 
 
 def run_report(options: Namespace) -> int:
-    """Write the page of a plan or of a comparison of two plans, and return the exit status."""
+    """Write the page of a plan or of a comparison of two plans, and return the exit status.
+
+    With the option --figures, also write the figures of the plan.
+    """
     if options.width is not None and options.figures is None:
         raise ProblemError(
             "--width requires a folder for the figures", key="--width", allowed="--figures DIR"
@@ -30,7 +33,7 @@ def run_report(options: Namespace) -> int:
 
 
 def run_film(options: Namespace) -> int:
-    """Write a film of a motion, and return the exit status."""
+    """Write a film of the motion of a plan, and return the exit status."""
     plan = ssm.load_plan(options.plan)
     path = options.output or plan.path.with_name("film")
     files = ssm.film(plan, path, options.speed)

@@ -10,7 +10,10 @@ from ssm_planner.progress import Step
 
 
 def run_plan(options: Namespace) -> int:
-    """Plan a motion, write its result folder, and return the exit status."""
+    """Plan a motion, write its result folder, and return the exit status.
+
+    With --from and --at, the motion starts at an instant of another plan.
+    """
     from ssm_planner.reporting import FigureProcess
 
     progress = progress_reporter(f"reading {options.problem}")

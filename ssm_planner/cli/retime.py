@@ -11,7 +11,11 @@ from ssm_planner.progress import Step
 
 
 def run_retime(options: Namespace) -> int:
-    """Compute the fastest timing of a path, write the result folder, and return the exit status."""
+    """Compute the fastest timing of a path, write the result folder, and return the exit status.
+
+    The path is first smoothed into one or several curves, and the output states how far these
+    deviate from the lines between the points of the file.
+    """
     progress = progress_reporter(f"reading {options.path}")
     import numpy as np
 

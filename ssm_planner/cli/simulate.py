@@ -26,7 +26,7 @@ def run_simulate(options: Namespace) -> int:
 
     plan = ssm.load_plan(options.plan)
     controller = None if options.controller is None else ssm.load_controller(options.controller)
-    result = simulate(plan, scenario_from_options(options, plan.robot), controller, progress)
+    result = simulate(plan, scenario_from_options(options), controller, progress)
     document: JsonObject = {"plan": options.plan, **result.to_dict()}
     stops = plan.stops if options.power_loss == EVERYWHERE else None
     if stops is not None:
@@ -59,10 +59,8 @@ def run_simulate(options: Namespace) -> int:
     return OK if result.passed else FAILED
 
 
-def scenario_from_options(options: Namespace, robot: ssm.Robot) -> ssm.Scenario:
+def scenario_from_options(options: Namespace) -> ssm.Scenario:
     """Build the scenario that the options of the command describe.
-
-    `robot` is the robot of the plan.
 
     Raises
     ------

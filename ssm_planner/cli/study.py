@@ -20,7 +20,10 @@ MAX_PRINTED_ROWS = 12
 
 
 def run_study(options: Namespace) -> int:
-    """Run a study, or show, compare or audit its results, and return the exit status."""
+    """Run a study, or show, compare or audit its results, and return the exit status.
+
+    The first word of the arguments selects the action, see `_parse_words`.
+    """
     verb, numbers, file = _parse_words(options.words)
     if verb == "audit":
         return _run_audit(Path(file), options)
@@ -84,7 +87,17 @@ def _parse_words(words: Sequence[str]) -> tuple[str, list[int], str]:
 
 
 def _run_candidates(study: ssm.Study, folder: Path, options: Namespace) -> int:
-    """Evaluate the candidates of a study, print the front, and return the exit status."""
+    """Evaluate the candidates of a study, print the front, and return the exit status.
+
+    Parameters
+    ----------
+    study : Study
+        Study that is run.
+    folder : Path
+        Folder of the results.
+    options : Namespace
+        Options of the command.
+    """
     from ssm_planner.studies import run as studies
     from ssm_planner.studies.store import write_table
 
@@ -175,12 +188,22 @@ def _progress_reporter() -> Callable[[int, int, dict[str, int]], None]:
 
 
 def _candidate_entry(row: ssm.Candidate) -> JsonObject:
-    """Return the entry of a candidate in the output of --json."""
+    """Return the number, the design and the figures of a candidate for --json."""
     return {"number": row.number, "design": dict(row.design), "figures": dict(row.figures)}
 
 
 def _study_lines(study: ssm.Study, result: ssm.StudyResult, files: Files) -> list[str]:
-    """Return the rejections, the front and the summary of a study as lines of text."""
+    """Return the rejections, the front and the summary of a study as lines of text.
+
+    Parameters
+    ----------
+    study : Study
+        Study that was run.
+    result : StudyResult
+        Its results.
+    files : dict
+        Paths of the written files by name.
+    """
     from ssm_planner.studies.page import compare_with_original, design_texts, format_result
 
     states = ", ".join(f"{count} {state}" for state, count in result.states.items())

@@ -261,8 +261,8 @@ def sensitivities_table(plan: "Plan") -> Table:
     for item in plan.sensitivities or ():
         saved = -item.seconds_per_percent
         saved_text = format_fixed(1e3 * saved, 2)
-        share = format_fixed(100 * saved / plan.motion.duration, 3)
-        rows.append((item.limit, item.joint or NOTHING, saved_text, share))
+        percentage = format_fixed(100 * saved / plan.motion.duration, 3)
+        rows.append((item.limit, item.joint or NOTHING, saved_text, percentage))
     return Table("limit, joint, saved ms for +1 %, share %", rows, (2, 3))
 
 

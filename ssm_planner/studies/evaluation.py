@@ -81,6 +81,17 @@ class CandidateRejected(Exception):
     """
 
     def __init__(self, stage: str, reason: str, figures: Fields | None = None) -> None:
+        """Create the exception.
+
+        Parameters
+        ----------
+        stage : str
+            Stage that rejected the candidate, such as "plan".
+        reason : str
+            Reason in words.
+        figures : mapping, optional
+            Results that were computed before the rejection.
+        """
         super().__init__(reason)
         self.stage = stage
         self.figures = figures or {}
@@ -351,7 +362,7 @@ def derate_motors(problem: Problem, margin: float) -> Problem:
     """
     if margin == 0:
         return problem
-    share = 1 - margin - MARGIN_ALLOWANCE
+    remaining = 1 - margin - MARGIN_ALLOWANCE
 
     def derate(joint: Joint) -> Joint:
         """Return a joint whose motor has the reduced limits."""
@@ -360,9 +371,9 @@ def derate_motors(problem: Problem, margin: float) -> Problem:
             return joint
         motor = unchecked_copy(
             motor,
-            max_torque=share * motor.max_torque,
-            nominal_torque=share * motor.nominal_torque,
-            max_speed=share * motor.max_speed,
+            max_torque=remaining * motor.max_torque,
+            nominal_torque=remaining * motor.nominal_torque,
+            max_speed=remaining * motor.max_speed,
         )
         return unchecked_copy(joint, motor=motor)
 

@@ -305,16 +305,16 @@ def run_plan(requests: Sequence[tuple[str, Problem, Any]], steps: Path) -> Plann
     from ssm_planner.reporting import answer_lines, comparison_data
 
     plans: dict[str, Plan] = {}
-    for name, problem, share in requests:
+    for name, problem, relaxation in requests:
         relaxed: list[Problem] = []
         result = plan(with_fast_planner(problem), progress, on_relaxation=relaxed.append)
         changes = changes_of_limits(problem, relaxed[-1]) if relaxed else {}
-        if share and result.trajectory is None and relaxed:
-            _, easier = changes.get(share, ("", relaxed[-1]))
+        if relaxation and result.trajectory is None and relaxed:
+            _, easier = changes.get(relaxation, ("", relaxed[-1]))
             result = plan(with_fast_planner(easier), progress)
         if result.trajectory is not None:
             plans[name] = result
-    descriptions = {share: description for share, (description, _) in changes.items()}
+    descriptions = {fraction: description for fraction, (description, _) in changes.items()}
     desk = None
     if plans:
         # The first nine characters of a line are its label.

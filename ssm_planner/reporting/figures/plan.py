@@ -143,12 +143,9 @@ def _draw_limit(axes: "Axes", ends: Range, values: Array) -> None:
         Values of the curve.
     """
     curve_range = max(float(np.ptp(values)), 0.02 * max(map(abs, ends)))
+    distance = MAX_LIMIT_DISTANCE * curve_range
     for end in ends:
-        if (
-            values.min() - MAX_LIMIT_DISTANCE * curve_range
-            <= end
-            <= values.max() + MAX_LIMIT_DISTANCE * curve_range
-        ):
+        if values.min() - distance <= end <= values.max() + distance:
             axes.axhline(end, **LIMIT_STYLE)
 
 

@@ -124,13 +124,13 @@ class FigureProcess:
         return files
 
     def _read(self) -> Judgement | None:
-        """Read the next judgement from the standard output of the child."""
+        """Read the next judgement from the standard output of the child process."""
         if self._process is None or self._process.stdout is None:
             return None
         return pickle.load(self._process.stdout)
 
     def _write(self, message: bytes) -> None:
-        """Write a request to the standard input of the child."""
+        """Write a pickled request to the standard input of the child process."""
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.write(message)
             self._process.stdin.flush()

@@ -52,14 +52,14 @@ def workspace_figures(mechanism: Mechanism) -> "dict[str, Figure]":
 
 
 def publish_figures(figures: "Mapping[str, Figure]", directory: str | Path) -> Files:
-    """Write each figure as PNG and PDF into a folder, all at once.
+    """Write each figure as PNG and PDF into a folder, all at once or not at all.
 
     Parameters
     ----------
     figures : mapping of str to Figure
         Figures by file name.
     directory : str or Path
-        Folder, which is created.
+        Folder, which is created if it does not exist.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def publish_figures(figures: "Mapping[str, Figure]", directory: str | Path) -> F
 
 
 def axes_figure(mechanism: Mechanism) -> "Figure":
-    """Draw the joint axes through the remote centre at q = 0, with the angles between them."""
+    """Draw the joint axes through the remote centre of motion at q = 0, with the angles between them."""
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)
@@ -120,8 +120,9 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
 def great_circle_arc(start: Array, end: Array) -> Array:
     """Interpolate along the shortest arcs between unit vectors.
 
-    The weights of both ends are sin((1 − s) θ)/sin θ and sin(s θ)/sin θ, where θ is the angle
-    between them (K. Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985).
+    At the position s from 0 to 1, the weights of both ends are sin((1 − s) θ)/sin θ and sin(s
+    θ)/sin θ, where θ is the angle between them (K. Shoemake, Animating rotation with quaternion
+    curves, SIGGRAPH 1985).
 
     Parameters
     ----------
@@ -134,14 +135,14 @@ def great_circle_arc(start: Array, end: Array) -> Array:
         Unit vectors at equal distances along each arc.
     """
     angle = np.arccos(np.clip(np.sum(start * end, axis=-1), -1.0, 1.0))[..., None, None]
-    share = np.linspace(0.0, 1.0, 61)[:, None]
-    weights = np.sin((1.0 - share) * angle), np.sin(share * angle)
+    s = np.linspace(0.0, 1.0, 61)[:, None]
+    weights = np.sin((1.0 - s) * angle), np.sin(s * angle)
     arc = weights[0] * start[..., None, :] + weights[1] * end[..., None, :]
     return np.asarray(arc / np.sin(angle))
 
 
 def reachable_set_figure(mechanism: Mechanism) -> "Figure":
-    """Draw the directions that the tool axis reaches: on a sphere, and in a section through ω1."""
+    """Draw the directions that the tool axis reaches, on a sphere and in a section through ω1."""
     figure = new_figure(9.0, 4.4)
     sphere = figure.add_subplot(1, 2, 1, projection="3d")
     _draw_sphere(sphere, mechanism)

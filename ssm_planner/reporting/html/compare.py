@@ -136,7 +136,10 @@ def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate 
 
 
 def _margins(certificate: Certificate | None) -> dict[tuple[str, str], float]:
-    """Return the margin of each limit by its name and joint. An empty text means no joint."""
+    """Return the margin of each limit by its name and joint.
+
+    The joint of a limit on the tool is an empty text. Without a certificate, the result is empty.
+    """
     if certificate is None:
         return {}
     return {(limit.name, limit.joint or ""): limit.margin for limit in certificate.limits}
@@ -213,7 +216,11 @@ def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:
 
 
 def _split_by_series(panel: Panel) -> Iterator[Panel]:
-    """Yield a separate panel for each curve of a panel."""
+    """Yield a separate panel for each curve of a panel.
+
+    A merged panel shows one quantity of both plans, so it cannot contain the curves of several
+    joints.
+    """
     for series in panel["series"]:
         joint = series["joint"]
         title = panel["title"]

@@ -103,7 +103,10 @@ def write_report(plan: Plan, path: Path) -> Path:
 
 
 def report_page(plan: Plan) -> str:
-    """Return the report of a plan with a trajectory as an HTML document."""
+    """Return the report of a plan with a trajectory as an HTML document.
+
+    This function only collects texts and tables. The template report.html arranges them.
+    """
     data = report_data(plan)
     sizing = sizing_object(plan)
     missing = list(skipped_checks(sizing))
