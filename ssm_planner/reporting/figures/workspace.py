@@ -82,7 +82,7 @@ def publish_figures(figures: "Mapping[str, Figure]", directory: str | Path) -> F
 
 
 def axes_figure(mechanism: Mechanism) -> "Figure":
-    """Draw the joint axes through the remote centre of motion at q = 0, with the angles between them."""
+    """Draw the joint axes at q = 0, which meet in the remote centre, and their angles."""
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot(projection="3d")
     directions = (mechanism.omega1, mechanism.omega2, mechanism.omega3)

@@ -519,7 +519,7 @@ def tool_panels(limits: TaskLimits) -> Iterator[Panel]:
 def _ordered_limits(
     limits: TaskLimits, limit_type: type[CoordinateLimit], indices: list[int]
 ) -> list[CoordinateLimit]:
-    """Return the limits of one class on the selected coordinates, in the order of `TASK_COORDINATES`.
+    """Return the limits of one class on selected coordinates, in the order of `TASK_COORDINATES`.
 
     Parameters
     ----------
