@@ -245,7 +245,13 @@ class _SignalHandling:
 
 
 def _report_interruption(signals: _SignalHandling) -> int:
-    """Print which results were complete before an interruption, and return the exit status."""
+    """Print which results were complete before an interruption, and return the exit status.
+
+    Parameters
+    ----------
+    signals : _SignalHandling
+        Context of the command. It contains the signal that arrived, or None for Ctrl-C before it.
+    """
     # CPython records an interruption, and would later end the process. exec() resets the record.
     exec("")
     atomic = sys.modules.get("ssm_planner.atomic")
@@ -261,7 +267,11 @@ def _report_interruption(signals: _SignalHandling) -> int:
 
 
 def _report_fault(error: Exception) -> int:
-    """Print an internal fault with its place in the source, and return the exit status."""
+    """Print an internal fault with its place in the source, and return the exit status.
+
+    An internal fault is an exception that this program should have handled. The message is one
+    line. The variable `DEBUG_VARIABLE` adds the traceback.
+    """
     if os.environ.get(DEBUG_VARIABLE):
         import traceback
 

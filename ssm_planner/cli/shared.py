@@ -122,7 +122,10 @@ def add_arguments(parser: ArgumentParser, command: str) -> None:
 
 
 def _argument_settings(row: Mapping[str, str]) -> Keywords:
-    """Return the keyword arguments of `add_argument` for one row of arguments.csv."""
+    """Return the keyword arguments of `add_argument` for one row of arguments.csv.
+
+    The documentation of `ARGUMENTS` describes the columns of such a row.
+    """
     value_type = row["kind"]
     number = row["number"]
     metavars = row["metavar"].split()

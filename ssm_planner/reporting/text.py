@@ -550,7 +550,10 @@ def range_lines(plan: "Plan") -> Iterator[str]:
 
 
 def path_lines(plan: "Plan") -> list[str]:
-    """Describe the rounded corners and the constant tip speeds of all phases, one per line."""
+    """Describe the rounded corners and the constant tip speeds of all phases, one per line.
+
+    These are properties that a problem can request for the path of the tip.
+    """
     corners = [
         f"corners      {phase.name}: the tip deviates from its lines by up to "
         f"{1e3 * phase.corner_departure:.4g} mm, within "
@@ -767,7 +770,10 @@ def _open_checks(sizing: SizingObject) -> list[str]:
 
 
 def _failed_checks(sizing: SizingObject) -> list[str]:
-    """Describe each failed check by its joint, name and margin."""
+    """Describe each failed check by its joint, name and margin.
+
+    If two motors or gears of a joint fail the same check, only one of them is described.
+    """
     failed = {}
     for motor in sizing["motors"]:
         for check in motor["checks"]:
@@ -921,7 +927,11 @@ def _torque_parts_table(sizing: Sizing) -> Table:
 
 
 def _candidate_lines(sizing: Sizing) -> list[str]:
-    """Return the table of all judged motors with the margins of their checks, as lines."""
+    """Return the table of all judged motors with the margins of their checks, as lines.
+
+    The smallest margin of the gear and the largest temperature of the winding are added. A name
+    that begins with "or" marks an alternative, which the robot file lists in addition to its motor.
+    """
     head = ["joint", "motor", "adequate", "binds"]
     head += [plain_words(name) for name in MOTOR_MARGINS]
     head += ["gear", "winding"]

@@ -113,7 +113,17 @@ def _plot_front(
 
 
 def _plot_map(axes: "Axes", study: Study, rows: Candidates) -> None:
-    """Plot the state of every candidate over the first two variables of a study."""
+    """Plot the state of every candidate over the first two variables of a study.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel of matplotlib.
+    study : Study
+        Study with at least two variables.
+    rows : sequence of Candidate
+        Results of all candidates. Rejected candidates are marked by the stage that rejected them.
+    """
     horizontal = variable_column(study, study.paths[0], rows)
     vertical = variable_column(study, study.paths[1], rows)
     points: dict[str, list[tuple[float, float]]] = {}

@@ -69,7 +69,17 @@ def write_study_page(
 
 
 def _template_values(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
-    """Return the values of the variables in the template study.html."""
+    """Return the values of the variables in the template study.html.
+
+    Parameters
+    ----------
+    study : Study
+        Study that is shown.
+    rows : sequence of Candidate
+        Results of all candidates.
+    front : sequence of Candidate
+        Results of the candidates on the front.
+    """
     states = sorted(Counter(row.state for row in rows).items())
     counts_text = ", ".join(f"{count} {state}" for state, count in states)
     objectives = " and ".join(map(plain_words, study.minimise))
@@ -87,7 +97,18 @@ def _template_values(study: Study, rows: Candidates, front: Candidates) -> JsonO
 
 
 def _rejection_rows(rows: Candidates) -> list[JsonObject]:
-    """Return the number of rejections and an example for each stage, most frequent first."""
+    """Return the table of the stages that rejected candidates, most frequent first.
+
+    Parameters
+    ----------
+    rows : sequence of Candidate
+        Results of all candidates.
+
+    Returns
+    -------
+    list of dict
+        `stage`, the number `count` of its rejections, and the reason of one of them as `example`.
+    """
     stages: dict[str, list[Candidate]] = {}
     for row in rows:
         if row.rejection is not None:
@@ -147,7 +168,25 @@ def compare_with_original(study: Study, reference: Candidate, front: Candidates)
 
 
 def _script_data(study: Study, rows: Candidates, front: Candidates) -> JsonObject:
-    """Return the data for the script of the page: columns over all candidates, as JSON types."""
+    """Return the data for the script of the page as JSON types.
+
+    Parameters
+    ----------
+    study : Study
+        Study that is shown.
+    rows : sequence of Candidate
+        Results of all candidates.
+    front : sequence of Candidate
+        Results of the candidates on the front.
+
+    Returns
+    -------
+    dict
+        `columns` contains the values of all candidates for each name in `names`, see
+        `variable_column`. `choices`, `figures` and `objectives` are subsets of these names.
+        `number`, `state` and `stage` have an entry for each candidate, and `front` contains indices
+        of candidates.
+    """
     plotted = _plotted_results(study, rows)
     front_numbers = {row.number for row in front}
     columns = [variable_column(study, path, rows) for path in study.paths]

@@ -134,7 +134,18 @@ def load_study(name: str | Path) -> Study:
 
 
 def study_from(section: Section) -> Study:
-    """Convert the content of a study file to a study. Raises ProblemError if it is invalid."""
+    """Convert the content of a study file to a study.
+
+    Parameters
+    ----------
+    section : Section
+        Content of the file. It knows the lines of its keys, which errors state.
+
+    Raises
+    ------
+    ProblemError
+        If the content is invalid, or if a file that it names is missing or invalid.
+    """
     model = validate_section(section, StudyModel)
     robot = resolved_robot_content(follow_reference(section, "robot"))
     motions = _load_motions(section, model.motions)

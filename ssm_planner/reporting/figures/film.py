@@ -287,7 +287,15 @@ def _film_frames(plan: Plan, speed: float) -> Iterator[Image]:
 
 
 def _draw_eye(axes: Axes, eye: Eye) -> None:
-    """Draw the retina, the sphere that the tip must not leave, and the lens."""
+    """Draw the retina, the sphere that the tip must not leave, and the lens.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel of matplotlib, in m in the plane of the picture.
+    eye : Eye
+        Eye in the base frame.
+    """
     from matplotlib.patches import Circle, Polygon
 
     x, y = PROJECTION @ eye.centre

@@ -232,7 +232,11 @@ def write_simulation_figures(result: "SimulationResult", folder: Path) -> Files:
 
 
 def playback_figure(result: "SimulationResult") -> "Figure":
-    """Draw following errors, motor torques and the distance of the tip from the plan over time."""
+    """Draw how a simulated arm follows the plan.
+
+    The panels show over time the following errors in encoder increments, the motor torques relative
+    to the largest permitted ones, and the distance of the tip from the plan.
+    """
     figure = new_figure(7.2, 6.6)
     errors, torques, tip = figure.subplots(3, 1, sharex=True)
     for motor in result.motors:

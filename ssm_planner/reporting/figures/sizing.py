@@ -87,7 +87,10 @@ def payload_curves_figure(sizing: "Sizing") -> "Figure":
 
 
 def torque_split_figure(sizing: "Sizing") -> "Figure":
-    """Draw the motor torque of every joint and its components over time."""
+    """Draw the motor torque of every joint and its parts over time.
+
+    A part is the contribution of one cause, such as friction or inertia.
+    """
     figure = new_figure(7.2, 2.2 * len(sizing.joints) + 0.5)
     panels = figure.subplots(len(sizing.joints), 1, squeeze=False)[:, 0]
     for axes, joint in zip(panels, sizing.joints, strict=True):
@@ -126,7 +129,17 @@ def operating_regions_figure(sizing: "Sizing") -> "Figure":
 
 
 def _draw_operating_region(axes: "Axes", verdict: "MotorVerdict", sizing: "Sizing") -> None:
-    """Draw the regions of one motor, and the motion of its joint, in one panel."""
+    """Draw the operating regions of one motor, and the motion of its joint, in one panel.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel of matplotlib.
+    verdict : MotorVerdict
+        Verdict on the motor, with the load of its joint.
+    sizing : Sizing
+        Sizing that contains the verdict, with the operating conditions.
+    """
     motor = verdict.motor
     conditions = sizing.conditions
     speed = np.linspace(0.0, motor.max_speed, 400)

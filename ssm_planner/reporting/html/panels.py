@@ -539,7 +539,10 @@ def _ordered_limits(
 
 
 def _eye_panels(eye: Eye) -> Iterator[Panel]:
-    """Yield the panels of the distances to the retina and, if the eye has one, to the lens."""
+    """Yield the panels of the distances to the retina and, if the eye has one, to the lens.
+
+    The distance to the lens is measured in semi-axes of the lens from its centre.
+    """
     for limit in eye.limits:
         if isinstance(limit, RetinaClearance):
             panel = new_panel("Tool tip", "Tip to retina", limit.unit, [("retina", "tip", 3)])

@@ -53,7 +53,15 @@ def write_simulation_page(plan: Plan, result: SimulationResult, path: Path) -> P
 
 
 def simulation_page(plan: Plan, result: SimulationResult) -> str:
-    """Return the page of a simulated playback as an HTML document."""
+    """Return the page of a simulated playback as an HTML document.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan that was simulated.
+    result : SimulationResult
+        Its simulation.
+    """
     marks = [("good", "passed", "") if result.passed else ("bad", "not passed", "")]
     marks += [("bad", "", reason) for reason in result.reasons]
     losses = result.losses
@@ -139,7 +147,15 @@ def _simulated_channels(plan: Plan, result: SimulationResult, t: Array) -> Array
 
 
 def _simulation_panels(plan: Plan, result: SimulationResult) -> list[Panel]:
-    """Build the panels of power losses, tip error, tracking errors and motor torques."""
+    """Build the panels of power losses, tip error, tracking errors and motor torques.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan that was simulated.
+    result : SimulationResult
+        Its simulation. The panel of power losses requires several of them.
+    """
     tip = _single_channel_panel(
         "Tracking error", "Distance of the tip from the plan", "m", "tip_error"
     )
