@@ -214,7 +214,7 @@ def match_speed(
 
     Returns
     -------
-    Match
+    SpeedMatch
         Delay, cost and correlation. The delay is the start of the recorded motion if the recording
         is too short for a comparison.
     """

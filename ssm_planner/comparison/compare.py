@@ -206,7 +206,7 @@ def compare(
         Robot of the plan.
     certificate : Certificate or None
         Certificate of the plan with its margins. None leaves the planned margins unknown.
-    recordings : sequence of Measured
+    recordings : sequence of AxisRecording
         One recording for each axis. All of them share one clock.
     lag : float
         Delay of a joint (s) that is permitted at its largest speed. It determines the permitted
@@ -294,7 +294,7 @@ def _compare_axis(
     ----------
     axis : AlignedAxis
         Recording and prediction of the axis on the common clock.
-    plans : sequence of Predicted
+    plans : sequence of AxisPrediction
         Predictions of all axes, with which a recording of another axis is recognised.
     certificate : Certificate or None
         Certificate of the plan, or None if its margins do not apply.

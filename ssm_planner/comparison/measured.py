@@ -55,7 +55,7 @@ def read_axis_recording(
 
     Returns
     -------
-    Measured
+    AxisRecording
         The recording in SI units, with the signs of the joint.
 
     Raises

@@ -253,7 +253,7 @@ def advance_loops(
 
     Parameters
     ----------
-    gains, electrics : Gains, Electrics
+    gains, electrics : LoopGains, MotorElectrics
         Gains of the position loop, and electrical data of motor and supply.
     period : float
         Sampling period of the loop, s.

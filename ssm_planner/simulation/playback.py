@@ -297,7 +297,7 @@ class ControlledArm(ArmPlant):
 
         Returns
         -------
-        Played
+        Playback
             States, following errors and saturation in all periods.
         """
         constants = np.concatenate([offsets, friction])

@@ -510,7 +510,7 @@ class _Simulation:
 
         Parameters
         ----------
-        played : Played
+        played : Playback
             Playback with power.
         progress : callable
             Called with each step.
@@ -660,7 +660,7 @@ class _Simulation:
             Index of the joint.
         torque : (m,)
             Motor torques in the periods with power, N·m.
-        played : Played
+        played : Playback
             Playback of all joints.
         tripped : bool
             True if the drive of the joint tripped.

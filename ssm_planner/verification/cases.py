@@ -57,7 +57,7 @@ def worst_case_torques(
 
     Returns
     -------
-    list of Quantity
+    list of LimitedQuantity
         Quantities with their case. The list is empty if the limits require no range.
 
     Raises

@@ -1,8 +1,9 @@
 """The certificate of a motion and its seal.
 
-A certificate contains the worst value of every limit with its margin, joint and time. The seal is
-the SHA-256 hash of the checked motion, the robot, the limits and the result. It detects a later
-change of any of them.
+A certificate contains the worst value of every limit with its margin, joint and time
+(`LimitCheck`), and the limits that could not be judged (`Unjudged`). The seal is the SHA-256 hash
+of the checked motion, the robot, the limits and the result. It detects a later change of any of
+them. The module `check` creates certificates.
 """
 
 import hashlib
@@ -75,19 +76,21 @@ class LimitCheck:
     time: float
     unit: str
     case: str | None = None
-    """Friction and payload of the worst case if a range was checked.
+    """Circumstances of the worst value.
 
-    For a promise about the path, it names the phase.
+    For a motor torque within a range of friction or payload, they are the friction and the payload
+    of the worst case. For a requirement on the path of the tip, they are the name of the phase.
+    For the stop travel, they are the reason why no stop is valid.
     """
 
     @classmethod
     def from_extreme(cls, limit: Limit, worst: float, time: float) -> "LimitCheck":
-        """Build the result of a limit on a magnitude.
+        """Build the result of a limit that has only an upper bound.
 
         Parameters
         ----------
         limit : Limit
-            The limit, whose upper bound counts.
+            The limit.
         worst : float
             Largest magnitude, in the unit of the limit.
         time : float
@@ -120,7 +123,10 @@ class LimitCheck:
 
     @property
     def excess(self) -> str:
-        """A violated limit with its excess and time, as the end of a sentence about exceeding."""
+        """Description of a violated limit with its excess in percent and its time.
+
+        Error messages append it to "exceeds".
+        """
         return (
             f"the {self.name} limit of {self.joint or 'the tool'} by {-100 * self.margin:.3g} % at "
             f"{self.time:.4f} s"
@@ -134,7 +140,19 @@ class LimitCheck:
     def from_dict(cls, data: JsonObject) -> "LimitCheck":
         """Build a result from the output of `to_dict`.
 
-        Raises TrajectoryError if a key is missing or if a value has the wrong type.
+        Parameters
+        ----------
+        data : dict
+            Entry of `limits` in a plan.json.
+
+        Returns
+        -------
+        LimitCheck
+
+        Raises
+        ------
+        TrajectoryError
+            If a key is missing or if a value has the wrong type.
         """
         try:
             numbers = {key: float(data[key]) for key in ("worst", "limit", "margin", "time")}
@@ -149,7 +167,9 @@ class LimitCheck:
 
 @frozen
 class Unjudged:
-    """A limit that the motion may violate, although the check found no violation.
+    """A limit that the check could not judge.
+
+    The motion may violate it, so a certificate with such an entry does not pass.
 
     Attributes
     ----------
@@ -203,16 +223,19 @@ class Certificate:
     sha256: str | None = None
     """Seal of the check (see `with_seal`). None if the caller requested no seal."""
     unjudged: tuple[Unjudged, ...] = ()
-    """Limits that count but could not be judged, with reasons.
+    """Limits that could not be judged, with reasons.
 
-    A limit may have an entry here and in `limits`. The entry in `limits` then covers the part that
-    could be judged.
+    A limit may have an entry here and in `limits`. The entry in `limits` then covers the part of
+    the motion that could be judged.
     """
 
     def __getitem__(self, key: tuple[str, str]) -> LimitCheck:
-        """Return the check of a limit by its name and joint, such as ("velocity", "tilt").
+        """Return the result of a limit by its name and joint, such as ("velocity", "tilt").
 
-        Raises KeyError if the certificate does not contain it.
+        Raises
+        ------
+        KeyError
+            If the certificate does not contain the limit.
         """
         for limit in self.limits:
             if (limit.name, limit.joint) == key:
@@ -222,8 +245,14 @@ class Certificate:
     def with_more(self, checks: tuple[LimitCheck, ...]) -> "Certificate":
         """Return the certificate with further results.
 
-        A new result replaces the earlier result for the same limit and joint, unless the earlier
-        one is violated. A limit with a new result counts as judged.
+        A new result replaces the earlier result for the same limit and joint, unless the limit was
+        violated in the earlier result. A violation is never removed. A limit with a new result
+        counts as judged.
+
+        Parameters
+        ----------
+        checks : tuple of LimitCheck
+            The further results.
         """
         judged_limits = {(limit.name, limit.joint) for limit in checks}
         limits = [c for c in self.limits if not c.passed or (c.name, c.joint) not in judged_limits]
@@ -233,8 +262,13 @@ class Certificate:
     def allowing(self, *names: str) -> "Certificate":
         """Return the certificate in which limits with these names may remain unjudged.
 
-        Such limits move from `unjudged` to `unchecked`. A last word such as "torque" stands for all
-        names that end with it.
+        Such limits move from `unjudged` to `unchecked`, so they do not prevent a pass.
+
+        Parameters
+        ----------
+        *names : str
+            Names of limits, such as "motor torque", or their last words. The word "torque" stands
+            for all limits whose names end with it.
         """
         endings = tuple(f" {name}" for name in names)
         allowed = [item for item in self.unjudged if f" {item.name}".endswith(endings)]
@@ -248,15 +282,19 @@ class Certificate:
     def verdict(self) -> str:
         """One of "kept", "violated" and "not judged".
 
-        It is "violated" if a limit is violated. It is "kept" if the certificate contains limits, if
-        each of them is kept, and if every limit that counts could be judged.
+        The verdict is "violated" if any limit is violated. It is "kept" if the certificate contains
+        limits, if each of them is kept, and if `unjudged` is empty. Otherwise, it is "not judged".
         """
         if self.violations:
             return VIOLATED
         return NOT_JUDGED if self.unjudged or not self.limits else KEPT
 
     def verdict_of(self, limit: LimitCheck) -> str:
-        """Return the verdict on one limit: "kept", "violated" or "not judged"."""
+        """Return the verdict on one limit: "kept", "violated" or "not judged".
+
+        A limit that is kept in the judged part of the motion is "not judged" if `unjudged` also
+        contains it.
+        """
         if not limit.passed:
             return VIOLATED
         key = (limit.name, limit.joint)
@@ -338,9 +376,19 @@ class Certificate:
 
 
 def worst_result_per_limit(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ...]:
-    """Return the result with the smallest margin for each pair of limit and joint.
+    """Select the result with the smallest margin for each pair of limit name and joint.
 
-    The results keep the order in which the pairs first occur.
+    Several results of one limit occur because worst cases and phases are checked separately.
+
+    Parameters
+    ----------
+    checks : iterable of LimitCheck
+        The results.
+
+    Returns
+    -------
+    tuple of LimitCheck
+        The selected results, in the order in which their pairs first occur in `checks`.
     """
     tightest: dict[tuple[str, str | None], LimitCheck] = {}
     for result in checks:
@@ -351,7 +399,9 @@ def worst_result_per_limit(checks: Iterable[LimitCheck]) -> tuple[LimitCheck, ..
 
 
 def describe_unjudged(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
-    """Describe unjudged limits in words, and join those that share a reason.
+    """Describe unjudged limits in words.
+
+    Joints that share a limit and a reason are joined in one description.
 
     Parameters
     ----------
@@ -362,7 +412,7 @@ def describe_unjudged(unjudged: Iterable[Unjudged]) -> list[tuple[str, str]]:
     -------
     list of (str, str)
         Pairs (limit with its joints, reason), such as ("motor torque of roll, tilt", "…"). Each
-        pair of name and reason occurs once.
+        pair of limit name and reason occurs once.
     """
     joints: dict[tuple[str, str], list[str]] = {}
     for item in unjudged:
@@ -381,8 +431,20 @@ def with_seal(
 ) -> Certificate:
     """Return the certificate with a seal.
 
-    The seal is the hash of the certificate and of its input: the trajectory, the robot and the
-    limits that the check received.
+    The seal is a hash of the certificate and of the input of the check. `seal_error` detects later
+    whether any of them has changed.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        Result of the check.
+    trajectory, robot, limits : Trajectory, Robot, TaskLimits
+        Input of the check.
+
+    Returns
+    -------
+    Certificate
+        The same certificate with the hash in `sha256`.
     """
     global _last_sealed
     result = replace(certificate, sha256=_seal_hash(certificate, trajectory, robot, limits))
@@ -391,18 +453,32 @@ def with_seal(
 
 
 _last_sealed: tuple[ref[Any], ...] = ()
-"""The most recently sealed certificate and its inputs.
+"""Weak references to the most recently sealed certificate and to the input of its check.
 
-They are immutable, so the seal stays valid.
+These objects are immutable, so their seal stays valid and is not computed again.
 """
 
 
 def seal_error(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str | None:
-    """Return the reason why a certificate does not apply to its input, or None if it does.
+    """Return the reason why a certificate does not apply to a motion, or None if it applies.
 
-    A certificate applies if it contains limits and if its seal equals the hash of this input.
+    A certificate applies if it contains limits and if its seal equals the hash of the certificate,
+    the trajectory, the robot and the limits. A plan whose certificate does not apply counts as not
+    certified.
+
+    Parameters
+    ----------
+    certificate : Certificate
+        The certificate, such as that of a plan.json.
+    trajectory, robot, limits : Trajectory, Robot, TaskLimits
+        Motion, robot and limits that the certificate should belong to.
+
+    Returns
+    -------
+    str or None
+        The reason as a sentence without a full stop.
     """
     if not certificate.limits:
         return "its certificate names no limits"
@@ -419,13 +495,14 @@ def seal_error(
 def _seal_hash(
     certificate: Certificate, trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> str:
-    """Return the SHA-256 hash of a certificate and its input, as hexadecimal digits.
+    """Return the SHA-256 hash of a certificate and of the input of its check, in hexadecimal.
 
     The hash covers the results, the limits of the task, the robot, and the polynomials of the
     trajectory as little-endian 64-bit floats.
     """
     rates: JsonObject = {"start_rate": limits.start_rate, "end_rate": limits.end_rate}
-    if limits.duty != 0:  # a motion repeated without pause has the seal of one without the key
+    # A motion that is repeated without pause has the same seal as one without this key.
+    if limits.duty != 0:
         rates["duty"] = limits.duty
     if any(limit.name in PATH_REQUIREMENTS for limit in certificate.limits):
         rates["promises"] = [
@@ -447,7 +524,10 @@ def _seal_hash(
 
 
 def _path_keys(entry: Straight | Follow) -> JsonObject:
-    """Return the keys of a motion that constrain the path of the tip."""
+    """Return the keys of a motion that constrain the path of the tip.
+
+    The seal covers these keys. It does not cover the duration and the place in the problem file.
+    """
     return {
         key: value
         for key, value in to_plain(entry).items()

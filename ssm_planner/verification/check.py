@@ -1,7 +1,8 @@
 """Independent check of a trajectory against every limit, with the exact friction law.
 
-The check knows nothing about the planner. It receives polynomials in time, a robot and the limits
-of a task. Three methods find the worst value of a quantity:
+The function `check` is the main entry. It shares no code with the planner. It receives polynomials
+in time, a robot and the limits of a task, and it returns a `Certificate`. Three methods find the
+worst value of a limited quantity:
 
 - The extremes of polynomials (position, velocity, acceleration, jerk, motor speed) are computed
   exactly from their Bernstein coefficients (`bernstein`).
@@ -48,19 +49,17 @@ from ssm_planner.verification.stops import StopMotions, quickest_stops
 from ssm_planner.verification.torque_bands import check_torque_bands
 
 SAMPLING_RATE = 10_000.0
+"""Default sampling rate of a motion, Hz."""
 STOP_SAMPLING_RATE = 1000.0
-"""Sampling rates in Hz, of a motion and of the stops of a motion."""
+"""Sampling rate of the controlled stops of a motion, Hz."""
 REFINEMENT_INSTANTS = 21
-"""Number of instants around the farthest stop that are evaluated again."""
+"""Number of additional stops that are computed near the farthest stop."""
 MAX_INSTANTS = 3_000_000
-"""Largest number of instants of the first pass.
-
-Longer trajectories are sampled at a lower rate first.
-"""
+"""Largest number of sampling instants. Longer trajectories are sampled at a lower rate."""
 LINEAR_PIECES_REASON = "not defined on straight pieces (linear interpolation)"
 """Reason why a limit of a table without velocities is not judged."""
 NO_TASK_LIMITS = TaskLimits()
-"""A task that limits nothing, which is the default."""
+"""A task without limits, which is the default."""
 
 
 def check(
@@ -74,6 +73,10 @@ def check(
 ) -> Certificate:
     """Check a trajectory against every limit of the robot and the task.
 
+    Motions of any origin can be checked: planned motions, motions that are read from files, and
+    controlled stops. A trajectory with linear pieces is called a table below. Its points have
+    positions but no velocities.
+
     Parameters
     ----------
     trajectory : Trajectory
@@ -81,17 +84,19 @@ def check(
     robot : Robot
         The robot with its limits, drives and motors.
     limits : TaskLimits
-        Limits of the task. The motion must rest at both ends unless these declare end rates.
+        Limits of the task. The motion must rest at both ends unless the task declares velocities
+        there.
     rate : float
-        Sampling rate of the second pass in Hz. The first pass has a fifth of it, and at least
-        four instants in every piece.
+        Sampling rate (Hz) where a quantity may be close to its worst value. Elsewhere, a fifth of
+        this rate suffices. Every piece has at least four instants.
     interpolation : str
-        Description of the pieces for the certificate.
+        Description of the pieces, which the certificate repeats.
     resolution : (4,) array, optional
-        Largest rounding error of the points of a piecewise linear trajectory (rad, m). The
-        acceleration of such a trajectory is undefined. None means that the pieces are smooth.
+        Largest rounding error of the points of a table (rad, m). The acceleration of a table is
+        undefined. None means that the pieces are smooth.
     seal : bool
-        Add a hash of the input, which plans need.
+        True if the certificate gets a seal, that is, a hash of the checked motion, the robot and
+        the limits. A plan needs a sealed certificate.
 
     Returns
     -------
@@ -160,7 +165,7 @@ def _worst_values(
     rate: float,
     jumps: JumpRecorder | None = None,
 ) -> tuple[list[LimitCheck], SampledExtremes]:
-    """Find the worst value of each quantity.
+    """Find the worst value of each limited quantity over a motion.
 
     Parameters
     ----------
@@ -170,19 +175,19 @@ def _worst_values(
         Robot whose limits must hold.
     limits : TaskLimits
         Limits of the task.
-    checked : list of Quantity
+    checked : list of LimitedQuantity
         The quantities to evaluate.
     rate : float
-        Sampling rate in Hz of the second, denser search (`SampledExtremes`).
-    jumps : Jumps, optional
-        Collects the jumps at the breaks while the pieces are read.
+        Sampling rate of the quantities that are not polynomials (`SampledExtremes`), Hz.
+    jumps : JumpRecorder, optional
+        Object that collects the jumps between consecutive pieces during the same pass.
 
     Returns
     -------
     checks : list of LimitCheck
         One result for each quantity, in the same order.
     sampled : SampledExtremes
-        The search, which contains the number of instants and the RMS torques.
+        The completed search, which also provides the number of instants and the RMS torques.
     """
     extremes = [WorstValue(quantity) for quantity in checked]
     sampled = SampledExtremes(trajectory, robot, extremes, rate=rate, eye=limits.eye)
@@ -197,18 +202,31 @@ def _worst_values(
 def _check_table_dynamics(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, *, rate: float
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
-    """Judge the limits of a table of points that depend on the acceleration.
+    """Check those limits of a table that depend on the acceleration.
 
     Pieces that are not linear define an acceleration, so they are checked as usual. If all pieces
-    are linear, the points still bound the motor torques (`check_torque_bands`). All other limits of
-    this kind are not judged.
+    are linear, the points still bound the motor torques (`check_torque_bands`). All other limits
+    that depend on the acceleration are not judged.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The table, which may also contain pieces that are not linear.
+    robot : Robot
+        Robot whose limits must hold.
+    limits : TaskLimits
+        Limits of the task.
+    resolution : (4,) array
+        Largest rounding error of a point, rad and m.
+    rate : float
+        Sampling rate of the pieces that are not linear, Hz.
 
     Returns
     -------
     checks : list of LimitCheck
-        The limits that could be judged.
+        The results of the limits that could be judged.
     unjudged : list of Unjudged
-        The limits that the points leave open, with reasons.
+        The limits that the points do not determine, with reasons.
     """
     index_blocks = blocks(len(trajectory.breaks) - 1, BLOCK)
     curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in index_blocks]
@@ -238,9 +256,26 @@ def _check_smooth_pieces(
 ) -> list[LimitCheck]:
     """Check accelerations, jerks and torques on the pieces that are not linear.
 
-    index (n,) contains the numbers of these pieces. They are joined without the linear pieces,
-    which is possible because each quantity depends on one piece only. The times of the results
-    refer to the original trajectory.
+    These pieces are joined into one motion without the linear pieces. Each quantity depends on one
+    piece only, so the gaps between the pieces have no effect.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion with all its pieces.
+    index : (n,) array
+        Indices of the pieces that are not linear.
+    robot : Robot
+        Robot whose limits must hold.
+    limits : TaskLimits
+        Limits of the task.
+    rate : float
+        Sampling rate, Hz.
+
+    Returns
+    -------
+    list of LimitCheck
+        One result for each quantity. Its time refers to `trajectory`.
     """
     breaks = np.append(0.0, np.cumsum(np.diff(trajectory.breaks)[index]))
     smooth_motion = Trajectory(breaks, trajectory.pieces(index), ())
@@ -249,12 +284,16 @@ def _check_smooth_pieces(
     checks, _ = _worst_values(smooth_motion, robot, limits, checked, rate)
     times = np.array([item.time for item in checks])
     piece_index = smooth_motion.piece_of(times)
+    # The joined motion omits the linear pieces, so its pieces start earlier than the original ones.
     times += trajectory.breaks[index[piece_index]] - breaks[piece_index]
     return [replace(item, time=float(t)) for item, t in zip(checks, times, strict=True)]
 
 
 def _missing_motor_reason(joint: Joint) -> str:
-    """Return the reason why the motor of a joint is not checked."""
+    """Return the reason why the motor of a joint is not checked.
+
+    The caller adds this reason to the certificate of a joint without a drive or without a motor.
+    """
     if joint.drive is not None:
         return "the robot file names no motor for it"
     if joint.motor is None:
@@ -262,21 +301,21 @@ def _missing_motor_reason(joint: Joint) -> str:
     return f"the robot file names no drive for it, so its motor {joint.motor.name} is ignored"
 
 
-def _check_self_locking(robot: Robot, share: float | None) -> list[LimitCheck]:
-    """Check that every drive which must hold by itself is self-locking.
+def _check_self_locking(robot: Robot, confidence: float | None) -> list[LimitCheck]:
+    """Check that every drive which must hold its load without power is self-locking.
 
-    A drive is self-locking if the friction angle φ_f exceeds the lead angle λ. The margin is the
-    difference between the friction coefficient and the smallest coefficient that locks, divided by
-    the latter.
+    A drive is self-locking if its friction angle exceeds its lead angle, so that no load can move
+    it. Each drive has a smallest friction coefficient μ_lock at which this is the case. The margin
+    of a friction coefficient μ is (μ − μ_lock) / μ_lock.
 
     Parameters
     ----------
     robot : Robot
         Robot whose limits must hold.
-    share : float or None
-        Fraction of the friction range that the motion must be valid for. The check uses the
-        smallest friction coefficient in it. None means the smallest plausible coefficient of the
-        drive.
+    confidence : float or None
+        Confidence level of the friction, such as 0.95. The check uses the smallest coefficient
+        within this confidence range if it is below the lowest plausible coefficient of the drive
+        (`SelfLocking.friction`). None means the lowest plausible coefficient.
 
     Returns
     -------
@@ -291,8 +330,8 @@ def _check_self_locking(robot: Robot, share: float | None) -> list[LimitCheck]:
             continue
         mu = limit.friction
         case = None
-        if share is not None:
-            coefficients = spread_of(drive).within(share).get("mu")
+        if confidence is not None:
+            coefficients = spread_of(drive).within(confidence).get("mu")
             if coefficients is not None and coefficients.min() < mu:
                 mu = float(coefficients.min())
                 case = f"mu {mu:.4g}"
@@ -318,15 +357,16 @@ def check_stops(
     """Check all controlled stops of a motion together.
 
     The stops follow one another in one trajectory. This trajectory jumps from the end of a stop to
-    the start of the next one, so jumps, end velocities and RMS torques are left out. Limits that
-    concern the motion as a whole are left out as well.
+    the start of the next one, so the result contains no jumps, end velocities and RMS torques. It
+    contains no limits on the path of the tip either, because a stop does not complete a motion.
 
     Parameters
     ----------
     stops : StopMotions
         The stops.
     motion : Trajectory
-        The motion from which the stops start. It is checked in their place if it always rests.
+        The motion from which the stops start. If it always rests, no stop has pieces, and the
+        motion itself is checked.
     robot : Robot
         Robot whose limits must hold.
     limits : TaskLimits
@@ -351,8 +391,10 @@ def check_stops(
 def _check_stop_travel(motion: Trajectory, robot: Robot, limits: TaskLimits) -> list[LimitCheck]:
     """Check how far the tip travels in the farthest controlled stop.
 
-    A stop counts only if it keeps the other limits, and if it ends at rest. Otherwise, the margin
-    is at most that of the violated limit, or at most −1.
+    The stops start at evenly spaced instants of the motion, and at further instants around the
+    farthest of them. A stop is valid only if it keeps the other limits and if the motion ends at
+    rest. Otherwise, the check fails: the margin is at most that of the violated limit, or at most
+    −1 if the motion does not end at rest.
 
     Parameters
     ----------
@@ -366,7 +408,7 @@ def _check_stop_travel(motion: Trajectory, robot: Robot, limits: TaskLimits) -> 
     Returns
     -------
     list of LimitCheck
-        One result, or none if the task does not limit the stop travel.
+        One result. The list is empty if the task does not limit the stop travel.
     """
     limit = limits.stop_travel
     if limit is None:

@@ -1,6 +1,8 @@
 """Jumps at the breaks of a motion, and its velocities at both ends.
 
-A motion must rest at both ends unless end velocities are declared.
+A break is an instant at which one polynomial piece ends and the next one begins. No controller can
+follow a jump there. A motion must also start and end at rest unless the task declares velocities at
+its ends. `check` calls `JumpRecorder` and `check_end_velocities` for every motion.
 """
 
 from collections.abc import Mapping
@@ -16,24 +18,32 @@ from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP_DRIFT_RATE, JUMP_TOLERANCE
 from ssm_planner.verification.pieces import PieceBlock
 
+# Limits with the same values occur in every check of a robot, so they are built once.
 _cached_jump_limit = lru_cache(maxsize=256)(Jump)
 _cached_end_velocity_limit = lru_cache(maxsize=256)(EndVelocity)
-"""Limits with the same values occur in every check of a robot, so they are built once."""
 
 
 class JumpRecorder:
-    """Collects the worst jumps of position, velocity and acceleration of the four joints.
+    """Records the worst jumps of position, velocity and acceleration of the four joints.
+
+    A jump is the difference between the start of a piece and the end of the previous piece.
 
     Attributes
     ----------
     worst : (3, 4) array
         Largest jumps of position, velocity and acceleration (rows) of the joints.
     time : (3, 4) array
-        Their times, s.
+        Times of these jumps, s.
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Start without jumps. The tolerances follow from the limits of the joints."""
+        """Start a record without jumps.
+
+        Parameters
+        ----------
+        robot : Robot
+            Robot whose joint limits determine the tolerances of the jumps.
+        """
         self.robot = robot
         self.worst = np.zeros((3, 4))
         self.time = np.zeros((3, 4))
@@ -48,7 +58,13 @@ class JumpRecorder:
         self._previous_time = 0.0
 
     def update(self, pieces: PieceBlock) -> None:
-        """Update the worst jumps with the next pieces of the motion."""
+        """Update the worst jumps with the next pieces of the motion.
+
+        Parameters
+        ----------
+        pieces : PieceBlock
+            The pieces that follow those of the previous call.
+        """
         starts, ends = pieces.end_states
         # The first piece of the motion is compared with itself.
         previous_end = starts[0] if self._previous_end is None else self._previous_end
@@ -66,10 +82,12 @@ class JumpRecorder:
     def _accumulated_jumps(self, jump: Array, time: Array) -> Array:
         """Return the largest sum of jumps that ends at each jump, reduced by the tolerated drift.
 
-        In a motion that teleports by many small jumps, each of them is within its tolerance. Their
-        sum is therefore limited as well. For every interval of time,
+        Many small jumps, each within its tolerance, can add up to a large one. Their sum is
+        therefore limited as well. For every interval of time, it must satisfy
 
             Σ jumps ≤ tolerance + JUMP_DRIFT_RATE · (limit of the next derivative) · time.
+
+        The last term is the tolerated drift.
 
         Parameters
         ----------
@@ -81,7 +99,8 @@ class JumpRecorder:
         Returns
         -------
         (m, 3, 4) array
-            The sums minus the last term of the inequality.
+            The largest left-hand side minus the tolerated drift, over all intervals of time that
+            end at this jump.
         """
         rise = (
             np.cumsum(jump, axis=0)
@@ -94,15 +113,20 @@ class JumpRecorder:
         return level
 
     def results(self, is_table: bool = False) -> list[LimitCheck]:
-        """Return the checks of the largest jumps of each joint.
+        """Return the results for the largest jumps of each joint.
 
-        Jumps of the acceleration count only if the jerk is limited.
+        Jumps of the acceleration count only if the jerk of the joint is limited.
 
         Parameters
         ----------
         is_table : bool
-            True for a table. Only jumps of the position count, because linear pieces jump in
-            velocity.
+            True if the motion consists of linear pieces between points. The velocity of such a
+            motion jumps at every point, so only jumps of the position count.
+
+        Returns
+        -------
+        list of LimitCheck
+            One result for each joint and each derivative that counts.
         """
         checks = []
         for i, joint in enumerate(self.robot.joints):
@@ -127,7 +151,18 @@ class JumpRecorder:
 
 
 def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return q̇ (4,) in rad/s and m/s at the start and at the end of a trajectory."""
+    """Return the joint velocities at the start and at the end of a trajectory.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+
+    Returns
+    -------
+    start, end : (4,) arrays
+        Joint velocities, rad/s and m/s.
+    """
     first_piece, last_piece = trajectory.pieces(np.array([0, len(trajectory.breaks) - 2]))
     length = trajectory.breaks[-1] - trajectory.breaks[-2]
     orders = np.arange(1, len(last_piece))
@@ -139,9 +174,24 @@ def end_velocities(trajectory: Trajectory) -> tuple[Array, Array]:
 def declared_end_velocities(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> tuple[Array, Array]:
-    """Return the q̇ (4,) that a task declares at the start and at the end of a motion.
+    """Return the joint velocities that a task declares at the start and at the end of a motion.
 
-    If a task declares no rate at an end, the result there is the velocity of the trajectory itself.
+    An empty mapping of rates declares rest. None accepts any velocity, so the result is then the
+    velocity of the trajectory itself.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion.
+    robot : Robot
+        Robot whose kinematics convert the declared rates of task coordinates into joint velocities.
+    limits : TaskLimits
+        The declared rates of task coordinates, `start_rate` and `end_rate`.
+
+    Returns
+    -------
+    start, end : (4,) arrays
+        Joint velocities, rad/s and m/s.
     """
     start, end = end_velocities(trajectory)
     if limits.start_rate is not None:
@@ -167,15 +217,16 @@ def check_end_velocities(
     robot : Robot
         Robot whose limits must hold.
     limits : TaskLimits
-        The declared rates at both ends. A task without them requires rest.
+        The declared rates at both ends, see `declared_end_velocities`.
     is_table : bool
-        True for a table. An end with a linear piece is skipped, because it does not determine the
-        velocity.
+        True if the motion may consist of linear pieces between points. An end with a linear piece
+        is skipped, because such a piece does not determine the velocity of the robot.
 
     Returns
     -------
     list of LimitCheck
-        The deviation from the declared velocity for each joint and end.
+        One result for each joint and end. Its worst value is the deviation from the declared
+        velocity, which may be at most `JUMP_TOLERANCE` times the velocity limit of the joint.
     """
     checks = []
     declared = declared_end_velocities(trajectory, robot, limits)
@@ -198,9 +249,23 @@ def check_end_velocities(
 def _joint_velocity_from_task_rates(
     trajectory: Trajectory, robot: Robot, rate: Mapping[str, float], t: float
 ) -> Array:
-    """Convert rates of task coordinates at time t (s) into joint velocities q̇ (4,).
+    """Convert rates of task coordinates into joint velocities.
 
-    A coordinate that `rate` does not name has the rate 0.
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The motion, which determines the joint positions.
+    robot : Robot
+        Robot with its kinematics.
+    rate : mapping of str to float
+        Rates of task coordinates by name, rad/s and m/s. Other coordinates have the rate 0.
+    t : float
+        Instant in the motion, s.
+
+    Returns
+    -------
+    (4,) array
+        Joint velocities, rad/s and m/s.
     """
     q = trajectory.positions(np.array([t]))[0]
     task_rate = np.array([rate.get(name, 0.0) for name in TASK_COORDINATES])

@@ -30,9 +30,10 @@ from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck
 
 JUMP_TOLERANCE = 1e-6
-"""Largest jump of the position at a break, rad or m.
+"""Largest permitted jump at a break between two polynomial pieces.
 
-Jumps of velocity and acceleration are relative to their limits.
+For the position, it is a jump in rad or m. For velocity and acceleration, it is a multiple of the
+limit of the joint.
 """
 ACCELERATION_DEPENDENT_LIMITS = tuple(
     str(limit_type.name)
@@ -40,24 +41,27 @@ ACCELERATION_DEPENDENT_LIMITS = tuple(
 )
 """Names of the limits that depend on the acceleration. Linear pieces leave them undefined."""
 JUMP_DRIFT_RATE = 1e-3
-"""Share of a limit by which jumps of the quantity below it may add up.
+"""Largest rate at which jumps may add up, as a share of the limit of the next derivative.
 
-Positions may jump by this share of the velocity limit per second, for example.
+For example, all jumps of the position within one second may add up to this share of the velocity
+limit times one second, plus the tolerance of a single jump.
 """
 
 
 @frozen
 class WorstCase:
-    """A drive and a payload within the range that a motion must be valid for.
+    """A combination of friction and payload that the motion must be valid for.
+
+    The module `cases` selects the combinations with the largest motor torques.
 
     Attributes
     ----------
     drive : Drive
-        The drive with the friction parameters of the case.
+        The drive with the friction parameters of this combination.
     payload : float
         Mass at the tip, kg.
     description : str
-        Friction and payload as a text for the result.
+        Friction and payload in words, for the certificate.
     """
 
     drive: Drive
@@ -67,10 +71,10 @@ class WorstCase:
 
 @frozen
 class LimitedQuantity:
-    """A limited quantity and the rule that computes it from the joint motion.
+    """A limited quantity and the rule that computes it from the joint motion q(t).
 
-    The value is `scale` · d^order q[index]/dt^order if `order` is given. `sampled_extremes`
-    computes all other quantities.
+    If `order` is given, the value is `scale` · d^order q[index]/dt^order, which is a polynomial in
+    time. All other quantities, such as motor torques, are computed by `sampled_extremes`.
     """
 
     limit: Limit
@@ -85,14 +89,26 @@ class LimitedQuantity:
 
     @property
     def has_kinks(self) -> bool:
-        """True if the quantity may have a kink between two instants, which no cubic predicts."""
+        """True if the slope of the quantity may jump between two sampling instants.
+
+        A cubic through sampled values does not predict such a kink. A motor torque has one where
+        the load changes its side, and the clearance from the retina may have one, too.
+        """
         return isinstance(self.limit, (MotorTorque, RetinaClearance))
 
     def excess(self, lowest: Array, highest: Array) -> Array:
-        """Return the excess over the nearer bound, divided by the half width of the limit.
+        """Return the relative excess of values over the limit, which is the negative margin.
 
-        It is the negative margin of a quantity whose values lie between `lowest` and `highest`.
-        Both arrays and the result have the same shape.
+        Parameters
+        ----------
+        lowest, highest : arrays of the same shape
+            Lower and upper bounds of the quantity. Both are the same array for exact values.
+
+        Returns
+        -------
+        array of the same shape
+            Distance beyond the nearer end of the permitted range, divided by half the width of the
+            range. It is negative within the range.
         """
         limit = self.limit
         return np.maximum(highest - limit.high, limit.low - lowest) / limit.half_width
@@ -100,7 +116,7 @@ class LimitedQuantity:
 
 @dataclass
 class WorstValue:
-    """The worst value of one quantity.
+    """The worst value of one quantity that the check has found so far.
 
     Attributes
     ----------
@@ -109,9 +125,9 @@ class WorstValue:
     excess : float
         Relative excess of the value over its bound, which is the negative margin.
     value : float
-        The value, in SI units.
+        The worst value, in SI units.
     time : float
-        Its time, s.
+        Time of the worst value, s.
     """
 
     quantity: LimitedQuantity
@@ -127,10 +143,10 @@ class WorstValue:
             self.time = time
 
     def to_limit_check(self) -> LimitCheck:
-        """Return the result of the limit.
+        """Convert the worst value into the result of its limit.
 
-        A limit with symmetric bounds reports the magnitude. Other limits report the value and the
-        bound that is nearer to it.
+        If the permitted range is symmetric about 0, the result contains the magnitude of the value
+        and the upper end of the range. Otherwise, it contains the value and the nearer end.
         """
         limit, value = self.quantity.limit, self.value + 0.0  # turns −0 into 0
         bound = limit.high if limit.high - value <= value - limit.low else limit.low
@@ -152,8 +168,8 @@ class WorstValue:
 def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuantity]:
     """Yield every quantity that is limited at each instant.
 
-    The limits come from the joints, the motors, the task and the eye. Continuous torque and
-    self-locking are left out, because they do not concern a single instant.
+    The limits are those of the joints, the motors, the task and the eye. The limits on continuous
+    torque and self-locking do not concern a single instant, so they are not included.
 
     Parameters
     ----------
@@ -164,7 +180,7 @@ def limited_quantities(robot: Robot, limits: TaskLimits) -> Iterator[LimitedQuan
 
     Yields
     ------
-    Quantity
+    LimitedQuantity
     """
     for i, joint in enumerate(robot.joints):
         for limit in joint.limits:

@@ -189,9 +189,9 @@ def update_polynomial_extremes(pieces: PieceBlock, extremes: Sequence[WorstValue
 
     Parameters
     ----------
-    pieces : Pieces
+    pieces : PieceBlock
         Polynomial pieces of the motion.
-    extremes : sequence of Worst
+    extremes : sequence of WorstValue
         Worst values of all quantities. Those without `order` are skipped.
     """
     lowest, highest = pieces.coefficient_bounds

@@ -49,7 +49,7 @@ def check_linear_pieces(
         Limits of the task.
     resolution : (4,) array
         Largest rounding error of a point, rad or m.
-    checks : mapping of Quantity to LimitCheck
+    checks : mapping of LimitedQuantity to LimitCheck
         Results for the linear pieces themselves.
 
     Returns

@@ -106,7 +106,7 @@ class SampledExtremes:
 
     Attributes
     ----------
-    worst_values : list of Worst
+    worst_values : list of WorstValue
         The worst values of the sampled quantities, which the search updates.
     rms : RmsTorques
         The mean square torques.
@@ -131,7 +131,7 @@ class SampledExtremes:
             Motion that is checked.
         robot : Robot
             Robot whose limits must hold.
-        extremes : sequence of Worst
+        extremes : sequence of WorstValue
             Worst values of all quantities. The search updates those that are not polynomials.
         rate : float
             Sampling rate of the second pass, Hz.
@@ -349,7 +349,7 @@ class SampledIntervals:
 
         Parameters
         ----------
-        pieces : Pieces
+        pieces : PieceBlock
             Polynomial pieces of the motion.
         robot : Robot
             Robot whose limits must hold.
