@@ -5,6 +5,9 @@ coefficient and ends at the last. It has at most as many roots as the coefficien
 (Farouki, The Bernstein polynomial basis: a centennial retrospective, 2012). When the interval is
 halved, the coefficients converge to the polynomial quadratically.
 
+The check uses this module for the positions, velocities, accelerations and jerks of a motion, which
+are polynomials in time, and to find the instants at which a joint reverses.
+
 Arrays are (m, n + 1, …) for m polynomials with n + 1 coefficients each. Operations are fastest if
 the m values of one coefficient are adjacent in memory (Fortran order). The results have this order.
 """
@@ -17,25 +20,26 @@ from numpy.polynomial.polynomial import polyval
 from ssm_planner.typing import Array, Indices
 
 MAX_HALVINGS = 48
-"""Number of halvings after which an interval counts as a point."""
+"""Number of halvings of [0, 1] after which the remaining interval counts as a point."""
 BISECTION_STEPS = 54
-"""Number of bisections of an interval with one zero."""
+"""Number of bisection steps for an interval that contains one zero."""
 MAX_SCALAR_POLYNOMIALS = 8
-"""Number of polynomials up to which Python floats are faster than arrays."""
+"""Largest number of polynomials for which bisection with Python floats is faster than arrays."""
 
 
 def from_powers(powers: Array) -> Array:
-    """Return Bernstein coefficients of the polynomials Σ powers[:, k] s^k.
+    """Convert polynomials Σ powers[:, k] s^k to Bernstein form.
 
     Parameters
     ----------
     powers : (m, n + 1, …) array
-        Coefficients of the powers.
+        Coefficients a_k of the powers s^k of m polynomials.
 
     Returns
     -------
     (m, n + 1, …) array
-        b_j = Σ_i C(j, i)/C(n, i) · a_i (Farouki 2012).
+        Bernstein coefficients b_j = Σ_i C(j, i)/C(n, i) · a_i (Farouki 2012). C denotes binomial
+        coefficients.
     """
     degree = powers.shape[1] - 1
     scale = np.array([1 / comb(degree, i) for i in range(degree + 1)])
@@ -47,7 +51,7 @@ def from_powers(powers: Array) -> Array:
 
 
 def to_powers(coefficients: Array) -> Array:
-    """Return the power coefficients of polynomials.
+    """Convert polynomials in Bernstein form to coefficients of powers.
 
     Parameters
     ----------
@@ -57,7 +61,8 @@ def to_powers(coefficients: Array) -> Array:
     Returns
     -------
     (m, n + 1) array
-        a_i = C(n, i) Δⁱ b_0, with the forward differences Δ (Farouki 2012).
+        Coefficients a_i = C(n, i) Δⁱ b_0 of the powers s^i (Farouki 2012). C denotes binomial
+        coefficients, and Δ the forward difference Δ b_j = b_{j+1} − b_j.
     """
     degree = coefficients.shape[1] - 1
     powers = coefficients.copy(order="K")
@@ -95,32 +100,35 @@ def find_group_maxima(
 ) -> tuple[Array, Indices, Array]:
     """Find the largest value on [0, 1] in each of k groups of m polynomials.
 
-    The intervals are halved. An interval is dropped when its Bernstein coefficients show that it
-    contains no larger value.
+    Branch and bound: The interval [0, 1] is halved again and again. The ends and the middle of an
+    interval give values of the polynomial, and its Bernstein coefficients give an upper bound. An
+    interval is dropped if its bound does not exceed the largest value of the group so far by more
+    than the tolerance.
 
     Parameters
     ----------
     coefficients : (k, n + 1, m) array
         Bernstein coefficients.
     tolerance : (k,) array
-        Absolute accuracy of the values.
+        Absolute accuracy of the largest value of each group.
     threshold : (k,) array
-        Values that the caller already has. A result that does not exceed its threshold may be
-        inexact.
+        Largest values that the caller already knows. The search drops intervals below them, so a
+        result that does not exceed its threshold may be inexact.
 
     Returns
     -------
     value, polynomial, s : (k,) arrays
-        The largest value, the index of its polynomial, and its argument.
+        Largest value of each group, index of its polynomial within the group, and argument at which
+        the polynomial has this value.
     """
     ends = np.maximum(coefficients[:, 0], coefficients[:, -1])
     index = np.argmax(ends, axis=1)
     groups = np.arange(len(ends))
     maximum = ends[groups, index]
     argument = np.where(coefficients[groups, 0, index] >= maximum, 0.0, 1.0)
-    bar = np.maximum(maximum, threshold) + tolerance
+    value_to_exceed = np.maximum(maximum, threshold) + tolerance
     group, polynomial = np.nonzero(
-        coefficients[:, 1:-1].max(axis=1, initial=-np.inf) > bar[:, None]
+        coefficients[:, 1:-1].max(axis=1, initial=-np.inf) > value_to_exceed[:, None]
     )
     pieces = coefficients[group, :, polynomial]
     start = np.zeros(len(polynomial))
@@ -132,21 +140,21 @@ def find_group_maxima(
         width /= 2
         middle = right_half[:, 0]
         better = np.flatnonzero(middle > maximum[group])
-        better = better[
-            np.argsort(middle[better], kind="stable")
-        ]  # the last entry of a group counts
+        # If several values of a group are better, the last assignment below counts. It must be the
+        # largest of them.
+        better = better[np.argsort(middle[better], kind="stable")]
         changed = group[better]
         maximum[changed], index[changed], argument[changed] = (
             middle[better],
             polynomial[better],
             start[better] + width,
         )
-        bar = np.maximum(bar, maximum + tolerance)
+        value_to_exceed = np.maximum(value_to_exceed, maximum + tolerance)
         pieces = np.concatenate([left_half, right_half])
         group = np.tile(group, 2)
         polynomial = np.tile(polynomial, 2)
         start = np.concatenate([start, start + width])
-        keep = pieces[:, 1:-1].max(axis=1, initial=-np.inf) > bar[group]
+        keep = pieces[:, 1:-1].max(axis=1, initial=-np.inf) > value_to_exceed[group]
         pieces = pieces[keep]
         group = group[keep]
         polynomial = polynomial[keep]
@@ -157,20 +165,22 @@ def find_group_maxima(
 def find_sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, Array]:
     """Find every zero inside (0, 1) at which a polynomial changes its sign.
 
-    Only polynomials that leave [−tolerance, tolerance] on both sides are examined. A zero at which
-    such a polynomial only touches 0 counts as well, unless rounding decides otherwise.
+    A joint reverses at these zeros of its velocity. Only polynomials with Bernstein coefficients
+    above tolerance and below −tolerance are examined. If such a polynomial also touches 0 without a
+    change of its sign, the result may contain this zero.
 
     Parameters
     ----------
     coefficients : (m, n + 1) array
         Bernstein coefficients.
     tolerance : (m,) array
-        Magnitude that counts as rounding.
+        Magnitude below which a coefficient counts as a rounding error.
 
     Returns
     -------
     polynomial, s : (k,) arrays
-        Index of the polynomial and argument of each zero, in this order.
+        Index of the polynomial and argument of each of k zeros. They are sorted by polynomial and
+        then by argument.
     """
     crosses = (coefficients.max(axis=1) > tolerance) & (coefficients.min(axis=1) < -tolerance)
     index = np.flatnonzero(crosses)
@@ -203,8 +213,9 @@ def find_sign_changes(coefficients: Array, tolerance: Array) -> tuple[Indices, A
     polynomial = polynomial[order]
     s = s[order]
     interior = (s > 0) & (s < 1)
-    fresh = np.append(True, (np.diff(polynomial) != 0) | (np.diff(s) > 1e-12))[: len(s)]
-    return polynomial[interior & fresh], s[interior & fresh]
+    # Two adjacent intervals can both find a zero at their common end.
+    differs = np.append(True, (np.diff(polynomial) != 0) | (np.diff(s) > 1e-12))[: len(s)]
+    return polynomial[interior & differs], s[interior & differs]
 
 
 def _count_sign_changes(coefficients: Array) -> Indices:
@@ -220,6 +231,7 @@ def _count_sign_changes(coefficients: Array) -> Indices:
     Returns
     -------
     (m,) array of int
+        The numbers of sign changes, which bound the numbers of zeros in (0, 1).
     """
     signs = np.sign(coefficients.T)
     for k in range(1, len(signs)):
@@ -253,14 +265,27 @@ def _find_single_zeros(coefficients: Array) -> Array:
     start_sign = np.sign(coefficients[:, 0])
     for _ in range(BISECTION_STEPS):
         middle = (low + high) / 2
-        ahead = np.sign(polyval(middle, powers.T, tensor=False)) == start_sign
-        low = np.where(ahead, middle, low)
-        high = np.where(ahead, high, middle)
+        is_before_zero = np.sign(polyval(middle, powers.T, tensor=False)) == start_sign
+        low = np.where(is_before_zero, middle, low)
+        high = np.where(is_before_zero, high, middle)
     return high
 
 
 def _find_single_zero(powers: list[float], falling: bool) -> float:
-    """Return the zero of one polynomial, with its power coefficients, like `_find_single_zeros`."""
+    """Find the single zero of one polynomial in [0, 1] by bisection with Python floats.
+
+    Parameters
+    ----------
+    powers : list of n + 1 floats
+        Coefficients of the powers, the constant first.
+    falling : bool
+        True if the polynomial is positive before the zero and negative after it.
+
+    Returns
+    -------
+    float
+        Argument of the zero.
+    """
     low = 0.0
     high = 1.0
     leading, *lower = powers[::-1]

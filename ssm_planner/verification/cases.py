@@ -1,11 +1,14 @@
-"""Worst cases within a range of friction and payload.
+"""Worst cases of motor torques within a range of friction and payload.
 
-The candidates are the outermost sets of friction parameters (`FrictionSpread.within`), each with
-an empty tip, the smallest and the largest payload. The module evaluates their motor torques at
-both ends of every piece and at evenly spaced instants. It selects the candidates with the largest
-torque in either direction, and those with the largest mean square torque. The check then
-evaluates these candidates as closely as the nominal robot. It does not use the cases that the
-planner selects.
+A problem may require that the motor torques hold for uncertain friction and for a range of
+payloads. A parameter set is one combination of values of the friction parameters of a drive. The
+candidates for the worst case are the outermost parameter sets, each with an empty tip, the smallest
+and the largest payload.
+
+`worst_case_torques` evaluates the motor torques of all candidates at selected instants. It keeps
+the candidates with the largest torque in either direction and those with the largest mean square
+torque. `check` then evaluates these candidates as closely as the nominal robot. It does not use the
+worst cases that the planner selects.
 """
 
 from itertools import starmap
@@ -29,22 +32,22 @@ from ssm_planner.verification.pieces import piece_blocks
 from ssm_planner.verification.sampled_extremes import SampledIntervals
 
 EVALUATED_INSTANTS = 250
-"""Number of evenly spaced instants that are evaluated with every set.
+"""Approximate number of evenly spaced instants at which every parameter set is evaluated.
 
 As many instants with the largest nominal torque are added.
 """
 MAX_SAMPLING_RATE = 1e6
-"""Largest sampling rate, Hz. It limits the number of instants in short pieces."""
+"""Largest sampling rate, Hz. It limits the number of instants in short pieces of the motion."""
 INTERVAL_FRACTIONS = np.array([[0.0], [0.5], [1.0]])
-"""Instants in every interval in which no joint reverses, as fractions of its width."""
+"""Sampling instants in an interval without reversal of a joint, as fractions of its width."""
 TORQUES_PER_BLOCK = 400_000
-"""Number of torques that are evaluated together."""
+"""Approximate number of torques that are evaluated together, which bounds the memory."""
 
 
 def worst_case_torques(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits
 ) -> list[LimitedQuantity]:
-    """Return the motor torques of the worst cases.
+    """Select the worst cases of friction and payload for each motor torque.
 
     Parameters
     ----------
@@ -58,7 +61,8 @@ def worst_case_torques(
     Returns
     -------
     list of LimitedQuantity
-        Quantities with their case. The list is empty if the limits require no range.
+        Motor torques with their `WorstCase`, which `check` evaluates like other quantities. The
+        list is empty if the limits require no range of friction or payload.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def worst_case_torques(
     quantities: list[LimitedQuantity] = []
     for i, drive, _ in motorised(robot.joints):
         joint = robot.joints[i]
-        sets = {} if drive.friction is None else {"mu": np.array([drive.friction.mu])}
+        parameter_sets = {} if drive.friction is None else {"mu": np.array([drive.friction.mu])}
         if limits.friction is not None:
             uncertain = spread_of(drive).within(limits.friction)
             if not uncertain:
@@ -82,13 +86,13 @@ def worst_case_torques(
                     value=limits.friction,
                     allowed="drives with posterior, covariance or friction_ranges",
                 )
-            sets = _extreme_parameter_sets(uncertain)
+            parameter_sets = _extreme_parameter_sets(uncertain)
         extreme_sets: set[tuple[int, int]] = set()
         for load in range(len(masses)):
-            extreme_sets |= motion.extreme_sets(i, drive, sets, load)
+            extreme_sets |= motion.extreme_sets(i, drive, parameter_sets, load)
         for k, load in sorted(extreme_sets):
             mass = masses[load]
-            values = {name: float(column[k]) for name, column in sets.items()}
+            values = {name: float(column[k]) for name, column in parameter_sets.items()}
             texts = starmap(_parameter_text, values.items())
             descriptions = [", ".join(texts)] if limits.friction else []
             if limits.payload:
@@ -99,12 +103,15 @@ def worst_case_torques(
 
 
 def _parameter_text(name: str, value: float) -> str:
-    """Describe the value of a friction parameter, such as “mu 0.12”."""
+    """Describe the value of a friction parameter, such as “mu 0.12”.
+
+    The parameter `LAW_COLUMN` contains the index of a friction law, which is replaced by its name.
+    """
     return f"{name} {FRICTION_LAWS[int(value)]}" if name == LAW_COLUMN else f"{name} {value:.4g}"
 
 
-def _extreme_parameter_sets(sets: Arrays) -> Arrays:
-    """Select the sets of friction parameters that can cause the largest or the smallest torque.
+def _extreme_parameter_sets(parameter_sets: Arrays) -> Arrays:
+    """Select the parameter sets that can cause the largest or the smallest torque.
 
     The torque in the direction of motion grows with every parameter except for `b_oc` and `b_ov`.
     They reduce a load in this direction, and a self-locking drive then needs less torque. A set can
@@ -114,28 +121,28 @@ def _extreme_parameter_sets(sets: Arrays) -> Arrays:
 
     Parameters
     ----------
-    sets : dict of (n,) arrays
+    parameter_sets : dict of (n,) arrays
         Values of each friction parameter in n sets, by name of the parameter.
 
     Returns
     -------
     dict of (k,) arrays
-        The values in the selected sets.
+        The values in the k selected sets, in the same form.
     """
-    values = np.unique(np.column_stack(list(sets.values())), axis=0)
+    values = np.unique(np.column_stack(list(parameter_sets.values())), axis=0)
     only_equal = LAW_COLUMN, "b_oc", "b_ov"
     dominates = np.ones((len(values), len(values)), dtype=bool)
-    for name, column in zip(sets, values.T, strict=True):
+    for name, column in zip(parameter_sets, values.T, strict=True):
         dominates &= column[:, None] == column if name in only_equal else column[:, None] >= column
     np.fill_diagonal(dominates, False)
     outer = values[~dominates.any(axis=0) | ~dominates.any(axis=1)]
-    return dict(zip(sets, outer.T, strict=True))
+    return dict(zip(parameter_sets, outer.T, strict=True))
 
 
 class _SampledMotion:
-    """A motion that is sampled at n instants, to compare the torques of many friction sets.
+    """A motion that is sampled at n instants, to compare the torques of many parameter sets.
 
-    The instants include both ends of every piece.
+    The instants include both ends of every piece and both sides of every reversal of a joint.
 
     Attributes
     ----------
@@ -144,13 +151,23 @@ class _SampledMotion:
     direction : (n, 4) array
         Direction of each joint: −1, 0 or 1.
     start : (n, 4) array of bool
-        True if the joint starts from rest at the instant, where its friction is static.
+        True if the joint starts from rest at the instant. Its friction is then static.
     tau : list of (n, 4) arrays
-        Joint torques without friction for each payload.
+        Efforts of the rigid-body dynamics on the joints for each payload, N·m and N.
     """
 
     def __init__(self, trajectory: Trajectory, robot: Robot, masses: list[float]) -> None:
-        """Sample a motion, and compute the joint torques for each payload in `masses`, kg."""
+        """Sample a motion, and compute the joint efforts for each payload.
+
+        Parameters
+        ----------
+        trajectory : Trajectory
+            The motion.
+        robot : Robot
+            The robot.
+        masses : list of float
+            Payloads at the tip, kg.
+        """
         max_intervals = max(EVALUATED_INSTANTS // (len(trajectory.breaks) - 1), 1)
         blocks = []
         for pieces in piece_blocks(trajectory):
@@ -172,18 +189,23 @@ class _SampledMotion:
         self.tau = [body.inverse_dynamics(q, self.qd, self.qdd) for body in bodies]
 
     def torque(self, i: int, drive: Drive, load: int, instants: Indices) -> Array:
-        """Return the motor torque (sets, instants) of a joint.
+        """Compute the motor torque of one joint for all parameter sets of its drive.
 
         Parameters
         ----------
         i : int
             Index of the joint.
         drive : Drive
-            Its drive. Its friction parameters may be columns (sets, 1).
+            Drive of the joint. Its friction parameters are numbers, or columns (sets, 1).
         load : int
             Index of the payload.
-        instants : (instants,) array
+        instants : (m,) array
             Indices of the instants.
+
+        Returns
+        -------
+        (sets, m) array
+            Motor torques, N·m. Numbers as friction parameters give one row.
         """
         motion = (
             self.tau[load][instants, i],
@@ -193,24 +215,30 @@ class _SampledMotion:
         )
         return np.atleast_2d(drive_torque(drive, *motion, breakaway=self.start[instants, i])[0])
 
-    def extreme_sets(self, i: int, drive: Drive, sets: Arrays, load: int) -> set[tuple[int, int]]:
-        """Return the cases with extreme motor torques of one joint.
+    def extreme_sets(
+        self, i: int, drive: Drive, parameter_sets: Arrays, load: int
+    ) -> set[tuple[int, int]]:
+        """Select the parameter sets with extreme motor torques of one joint for one payload.
 
-        A case is a pair (index of the set, index of the payload). The result contains the cases
-        with the largest torque, the smallest torque and the largest mean square torque for this
-        payload. The sets are evaluated at `EVALUATED_INSTANTS` evenly spaced instants, at as many
-        instants with the largest nominal torque, and at all starts from rest.
+        The selected sets are those with the largest torque, the smallest torque and the largest
+        mean square torque. The sets are evaluated at `EVALUATED_INSTANTS` evenly spaced instants,
+        at as many instants with the largest nominal torque, and at all starts from rest.
 
         Parameters
         ----------
         i : int
             Index of the joint.
         drive : Drive
-            Its drive with nominal friction.
-        sets : dict of (sets,) arrays
-            Friction parameters by name.
+            Drive of the joint with nominal friction.
+        parameter_sets : dict of (sets,) arrays
+            Values of the friction parameters by name.
         load : int
             Index of the payload.
+
+        Returns
+        -------
+        set of (int, int)
+            Pairs of the index of a parameter set and the index of the payload.
         """
         all_instants = np.arange(len(self.qd))
         nominal = np.abs(self.torque(i, drive, load, all_instants)[0])
@@ -219,10 +247,10 @@ class _SampledMotion:
         starts = np.flatnonzero(self.start[:, i])
         instants = np.unique(np.concatenate([evenly_spaced, largest_torques, starts]))
         block_size = max(TORQUES_PER_BLOCK // len(instants), 1)
-        set_count = len(next(iter(sets.values())))
+        set_count = len(next(iter(parameter_sets.values())))
         tables = []
         for block in blocks(set_count, block_size):
-            columns = {name: column[block, None] for name, column in sets.items()}
+            columns = {name: column[block, None] for name, column in parameter_sets.items()}
             torque = self.torque(i, drive_with(drive, columns), load, instants)
             mean_square = np.square(torque).mean(axis=1)
             tables.append(np.stack([torque.max(axis=1), -torque.min(axis=1), mean_square], axis=1))

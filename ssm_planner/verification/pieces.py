@@ -1,5 +1,9 @@
 """Blocks of consecutive polynomial pieces, each on s ∈ [0, 1], and extremes of polynomials.
 
+`check` goes through a motion in blocks (`piece_blocks`), which bounds the memory for long motions.
+`update_polynomial_extremes` then finds the exact worst values of positions, velocities,
+accelerations, jerks and motor speeds.
+
 The first axis of every array counts pieces. Arrays are in Fortran order, because the operations run
 along values that are then adjacent in memory.
 """
@@ -18,33 +22,43 @@ from ssm_planner.verification import bernstein
 from ssm_planner.verification.limits import WorstValue
 
 JointState = tuple[Array, Array, Array]
-"""Joint positions q, velocities qd and accelerations qdd, each (…, 4)."""
+"""Joint positions q, velocities qd and accelerations qdd, (…, 4) each, in SI units."""
 
 PIECES_PER_BLOCK = 8192
-"""Number of pieces that are evaluated together, which bounds the memory."""
+"""Largest number of pieces that are evaluated together, which bounds the memory."""
 EXTREME_ACCURACY = 1e-10
-"""Accuracy of the extreme of a polynomial, relative to its limit."""
+"""Accuracy of the extreme of a polynomial, as a share of half the width of its limit."""
 
 
 @record
 class PieceBlock:
-    """m consecutive pieces as polynomials of s = (t − start)/length."""
+    """m consecutive pieces as polynomials of s = (t − start)/length.
+
+    Four joints have position q, velocity qd, acceleration qdd and jerk qddd.
+    """
 
     start: Array
     """Start times (m,), s."""
     length: Array
     """Durations (m,), s."""
     powers: tuple[Array, ...]
-    """Coefficients of s^k of q, qd, qdd and qddd, (m, 6 … 3, 4), in rad/s^order and m/s^order."""
+    """Coefficients of the powers of s of q, qd, qdd and qddd, in SI units.
+
+    The four arrays have the shapes (m, 6, 4), (m, 5, 4), (m, 4, 4) and (m, 3, 4): pieces, powers
+    from the constant on, and joints.
+    """
 
     @cached_property
     def bernstein_coefficients(self) -> tuple[Array, ...]:
-        """Bernstein coefficients of q, qd, qdd and qddd, (m, 6 … 3, 4)."""
+        """Bernstein coefficients of q, qd, qdd and qddd, in the shapes of `powers`."""
         return tuple(bernstein.from_powers(powers) for powers in self.powers)
 
     @property
     def end_states(self) -> tuple[Array, Array]:
-        """q, qd and qdd at the start and at the end of every piece, (m, 3, 4) each."""
+        """States at the start and at the end of every piece, (m, 3, 4) each.
+
+        The second axis contains q, qd and qdd.
+        """
         # A polynomial starts at its first Bernstein coefficient and ends at its last.
         starts = np.stack(
             [coefficients[:, 0] for coefficients in self.bernstein_coefficients[:3]], axis=1
@@ -56,7 +70,11 @@ class PieceBlock:
 
     @cached_property
     def coefficient_bounds(self) -> tuple[Array, Array]:
-        """Lowest and highest values (4, 4) of q, qd, qdd, qddd (rows) of the four joints."""
+        """Lower and upper bounds of q, qd, qdd and qddd over all pieces, (4, 4) each.
+
+        The rows are the four quantities, and the columns are the joints. A polynomial lies between
+        its smallest and its largest Bernstein coefficient.
+        """
         lowest = np.stack(
             [coefficients.min(axis=(0, 1)) for coefficients in self.bernstein_coefficients]
         )
@@ -73,15 +91,15 @@ class PieceBlock:
         Parameters
         ----------
         index : (n,) array or slice
-            Indices of the pieces.
+            Indices of the pieces. A piece may occur several times.
         s : (…, n) array
-            Fractions of the pieces.
+            Instants, as fractions of the pieces.
         results : three (4, … n) arrays, optional
-            Arrays that receive the results.
+            Arrays that receive the results, which avoids copies.
 
         Returns
         -------
-        tuple of three (…, n, 4) arrays
+        q, qd, qdd : (…, n, 4) arrays
         """
         q, qd, qdd = [
             _evaluate_polynomials(powers.T[..., index], s, values)
@@ -98,23 +116,25 @@ class PieceBlock:
         return self.start[index] + s * self.length[index]
 
     def moving_joints(self, robot: Robot) -> Mask:
-        """Return whether each joint moves within each piece, (m, 4).
+        """Return a mask (m, 4) that is True if the joint moves within the piece.
 
-        A speed that stays below `STILL` is the rounding error of a joint at rest.
+        A speed that stays below the rest speed of the joint (`rest_speeds`) is the rounding error
+        of a joint at rest.
         """
         return np.abs(self.bernstein_coefficients[1]).max(axis=1) > rest_speeds(robot)
 
     def split_at_reversals(self, robot: Robot) -> tuple[Indices, Array, Array]:
-        """Cut the pieces where a joint reverses.
+        """Cut the pieces into segments at the instants at which a joint reverses.
 
-        Every joint keeps its direction within a segment.
+        Every joint keeps its direction within a segment. Friction is a smooth function of time
+        there.
 
         Returns
         -------
         piece : (k,) array
             Index of the piece that contains the segment.
         start, end : (k,) arrays
-            Ends of the segment as fractions of the piece.
+            Start and end of the segment as fractions of the piece.
         """
         indices = np.arange(len(self.start))
         # One row for each pair of joint and piece, all pieces of a joint after each other.
@@ -131,16 +151,21 @@ class PieceBlock:
 
 
 def piece_blocks(trajectory: Trajectory) -> Iterator[PieceBlock]:
-    """Yield the pieces of a trajectory in blocks of `PIECES_PER_BLOCK`."""
+    """Yield all pieces of a trajectory in order, in blocks of at most `PIECES_PER_BLOCK`."""
     for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
         lengths = np.diff(trajectory.breaks[block.start : block.stop + 1])
         yield _build_piece_block(trajectory.breaks[block], lengths, trajectory.pieces(block))
 
 
 def _build_piece_block(start: Array, length: Array, coefficients: Array) -> PieceBlock:
-    """Build pieces from their start times (m,), lengths (m,) and coefficients (m, 6, 4).
+    """Build a block of pieces on s ∈ [0, 1] from polynomials in time.
 
-    The coefficients are those of powers of the time since the start of the piece.
+    Parameters
+    ----------
+    start, length : (m,) arrays
+        Start times and durations of the pieces, s.
+    coefficients : (m, 6, 4) array
+        Coefficients of powers of the time since the start of the piece.
     """
     scales = (length ** np.arange(DEGREE + 1)[:, None]).T
     # In Fortran order, the values of one coefficient of one joint are adjacent in memory.
@@ -152,21 +177,29 @@ def _build_piece_block(start: Array, length: Array, coefficients: Array) -> Piec
 
 
 def rest_speeds(robot: Robot) -> Array:
-    """Return the speeds (4,) in rad/s and m/s up to which the joints count as standing."""
+    """Return the speeds (4,) in rad/s and m/s up to which the joints count as being at rest.
+
+    They are the share `STILL` of the velocity limits, which covers rounding errors.
+    """
     return robot.velocities * STILL
 
 
 def _evaluate_polynomials(powers: Array, s: Array, result: Array | None = None) -> Array:
-    """Evaluate polynomials by Horner's rule, and return Σ powers[:, k] s^k (…, n, 4).
+    """Evaluate the polynomials Σ powers[:, k] s^k of four joints by Horner's rule.
 
     Parameters
     ----------
     powers : (4, degree + 1, n) array
-        Coefficients of the powers. The values of each joint are adjacent in memory.
+        Coefficients of the powers for each joint and each of n pieces.
     s : (…, n) array
         Arguments.
     result : (4, … n) array, optional
-        Array that receives the result.
+        Array that receives the values.
+
+    Returns
+    -------
+    (…, n, 4) array
+        The values. The last axis counts joints.
     """
     # Additional axes of length 1 let NumPy broadcast the coefficients along those of s.
     shape = (4,) + (1,) * (s.ndim - 1) + powers.shape[-1:]
@@ -182,21 +215,24 @@ def _evaluate_polynomials(powers: Array, s: Array, result: Array | None = None) 
 
 
 def update_polynomial_extremes(pieces: PieceBlock, extremes: Sequence[WorstValue]) -> None:
-    """Update the worst values of the polynomial quantities with these pieces.
+    """Update the worst values of the polynomial quantities with a block of pieces.
 
-    The Bernstein coefficients bound each quantity. Only the quantities whose bounds exceed their
-    worst value so far are examined exactly.
+    The Bernstein coefficients bound each quantity within the block. The exact extreme is computed
+    only if this bound is worse than the worst value so far. Both ends of the permitted range are
+    treated as upper bounds: the lower end as an upper bound of the negative quantity.
 
     Parameters
     ----------
     pieces : PieceBlock
         Polynomial pieces of the motion.
     extremes : sequence of WorstValue
-        Worst values of all quantities. Those without `order` are skipped.
+        Worst values of all quantities, which the function updates. Quantities without `order` are
+        not polynomials and are skipped.
     """
     lowest, highest = pieces.coefficient_bounds
     for order, bernstein_of in enumerate(pieces.bernstein_coefficients):
-        open_: list[tuple[WorstValue, float, float, float]] = []
+        # Entries: worst value, sign of the quantity, its upper bound, and the value to exceed
+        candidates: list[tuple[WorstValue, float, float, float]] = []
         for extreme in extremes:
             quantity = extreme.quantity
             if quantity.order != order:
@@ -207,17 +243,17 @@ def update_polynomial_extremes(pieces: PieceBlock, extremes: Sequence[WorstValue
                 factor = sign * quantity.scale
                 threshold = bound + extreme.excess * limit.half_width
                 if max(factor * lowest[order, i], factor * highest[order, i]) > threshold:
-                    open_.append((extreme, sign, bound, threshold))
-        if not open_:
+                    candidates.append((extreme, sign, bound, threshold))
+        if not candidates:
             continue
-        columns = [extreme.quantity.index for extreme, *_ in open_]
-        factors = np.array([sign * extreme.quantity.scale for extreme, sign, *_ in open_])
-        widths = np.array([extreme.quantity.limit.half_width for extreme, *_ in open_])
-        bars = np.array([threshold for *_, threshold in open_])
+        columns = [extreme.quantity.index for extreme, *_ in candidates]
+        factors = np.array([sign * extreme.quantity.scale for extreme, sign, *_ in candidates])
+        widths = np.array([extreme.quantity.limit.half_width for extreme, *_ in candidates])
+        thresholds = np.array([threshold for *_, threshold in candidates])
         groups = bernstein_of.T[columns] * factors[:, None, None]
-        maxima = bernstein.find_group_maxima(groups, EXTREME_ACCURACY * widths, bars)
+        maxima = bernstein.find_group_maxima(groups, EXTREME_ACCURACY * widths, thresholds)
         for (extreme, sign, bound, _), width, value, index, s in zip(
-            open_, widths, *maxima, strict=True
+            candidates, widths, *maxima, strict=True
         ):
             time = float(pieces.start[index] + s * pieces.length[index])
             extreme.update(float((value - bound) / width), float(sign * value), time)

@@ -1,12 +1,15 @@
 """Extremes of quantities that are not polynomials in time.
 
-These are the motor torques, the contact of nuts, the task coordinates and the distances in an eye.
+These quantities are the motor torques, the contact of nuts, the task coordinates and their rates,
+the speeds of the tool, and the distances in an eye. `check` passes the blocks of a motion to
+`SampledExtremes.search`.
 
-Sampling: Every piece is cut where a joint reverses, and then into intervals. Each interval has four
-instants at s = 0, 1/3, 2/3 and 1. Directions are constant within an interval, so every quantity is
-smooth there.
+Sampling: Every piece is cut where a joint reverses, and then into intervals. The quantities are
+evaluated at four instants of each interval: at its start, at a third, at two thirds and at its end.
+The joints keep their directions within an interval, so the friction is smooth there.
 
-Bracketing: The cubic through the four values lies between its Bernstein coefficients. The search
+Bracketing: A bracket is a lower and an upper bound of a quantity within an interval. The cubic
+through the four values lies between its Bernstein coefficients. The search
 assumes that a quantity overshoots the four values by at most `OVERSHOOT_FACTOR` times as much as
 this cubic. A quantity with kinks (`LimitedQuantity.has_kinks`) may also continue with the slope
 between two of the instants.
@@ -66,11 +69,14 @@ from ssm_planner.verification.limits import JUMP_TOLERANCE, LimitedQuantity, Wor
 from ssm_planner.verification.pieces import JointState, PieceBlock, rest_speeds
 
 BRACKET_TOLERANCE = 1e-8
-"""Relative accuracy of a limit at which the search for a worse value ends."""
+"""Excess over the worst value, relative to the limit, below which the search ends."""
 OVERSHOOT_FACTOR = 2.0
-"""Factor on the overshoot of the cubic through four values."""
+"""Ratio of the assumed overshoot of a quantity to that of the cubic through its four values.
+
+The overshoot is the distance by which a function exceeds its sampled values.
+"""
 FIRST_PASS_PARTS = 5
-"""Number of parts into which an interval of the first pass is cut."""
+"""Number of parts into which an interval of the first pass may be cut."""
 MEAN_SQUARE_TOLERANCE = 1e-8
 """Relative contribution to a mean square torque above which an interval is refined."""
 MAX_DIVISIONS = 10
@@ -82,20 +88,26 @@ A slow quintic is as smooth as a fast one, so the cost grows with the number of 
 the duration.
 """
 PIECE_INTERVALS_RANGE = (64, 512)
-"""Smallest and largest bound on the number of intervals of a piece."""
+"""Smallest and largest value of the bound on the number of intervals of a piece."""
 MAX_HALVED_INTERVALS = 2048
-"""Largest number of intervals that are halved together.
+"""Largest number of intervals that are halved in one pass.
 
-The intervals with the worst brackets come first.
+If more intervals could contain a worse value, those with the worst brackets are halved.
 """
 INTERVALS_PER_BLOCK = 2500
-"""Number of intervals that are sampled together, so that temporaries stay in the cache."""
+"""Number of intervals that are sampled together, so that the arrays fit into the cache."""
 INTERVAL_FRACTIONS = np.array([0.0, 1.0, 2.0, 3.0])[:, None] / 3
 """Instants of an interval as fractions of its width."""
 SIMPSON_WEIGHTS = np.array([1.0, 3.0, 3.0, 1.0]) / 8
-"""Weights of four equidistant instants, exact for cubics (Simpson's 3/8 rule)."""
+"""Weights of the four instants for the mean over an interval (Simpson's 3/8 rule).
+
+The mean is exact for cubics.
+"""
 RADAU_WEIGHTS = np.array([0.0, 3.0, 0.0, 1.0]) / 4
-"""Weights without the first instant, exact for parabolas (Radau's rule with two points)."""
+"""Weights for the mean without the first instant (Radau's rule with two points).
+
+The mean is exact for parabolas.
+"""
 
 
 class SampledExtremes:
@@ -159,7 +171,13 @@ class SampledExtremes:
         )
 
     def search(self, pieces: PieceBlock) -> None:
-        """Update the worst values and the mean square torques with these pieces."""
+        """Update the worst values and the mean square torques with a block of pieces.
+
+        Parameters
+        ----------
+        pieces : PieceBlock
+            The pieces that follow those of the previous call.
+        """
         if not self.quantities:
             return
         piece_index, start, end = pieces.split_at_reversals(self.robot)
@@ -191,7 +209,7 @@ class SampledExtremes:
             intervals = intervals.split(open_indices, FIRST_PASS_PARTS if level == 0 else 2)
 
     def evaluate(self, state: JointState, direction: Array, breakaway: Array) -> Array:
-        """Return the quantities at n states.
+        """Compute the values of all quantities at n states.
 
         Parameters
         ----------
@@ -221,7 +239,20 @@ class SampledExtremes:
         return values
 
     def _sample(self, pieces: PieceBlock, intervals: "SampledIntervals") -> Array:
-        """Return the values (4, n, k) at the instants of n intervals, and store the worst ones."""
+        """Evaluate the quantities at the four instants of n intervals, and store the worst values.
+
+        Parameters
+        ----------
+        pieces : PieceBlock
+            The block that contains the intervals.
+        intervals : SampledIntervals
+            The intervals.
+
+        Returns
+        -------
+        (4, n, k) array
+            Values of the k quantities in SI units.
+        """
         values = np.empty((len(self.quantities), 4, len(intervals.piece))).transpose(1, 2, 0)
         for block in blocks(len(intervals.piece), INTERVALS_PER_BLOCK):
             self._sample_block(pieces, intervals.subset(block), values[:, block])
@@ -230,7 +261,20 @@ class SampledExtremes:
     def _sample_block(
         self, pieces: PieceBlock, intervals: "SampledIntervals", values: Array
     ) -> None:
-        """Write the values of a block into `values` (4, n, k)."""
+        """Evaluate the quantities in a block of n intervals.
+
+        An interval whose end is the start of the next one is evaluated at three instants only. Its
+        fourth value is the first value of the next interval.
+
+        Parameters
+        ----------
+        pieces : PieceBlock
+            The block of pieces that contains the intervals.
+        intervals : SampledIntervals
+            The intervals.
+        values : (4, n, k) array
+            Array that receives the values of the k quantities.
+        """
         final = np.flatnonzero(~intervals.shares_end)
         s = intervals.begin + INTERVAL_FRACTIONS[:3] * intervals.width
         end = np.minimum(intervals.begin[final] + intervals.width[final], 1.0)
@@ -256,7 +300,7 @@ class SampledExtremes:
         values[3, :-1], values[3, final] = values[0, 1:], results[s.size :]
 
     def _gain(self, lowest: Array, highest: Array) -> Array:
-        """Return by how much the quantities may exceed their worst values.
+        """Compute by how much the quantities may exceed their worst values so far.
 
         Parameters
         ----------
@@ -266,7 +310,8 @@ class SampledExtremes:
         Returns
         -------
         (n,) array
-            Largest gain of the relative excess. An interval with a positive gain must be divided.
+            Largest possible increase of the relative excess (`LimitedQuantity.excess`) in each
+            interval. An interval with a positive value must be divided.
         """
         bounds = zip(self.worst_values, lowest.T, highest.T, strict=True)
         return np.max(
@@ -279,15 +324,16 @@ class SampledExtremes:
 
 
 def bracket_values(values: Array, has_kinks: Mask) -> tuple[Array, Array]:
-    """Return lower and upper bounds of quantities within intervals.
+    """Estimate lower and upper bounds of quantities within intervals.
 
-    The cubic through the values v0 … v3 has the inner Bernstein coefficients
+    The bounds rest on the assumption that the quantities resemble cubics. The cubic through the
+    values v0 … v3 has the inner Bernstein coefficients
 
         (−5 v0 + 18 v1 − 9 v2 + 2 v3)/6   and   (2 v0 − 9 v1 + 18 v2 − 5 v3)/6.
 
-    A bound exceeds the four values by `OVERSHOOT_FACTOR` times the excess of these coefficients.
-    For a quantity with kinks, it also exceeds them by the largest difference of neighbouring
-    values.
+    The upper bound is the largest value plus `OVERSHOOT_FACTOR` times the amount by which these
+    coefficients exceed it. The lower bound is formed in the same way.
+    For a quantity with kinks, the largest difference of neighbouring values widens both bounds.
 
     Parameters
     ----------
@@ -299,6 +345,7 @@ def bracket_values(values: Array, has_kinks: Mask) -> tuple[Array, Array]:
     Returns
     -------
     lowest, highest : (n, k) arrays
+        Bounds of each quantity in each interval.
     """
     v0, v1, v2, v3 = values
     near_start = (-5 * v0 + 18 * v1 - 9 * v2 + 2 * v3) / 6
@@ -318,18 +365,21 @@ class SampledIntervals:
     piece: Indices
     """Index of the piece that contains the interval, (n,)."""
     begin: Array
-    """Start of the interval as a fraction s of the piece, (n,)."""
+    """Start of the interval as a fraction of the piece, (n,)."""
     width: Array
     """Width of the interval as a fraction of the piece, (n,)."""
     direction: Array
-    """Direction of each joint, (n, 4). A joint at rest has 0."""
+    """Direction of each joint: −1, 1, or 0 at rest, (n, 4)."""
     starting: Mask
     """True if the joint starts from rest where the interval begins, (n, 4).
 
     Its friction is static at this instant.
     """
     shares_end: Mask
-    """True if the interval ends where the next one begins, with the same values, (n,)."""
+    """True if the interval ends where the next one in the arrays begins, (n,).
+
+    The quantities have the same values on both sides of this instant.
+    """
     near_rest: Mask
     """True if a joint starts, stops or reverses at an end of the interval, (n,)."""
 
@@ -345,7 +395,9 @@ class SampledIntervals:
         rate: float,
         max_intervals: int,
     ) -> "SampledIntervals":
-        """Cut m segments of pieces into intervals.
+        """Cut m segments of pieces into intervals of equal width.
+
+        Each joint keeps its direction within a segment (`PieceBlock.split_at_reversals`).
 
         Parameters
         ----------
@@ -358,7 +410,7 @@ class SampledIntervals:
         start, end : (m,) arrays
             Ends of each segment as fractions of its piece.
         rate : float
-            Sampling rate in Hz that the four instants of an interval give.
+            Sampling rate (Hz), which determines the number of intervals.
         max_intervals : int
             Largest number of intervals in a segment.
         """
@@ -394,13 +446,24 @@ class SampledIntervals:
         )
 
     def subset(self, selection: slice) -> "SampledIntervals":
-        """Return the intervals of a slice. The last of them counts as not joined."""
+        """Select the intervals of a slice.
+
+        The end of the last selected interval is not shared, because the next one is missing.
+        """
         columns = {name: values[selection] for name, values in vars(self).items()}
         columns["shares_end"] = np.append(columns["shares_end"][:-1], False)
         return SampledIntervals(**columns)
 
     def split(self, indices: Indices, count: int) -> "SampledIntervals":
-        """Cut each interval with one of the `indices` (n,) into `count` equal parts."""
+        """Select intervals, and cut each of them into equal parts.
+
+        Parameters
+        ----------
+        indices : (n,) array
+            Indices of the intervals.
+        count : int
+            Number of parts of each interval.
+        """
         parent = np.repeat(indices, count)
         offset = np.tile(np.arange(count), len(indices))
         width = self.width[parent] / count
@@ -417,7 +480,9 @@ class SampledIntervals:
 
 
 class RmsTorques:
-    """Integrates the square of every motor torque, which determines the heat in the motor.
+    """Integrates the square of every motor torque over a motion.
+
+    The mean square torque determines the heat in the motor.
 
     A start from rest is an instant without duration. Its static friction counts as a peak torque,
     but it does not contribute to the heat.
@@ -427,7 +492,7 @@ class RmsTorques:
     columns : list of int
         Indices of the motor torques among the quantities.
     joints : list of int
-        Indices of their joints.
+        Index of the joint of each motor torque.
     integrals : array
         ∫ τ² dt of each motor torque so far, N²·m²·s.
     """
@@ -442,10 +507,11 @@ class RmsTorques:
         self.integrals = np.zeros(len(self.columns))
 
     def needs_refinement(self, values: Array, duration: Array) -> Mask:
-        """Return True for the intervals in which the square of a torque is not a parabola.
+        """Return a mask of the intervals in which the square of a torque is not nearly a parabola.
 
-        The third difference of the squares times the duration of the interval is compared with the
-        fraction `MEAN_SQUARE_TOLERANCE` of the integral over all intervals.
+        The numerical integral of such an interval is inaccurate, so the search cuts the interval.
+        The third difference of the squares, times the duration of the interval, must be at most
+        `MEAN_SQUARE_TOLERANCE` times the integral over all intervals.
 
         Parameters
         ----------
@@ -459,7 +525,7 @@ class RmsTorques:
         return np.any(third > MEAN_SQUARE_TOLERANCE * (duration @ squares[1]), axis=1)
 
     def add_intervals(self, values: Array, starting: Mask, duration: Array) -> None:
-        """Add the integrals of n intervals.
+        """Add the integrals of the squared torques over n intervals.
 
         Parameters
         ----------
@@ -477,7 +543,9 @@ class RmsTorques:
             self.integrals[i] += (mean * duration).sum()
 
     def results(self, robot: Robot, trajectory: Trajectory, pause: float) -> list[LimitCheck]:
-        """Compare the RMS torque of each motor over the motion with its continuous torque.
+        """Compare the RMS torque of each motor with its continuous torque.
+
+        Call this method after all pieces were added.
 
         Parameters
         ----------
@@ -504,10 +572,10 @@ class RmsTorques:
 
 
 def _without_limits(robot: Robot) -> Robot:
-    """Return the robot without its limits and motors.
+    """Return a copy of the robot without limits and motors.
 
-    The quantities do not depend on them. Robots that differ only in limits and motors therefore
-    share one compiled function.
+    The values of the quantities do not depend on limits and motors. Robots that differ only in
+    these therefore share one compiled function (`_quantity_function`).
     """
     joints = tuple(
         unchecked_copy(
@@ -528,17 +596,22 @@ def _without_limits(robot: Robot) -> Robot:
 def _quantity_function(
     robot: Robot, eye: Eye | None, keys: tuple[tuple[type[Limit], str, int, WorstCase | None], ...]
 ) -> VectorisedFunction:
-    """Return the quantities as a function of (q, qd, qdd, direction, breakaway), (n, 4) each.
+    """Build the compiled function that evaluates all sampled quantities.
+
+    Its arguments are the joint positions q, velocities qd and accelerations qdd, the directions of
+    the joints, and `breakaway`, which is 1 where a joint starts from rest, (n, 4) each. It returns
+    the values (n, k) of k quantities in SI units. For a nut contact, the value is the effort that
+    the drive transmits.
 
     Parameters
     ----------
     robot : Robot
-        Robot whose limits must hold.
+        Robot without limits and motors.
     eye : Eye or None
-        Eye that limits the tool, if the robot has one.
+        Eye that limits the tool, if the task states one.
     keys : tuple
-        Type of limit, its name, index of the joint or coordinate, and case of each quantity. For a
-        nut contact, the function returns the effort of the drive.
+        Entries (type of limit, its name, index of the joint or task coordinate, worst case or
+        None), one for each quantity.
     """
     arguments = [ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")]
     q, qd, qdd, direction, breakaway = arguments
