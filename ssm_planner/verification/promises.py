@@ -1,7 +1,12 @@
-"""Promises about the path of the tip: lines, corners, constant speed, distance from the retina.
+"""Check requirements on the path of the tip: lines, corners, speed and distance from the retina.
 
-A problem prescribes the lines of some motions. They follow from the problem and from the position
-of the tip where the phase begins, by kinematics alone. The check compares the tip with them.
+A problem prescribes the path of the tip for some motions. These requirements are called promises,
+because the planner promises to satisfy them. A path consists of lines, that is, of straight lines
+and arcs between corners. The lines follow from the problem and from the position of the tip at the
+start of the phase, by kinematics alone.
+
+`check` calls `check_path_promises` for a planned motion, whose phases are known.
+The module `visits` calls `check_table_lines` for a table of points, which has no phases.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -41,37 +46,37 @@ from ssm_planner.typing import Array, frozen
 from ssm_planner.verification.certificate import LimitCheck, Unjudged
 
 LINE_DEPARTURE = 1e-7
-"""Distance from its lines, m, beyond which the tip has left them."""
+"""Distance of the tip from the prescribed lines beyond which it counts as having left them, m."""
 PATH_TOLERANCE = 1e-6
-"""Largest distance from the lines, and largest error of the distance to the retina, m."""
+"""Largest permitted distance from the lines, and error of the distance from the retina, m."""
 CONSTANT_SPEED_TOLERANCE = 1e-6
-"""Largest relative error of a constant speed."""
+"""Largest permitted relative error of a constant tip speed."""
 CORNER_SLACK = 1e-9
-"""Extra distance, m, from a corner at which the tip may leave its lines."""
+"""Distance by which the zone around a corner is extended to cover rounding errors, m."""
 CONSTANT_SPEED_INSTANTS = 8
-"""Number of instants in every piece of a motion at constant speed."""
+"""Number of checked instants in every piece of a motion with a constant tip speed."""
 PIECE_INSTANTS = 3
-"""Number of instants in every piece of other motions."""
+"""Number of checked instants in every piece of other motions."""
 CORNER_RADIUS_FACTOR = 1.5
-"""Radius around a corner with more instants, as a multiple of the corner's allowed distance."""
+"""Radius around a corner in which more instants are checked, as a multiple of the zone's radius."""
 CORNER_INSTANTS = 301
-"""Number of additional instants around a corner."""
+"""Number of additional instants that are checked around a corner."""
 LINE_SEARCH_POINTS = 65
-"""Number of points of a line among which the search of the nearest point starts."""
+"""Number of points on a line that are compared to find a start for the nearest point."""
 NEWTON_STEPS = 3
-"""Number of Newton steps in the search of the nearest point."""
+"""Number of Newton steps from there to the nearest point of the line."""
 DIFFERENCE_STEP = 1e-7
-"""Step of the difference quotients in this search, as a fraction of the line."""
+"""Step of the difference quotients in the Newton steps, as a fraction of the line."""
 INSTANTS_PER_BLOCK = 4096
-"""Number of instants that are evaluated together."""
+"""Number of instants that are evaluated together, which bounds the memory."""
 
 Curve = Callable[[Array], Array]
-"""Function from fractions (n,) of a line to tip positions (n, 3)."""
+"""Function that converts fractions (n,) of a line, from 0 to 1, into tip positions (n, 3), m."""
 
 
 @frozen
 class PathPromise:
-    """The promises of a problem about the path of the tip in one phase of a motion.
+    """The requirements of a problem on the path of the tip in one phase of a motion.
 
     Attributes
     ----------
@@ -81,30 +86,33 @@ class PathPromise:
 
     span: Span
     lines: tuple[Curve, ...]
-    """Lines that the tip follows one after the other."""
+    """Lines that the tip follows one after the other. Each line ends where the next one begins."""
     corner_distances: tuple[float, ...] = ()
-    """Distance from each corner within which the tip may leave the lines, m."""
+    """Radius of the zone around each corner in which the tip may leave the lines, m."""
     speed: float | None = None
-    """Speed that the tip keeps, m/s."""
+    """Constant speed that the tip must have, m/s. None without such a requirement."""
     retina: tuple[Array, float, float] | None = None
-    """Centre (3,) and radius of a retina and the distance that the tip keeps from it, m."""
+    """Centre (3,) and radius of the retina, and required distance of the tip from it, m.
+
+    None without such a requirement.
+    """
 
     @property
     def corners(self) -> Array:
-        """Corners between the lines, (k, 3)."""
+        """Positions (k, 3) of the corners between consecutive lines, m."""
         return np.array([line(np.ones(1))[0] for line in self.lines[:-1]]).reshape(-1, 3)
 
 
 @frozen
 class PromiseResult:
-    """The result of checking the promises of one phase, in SI units.
+    """The result of checking the path of the tip in one phase, in SI units.
 
     Attributes
     ----------
     promise : PathPromise
-        The promises.
+        The requirements on the path.
     checks : tuple of LimitCheck
-        One result for each promise.
+        One result for each requirement.
     """
 
     promise: PathPromise
@@ -112,16 +120,16 @@ class PromiseResult:
     departure: float
     """Largest distance of the tip from its lines, m."""
     constant_speed_span: tuple[float, float, float] | None = None
-    """Start and end of the constant speed in s from the start of the phase, and its relative error.
+    """Start and end of the constant speed, and its largest relative error.
 
-    None if the phase promises no constant speed.
+    The times count in s from the start of the phase. None if no constant speed is required.
     """
 
     @property
     def corner_reach(self) -> float | None:
-        """Largest distance from a corner at which the tip is off its lines, m.
+        """Largest distance from a corner at which the tip has left the lines, m.
 
-        None without corners.
+        None if the phase has no corners.
         """
         for check in self.checks:
             if check.name == CornerRounding.name:
@@ -132,7 +140,7 @@ class PromiseResult:
 def check_path_promises(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits
 ) -> list[PromiseResult]:
-    """Check every phase whose motion promises something about the path of the tip.
+    """Check every phase of a planned motion for which the problem prescribes the path of the tip.
 
     Parameters
     ----------
@@ -141,12 +149,12 @@ def check_path_promises(
     mechanism : Mechanism
         The kinematics of the robot.
     limits : TaskLimits
-        The limits with the motions of the problem and the eye.
+        Limits that include the motions of the problem, which prescribe the paths, and the eye.
 
     Returns
     -------
     list of PromiseResult
-        One result for each such phase, in their order.
+        One result for each phase with a prescribed path, in the order of the phases.
     """
     promises = _path_promises(motion, mechanism, limits)
     return [_check_promise(motion, mechanism, promise) for promise in promises]
@@ -160,7 +168,9 @@ def check_table_lines(
     span: Span,
     allowed: float,
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
-    """Check that a table follows the lines of motions without a stop between them.
+    """Check that a table of points follows the lines of one chain of motions.
+
+    Motions form a chain if rounded corners join them, so that the robot does not stop between them.
 
     Parameters
     ----------
@@ -169,20 +179,21 @@ def check_table_lines(
     mechanism : Mechanism
         The kinematics of the robot.
     limits : TaskLimits
-        The limits with the eye.
+        Limits that include the eye.
     chain : list of Motion
-        Motions joined by rounded corners, or one motion.
+        The motions of the chain, or a single motion.
     span : Span
-        Times between which the table performs them.
+        Name of the chain, and the times between which the table performs it.
     allowed : float
         Largest distance from the lines outside rounded corners, m.
 
     Returns
     -------
     checks : list of LimitCheck
-        The largest distance from the lines. Empty if the motions do not have lines.
+        The largest distance from the lines. The list is empty if no lines are prescribed, or if
+        the tip must follow the retina.
     unjudged : list of Unjudged
-        Promises that the points of a table cannot show.
+        Requirements that the points of a table do not determine.
     """
     if not _prescribes_lines(chain[0]):
         return [], []
@@ -205,7 +216,7 @@ def check_table_lines(
 
 
 def unchecked_lines_remark(limits: TaskLimits) -> str:
-    """Return a remark which states that the check did not examine the lines of the motions."""
+    """Return the remark for a certificate whose check did not examine the prescribed lines."""
     return (
         f"whether the tip follows the path of {limits.promising}: a table does not contain the "
         "times of phases"
@@ -213,19 +224,28 @@ def unchecked_lines_remark(limits: TaskLimits) -> str:
 
 
 def _prescribes_lines(entry: Motion) -> bool:
-    """Return whether the tip follows lines that a motion prescribes."""
+    """Return True if a motion of a problem prescribes the lines that the tip follows."""
     return isinstance(entry, Straight) or (isinstance(entry, Follow) and entry.curve in TIP_CURVES)
 
 
 def _path_promises(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits
 ) -> Iterator[PathPromise]:
-    """Yield the promises of each motion that prescribes lines.
+    """Yield the requirements on the path for each phase with prescribed lines.
 
-    The phases of a trajectory have the names and the order of the motions. A scan and a curve
-    through samples consist of an unknown number of phases. After such a motion, the function
-    searches the phase of the next motion by its name. A motion without a phase gets an empty
-    phase, which fails the check.
+    The function assigns the motions of the problem to the phases of the trajectory. Both have the
+    same names and the same order. A scan and a curve through samples consist of an unknown number
+    of phases. After such a motion, the function searches the phase of the next motion by its name.
+    A motion without a phase gets an empty phase, which fails the check.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        A trajectory with phases.
+    mechanism : Mechanism
+        Kinematics of the robot.
+    limits : TaskLimits
+        Limits that include the motions of the problem and the eye.
     """
     index = 0
     counts_unknown = False
@@ -254,7 +274,8 @@ def _path_promises(
 def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
     """Yield the motions of a problem in chains.
 
-    Motions joined by rounded corners form one chain. Every other motion is a chain by itself.
+    Consecutive motions that are joined by rounded corners form one chain, and one phase of the
+    trajectory. Every other motion is a chain by itself.
     """
     chain: list[Motion] = []
     for entry in entries:
@@ -267,10 +288,23 @@ def _chains(entries: Sequence[Motion]) -> Iterator[list[Motion]]:
 def _path_promise(
     motion: Trajectory, mechanism: Mechanism, limits: TaskLimits, chain: list[Motion], span: Span
 ) -> PathPromise:
-    """Return the lines of the motions that form one phase.
+    """Build the requirements on the path of the tip for one chain of motions.
 
-    The first line starts where the tip is when the phase begins. Each further line starts at the
-    end of the line before it.
+    The first line starts where the tip is at the start of the phase. Each further line starts at
+    the end of the previous line.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        Motion that is checked. Only the start of the phase counts, and whole turns of the roll.
+    mechanism : Mechanism
+        Kinematics of the robot.
+    limits : TaskLimits
+        Limits that include the eye.
+    chain : list of Motion
+        Motions that are joined by rounded corners, or a single motion.
+    span : Span
+        Name, start and end of the phase.
     """
     task, branch = _initial_task(motion, mechanism, chain, span)
     lines: list[Curve] = []
@@ -304,10 +338,28 @@ def _path_promise(
 def _initial_task(
     motion: Trajectory, mechanism: Mechanism, chain: list[Motion], span: Span
 ) -> tuple[Array, int]:
-    """Return the task coordinates (4,) and the branch where a phase begins.
+    """Return the task coordinates and the branch of the inverse kinematics at the start of a phase.
 
-    The roll angle is unique only up to whole turns. If the motions give a roll, the result counts
-    turns so that the phase ends near the last roll that they give.
+    The roll angle is unique only up to whole turns. If the motions of the chain state a roll, the
+    function adds whole turns to the initial roll, so that the phase ends near the last stated roll.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        Motion that is checked.
+    mechanism : Mechanism
+        Kinematics of the robot.
+    chain : list of Motion
+        Motions of the phase.
+    span : Span
+        Name, start and end of the phase.
+
+    Returns
+    -------
+    task : (4,) array
+        Roll, tilt and spin in rad, and depth in m.
+    branch : int
+        Solution of the inverse kinematics: positive for the first one.
     """
     final_roll = None
     for entry in chain:
@@ -357,7 +409,9 @@ def task_coordinates_of(mechanism: Mechanism, point: Point, default: Array, bran
 
 
 def _depth_on_sphere(mechanism: Mechanism, task: Array, centre: Array, radius: float) -> float:
-    """Return the depth in m at which the tip is on a sphere.
+    """Compute the depth in m at which the tip lies on a sphere around a given centre.
+
+    The result is the depth of the farther one of both intersections of the tool's axis.
 
     Parameters
     ----------
@@ -393,14 +447,38 @@ def _task_line_points(mechanism: Mechanism, start: Array, end: Array, s: Array) 
 
 
 def _line_points(start: Array, end: Array, s: Array) -> Array:
-    """Return points (n, 3) at the fractions s (n,) of a straight line between two tips (3,)."""
+    """Return tip positions on a straight line in space.
+
+    Parameters
+    ----------
+    start, end : (3,) arrays
+        Tip positions at both ends of the line, m.
+    s : (n,) array
+        Fractions of the line.
+
+    Returns
+    -------
+    (n, 3) array
+        Tip positions, m.
+    """
     return start + s[:, None] * (end - start)
 
 
 def _circle_centre(tips: Array) -> Array:
-    """Return the centre (3,) of the circle through three points (3, 3).
+    """Compute the centre of the circle through three points.
 
-    It is the intersection of the perpendicular bisecting planes of two sides and the points' plane.
+    The centre lies in the plane of the points, and in the planes that bisect two sides of their
+    triangle perpendicularly. These are three linear equations.
+
+    Parameters
+    ----------
+    tips : (3, 3) array
+        The points (rows), m.
+
+    Returns
+    -------
+    (3,) array
+        The centre, m.
     """
     sides = tips[1:] - tips[0]
     normal = np.cross(sides[0], sides[1])
@@ -411,7 +489,7 @@ def _circle_centre(tips: Array) -> Array:
 
 
 def _circular_arc(tips: Array, centre: Array, *, shorter: bool) -> Curve:
-    """Return an arc of a circle from the first tip to the last.
+    """Build the arc of a circle from the first tip position to the last one.
 
     Parameters
     ----------
@@ -420,7 +498,12 @@ def _circular_arc(tips: Array, centre: Array, *, shorter: bool) -> Curve:
     centre : (3,) array
         Centre of the circle, m.
     shorter : bool
-        Select the shorter arc. Otherwise, the arc passes the second tip.
+        True selects the shorter arc. Otherwise, the arc passes through the second tip position.
+
+    Returns
+    -------
+    Curve
+        Function from fractions of the arc to tip positions.
     """
     radius = tips[0] - centre
     end = tips[-1] - centre
@@ -441,9 +524,22 @@ def _circular_arc(tips: Array, centre: Array, *, shorter: bool) -> Curve:
 
 
 def _distances_from_line(line: Curve, tips: Array) -> Array:
-    """Return the distances (n,) in m of tips (n, 3) from the nearest points of a line.
+    """Compute the distances of tip positions from a line.
 
-    The search starts at the nearest of `LINE_SEARCH_POINTS` points and continues with Newton steps.
+    For each tip position, the search starts at the nearest of `LINE_SEARCH_POINTS` points on the
+    line and approaches the nearest point with Newton steps.
+
+    Parameters
+    ----------
+    line : Curve
+        The line.
+    tips : (n, 3) array
+        Tip positions, m.
+
+    Returns
+    -------
+    (n,) array
+        Distances, m.
     """
     shares = np.linspace(0.0, 1.0, LINE_SEARCH_POINTS)
     positions = line(shares)
@@ -457,11 +553,24 @@ def _distances_from_line(line: Curve, tips: Array) -> Array:
 
 
 def _check_promise(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> PromiseResult:
-    """Check that the tip follows the lines of one phase and keeps its height and its speed.
+    """Check all requirements on the path of the tip in one phase.
 
-    The result contains the checks and the largest distance of the tip from its lines. For a
-    constant speed, it also contains the times between which the tip has this speed, and the largest
-    relative error.
+    The tip must follow the lines, keep the required distance from the retina, and have the required
+    constant speed.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        Motion that is checked.
+    mechanism : Mechanism
+        Kinematics of the robot.
+    promise : PathPromise
+        The requirements.
+
+    Returns
+    -------
+    PromiseResult
+        One `LimitCheck` for each requirement, and the quantities that describe the path.
     """
     t = _checked_instants(motion, mechanism, promise)
     tips = np.empty((len(t), 3))
@@ -491,7 +600,15 @@ def _check_promise(motion: Trajectory, mechanism: Mechanism, promise: PathPromis
 
 
 def _checked_instants(motion: Trajectory, mechanism: Mechanism, promise: PathPromise) -> Array:
-    """Return instants (n,) in every piece of a phase, with more of them near its corners."""
+    """Choose the instants at which the path of the tip is checked in one phase.
+
+    Every polynomial piece contains several of them. Further instants are added around corners.
+
+    Returns
+    -------
+    (n,) array
+        Instants in ascending order, s.
+    """
     start = promise.span.start
     end = promise.span.end
     inner_breaks = motion.breaks[(motion.breaks > start) & (motion.breaks < end)]
@@ -516,24 +633,25 @@ def _checked_instants(motion: Trajectory, mechanism: Mechanism, promise: PathPro
 def _check_departure(
     promise: PathPromise, t: Array, tips: Array, distances: Array
 ) -> list[LimitCheck]:
-    """Check how far the tips leave the lines.
+    """Check that the tip leaves the lines only within the permitted zones around corners.
 
     Parameters
     ----------
     promise : PathPromise
-        Promise about the path of the tip.
+        The requirements on the path of the tip.
     t : (n,) array
         Instants, s.
     tips : (n, 3) array
-        Positions of the tip, m.
+        Tip positions at these instants, m.
     distances : (n,) array
-        Distances of the tips from the lines, m.
+        Distances of these tip positions from the lines, m.
 
     Returns
     -------
     list of LimitCheck
-        The largest distance from the lines where no corner is near. If the phase has corners, the
-        list also contains the largest distance from a corner at which the tip is off the lines.
+        The largest distance from the lines outside the zones around corners. If the phase has
+        corners, the list also contains the largest distance from a corner at which the tip has
+        left the lines.
     """
     shares = np.linalg.norm(tips[:, None] - promise.corners, axis=2) / np.array(
         promise.corner_distances
@@ -559,14 +677,26 @@ def _check_departure(
 def _phase_result(
     limit: PathRequirement, promise: PathPromise, value: float, time: float
 ) -> LimitCheck:
-    """Return the result of a limit on the path. Its case is the name of the phase."""
+    """Return the result of a requirement on the path, with the name of the phase as its case.
+
+    Parameters
+    ----------
+    limit : PathRequirement
+        The requirement.
+    promise : PathPromise
+        The phase.
+    value : float
+        Worst value, in the unit of the requirement.
+    time : float
+        Time of the worst value, s.
+    """
     return replace(LimitCheck.from_extreme(limit, value, time), case=promise.span.name)
 
 
 def _check_required_value(
     limit: PathRequirement, tolerance: float, promise: PathPromise, t: Array, values: Array
 ) -> LimitCheck:
-    """Check values that must equal `limit.largest` up to a tolerance.
+    """Check that values equal `limit.largest` up to a tolerance.
 
     Parameters
     ----------
@@ -604,16 +734,26 @@ def _check_required_value(
 def _check_constant_speed(
     promise: PathPromise, speed: float, t: Array, speeds: Array
 ) -> tuple[LimitCheck, tuple[float, float, float]]:
-    """Check the tip speeds (n,) of a phase that promises a constant speed.
+    """Check the tip speed in a phase that requires a constant speed.
 
-    The speed must be constant between the first and the last instant at which it has the promised
-    value. It must never exceed this value.
+    The tip must have the required speed from the first to the last instant at which it reaches
+    this speed. Before and after this span, the tip accelerates and brakes. It must not exceed the
+    required speed there.
+
+    Parameters
+    ----------
+    promise : PathPromise
+        The phase.
+    speed : float
+        Required speed, m/s.
+    t, speeds : (n,) arrays
+        Instants in s, and tip speeds at these instants in m/s.
 
     Returns
     -------
     check : LimitCheck
         The speed with the largest error.
-    stretch : tuple of three floats
+    constant_speed_span : tuple of three floats
         Start and end of the constant speed in s from the start of the phase, and the largest
         relative error.
     """
