@@ -9,7 +9,7 @@ from ssm_planner.deprecation import Renamed
 from ssm_planner.typing import Array, frozen
 
 ALIGNMENT_SAMPLES = 4000
-"""Approximate number of samples that are used for an alignment."""
+"""Approximate number of samples to which a recording is reduced for an alignment."""
 MAX_SPEED_DEVIATION = 0.3
 """Largest deviation of a sample that determines the clock, as a share of the planned peak speed."""
 MAX_RATE_DIFFERENCE = 0.05
@@ -17,11 +17,11 @@ MAX_RATE_DIFFERENCE = 0.05
 MAX_SIZE_DIFFERENCE = 0.05
 """Largest relative difference in speed of an axis that determines the clock."""
 MIN_CLOCK_CORRELATION = 0.98
-"""Smallest correlation of the speeds of an axis that determines the clock."""
+"""Smallest correlation of measured and planned speed of an axis that determines the clock."""
 END_SPEED_RATIO = 0.05
 """Speed below which a motion has ended, as a share of the planned peak speed."""
 CANDIDATE_SPEEDS = np.union1d(np.arange(5, 126) / 100, np.geomspace(0.05, 1.25, 80))
-"""Speeds of execution that are tried, as multiples of the planned speed."""
+"""Speeds of execution that `estimate_speed` tries, as multiples of the planned speed."""
 
 
 @frozen
@@ -157,9 +157,15 @@ def estimate_speed(
 ) -> float:
     """Estimate the speed of execution as a multiple of the planned speed.
 
-    A speed other than 1 must explain the recordings much better. Each plan contains times (n,), s,
-    and planned speeds (n,), rad/s. Each recording contains times (m,) and measured speeds (m,). A
-    recording may belong to any of the plans.
+    A speed other than 1 must explain the recordings much better. A recording may belong to any of
+    the plans.
+
+    Parameters
+    ----------
+    plans : sequence of pairs
+        Times (n,) in s and planned motor speeds (n,) in rad/s of each axis.
+    recordings : sequence of pairs
+        Times (m,) in s and measured motor speeds (m,) in rad/s of each axis.
     """
 
     def costs(speed: float) -> list[float]:
@@ -278,9 +284,9 @@ def estimate_clock(axes: Sequence[Alignment], drift: float) -> Clock:
 
 
 def _common_rate(axes: Sequence[Alignment]) -> tuple[float, float]:
-    """Return the rate of the clock and its standard deviation.
+    """Combine the rates of several axes into the rate of one clock and its standard deviation.
 
-    The rate is the weighted mean of the rates, or their median if they contradict each other.
+    The result is the weighted mean of the rates, or their median if they contradict each other.
     """
     rates = [axis.rate for axis in axes]
     errors = np.array([axis.rate_error for axis in axes])
@@ -304,12 +310,31 @@ def speed_correlation(x: Array, y: Array) -> float:
 def _refine_alignment(
     start: float, planned_time: Array, planned_speed: Array, t: Array, w: Array
 ) -> tuple[float, float, float, tuple[float, float], float]:
-    """Estimate delay, rate and size by Gauss–Newton steps from the delay `start` (s).
+    """Refine the alignment of a recording by Gauss–Newton steps.
 
-    Samples that deviate far from the plan are ignored. Returns the delay (s), the rate, the size,
-    the standard deviations of delay and rate, and the planned time at which the delay does not
-    depend on the rate (s). If the samples do not determine these values, the function returns
-    `start` with infinite standard deviations.
+    The model of the measured speed is size · v(rate · (t − delay)) with the planned speed v.
+    Samples that deviate far from the plan are ignored.
+
+    Parameters
+    ----------
+    start : float
+        Coarse estimate of the delay, s.
+    planned_time, planned_speed : (m,)
+        Instants of the plan in s, and planned speeds in any unit.
+    t, w : (n,)
+        Instants of the recording in s, and measured speeds in the same unit.
+
+    Returns
+    -------
+    delay : float
+        Time of the recording at which the motion starts, s. It is `start` if the samples do not
+        determine the model.
+    rate, size : float
+        The other parameters of the model.
+    errors : (float, float)
+        Standard deviations of delay (s) and rate, which are infinite without a result.
+    middle : float
+        Planned time at which the delay does not depend on the rate, s.
     """
     no_result = start, 1.0, 1.0, (np.inf, np.inf), 0.0
     slope = np.gradient(planned_speed, planned_time)

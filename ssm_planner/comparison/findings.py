@@ -1,4 +1,9 @@
-"""Find faults of an executed motion, such as missing samples, stalls and exceeded limits."""
+"""Find faults of an executed motion, such as missing samples, stalls and exceeded limits.
+
+`compare` aligns each recording with the plan (`AlignedAxis`) and passes it to `find_faults` and
+`check_limits`. Each fault becomes a `Finding` with a verdict: "held" for a remark, "not held" for a
+certain fault, and "cannot tell" if the recording does not suffice.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -40,7 +45,7 @@ from ssm_planner.typing import Array, Mask, frozen, record
 from ssm_planner.verification import Certificate
 
 MAX_START_DIFFERENCE = 5e-3
-"""Largest difference between the starts of the axes, s."""
+"""Largest permitted difference between the starts of the joints, s."""
 MAX_CLOCK_DRIFT = 1e-3
 """Largest relative error of the recordings' clock. The error of a crystal is ten times smaller."""
 MAX_SAMPLE_GAP = 10e-3
@@ -53,18 +58,18 @@ REPORTED_MISSING_SHARE = 0.005
 MAX_MISSING_SHARE = 0.2
 """Share of missing samples above which no verdict is possible."""
 MAX_OUTSIDE_SHARE = 0.05
-"""Largest permitted share of the moving time with torque outside its band."""
+"""Largest permitted share of the moving time in which the torque is outside its predicted band."""
 STANDSTILL_SPEED_RATIO = 0.02
 """Speed below which a motor counts as at rest, as a share of the largest planned speed.
 
 It is also the smallest speed that a saturated motor loses.
 """
 MIN_SATURATION_TIME = 20e-3
-"""Shortest saturation, s."""
+"""Shortest time at the largest torque that counts as saturation, s."""
 ACCELERATION_WINDOW = 30e-3
-"""Time between the two mean speeds from which an acceleration is computed, s."""
+"""Time between the two mean speeds whose difference gives an acceleration, s."""
 MIN_STALL_TIME = 0.1
-"""Shortest stall, s."""
+"""Shortest standstill against the plan that counts as a stall, s."""
 MIN_UNIT_FACTOR = 3.5
 """Smallest ratio of measured and planned values that suggests a wrong unit."""
 UNIT_FACTORS = {
@@ -74,17 +79,17 @@ UNIT_FACTORS = {
     100.0: "percent and fractions",
     1000.0: "units and thousandths",
 }
-"""Units that differ by a factor."""
+"""Pairs of units that are often confused, by the factor between both units."""
 MIN_MOTION_CORRELATION = 0.8
 """Smallest correlation of measured and planned speed in a recording of the same motion."""
 TORQUE_TIME_TOLERANCE = 15e-3
-"""Tolerance in time for predictions, s. Torque jumps at starts and stops."""
+"""Tolerance in time for a predicted torque, s. The torque jumps at starts and stops."""
 
 Verdict = Literal["held", "not held", "cannot tell"]
 
 
 class HasVerdict(Protocol):
-    """A finding, the result of a limit, or an axis: anything in a comparison with a verdict."""
+    """Any part of a comparison that has a verdict: a finding, the result of a limit, or an axis."""
 
     @property
     def verdict(self) -> Verdict: ...
@@ -224,10 +229,10 @@ class AlignedAxis:
 
     @property
     def integral_noise(self) -> tuple[float, float]:
-        """Possible error of the integrated speed, rad or m.
+        """Possible errors of the position that results from integrating the speed, rad or m.
 
-        The first value results from noise alone. The second one results if the speed is also off by
-        half of its resolution.
+        The first value is the error due to noise alone. The second value also contains the error of
+        a speed that is wrong by half of its resolution.
         """
         duration = float(self.t[-1] - self.t[0])
         noise = (
@@ -241,7 +246,11 @@ class AlignedAxis:
 
     @property
     def intervals(self) -> tuple[Array, Array]:
-        """Planned times and durations (n,) of the intervals between samples in the motion, s."""
+        """Intervals between consecutive samples during the motion.
+
+        The first array contains the planned times at their starts, and the second array contains
+        their durations, (k,) each, s.
+        """
         during = (self.t[1:] > 0) & (self.t[:-1] < self.plan.duration)
         return self.t[:-1][during], np.diff(self.measured.time)[during]
 
@@ -264,7 +273,10 @@ class AlignedAxis:
 
     @property
     def still_level(self) -> float:
-        """Mean speed over the shortest window below which the motor is at rest, rad/s."""
+        """Speed below which the motor counts as at rest, rad/s.
+
+        It applies to means over the shortest window.
+        """
         noise = SIGNIFICANT_DEVIATIONS * self.speed_noise / self.window**0.5
         return max(STANDSTILL_SPEED_RATIO * self.plan.peak, noise)
 
@@ -289,9 +301,20 @@ def map_to_clock(
 ) -> AlignedAxis:
     """Convert the times of a recording to the planned time, and add the planned values.
 
-    The travelled position is the planned one plus the integral of the speed error since the start
-    of the motion. An offset of the speed at rest, up to half of its resolution, is an error of the
-    channel and is subtracted.
+    The travelled position is the planned position plus the integral of the speed error since the
+    start of the motion. An offset of the speed at rest, up to half of its resolution, is an error
+    of the channel and is subtracted.
+
+    Parameters
+    ----------
+    plan : AxisPrediction
+        Predicted motion of the axis.
+    measured : AxisRecording
+        Recording of the axis.
+    alignment : Alignment
+        Position of the planned motion in the recording.
+    clock : Clock
+        Common clock of all recordings.
     """
     t = clock.planned_time(measured.time)
     step = float(np.median(np.diff(measured.time)))
@@ -315,9 +338,15 @@ def map_to_clock(
 
 
 def find_faults(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
-    """Yield all findings of one axis. Limits are checked separately by `check_limits`.
+    """Yield the findings on one axis. The limits are checked separately by `check_limits`.
 
-    `lag` is the permitted delay at the largest speed, s.
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+    lag : float
+        Delay (s) that is permitted at the largest speed. It determines the permitted tracking
+        error.
     """
     yield from check_sampling(axis)
     for text in axis.measured.doubts:
@@ -373,8 +402,15 @@ def check_sampling(axis: AlignedAxis) -> Iterator[Finding]:
 def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     """Yield a finding if the tracking error is too large, or if noise could hide such an error.
 
-    Another finding states that the measured position contradicts the integral of the speed. `lag`
-    is the permitted delay at the largest speed, s.
+    The permitted error is the distance that the joint travels within the lag at its velocity limit.
+    Another finding states that the measured position contradicts the integral of the speed.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+    lag : float
+        Permitted delay, s.
     """
     joint = axis.plan.joint
     noise = position_noise(axis)
@@ -418,8 +454,15 @@ def position_noise(axis: AlignedAxis) -> float:
 def find_other_motion(axis: AlignedAxis, plans: Sequence[AxisPrediction]) -> Finding | None:
     """Return a finding if the recording does not show the planned motion of its joint.
 
-    The finding names the cause: another joint of `plans`, another sign, another unit or another
+    The finding names the likely cause: swapped recordings, a wrong sign, a wrong unit, or another
     motion.
+
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+    plans : sequence of AxisPrediction
+        Predictions of all joints, with which swapped recordings are recognised.
     """
     measured = axis.measured
     likeness = axis.alignment.correlation
@@ -609,7 +652,12 @@ def check_torque(axis: AlignedAxis) -> Iterator[Finding]:
 def check_limits(axis: AlignedAxis, certificate: Certificate | None) -> tuple[Kept, ...]:
     """Compare the measured values with the limits of the joint and of its motor.
 
-    `certificate` provides the margins of the plan.
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+    certificate : Certificate or None
+        Certificate of the plan, which provides the planned margins.
     """
     joint, measured = axis.plan.joint, axis.measured
     speed = measured.w, axis.speed_error, measured.speed_resolution
@@ -653,8 +701,20 @@ def check_channel_limit(
     looks like noise. If no window exceeds the limit, but the noise of a single sample can hide that
     it does, the result is that of the single sample.
 
-    `values` and `departure` (n,) are measured values and their differences from the plan, in the
-    unit of the `resolution`.
+    Parameters
+    ----------
+    axis : AlignedAxis
+        Recording and plan of the axis.
+    limit_type : type
+        Type of the limit.
+    values : (n,) array
+        Measured values of the channel.
+    departure : (n,) array
+        Differences between the measured and the planned values, which determine the noise.
+    resolution : float
+        Resolution of the channel, in the unit of the values.
+    ratio : float
+        Divisor that converts the channel into the unit of the limit.
     """
     limit = axis.plan.joint.limit(limit_type)
     bound = limit.largest
@@ -716,8 +776,25 @@ def _limit_result(
 ) -> Kept:
     """Build the result of one limit from the worst measured value and its possible noise.
 
-    `distance` is that from the value to the bound. It is negative if the value exceeds the
-    bound. The permitted `ripple` is added to the noise.
+    The verdict is "not held" if the value exceeds the bound by more than the noise and the ripple.
+    It is "held" if the noise is small compared with the limit or with the distance to the bound.
+
+    Parameters
+    ----------
+    limit : Limit
+        The limit.
+    bound : float
+        End of the permitted range that is nearer to the value.
+    value : float
+        Worst measured value.
+    distance : float
+        Distance from the value to the bound, which is negative beyond the bound.
+    noise : float
+        Possible contribution of noise to the value.
+    window : float
+        Duration of the mean that gives the value, s. 0 means a single sample.
+    ripple : float
+        Permitted ripple of the value, which is added to the noise.
     """
     verdict: Verdict = "cannot tell"
     if distance < -noise - ripple:

@@ -25,16 +25,16 @@ from ssm_planner.problem import Controller, Joint, get_attributes
 from ssm_planner.typing import frozen
 
 DEFAULT_PHASE_MARGIN = 30.0
-"""Phase margin of the default position loop that moves only the motor's inertia, degrees.
+"""Phase margin of the default position loop of an unloaded motor, degrees.
 
 It is the smallest usual value, because a worm gear that its load drives needs a fast loop.
 """
 LOOP_DAMPING_RATIO = 0.7
 """Damping ratio of the default position loop."""
 DERIVATIVE_FILTER = 10.0
-"""Filter constant of the derivative: its time constant is D / (DERIVATIVE_FILTER · P)."""
+"""Constant of the derivative filter, whose time constant is D / (DERIVATIVE_FILTER · P)."""
 INTEGRAL_GAIN_RATIO = 0.1
-"""Ratio of the integral gain I to bandwidth ω times proportional gain P."""
+"""Ratio I / (ω P) of the default gains, with the bandwidth ω in rad/s."""
 
 
 @frozen
@@ -85,6 +85,20 @@ class LoopStep:
 
 def motor_electrics(joint: Joint, controller: Controller) -> MotorElectrics:
     """Collect the electrical data of a joint's motor and of its supply.
+
+    The controller file has priority over the motor file for the supply voltage and the largest
+    current.
+
+    Parameters
+    ----------
+    joint : Joint
+        Joint with a motor.
+    controller : Controller
+        The motor controller.
+
+    Returns
+    -------
+    MotorElectrics
 
     Raises
     ------
@@ -216,11 +230,23 @@ def loop_gains(joint: Joint, controller: Controller, electrics: MotorElectrics) 
 
 
 def current_range(electrics: MotorElectrics, w: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return the smallest and the largest possible current in A at the motor speed w, rad/s.
+    """Compute the smallest and the largest possible motor current at a motor speed.
 
     The power stage limits the current, and so does the supply voltage minus the back-EMF. If the
     resistance of the winding is not known (0), the voltage only prevents currents that would
     accelerate the motor beyond its no-load speed.
+
+    Parameters
+    ----------
+    electrics : MotorElectrics
+        Electrical data of the motor and its supply.
+    w : expression
+        Motor speed, rad/s.
+
+    Returns
+    -------
+    low, high : expressions
+        Smallest and largest possible current, A.
     """
     low = ca.SX(-electrics.max_current)
     high = ca.SX(electrics.max_current)
@@ -287,6 +313,19 @@ def advance_loops(
 
 
 def round_to_increments(angle: ca.SX, counts_per_turn: int) -> ca.SX:
-    """Round a motor angle in rad to the increments of an encoder, and return it in rad."""
+    """Round a motor angle to the nearest increment of an encoder.
+
+    Parameters
+    ----------
+    angle : expression
+        Motor angle, rad.
+    counts_per_turn : int
+        Increments of the encoder per motor turn.
+
+    Returns
+    -------
+    expression
+        The angle that the encoder measures, rad.
+    """
     increment = 2.0 * math.pi / counts_per_turn
     return increment * ca.floor(angle / increment + 0.5)

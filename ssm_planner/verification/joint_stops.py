@@ -34,17 +34,17 @@ The first possible stop is used. Weak motors need the smaller shares. The larges
 for the rounding of tables.
 """
 GRID_INSTANTS = 1000
-"""Number of instants at which a stop may begin after the motion was continued."""
+"""Number of additional instants at which a stop may begin after the motion has continued."""
 MIN_PIECE_DURATION = 1e-9
-"""Length below which a piece is left out, s."""
+"""Duration below which a piece is left out, s."""
 LIMIT_SAMPLE_FRACTIONS = np.linspace(0.0, 1.0, 40) ** 3
 """Positions in a piece at which limits are evaluated, as fractions. They are dense at its start,
 because a stop often begins at a limit.
 """
 STARTING_SPEED_FRACTION = 1e-3
-"""Share of the largest velocity below which a joint counts as starting."""
+"""Share of the velocity limit below which the friction of a joint counts as static."""
 EXCESS_TOLERANCE = 1e-7
-"""Largest relative excess over a limit of a possible stop."""
+"""Largest relative excess over a limit at which a stop counts as possible."""
 
 StopPieces = tuple[Array, Array]
 """Lengths (m,) in s, and coefficients (m, 6, 4) of powers of the time since their starts."""
@@ -53,7 +53,9 @@ StopPieces = tuple[Array, Array]
 def compute_joint_stops(
     motion: Trajectory, robot: Robot, limits: TaskLimits, times: Array
 ) -> tuple[Array, Array, Indices]:
-    """Compute the stops from n instants of a motion.
+    """Compute the stops of a robot with jerk limits from n instants of a motion.
+
+    `quickest_stops` calls this function if the jerk of a joint is limited.
 
     Parameters
     ----------
@@ -71,9 +73,9 @@ def compute_joint_stops(
     lengths : (m,) array
         Durations of the pieces of all stops, s.
     coefficients : (m, 6, 4) array
-        Their polynomials in time.
+        Coefficients of powers of the time since the start of each piece.
     edges : (n + 1,) array
-        Index of the first piece of each stop.
+        Index of the first piece of each stop, and the number of pieces.
     """
     instants = np.union1d(times, np.linspace(0.0, motion.duration, GRID_INSTANTS))
     stops: list[StopPieces | None] = [None] * len(instants)
@@ -95,7 +97,22 @@ def compute_joint_stops(
 def _earliest_stop(
     motion: Trajectory, instants: Array, stops: list[StopPieces | None], first: int
 ) -> StopPieces:
-    """Return the stop from an instant. The robot continues its motion until one is possible."""
+    """Return the pieces of the first possible stop from an instant.
+
+    If no stop is possible at this instant, the robot continues its motion until one is possible, or
+    until the motion ends.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        The motion.
+    instants : (k,) array
+        Instants at which a stop may begin, in s from the start of the motion.
+    stops : list of k StopPieces or None
+        The stop from each instant. None if it would violate a limit.
+    first : int
+        Index of the instant at which the stop is requested.
+    """
     last = next((k for k in range(first, len(stops)) if stops[k] is not None), len(stops) - 1)
     no_pieces = np.zeros(0), np.zeros((0, DEGREE + 1, 4))
     stop = stops[last] or no_pieces
@@ -106,7 +123,17 @@ def _earliest_stop(
 
 
 def _motion_between(motion: Trajectory, start: float, end: float) -> StopPieces:
-    """Return the pieces of a motion between two instants, in s from its start."""
+    """Return the pieces of a motion between two instants.
+
+    The first piece is shifted in time if it begins within a piece of the motion.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        The motion.
+    start, end : float
+        Instants in s from the start of the motion.
+    """
     breaks = motion.breaks - motion.breaks[0]
     inner = breaks[(breaks > start + MIN_PIECE_DURATION) & (breaks < end - MIN_PIECE_DURATION)]
     nodes = np.array([start, *inner, end])
@@ -124,9 +151,26 @@ def _motion_between(motion: Trajectory, start: float, end: float) -> StopPieces:
 def _stops_from_states(
     states: Samples, robot: Robot, share: float, *, together: bool
 ) -> list[StopPieces]:
-    """Compute stops from n states that use a share of the limits of the acceleration.
+    """Compute stops from n states without regard to limits of the task and of the motors.
 
-    If `together` is true, all joints stop at the same time.
+    The equations are those in the docstring of this module. v and a are the velocity and the
+    acceleration in the direction in which the joint would come to rest too late. `peak` is the
+    largest deceleration P.
+
+    Parameters
+    ----------
+    states : Samples
+        n states of the motion.
+    robot : Robot
+        Robot whose limits of acceleration and jerk the stops keep.
+    share : float
+        Share of the limits of the acceleration that the stops use.
+    together : bool
+        True if all joints stop at the same time. Otherwise, each joint stops as quickly as it can.
+
+    Returns
+    -------
+    list of n StopPieces
     """
     jerk = np.array([np.inf if joint.jerk is None else joint.jerk for joint in robot.joints])
     rests = (np.abs(states.qd) <= rest_speeds(robot)) & (states.qdd == 0.0)
@@ -160,7 +204,10 @@ def _stops_from_states(
 def _pieces_of_phases(
     q: Array, velocity: Array, accelerations: Array, jerks: Array, durations: Array
 ) -> list[StopPieces]:
-    """Return the pieces of n stops, in which the joints change their jerk at different times.
+    """Build the pieces of n stops from the phases of their joints.
+
+    A stop of one joint has three phases of constant jerk. The joints change their phases at
+    different times, so a new piece begins whenever any joint changes its phase.
 
     Parameters
     ----------
@@ -170,6 +217,10 @@ def _pieces_of_phases(
         Accelerations at the starts of three phases and of the rest after them, and their jerks.
     durations : (3, n, 4) array
         Durations of the phases of each joint, s.
+
+    Returns
+    -------
+    list of n StopPieces
     """
     positions = [q]
     velocities = [velocity]
@@ -200,7 +251,22 @@ def _pieces_of_phases(
 
 
 def _limit_excesses(stops: list[StopPieces], robot: Robot, limits: TaskLimits) -> Array:
-    """Return the largest relative excess over a limit in each of n stops, (n,)."""
+    """Compute the largest relative excess over any limit in each stop.
+
+    Parameters
+    ----------
+    stops : list of n StopPieces
+        The stops.
+    robot : Robot
+        Robot whose limits must hold.
+    limits : TaskLimits
+        Limits of the task.
+
+    Returns
+    -------
+    (n,) array
+        Negative margins, as in `LimitedQuantity.excess`. It is −∞ for a stop without pieces.
+    """
     counts = [len(lengths) for lengths, _ in stops]
     excess = np.full(len(stops), -np.inf)
     if not any(counts):

@@ -1,7 +1,8 @@
 """Limits of a robot along the path of a motion, as rows a s̈ + b ṡ² + c + k ṡ ≤ 1.
 
-The planner does not use this module. The path parameter s is the time of the motion, so q' and q''
-are its velocities and accelerations, and the motion itself has ṡ = 1. Another timing of the path
+The modules `path_bound` and `second_opinion` use these rows, and the planner does not. The path
+parameter s is the time of the motion. The derivatives q' and q'' by s are therefore the velocities
+and accelerations of the motion, and the motion itself has ṡ = 1. Another timing of the path
 has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is a limited quantity divided by its limit.
 """
 
@@ -36,7 +37,7 @@ LimitKey = tuple[str, str | None]
 
 
 def row_coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
-    """Return the coefficients of a s̈ + b ṡ² + c + k ṡ.
+    """Determine the coefficients of a row a s̈ + b ṡ² + c + k ṡ from its values.
 
     Parameters
     ----------
@@ -46,6 +47,7 @@ def row_coefficients(values: Array) -> tuple[Array, Array, Array, Array]:
     Returns
     -------
     a, b, c, k : (...) arrays
+        Coefficients in the shape of one value.
     """
     at_rest, pushed, forwards, backwards = values
     return (
@@ -152,10 +154,11 @@ class PathRows:
         return rows
 
     def torque_rows(self, i: int, drive: Drive, motor: Motor, mu: Array) -> list[Array]:
-        """Return the two rows of a torque limit.
+        """Return the two rows of the torque limit of one motor.
 
-        The motor torque in the direction of motion, as a share of its limit, is the larger of the
-        two.
+        The friction law is the larger of two linear functions of the load. Each function gives one
+        row. The motor torque in the direction of motion, as a share of its limit, is the larger of
+        both rows.
 
         Parameters
         ----------

@@ -5,6 +5,9 @@ motion through three points has at some instant at least a certain acceleration.
 the mean velocity divided by the mean length of both intervals (mean value theorem). At an end of
 the motion, which rests there or has a declared speed, the length of the outer interval is 0. If a
 jump exceeds the acceleration limit, every motion through the points violates this limit.
+
+`check` calls `check_linear_pieces` for a table of points. The largest rounding error of a point is
+called its resolution.
 """
 
 import dataclasses
@@ -22,9 +25,12 @@ from ssm_planner.verification.limits import LimitedQuantity
 from ssm_planner.verification.pieces import PIECES_PER_BLOCK
 
 MIN_RESOLUTION = 1e-12
-"""Smallest rounding error of positions that the check assumes, rad or m."""
+"""Smallest resolution of positions that the check assumes, rad or m."""
 EXPLAINABLE_EXCESS = 1e-3
-"""Relative excess of a speed that counts as kept if rounding of the points can explain it."""
+"""Largest relative excess of a speed that counts as kept if rounding can explain the excess.
+
+A larger excess that rounding can explain is not judged.
+"""
 
 
 def check_linear_pieces(
@@ -82,18 +88,18 @@ def check_linear_pieces(
 
 
 class _SpeedRecorder:
-    """Collects joint speeds on linear pieces and the jumps between them.
+    """Records the largest joint speeds on linear pieces and the worst jumps between them.
 
     Each speed and each jump is reduced by the part that rounding of the points can explain.
 
     Attributes
     ----------
     fastest, fastest_time : (4,) arrays
-        Largest speed of each joint, and its time in s.
+        Largest speed of each joint in rad/s or m/s, and its time in s.
     """
 
     def __init__(self, robot: Robot, resolution: Array, start: Array) -> None:
-        """Prepare the collection.
+        """Start a record without speeds and jumps.
 
         Parameters
         ----------
@@ -112,7 +118,7 @@ class _SpeedRecorder:
         self.share = np.full(4, -np.inf)
         """Largest ratio of a jump to the allowed jump, (4,)."""
         self.worst_jump = np.zeros((3, 4))
-        """Jump, allowed jump and time (rows) of this ratio."""
+        """Jump, allowed jump and time (rows) at which each joint has this ratio, (3, 4)."""
         self._previous_velocity = start
         self._length = 0.0
         self._time = 0.0
@@ -146,7 +152,13 @@ class _SpeedRecorder:
         self._time = float(breaks[-1])
 
     def finish(self, velocity: Array) -> None:
-        """Add the jump from the last piece to the velocity q̇ (4,) at the end of the motion."""
+        """Add the jump at the end of the motion. Call this method after the last piece.
+
+        Parameters
+        ----------
+        velocity : (4,) array
+            Declared joint velocities at the end of the motion.
+        """
         time = np.array([self._time])
         length = np.array([self._length])
         self._update_jumps(time, length, np.zeros(1), (velocity - self._previous_velocity)[None])
@@ -154,7 +166,7 @@ class _SpeedRecorder:
     def _update_jumps(
         self, time: Array, length_before: Array, length_after: Array, jump: Array
     ) -> None:
-        """Add jumps of the velocity at n instants.
+        """Update the worst jumps with the jumps of the velocity at n instants.
 
         Parameters
         ----------
@@ -180,7 +192,10 @@ class _SpeedRecorder:
         self.share = np.where(is_worse, share[k, joints], self.share)
 
     def results(self) -> list[LimitCheck]:
-        """Return the worst jump of the velocity of each joint."""
+        """Return the result for the worst jump of the velocity of each joint.
+
+        The limit of the result is the jump that the acceleration limit allows.
+        """
         checks = []
         for i, joint in enumerate(self.robot.joints):
             jump, allowed, time = self.worst_jump[:, i].tolist()
@@ -196,9 +211,26 @@ def _without_rounding(
     robot: Robot,
     speeds: _SpeedRecorder,
 ) -> LimitCheck:
-    """Return the result of a speed limit without the speed that rounding can explain.
+    """Reduce the worst value of a speed limit by the speed that rounding can explain.
 
-    Other limits, and speeds at points that state velocities, remain unchanged.
+    Parameters
+    ----------
+    quantity : LimitedQuantity
+        The limited quantity.
+    limit : LimitCheck
+        Result for the linear pieces themselves.
+    trajectory : Trajectory
+        Motion that is checked.
+    robot : Robot
+        Robot whose limits must hold.
+    speeds : _SpeedRecorder
+        Largest joint speeds on the linear pieces.
+
+    Returns
+    -------
+    LimitCheck
+        The reduced result. Results of other limits, and of speeds at points that state velocities,
+        remain unchanged.
     """
     if quantity.limit.order != 1:
         return limit
@@ -218,9 +250,10 @@ def _without_rounding(
 def _worst_window_speed(
     trajectory: Trajectory, i: int, bound: float, resolution: float
 ) -> tuple[float, float]:
-    """Return the mean speed of a joint over the worst window of points.
+    """Compute the mean speed of a joint over the worst window of points.
 
-    A motion with |q̇| ≤ bound passes all points within their rounding if and only if
+    A window contains all points between two points of the table. A motion with |q̇| ≤ bound passes
+    all points within their rounding if and only if
 
         |q(t) − q(s)| ≤ bound (t − s) + 2 resolution   for all points s < t
 
@@ -269,7 +302,7 @@ def _tool_speed_without_rounding(
     robot: Robot,
     resolution: Array,
 ) -> LimitCheck:
-    """Return the result of a tool speed without the speed that rounding can explain.
+    """Reduce the worst value of a tool speed by the speed that rounding can explain.
 
     The speed is evaluated at the start of every piece and at the worst sampled instant.
 
@@ -326,11 +359,14 @@ def _tool_speed_without_rounding(
 
 
 def _adjacent_pieces(trajectory: Trajectory, time: float) -> Indices:
-    """Return the two pieces that meet at a time, or twice the piece that contains it."""
+    """Return the indices of the two pieces that meet at a time (s).
+
+    If the time is not a break, both indices are that of the piece that contains it.
+    """
     return np.concatenate([trajectory.piece_of(np.array([time]), s) for s in ("left", "right")])
 
 
 def _with_worst_value(limit: LimitCheck, value: float, time: float) -> LimitCheck:
-    """Return the result with another worst value and its time in s."""
+    """Return the result with another worst value, its margin, and its time in s."""
     margin = (limit.limit - value) / limit.limit
     return dataclasses.replace(limit, worst=value, margin=margin, time=time)

@@ -1,7 +1,11 @@
-"""A second opinion on durations: the package toppra times the path of a motion.
+"""A second opinion on durations: the package toppra computes the fastest timing of a path.
 
-The planner and this module share only the adapter to toppra. With u = s̈ and x = ṡ², every limit of
-`path_rows` is a row a u + b x + c ≤ 1. The row holds at both ends of every grid interval, and u is
+The path of a planned motion is kept, and only its timing is computed again. If toppra finds a much
+shorter duration, the planner missed it. The planner and this module share only the adapter to
+toppra. `second_opinions` is the main entry.
+
+The path parameter s is the time of the motion. With u = s̈ and x = ṡ², every limit of `path_rows`
+is a row a u + b x + c ≤ 1. The row holds at both ends of every grid interval, and u is
 constant in between. The timings that toppra compares therefore include every motion that keeps its
 limits, up to the error of the grid.
 
@@ -32,23 +36,24 @@ from ssm_planner.verification.proof import Proof, prove_motion
 INTERVAL_ENDS = (0.0, 1.0)
 """Positions in a grid interval at which the rows hold, as fractions."""
 GRID_REFINEMENTS = (1, 2, 4, 8)
-"""Factors on the number of intervals."""
+"""Factors on the number of grid intervals, which are tried one after the other."""
 GRID_TOLERANCE = 5e-5
 """Largest relative difference of T(n) and T(2n) at which the refinement ends.
 
 The error of the result is then about 1e-5.
 """
 SAVED_TIME_TOLERANCE = 0.05
-"""The same difference as a share of the time that toppra saves.
+"""Largest difference of T(n) and T(2n), as a share of the time that toppra saves.
 
-It ends the refinement for motions that are much slower than necessary.
+The refinement also ends at this difference, which suffices for motions that are much slower than
+necessary.
 """
 MAX_PASSES = 12
-"""Largest number of passes."""
+"""Largest number of passes, that is, of calls of toppra with updated friction."""
 PASS_TOLERANCE = 2e-6
 """Relative change of the duration at which the passes have converged."""
 MAX_PATH_SPEED = 10.0
-"""Largest ṡ where nothing moves, so that no limit bounds it."""
+"""Largest ṡ where no joint moves, because no limit bounds ṡ there."""
 MIN_SQUARED_SPEED = 1e-9
 """Smallest ṡ² at which a tangent is taken."""
 
@@ -119,7 +124,7 @@ def second_opinions_and_proofs(
 def shortest_path_duration(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, span: tuple[float, float]
 ) -> Opinion:
-    """Compute the shortest duration along the path of a motion between two times, and its bound.
+    """Compute the shortest duration along a path with toppra, and a lower bound on it.
 
     Parameters
     ----------
@@ -135,7 +140,8 @@ def shortest_path_duration(
     Returns
     -------
     Opinion
-        The duration is None if toppra finds no motion or does not converge.
+        Duration, lower bound and sensitivities. The duration is None if toppra finds no timing or
+        does not converge.
     """
     path_arguments = trajectory, robot, limits, span
     coarse, timing = np.inf, None
@@ -156,7 +162,7 @@ def shortest_path_duration(
 
 
 def _unsupported_requirement(problem: Problem) -> str:
-    """Return the reason why toppra cannot judge the motions of a problem, or an empty text."""
+    """Return the reason why toppra cannot judge any motion of a problem, or an empty text."""
     if problem.robot.jerk_limited:
         return "toppra ignores limits on jerk"
     if problem.friction is not None or problem.payload is not None:
@@ -175,7 +181,10 @@ def _unsupported_request(entry: Any) -> str:
 
 
 def _fastest_timing(path: PathRows, use: Array) -> Array | None:
-    """Compute the fastest timing with toppra.
+    """Compute the fastest timing of a path with toppra.
+
+    Friction depends on the speed, so several passes are necessary. Each pass takes the friction at
+    the speeds of the previous pass.
 
     Parameters
     ----------
@@ -215,13 +224,26 @@ def _fastest_timing(path: PathRows, use: Array) -> Array | None:
 
 
 def _timing_duration(path: PathRows, squares: Array) -> float:
-    """Return the duration in s of the timing with ṡ² = squares (n + 1,) at the grid points."""
+    """Compute the duration of a timing.
+
+    Parameters
+    ----------
+    path : PathRows
+        The path with n intervals.
+    squares : (n + 1,) array
+        ṡ² at the grid points. s̈ is constant in between.
+
+    Returns
+    -------
+    float
+        Duration, s.
+    """
     root = np.sqrt(squares)
     return float((2 * path.lengths / (root[1:] + root[:-1])).sum())
 
 
 def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
-    """Return the coefficients of all rows a s̈ + b ṡ² + c ≤ 1 for given speeds.
+    """Compute the coefficients of all rows a s̈ + b ṡ² + c ≤ 1, linearised at given speeds.
 
     With x = ṡ², the tangent √x ≤ √x₀/2 + x/(2 √x₀) at x₀ replaces √x in the terms of viscous
     friction.
@@ -236,6 +258,7 @@ def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
     Returns
     -------
     a, b, c : (2n, rows) arrays
+        Coefficients at the starts of all intervals, followed by those at the ends.
     """
     u = np.tile(np.diff(squares) / (2 * path.lengths), 2)
     x = np.concatenate([squares[:-1], squares[1:]])

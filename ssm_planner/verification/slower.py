@@ -1,9 +1,9 @@
 """Checks of a motion that is played at a fraction of its speed.
 
 At a fraction k of the speed, velocity, acceleration and jerk scale with k, k² and k³, and positions
-do not change. If the motion keeps their limits, the slower motion keeps them as well. Motor torques
-do not scale like this. Friction may grow towards low speed (Stribeck effect), and the inertia of
-the arm carries less of the load.
+do not change. If the motion keeps the limits of these quantities, the slower motion keeps them as
+well. Motor torques do not scale like this. Friction may grow towards low speed (Stribeck effect),
+and the inertia of the arm carries less of the load.
 """
 
 from itertools import product
@@ -21,9 +21,12 @@ from ssm_planner.verification.check import SAMPLING_RATE, check
 DEFAULT_SLOWEST_SPEED = 0.01
 """Lowest speed that a check of all speeds includes by default."""
 GRID_SPEEDS = 48
-"""Number of speeds in geometric progression of the first pass."""
+"""Number of speeds, in geometric progression, at which the search for the worst speed starts."""
 TORQUE_INSTANTS = 1500
-"""Number of instants for the torque at every speed, in addition to both sides of every break."""
+"""Number of instants at which the torque is evaluated for every speed.
+
+Both sides of every break are added.
+"""
 SPEED_REFINEMENTS = 3
 """Number of refinements around the worst speed. Each is about ten times finer than the last."""
 SPEED_DEPENDENT_LIMITS = (MotorTorque.name, ContinuousTorque.name)
@@ -45,7 +48,7 @@ class WorstSpeed:
     speed: float
     """Fraction of the speed of the motion."""
     found: LimitCheck
-    """Result of the check at this speed."""
+    """Result of the check of the limit at this speed."""
 
 
 @record
@@ -188,9 +191,10 @@ def _worst_speed(
     column: tuple[int, int],
     pause: float,
 ) -> float:
-    """Return the speed with the largest torque.
+    """Find the speed at which a motor has its largest peak torque or its largest RMS torque.
 
-    The search starts on a grid and refines it around the best speed.
+    The search starts on a grid of speeds and refines the grid around the speed with the largest
+    torque.
 
     Parameters
     ----------
@@ -201,9 +205,9 @@ def _worst_speed(
     factors : (m,) array
         Speeds of the grid, as fractions.
     values : (m,) array
-        Torques at these speeds.
+        Torques of the motor at these speeds, N·m.
     column : (int, int)
-        0 for the peak or 1 for the RMS torque, and index of the joint.
+        0 for the peak torque or 1 for the RMS torque, and index of the joint.
     pause : float
         Time before the motion repeats, s.
     """
@@ -219,7 +223,7 @@ def _worst_speed(
 def _peak_and_rms_torques(
     motion: Trajectory, robot: Robot, factors: Array, pause: float
 ) -> tuple[Array, Array]:
-    """Return the peak and the RMS of the motor torques at m speeds, (m, 4) each.
+    """Compute the peak and the RMS of the motor torques of the slowed motion.
 
     Parameters
     ----------

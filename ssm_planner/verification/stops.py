@@ -1,15 +1,18 @@
 """Quickest controlled stops of a motion, along its path unless the jerk is limited.
 
+A controlled stop brings all joints to rest with working motors, for example after a stop command.
+The main entry is `quickest_stops`.
+
 The path is q(s), and its parameter s is the time of the motion, so the motion itself has ṡ = 1. A
-stop reduces ṡ to 0 on the same path, with q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every limit of an
-acceleration or a motor torque bounds s̈ from below at (s, ṡ). The stop takes the largest of these
-bounds.
+dash denotes the derivative by s. A stop reduces ṡ to 0 on the same path, with q̇ = q' ṡ and
+q̈ = q' s̈ + q'' ṡ². Every limit of an acceleration or a motor torque bounds s̈ from below at
+(s, ṡ). The stop takes the largest of these bounds.
 
 This choice is optimal. Standing still and the motion itself keep all limits, and the limits are
-convex in ṡ². Every slower motion between both therefore keeps them as well, so the largest bound
-always leads to a state from which a stop exists. No stop along the path is shorter.
+convex in ṡ². Every slower motion between both therefore keeps the limits as well, so the largest
+bound always leads to a state from which a stop exists. No stop along the path is shorter.
 
-If the jerk of a joint is limited, every joint stops by itself (`compute_joint_stops`).
+If the jerk of a joint is limited, every joint stops by itself (module `joint_stops`).
 """
 
 from functools import cached_property
@@ -36,25 +39,26 @@ from ssm_planner.verification.joint_stops import compute_joint_stops
 from ssm_planner.verification.pieces import rest_speeds
 
 INSTANTS = 1000
-"""Default number of instants from which stops are computed."""
+"""Default number of instants of the motion at which a stop begins."""
 MAX_STEP = 2e-3
-"""Largest interval of the path with constant s̈, in s of the motion."""
+"""Largest length of an interval in which s̈ is constant, in s of the motion."""
 MAX_STEPS = 8
-"""Largest number of these intervals in a piece."""
+"""Largest number of intervals between two nodes of the path."""
 LIMIT_REDUCTION = 1e-3
-"""Relative reduction of the limits of a stop.
+"""Share by which stops stay below the limits.
 
-It covers the jumps of s̈ between intervals and the deviation of the polynomials.
+This reserve covers the jumps of s̈ between intervals and the deviation of the polynomials from the
+exact stop.
 """
 MIN_BREAK_DISTANCE = 2e-4
-"""Distance in s below which an instant is moved to a break of the motion.
+"""Distance from a break of the motion (s) below which an instant is moved to the break.
 
-A very short piece between them would have inaccurate accelerations.
+A very short piece between the instant and the break would have inaccurate accelerations.
 """
 MIN_LEG_PIECES = 1500
-"""Smallest number of pieces between two rests of the motion that are searched together.
+"""Smallest number of pieces in a leg, that is, in a part of the motion between two rests.
 
-It bounds the memory of long motions.
+Each leg is processed separately, which bounds the memory for long motions.
 """
 
 
@@ -68,19 +72,23 @@ class StopMotions:
     time: Array
     """Instants (n,) in s from the start of the motion."""
     duration: Array
-    """Time (n,) in s until all joints rest."""
+    """Duration (n,) of each stop, that is, the time until all joints rest, s."""
     travel: Array
-    """Largest distance (n,) of the tip from its position at the instant, m."""
+    """Largest distance (n,) of the tip during the stop from its position at the instant, m."""
     pieces: tuple[Array, Array]
-    """Lengths (m,) in s and coefficients (m, 6, 4) of all stops, one after the other."""
+    """Polynomial pieces of all stops, one stop after the other.
+
+    The first array contains the durations (m,) of the pieces, s. The second array contains the
+    coefficients (m, 6, 4) of powers of the time since the start of the piece.
+    """
     edges: Indices
     """Indices (n + 1,) of the first piece of each stop, and the number of pieces."""
     ends_at_rest: bool
-    """True if the motion ends at rest. If not, a stop may still move where the path ends."""
+    """True if the motion ends at rest. Otherwise, a stop may still move where the path ends."""
 
     @cached_property
     def motions(self) -> tuple[Trajectory | None, ...]:
-        """One trajectory for each instant. None if all joints rest at the instant."""
+        """Trajectory of the stop from each instant, or None if all joints rest at the instant."""
         lengths, coefficients = self.pieces
         motions: list[Trajectory | None] = []
         for start, end in pairwise(self.edges.tolist()):
@@ -94,7 +102,7 @@ class StopMotions:
 
     @property
     def joined(self) -> Trajectory | None:
-        """All stops as one trajectory, which jumps between stops.
+        """All stops, one after the other, as one trajectory that jumps between stops.
 
         None if all joints rest at every instant.
         """
@@ -102,7 +110,7 @@ class StopMotions:
 
 
 def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
-    """Return a trajectory that starts at time 0.
+    """Build a trajectory that starts at time 0.
 
     Parameters
     ----------
@@ -116,10 +124,12 @@ def _trajectory_from_pieces(lengths: Array, coefficients: Array) -> Trajectory:
 
 @record
 class _StopPath:
-    """The path at both ends of its m intervals.
+    """The path of a motion at both ends of its m intervals.
 
-    The arrays q, dq, ddq and those in `load` have shape (2, m, 4). The first entry is the limit
-    just after the start of the interval, and the second is the limit just before its end.
+    The arrays q, dq, ddq and those in `load` have shape (2, m, 4): end of the interval, interval
+    and joint. The first entry is the value just after the start of the interval, and the second is
+    the value just before its end. They differ from those of the adjacent intervals where the motion
+    jumps.
     """
 
     s: Array
@@ -129,7 +139,7 @@ class _StopPath:
     ddq: Array
     """Joint positions q and their derivatives q' and q'' by s."""
     load: tuple[Array, Array, Array]
-    """Coefficients a, b and c of the joint efforts a s̈ + b ṡ² + c."""
+    """Coefficients a, b and c of the efforts a s̈ + b ṡ² + c of the rigid-body dynamics."""
     rests: Mask
     """True if all joints rest in the motion at the node, (m + 1,)."""
 
@@ -137,8 +147,18 @@ class _StopPath:
     def from_motion(cls, motion: Trajectory, robot: Robot, instants: Array) -> "_StopPath":
         """Sample the path of a motion.
 
-        The nodes include all breaks and the instants (n,), s. Each distance between them is divided
-        into intervals of at most `MAX_STEP`, and into at most `MAX_STEPS` intervals.
+        The nodes of the path are all breaks of the motion and the given instants. The distance
+        between two nodes is divided into intervals of at most `MAX_STEP`, but into at most
+        `MAX_STEPS` intervals.
+
+        Parameters
+        ----------
+        motion : Trajectory
+            The motion.
+        robot : Robot
+            Robot with its rigid-body dynamics.
+        instants : (n,) array
+            Instants in s from the start of the motion.
         """
         breaks = motion.breaks - motion.breaks[0]
         behind = np.clip(np.searchsorted(breaks, instants), 1, len(breaks) - 1)
@@ -173,8 +193,8 @@ def quickest_stops(
 ) -> StopMotions:
     """Compute the quickest stops from instants of a motion.
 
-    A stop never passes a rest of the motion. Long motions are therefore searched in parts between
-    rests, which bounds the memory.
+    A stop never continues beyond an instant at which the motion rests. Long motions are therefore
+    divided into legs between rests, which are processed one by one.
 
     Parameters
     ----------
@@ -241,16 +261,16 @@ def quickest_stops(
 
 
 def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions:
-    """Compute the quickest stops in a part of a motion.
+    """Compute the quickest stops in one leg of a motion.
 
     Parameters
     ----------
     motion : Trajectory
-        The part.
+        The leg, which is a part of the motion.
     robot : Robot
         Robot whose limits must hold.
     times : (n,) array
-        Instants in s from the start of the part.
+        Instants in s from the start of the leg.
     """
     path = _StopPath.from_motion(motion, robot, times)
     middles = (path.s[1:] + path.s[:-1]) / 2
@@ -263,9 +283,18 @@ def _stops_of_leg(motion: Trajectory, robot: Robot, times: Array) -> StopMotions
 def _measure_stops(
     times: Array, stops: tuple[Array, Array, Indices], robot: Robot, *, ends_at_rest: bool
 ) -> StopMotions:
-    """Return stops from the instants `times` (n,) with their durations and travels.
+    """Build the result from the pieces of n stops, with durations and distances of the tip.
 
-    The parameter `stops` contains the lengths, coefficients and edges of `_advance_stops`.
+    Parameters
+    ----------
+    times : (n,) array
+        Instants at which the stops begin, s.
+    stops : tuple
+        Lengths, coefficients and edges of the pieces, as `_advance_stops` returns them.
+    robot : Robot
+        Robot whose kinematics determine the position of the tip.
+    ends_at_rest : bool
+        True if the motion ends at rest.
     """
     lengths, coefficients, edges = stops
     duration = np.zeros(len(times))
@@ -293,19 +322,29 @@ def _measure_stops(
 def _advance_stops(
     path: _StopPath, robot: Robot, start_nodes: Indices
 ) -> tuple[Array, Array, Indices]:
-    """Compute the pieces of the stops from the nodes `start_nodes` (n,) of a path.
+    """Advance n stops from their start nodes until they rest.
 
-    All stops advance together, node by node. A stop for which the path is too short continues to
-    the end of the path and still moves there.
+    All stops advance together, one interval of the path in each step. In an interval, s̈ is
+    constant and has the smallest value that the limits allow. A stop for which the path is too short
+    continues to the end of the path and still moves there.
+
+    Parameters
+    ----------
+    path : _StopPath
+        Path of the motion.
+    robot : Robot
+        Robot whose limits must hold.
+    start_nodes : (n,) array
+        Indices of the nodes at which the stops begin.
 
     Returns
     -------
     lengths : (m,) array
         Durations of the pieces, s.
     coefficients : (m, 6, 4) array
-        Their polynomials in time.
+        Coefficients of powers of the time since the start of the piece.
     edges : (n + 1,) array
-        Index of the first piece of each stop.
+        Index of the first piece of each stop, and the number of pieces.
     """
     last_node = len(path.s) - 1
     stop = np.arange(len(start_nodes))
@@ -353,22 +392,24 @@ class _DecelerationBounds:
     lengths: Array
     """Lengths of the intervals in s, (m,)."""
     terms: Array
-    """Coefficients c₀, c₁ and c₂ of the bounds c₀ + c₁ x + c₂ √x, (3, rows, 3 m).
+    """Coefficients c₀, c₁ and c₂ of the bounds s̈ ≥ c₀ + c₁ x + c₂ √x, (3, rows, 3 m).
 
-    The columns contain the first state of all intervals, then the second and the third.
+    Each row belongs to a limit. The columns contain the first state of all intervals, then the
+    second and the third.
     """
     single_rows: int
     """Number of leading rows that are bounds by themselves.
 
-    The other rows form two halves. Two rows at the same position of both halves belong together,
-    and only the smaller of them is a bound.
+    The other rows belong to motors that brake. They form two halves, because the friction law is
+    the larger of two linear functions. Of two rows at the same position of both halves, only the
+    smaller one is a bound.
     """
     speed_dependent_joints: tuple[int, ...]
     """Joints whose friction depends on the speed. Their torques are not among the rows."""
 
     @classmethod
     def from_path(cls, path: _StopPath, robot: Robot) -> "_DecelerationBounds":
-        """Compute the rows of all acceleration limits and of the torque limits.
+        """Compute the bounds that follow from all acceleration limits and torque limits.
 
         The torque in the direction of motion is the larger of two linear functions. It must not
         exceed its limit when the motor drives, so both functions give a bound. When the motor
@@ -424,7 +465,7 @@ class _DecelerationBounds:
         )
 
     def smallest_acceleration(self, k: Indices, x: Array, *, ends: bool) -> Array:
-        """Return the smallest s̈ (n,) on intervals that begin with a given speed.
+        """Compute the smallest s̈ that keeps all limits on n intervals.
 
         Parameters
         ----------
@@ -438,7 +479,7 @@ class _DecelerationBounds:
         Returns
         -------
         (n,) array
-            The bounds, which are at most 0.
+            The smallest s̈. The result is at most 0, because a stop never accelerates.
         """
         n = len(k)
         m = len(self.lengths)
@@ -472,7 +513,8 @@ class _DecelerationBounds:
 class _MotorOnPath:
     """A motor at n positions of a path.
 
-    The friction law has two rows, and the torque in the direction of motion is the larger of both.
+    The friction law consists of two linear functions of the load, called rows. The torque in the
+    direction of motion is the larger of both.
 
     Attributes
     ----------
@@ -493,7 +535,7 @@ class _MotorOnPath:
     ddq: Array
     load: tuple[Array, Array, Array]
     square_growth: Array
-    """Factor with which s̈ increases ṡ², (n,). It is 0 if ṡ² is given."""
+    """Increase of ṡ² per unit of s̈ since the start of the interval, (n,). 0 if ṡ² is given."""
 
     @classmethod
     def from_joint(
@@ -515,7 +557,7 @@ class _MotorOnPath:
         index : tuple
             Ends (n,) and intervals (n,) of the positions, and the index of the joint.
         square_growth : (n,) array
-            Factor with which s̈ increases ṡ².
+            Increase of ṡ² per unit of s̈ since the start of the interval.
         square : (n,) array or float
             ṡ² that determines the friction coefficient.
         """
@@ -536,7 +578,19 @@ class _MotorOnPath:
         )
 
     def row_torques(self, u: Array, square: Array, root: Array) -> list[Array]:
-        """Return the torques of both rows at s̈ = u, ṡ² = square and ṡ = root, (n,) each."""
+        """Evaluate both rows of the friction law.
+
+        Parameters
+        ----------
+        u, square, root : (n,) arrays
+            s̈, ṡ² and ṡ at the positions. They are independent arguments, so that the caller can
+            determine the coefficient of each of them.
+
+        Returns
+        -------
+        list of two (n,) arrays
+            Motor torques in the direction of motion, N·m.
+        """
         drive, (inertia, velocity, gravity) = self.joint.drive, self.load
         assert drive is not None
         speed = self.dq * root
@@ -547,7 +601,7 @@ class _MotorOnPath:
         return [self.sigma * self.rows.torque(slope * effort, *motion) for slope in self.rows.slope]
 
     def acceleration_bound(self, slope: Array, offset: Array) -> Array:
-        """Return the smallest u with slope · u + offset ≤ the largest torque.
+        """Return the smallest u = s̈ for which slope · u + offset is at most the largest torque.
 
         Parameters
         ----------
@@ -573,7 +627,7 @@ class _MotorOnPath:
     def smallest_acceleration(self, square: Array) -> Array:
         """Return the smallest s̈ that keeps the torque limit of the motor.
 
-        The limit holds for a driving and for a braking motor.
+        The limit applies both to a driving motor and to a braking motor.
 
         Parameters
         ----------
@@ -612,8 +666,8 @@ def _pieces_from_steps(
     count : int
         Number of stops.
     columns : list of six (m,) arrays
-        Index of the stop, index of the interval, ṡ² before the step, s̈, ṡ² after it, and the
-        length of the step in s.
+        For each of m steps: index of the stop, index of the interval, ṡ² before the step, s̈, ṡ²
+        after the step, and length of the step in s of the motion.
 
     Returns
     -------

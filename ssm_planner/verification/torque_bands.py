@@ -1,4 +1,8 @@
-"""Bands of motor torques in tables of positions.
+"""Bounds of motor torques in tables of positions.
+
+A table consists of rows with a time and the joint positions. It states no acceleration, but its
+rows still bound the largest motor torque of every smooth motion through them. The interval between
+the lower and the upper bound is called a band. `check_torque_bands` is the main entry.
 
 Three rows of a table have a second divided difference. For every smooth motion through these rows,
 it is a weighted mean of the acceleration, with the same weights for all joints. While a joint keeps
@@ -35,17 +39,18 @@ from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.certificate import ROUNDING_TOLERANCE, LimitCheck, Unjudged
 
 WINDOW_WIDTHS = (1, 4, 16, 64)
-"""Distances, in rows, between the three rows of a difference."""
+"""Distances between the three rows of a window, in rows."""
 BOX_POINTS = ((0, 0, 0), *product((-1, 1), repeat=3))
-"""The centre and the corners of a box of load, speed and acceleration, as signs."""
+"""Signs of load, speed and acceleration at the centre and at the eight corners of a box."""
 
 
 def check_torque_bands(
     trajectory: Trajectory, robot: Robot, limits: TaskLimits, resolution: Array, undefined: str
 ) -> tuple[list[LimitCheck], list[Unjudged]]:
-    """Check the motor torques of a table of positions, and accelerations that are certain.
+    """Check motor torques and accelerations of a table of positions.
 
-    A torque is judged if its whole band is on one side of the limit.
+    A torque is judged only if its whole band is on one side of the limit. An acceleration is
+    reported only if every motion through the rows exceeds its limit.
 
     Parameters
     ----------
@@ -58,7 +63,7 @@ def check_torque_bands(
     resolution : (4,) array
         Largest rounding error of a row, rad or m.
     undefined : str
-        Reason that precedes the band of a torque that is not judged.
+        Reason why a torque is not judged. The band of the torque is appended to it.
 
     Returns
     -------
@@ -118,7 +123,9 @@ def check_torque_bands(
 
 
 def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: Array) -> Array:
-    """Bound the accelerations and the motor torques within n windows of three rows.
+    """Bound the accelerations and the motor torques within n windows.
+
+    A window consists of three rows of the table: the first, the middle and the last row.
 
     Parameters
     ----------
@@ -182,8 +189,8 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
 def _bound_load_changes(body: RigidBody, q: Array, qd: Array, errors: tuple[Array, ...]) -> Array:
     """Bound the change of the load of each joint within a window.
 
-    The load is M(q) q̈ + h(q, q̇). With steps Δq_i and Δq̇_i of one coordinate at a time, the bound
-    is
+    The load is M(q) q̈ + h(q, q̇), with the mass matrix M and the effort h at zero acceleration.
+    With steps Δq_i and Δq̇_i of one coordinate at a time, the bound is
 
         Σ_i Σ_± |h(q ± Δq_i, q̇) − h(q, q̇)| + |h(q, q̇ ± Δq̇_i) − h(q, q̇)|
                 + |M(q ± Δq_i) − M(q)| q̈_max.
@@ -237,7 +244,7 @@ def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
 def _torque_band(
     drive: Drive, direction: int, mu: Array, state: tuple[Array, ...], errors: tuple[Array, ...]
 ) -> tuple[Array, Array]:
-    """Return bounds of a motor torque in its direction, (n,) each.
+    """Bound a motor torque in its direction within n boxes of load, speed and acceleration.
 
     The torque is convex in load, speed and acceleration, and it grows with the friction. Its
     largest value in a box is therefore at a corner. Its smallest value is at least twice the value
@@ -259,7 +266,8 @@ def _torque_band(
     Returns
     -------
     lowest, highest : (n,) arrays
-        The lower bound uses the smallest coefficient, and the upper bound the largest.
+        Bounds of the motor torque, N·m. The lower bound uses the smallest friction coefficient,
+        and the upper bound uses the largest.
     """
     values = []
     for corner in BOX_POINTS:

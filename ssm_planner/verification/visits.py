@@ -1,7 +1,9 @@
 """Check that a motion performs a task: its targets, waypoints, lines, dwells and durations.
 
-The check searches the earliest instant at which each point is reached after the previous one. It
-does not need phases, so it can judge any table.
+`check` only judges the limits. The function `with_task_results` of this module adds whether the
+motion visits all points of a problem in their order. It searches the earliest instant at which each
+point is reached after the previous one. It does not need phases, so it can judge any table of
+points.
 """
 
 from dataclasses import replace
@@ -25,17 +27,21 @@ from ssm_planner.verification.promises import (
 )
 
 POINT_TOLERANCE = np.array([2e-4, 2e-4, 2e-4, 1e-5])
-"""Largest error at a point, rad and m: 0.01° and 10 µm."""
+"""Largest permitted error at a point for the four coordinates, rad and m: 0.01° and 10 µm."""
 DWELL_TOLERANCE = 0.1
-"""Largest displacement during a dwell, as a share of `POINT_TOLERANCE`."""
+"""Largest error of the position during a dwell, as a share of `POINT_TOLERANCE`."""
 DURATION_TOLERANCE = 0.02
-"""Largest relative error of a requested duration."""
+"""Largest permitted relative error of a requested duration."""
 MIN_INSTANTS = 20_000
-"""Smallest number of instants of a motion with many pieces."""
+"""Approximate number of sampled instants of a motion."""
 MAX_PIECE_INSTANTS = 64
-"""Largest number of instants in a piece."""
+"""Largest number of sampled instants in a piece."""
 OMITTED_DWELL_TIME = 5e-3
-"""Time at each end of a dwell that a table may omit, s."""
+"""Duration by which a table may shorten a dwell at each end, s.
+
+The rows of a table have distances in time, so the first and the last row at a point need not mark
+the exact start and end of the dwell.
+"""
 
 
 def with_task_results(
@@ -117,7 +123,9 @@ def with_task_results(
 
 
 def _point_result(name: str, entry: str, error: float, time: float) -> LimitCheck:
-    """Return the result for a point.
+    """Build the result for a target or waypoint.
+
+    The limit of the error is 1, because the error is a multiple of the tolerance.
 
     Parameters
     ----------
@@ -136,7 +144,7 @@ def _point_result(name: str, entry: str, error: float, time: float) -> LimitChec
 
 
 def _duration_result(name: str, entry: str, actual: float, requested: float) -> LimitCheck:
-    """Compare the duration of a motion or dwell with the requested duration.
+    """Build the result for the duration of a motion or dwell.
 
     Parameters
     ----------
@@ -145,7 +153,8 @@ def _duration_result(name: str, entry: str, actual: float, requested: float) -> 
     entry : str
         Name of the motion.
     actual, requested : float
-        Durations, s. Their relative difference must be at most `DURATION_TOLERANCE`.
+        Actual and requested duration, s. The relative error of the actual duration must be at most
+        `DURATION_TOLERANCE`.
     """
     margin = 1 - abs(actual / requested - 1) / DURATION_TOLERANCE
     return LimitCheck(
@@ -154,7 +163,7 @@ def _duration_result(name: str, entry: str, actual: float, requested: float) -> 
 
 
 class _TaskProgress:
-    """Instants of a motion, with the joint positions and task coordinates at these instants.
+    """A motion that is sampled at n instants, and the point that the search has reached last.
 
     Attributes
     ----------
@@ -163,11 +172,19 @@ class _TaskProgress:
     q, tasks : (n, 4) arrays
         Joint positions and task coordinates.
     branch : int
-        Solution of the inverse kinematics at the start.
+        Solution of the inverse kinematics at the start: positive for the first one.
     """
 
     def __init__(self, motion: Trajectory, mechanism: Mechanism) -> None:
-        """Sample a motion at all breaks, and at further instants within its pieces."""
+        """Sample a motion at all breaks, and at further instants within its pieces.
+
+        Parameters
+        ----------
+        motion : Trajectory
+            The motion, or a table of points.
+        mechanism : Mechanism
+            Kinematics of the robot.
+        """
         lengths = np.diff(motion.breaks)
         count = int(np.clip(MIN_INSTANTS / len(lengths), 1, MAX_PIECE_INSTANTS))
         inner = motion.breaks[:-1, None] + np.arange(count) / count * lengths[:, None]
@@ -177,13 +194,26 @@ class _TaskProgress:
         self.mechanism = mechanism
         self.branch = int(mechanism.branch_of(self.q[0]))
         self.last_task = self.tasks[0]
-        """Task coordinates of the last point, (4,). Open ones are NaN."""
+        """Task coordinates of the last point, (4,), rad and m.
+
+        An open coordinate, which the task leaves free, is NaN until the motion reaches the point.
+        """
 
     def errors(self, point: Point) -> Array:
-        """Return the errors (n, 4) of a point at all instants, in multiples of `POINT_TOLERANCE`.
+        """Compute the distance of the motion from a point at all instants.
 
-        Coordinates that a pose does not state keep their values. Joint positions are compared
-        directly, because several joint positions can have the same pose.
+        A coordinate that the point does not state keeps its value from the previous point. Joint
+        positions are compared directly, because several joint positions can have the same pose.
+
+        Parameters
+        ----------
+        point : Point
+            Task coordinates, joint positions, or a position of the tip with a spin.
+
+        Returns
+        -------
+        (n, 4) array
+            Errors of the four coordinates, in multiples of `POINT_TOLERANCE`.
         """
         self.last_task = task_coordinates_of(self.mechanism, point, self.last_task, self.branch)
         if isinstance(point, Joints):
@@ -193,11 +223,11 @@ class _TaskProgress:
     def first_visit(self, errors: Array, first_index: int) -> tuple[int, float]:
         """Find the first instant at which the motion reaches a point.
 
-        The robot stays within `POINT_TOLERANCE` of the point for a while. The result is the first
-        instant of the first such stay whose error is within `DWELL_TOLERANCE` of the smallest one.
-        If the motion never reaches the point, the result is the instant with the smallest error.
-        The error is linear between two instants. Open coordinates (NaN in `last_task`) take their
-        values at the result.
+        A visit is a sequence of consecutive instants with an error of at most 1. Within the first
+        visit, the result is the earliest instant whose error exceeds the smallest error by at most
+        `DWELL_TOLERANCE`. If the motion never reaches the point, the result is the instant with the
+        smallest error. The error is assumed to be linear between two instants. Open coordinates
+        (NaN in `last_task`) take their values at the result.
 
         Parameters
         ----------
@@ -231,7 +261,7 @@ class _TaskProgress:
         return first_index + best_index, float(distance[best_index])
 
     def measure_rest(self, first_index: int, duration: float) -> tuple[float, int]:
-        """Measure how long the robot rests from an instant.
+        """Measure how long the robot rests, beginning with a given instant.
 
         Parameters
         ----------
@@ -243,7 +273,7 @@ class _TaskProgress:
         Returns
         -------
         stay : float
-            Duration of the rest, s. It includes OMITTED_DWELL_TIME at both ends.
+            Duration of the rest, s. It includes `OMITTED_DWELL_TIME` at both ends.
         end_index : int
             Index of the instant after the requested duration, or of the end of the rest if it is
             earlier.
