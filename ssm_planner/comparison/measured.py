@@ -130,7 +130,20 @@ def assign_recordings(texts: Sequence[str], robot: Robot) -> list[tuple[str, Pat
 
 
 def _joint_in_file_name(stem: str, names: list[str]) -> str:
-    """Return the joint that the name of a file contains, or "" if it is not unique."""
+    """Find the joint that a file name mentions by its name or its number.
+
+    Parameters
+    ----------
+    stem : str
+        File name without its extension, in lower case.
+    names : list of str
+        Names of the four joints.
+
+    Returns
+    -------
+    str
+        Name of the joint, or an empty text if the file name mentions no joint or several joints.
+    """
     matches = [name for name in names if name in stem]
     numbers = re.findall(r"(?:axis|joint|motor|j)[ _-]?([1-4])(?!\d)", stem)
     matches += [names[int(number) - 1] for number in numbers]

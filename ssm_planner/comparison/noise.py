@@ -1,4 +1,8 @@
-"""Estimate the noise of a recorded channel, and find values that exceed it."""
+"""Estimate the noise of a recorded channel, and find values that exceed it.
+
+`findings` compares means over several windows with the limits. Long windows contain less noise, and
+short windows show short faults.
+"""
 
 import numpy as np
 
@@ -26,7 +30,20 @@ _SIGMA_PER_MEDIAN = 1 / 0.6745
 
 
 def moving_means(values: Array, n: int) -> Array:
-    """Return the means (samples − n + 1,) of every n consecutive values (samples,)."""
+    """Compute the mean of every n consecutive values.
+
+    Parameters
+    ----------
+    values : (samples,) array
+        Values of a channel.
+    n : int
+        Number of values in a mean.
+
+    Returns
+    -------
+    (samples − n + 1,) array
+        Means, in the order of their first values.
+    """
     total = np.append(0.0, np.cumsum(values))
     return (total[n:] - total[:-n]) / n
 
@@ -55,11 +72,20 @@ def estimate_noise(departure: Array, n: int, resolution: float) -> float:
 
 
 def averaging_windows(step: float) -> list[tuple[int, float]]:
-    """Return the number of samples and the significance of every window.
+    """Return the windows over which measured values are averaged.
 
-    The first window is a single sample, and the others have the durations `WINDOW_DURATIONS`. The
-    significance is the number of standard deviations beyond which a mean is significant. `step` is
-    the sampling period, s.
+    The first window is a single sample, and the others have the durations `WINDOW_DURATIONS`.
+
+    Parameters
+    ----------
+    step : float
+        Sampling period, s.
+
+    Returns
+    -------
+    list of (int, float)
+        Number of samples of each window, and number of standard deviations beyond which a mean over
+        this window is significant.
     """
     result = [(1, SIGNIFICANT_SAMPLE_DEVIATIONS)]
     for duration in WINDOW_DURATIONS:
@@ -68,10 +94,21 @@ def averaging_windows(step: float) -> list[tuple[int, float]]:
 
 
 def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:
-    """Return the first index, the last index and the duration (s) of the longest run.
+    """Find the longest run, that is, the longest sequence of consecutive true values.
 
-    A run is a sequence of true values in `flags` (n,) at the instants `time` (n,). The result is
-    (0, 0, 0.0) without a run.
+    Parameters
+    ----------
+    flags : (n,) array of bool
+        The values.
+    time : (n,) array
+        Instants of the values, s.
+
+    Returns
+    -------
+    first, last : int
+        Indices of the first and the last value of the run.
+    duration : float
+        Duration of the run, s. All three results are 0 if no value is true.
     """
     candidates = [(a, b - 1, float(time[b - 1] - time[a])) for a, b in runs(flags)]
     return max(candidates, key=lambda run: run[2], default=(0, 0, 0.0))

@@ -20,7 +20,7 @@ from ssm_planner.typing import Array, record
 PLAN_RATE = 2000.0
 """Sampling rate of the prediction at the planned speed, Hz."""
 ASSUMED_TORQUE_DEVIATION = 0.25
-"""Assumed relative deviation of the torque if the drive file contains no posterior."""
+"""Assumed relative deviation of the torque if the drive file contains no posterior distribution."""
 SCATTER_DEVIATIONS = 1.96
 """Half width of the band in standard deviations of the scatter between recordings."""
 
@@ -64,9 +64,28 @@ class AxisPrediction:
 def predict_axes(
     trajectory: Trajectory, robot: Robot, joints: Sequence[str], speed: float = 1.0
 ) -> list[AxisPrediction]:
-    """Predict the axes of the given joints. Raises RecordingError for a joint without a drive.
+    """Predict position, motor speed and motor torque of the given joints.
 
-    `speed` is the speed of execution as a multiple of the planned speed.
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The planned motion.
+    robot : Robot
+        Robot with its drives.
+    joints : sequence of str
+        Names of the joints.
+    speed : float
+        Speed of execution, as a multiple of the planned speed.
+
+    Returns
+    -------
+    list of AxisPrediction
+        One prediction for each name, in the same order.
+
+    Raises
+    ------
+    RecordingError
+        If a joint has no drive.
     """
     trajectory = trajectory.slower(speed)
     samples = trajectory.uniform(PLAN_RATE * speed)
@@ -107,12 +126,28 @@ def predict_axes(
 def _posterior_band(
     drive: Drive, rigid: Array, qd: Array, qdd: Array, direction: Array, breakaway: Array
 ) -> tuple[Array, Array] | None:
-    """Return the band (low, high) that contains the motor torque in 95 % of recordings, N·m.
+    """Compute the band that contains the motor torque in 95 % of recordings.
 
-    The band follows from the parameter sets of the posterior and from the scatter between
-    recordings. It is None if the drive file contains no posterior. All arrays are (n,): the load
-    `rigid`, velocity, acceleration and direction of the joint, and `breakaway`, which is True where
-    the joint starts from rest.
+    The band follows from the parameter sets of the posterior distribution and from the scatter
+    between recordings.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive of the joint.
+    rigid : (n,) array
+        Effort of the rigid-body dynamics on the joint, N·m or N.
+    qd, qdd : (n,) arrays
+        Velocity and acceleration of the joint.
+    direction : (n,) array
+        Direction of the joint: −1, 0 or 1.
+    breakaway : (n,) array
+        True where the joint starts from rest.
+
+    Returns
+    -------
+    (low, high) or None
+        Ends of the band, (n,) each, N·m. None if the drive file contains no posterior distribution.
     """
     friction = friction_of(drive)
     if friction.posterior is None:

@@ -1,4 +1,7 @@
-"""Simulate one playback many times at once, with random friction from the drive files."""
+"""Simulate one playback many times at once, with random friction from the drive files.
+
+`simulate` calls `draw_frictions` and `play_draws` if the scenario requests draws.
+"""
 
 import numpy as np
 

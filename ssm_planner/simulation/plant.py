@@ -26,9 +26,9 @@ from ssm_planner.simulation.drive import drive_step, with_blocked_motor
 from ssm_planner.typing import Array, frozen, record
 
 DAMPING_RATIO = 0.3
-"""Assumed damping ratio of all joints with locked drives."""
+"""Assumed damping ratio of each joint while its drive is locked."""
 JOINT_FREQUENCIES = (30.0, 30.0, 30.0, 100.0)
-"""Assumed natural frequencies of the joints with locked drives, Hz."""
+"""Assumed natural frequencies of the four joints while their drives are locked, Hz."""
 
 
 @record
@@ -68,7 +68,7 @@ class Compliance:
         return cls(inertia * omega**2, 2.0 * DAMPING_RATIO * inertia * omega)
 
     def deflection(self, k: int, twist: ca.SX | Array) -> ca.SX | Array:
-        """Return the deflection of the spring of a joint, rad or m, in the shape of `twist`.
+        """Compute the deflection of the spring of a joint.
 
         The spring deflects by the part of the twist that exceeds half the backlash. Within the
         backlash, the deflection is 0.
@@ -79,6 +79,11 @@ class Compliance:
             Index of the joint, from 0.
         twist : array or expression
             Position of the drive's output minus position of the joint, rad or m.
+
+        Returns
+        -------
+        array or expression
+            Deflection in the shape of `twist`, rad or m.
         """
         free = 0.5 * float(self.backlash[k])
         if free == 0.0:
@@ -98,9 +103,12 @@ controllers, times since the drives stopped, and energies. The four energies are
 motors, the work of prescribed accelerations, and the losses in the friction and in the dampers.
 """
 STATE_SIZE = 28
-"""Length of a state."""
+"""Number of entries of a state of the arm."""
 CONSTANT_TWIST = 1e-12
-"""Change of the twist in a step below which the twist counts as constant, rad or m."""
+"""Change of the twist in a step below which the twist counts as constant, rad or m.
+
+The twist is the position of the drive's output minus the position of the joint.
+"""
 FORCE_CORRECTIONS = 2
 """Number of times that the forces of a step are corrected for the resulting speeds.
 
@@ -110,12 +118,15 @@ Each correction reduces the error of the energy balance to a tenth.
 
 @frozen
 class _Forces:
-    """Efforts on the joints in a step, and the resulting motion of the drives: expressions (4,)."""
+    """Efforts on the joints in a step, and the resulting motion of the drives.
+
+    The fields are CasADi expressions with one entry for each joint.
+    """
 
     load: ca.SX
     """Effort of spring and damper on each joint, N·m or N."""
     damper: ca.SX
-    """Effort of the damper alone."""
+    """Effort of the damper alone on each joint, N·m or N."""
     w: ca.SX
     """Motor speeds after the step, rad/s."""
     mean: ca.SX
@@ -343,16 +354,28 @@ class ArmPlant:
         return values.ravel()
 
     def drive(self, k: int) -> Drive:
-        """Return the drive of joint k, from 0. Raises GeometryError for a joint without a drive."""
+        """Return the drive of a joint.
+
+        Parameters
+        ----------
+        k : int
+            Index of the joint, from 0.
+
+        Raises
+        ------
+        GeometryError
+            If the joint has no drive.
+        """
         drive = self.robot.joints[k].drive
         if drive is None:
             raise GeometryError(f"joint {k + 1} has no drive")
         return drive
 
     def accelerations(self, q: ca.SX, qd: ca.SX, force: ca.SX, locked: ca.SX) -> ca.SX:
-        """Return the joint accelerations (4,) as CasADi expressions.
+        """Compute the joint accelerations from the efforts of the springs and dampers, in CasADi.
 
-        They solve the equations of motion for the joints with a drive.
+        The equations of motion determine the accelerations of the joints with a drive. The
+        accelerations of the other joints are prescribed.
 
         Parameters
         ----------
@@ -362,6 +385,11 @@ class ArmPlant:
             Efforts of the springs and dampers on the joints, N·m or N.
         locked : (4,)
             Prescribed accelerations of joints without a drive, rad/s² or m/s².
+
+        Returns
+        -------
+        (4,) expression
+            Accelerations of all joints, rad/s² or m/s².
         """
         free = list(self.driven)
         probe = ca.SX.sym("qdd", 4)
@@ -379,10 +407,17 @@ class ArmPlant:
 
 
 def _with_friction(drive: Drive, values: ca.SX) -> Drive:
-    """Return a copy of a drive whose friction parameters are CasADi symbols (7,).
+    """Return a copy of a drive whose friction parameters are CasADi symbols.
 
-    The constructor of Drive would refuse symbols, so the copy is changed without the check of
-    values.
+    The constructor of `Drive` would refuse symbols, so this function changes the copy without a
+    check of the values.
+
+    Parameters
+    ----------
+    drive : Drive
+        The drive.
+    values : (7,)
+        Symbols for the parameters in the order of `FRICTION_PARAMETERS`.
     """
     friction, changed = copy.copy(friction_of(drive)), copy.copy(drive)
     for name, value in zip(FRICTION_PARAMETERS, ca.vertsplit(values), strict=True):

@@ -1,6 +1,7 @@
 """Simulate how the arm and its motor controllers follow set points.
 
-Time is divided into periods of the position loop, and each period into a few steps of the plant.
+`ControlledArm` adds the controllers (`cascade`) to the model of the arm (`plant`). Time is divided
+into periods of the position loop, and each period into a few steps of the arm's model.
 """
 
 from functools import cached_property
@@ -54,7 +55,7 @@ CONTROLLED_STATE_SIZE = STATE_SIZE + 16
 _PERIODS_PER_CHUNK = 250
 """Number of periods in a chunk, which one call of a CasADi function simulates."""
 _MAX_BREAKAWAY_PERIODS = 100
-"""Largest number of periods from the first command to move until a drive breaks away."""
+"""Largest number of periods from the first command to move until static friction is overcome."""
 
 
 @record
@@ -154,7 +155,7 @@ def commands_from_setpoints(
 
 
 def robot_compliance(robot: Robot, controller: Controller, scale: float = 1.0) -> Compliance:
-    """Return the springs, dampers and backlash between the drives and the joints.
+    """Build the springs, dampers and backlash between the drives and the joints.
 
     Values that neither the controller file nor the robot file states are assumed, see
     `JOINT_FREQUENCIES`, `ASSUMED_BACKLASH` and `DAMPING_RATIO`. `scale` multiplies stiffness and
@@ -268,10 +269,20 @@ class ControlledArm(ArmPlant):
         return [getattr(self.electrics.get(k), "torque_constant", 0.0) for k in range(4)]
 
     def encoder_offsets(self, q: Array) -> Array:
-        """Return the offsets (4,) of the encoders, rad.
+        """Compute the offsets of the encoders.
 
-        The encoders were set to ratio · q while the arm rested at joint positions q (4,), although
-        the weight deflected the joints. The offset is the motor angle minus this value.
+        The encoders were set to ratio · q while the arm rested at joint positions q, although the
+        weight deflected the joints. The offset is the motor angle minus this value.
+
+        Parameters
+        ----------
+        q : (4,)
+            Joint positions at which the encoders were set, rad and m.
+
+        Returns
+        -------
+        (4,) array
+            Offsets, rad. 0 for a joint without a drive.
         """
         state = self.state_at_rest(q)
         offsets = np.zeros(4)
@@ -282,7 +293,8 @@ class ControlledArm(ArmPlant):
     def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Playback:
         """Simulate the arm while its controllers execute commands.
 
-        If one period of a chunk needs half steps, the whole chunk is simulated with half steps.
+        The periods are simulated in chunks of equal length. If one period of a chunk needs half
+        steps (`half_step_periods`), the whole chunk is simulated with half steps.
 
         Parameters
         ----------
@@ -320,10 +332,19 @@ class ControlledArm(ArmPlant):
         return Playback(np.vstack(states), np.vstack(errors), np.vstack(saturated))
 
     def half_step_periods(self, command: Commands) -> Mask:
-        """Return a mask (n,) of the periods that must be simulated with half steps of the plant.
+        """Return a mask of the periods that must be simulated with half steps of the plant.
 
-        The error of full steps is largest while a drive breaks away. The mask contains every chunk
-        of periods in which a drive may break away.
+        The error of full steps is largest while a drive breaks away, that is, while static friction
+        is being overcome. The mask selects every chunk of periods in which this may happen.
+
+        Parameters
+        ----------
+        command : Commands
+            Commands in n periods.
+
+        Returns
+        -------
+        (n,) array of bool
         """
         moving = command.speed != 0
         was_moving = np.vstack([np.zeros((1, 4), dtype=bool), moving[:-1]])

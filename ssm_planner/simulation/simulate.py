@@ -1,4 +1,9 @@
-"""Simulate how the arm executes a plan, with the controllers of its drives and disturbances."""
+"""Simulate how the arm executes a plan, with the controllers of its drives and disturbances.
+
+`simulate` is the main entry. It plays the set points of the export on a model of the arm
+(`playback`), simulates losses of power, and judges the result. A `Scenario` describes the
+disturbances.
+"""
 
 from __future__ import annotations
 
@@ -543,7 +548,7 @@ class _Simulation:
     def _stop_without_power(
         self, state: Array, unpowered: Commands, instant: float
     ) -> tuple[float, float]:
-        """Simulate the arm without power until it rests.
+        """Simulate the arm after a loss of power until it rests.
 
         Parameters
         ----------
@@ -580,7 +585,11 @@ class _Simulation:
         return travel, float(self.period * periods) if stopped else np.inf
 
     def _is_at_rest(self, states: Array) -> Array:
-        """Return a mask (n,) of the states (n, 44) in which all motors and joints are at rest."""
+        """Return a mask (n,) of the states (n, 44) in which all motors and joints are at rest.
+
+        A motor is at rest if its speed is exactly 0. A joint is at rest if its speed is at most
+        `REST_SPEED_RATIO` times its velocity limit.
+        """
         rest_speeds = REST_SPEED_RATIO * self.plan.robot.velocities
         joints_rest = np.all(np.abs(states[:, QD]) <= rest_speeds, axis=1)
         return np.all(states[:, W] == 0.0, axis=1) & joints_rest
@@ -609,7 +618,17 @@ class _Simulation:
     def result(
         self, played: Playback, losses: PowerLosses, draws: Draws | None = None
     ) -> SimulationResult:
-        """Combine the playback, the losses of power and the draws to a result with its verdict."""
+        """Combine all simulations to a result with its verdict.
+
+        Parameters
+        ----------
+        played : Playback
+            Playback of the set points.
+        losses : PowerLosses
+            Motion after the losses of power.
+        draws : Draws or None
+            Playbacks with random friction.
+        """
         states = played.states[:-1]
         robot = self.plan.robot
         mechanism = Mechanism.from_robot(robot)
@@ -652,7 +671,7 @@ class _Simulation:
         return replace(result, reasons=tuple(_failure_reasons(result)))
 
     def _motor_use(self, k: int, torque: Array, played: Playback, tripped: bool) -> MotorUse:
-        """Return the largest torque, the following error and the faults of the motor of one joint.
+        """Summarise the largest torque, the following error and the faults of one motor.
 
         Parameters
         ----------
@@ -683,7 +702,8 @@ class _Simulation:
     def _error_window(self, axis: Axis) -> int:
         """Return the following error that trips a drive, in increments of the encoder.
 
-        It is that of the controller file or, if the file does not state one, that of the export.
+        The controller file has priority. If it states no following error, the result is the value
+        that the export writes.
         """
         window = self.controller.axis(axis.name).following_error
         if window is None:
@@ -749,7 +769,12 @@ class _Simulation:
 def select_periods(commands: Commands, rows: slice | Array) -> Commands:
     """Return the commands in the selected periods.
 
-    `rows` is a slice or an array of indices (m,).
+    Parameters
+    ----------
+    commands : Commands
+        Commands in n periods.
+    rows : slice or (m,) array of int
+        The periods. An index may occur several times.
     """
     return Commands(**{name: column[rows] for name, column in vars(commands).items()})
 
@@ -769,7 +794,10 @@ def _encoder_counts(robot: Robot, controller: Controller) -> dict[str, int]:
 
 
 def _failure_reasons(result: SimulationResult) -> list[str]:
-    """Return the reasons why a simulation failed, as sentences. The list is empty if it passed."""
+    """Return the reasons why a simulation failed, as sentences.
+
+    The list is empty if the simulation passed. A simulation that diverged has only this reason.
+    """
     scenario = result.scenario
     reasons = []
     if not np.all(np.isfinite(result.q)):

@@ -69,11 +69,12 @@ QUARTIC_DERIVATIVES = (
 )
 """Matrix from the values of a quartic at the points to its derivatives there, times the length."""
 BINDING_MARGIN = 0.1
-"""Largest distance from a limit, as a share of the limit, at which the limit may bind."""
+"""Largest distance of a quantity from its limit, as a share of the limit, at which it may bind."""
 OPTIMALITY_PENALTIES = ((0.02, 0.1), (0.3, None))
-"""Pieces (rate, length) of the cost of δ = |2p y₀³ + κ y₀² − 1|.
+"""Piecewise linear cost of the deviation δ = |2p y₀³ + κ y₀² − 1| from optimality.
 
-The bound loses about δ²/(6 y₀).
+Each entry contains the rate of the cost and the length of the piece, which is None for the last
+piece. The bound loses about δ²/(6 y₀).
 """
 COEFFICIENT_JUMP_TOLERANCE = 1e-6
 """A jump of a coefficient between intervals is rounding up to this share of its largest value."""
@@ -372,11 +373,11 @@ def _named_rows(path: PathRows) -> list[tuple[LimitKey, Array]]:
 
 
 def _number_unknowns(a: Array, slack: Array, may_jump_at: Mask) -> Array:
-    """Number the unknown multipliers.
+    """Number the unknown multipliers of the linear program.
 
     The end of an interval and the start of the next one share an unknown. They have two unknowns
-    where the speed limit may bind. Where a row is far from its limit,
-    or where its coefficient jumps, its multiplier is 0 and not an unknown.
+    where the speed limit may bind. Where a row is far from its limit, or where its coefficient
+    jumps, its multiplier is 0 and not an unknown.
 
     Parameters
     ----------
@@ -433,12 +434,22 @@ def _multiplier_matrix(factors: Array, weights: Array, unknowns: Array) -> Any:
 
 
 def _minimise_integrand(p: Array, kappa: Array, max_speed: Array) -> Array:
-    """Return the smallest values of 1/y + p y² + κ y for 0 < y ≤ max_speed.
+    """Compute the smallest values of the integrand 1/y + p y² + κ y for 0 < y ≤ max_speed.
 
     The function is convex for y³ ≤ −1/p, or everywhere if p ≥ 0, and concave beyond. Its minimum is
     therefore in the convex part, where bisection finds it, or at y = max_speed.
 
-    All arrays have the shape (points,).
+    Parameters
+    ----------
+    p, kappa : (points,) arrays
+        Coefficients at each point of the path.
+    max_speed : (points,) array
+        Largest value of y at each point.
+
+    Returns
+    -------
+    (points,) array
+        Smallest value at each point.
     """
     end_of_convex_part = np.minimum(max_speed, np.cbrt(1 / np.maximum(-p, MIN_DIVISOR)))
     low = np.zeros_like(p)

@@ -68,7 +68,10 @@ class Proof:
 
 
 def _proof_from_claim(claim: dict[str, Any]) -> Proof:
-    """Build a proof from a claim of the program, which contains infinite numbers."""
+    """Build a proof from a claim, that is, from one entry of the program's output.
+
+    Infinite bounds become None, because JSON does not contain infinite numbers.
+    """
     unbounded = {
         name: None
         for name, value in claim.items()
@@ -78,7 +81,7 @@ def _proof_from_claim(claim: dict[str, Any]) -> Proof:
 
 
 def _program_path() -> Path:
-    """Return the path of the program in the package, or in the source tree."""
+    """Return the path of the program prove.py in the installed package or in the source tree."""
     return next(path for path in PROGRAM_PATHS if path.is_file())
 
 
