@@ -325,8 +325,8 @@ def _advance_stops(
     """Advance n stops from their start nodes until they rest.
 
     All stops advance together, one interval of the path in each step. In an interval, s̈ is
-    constant and has the smallest value that the limits allow. A stop for which the path is too short
-    continues to the end of the path and still moves there.
+    constant and has the smallest value that the limits allow. A stop for which the path is too
+    short continues to the end of the path and still moves there.
 
     Parameters
     ----------
