@@ -1,6 +1,7 @@
 """Compare a plan with recordings of its execution, and give a verdict.
 
-All recordings must share one clock.
+`compare` predicts position, speed and torque of each axis from the plan, aligns the recordings with
+the prediction, and collects the findings on each axis. All recordings must share one clock.
 """
 
 from collections.abc import Iterator, Sequence
@@ -263,13 +264,30 @@ def compare(
 def _align_axes(
     plans: list[AxisPrediction], recordings: Sequence[AxisRecording], intended: float
 ) -> tuple[list[Alignment], Clock, float]:
-    """Return the alignment of every axis, the common clock, and the speed of execution.
+    """Align all recordings with the plan, and estimate their clock and the speed of execution.
 
-    `intended` is the intended speed of execution, near which no other speed is estimated.
+    Parameters
+    ----------
+    plans : list of AxisPrediction
+        Predictions at the planned speed. The first ones belong to the recordings.
+    recordings : sequence of AxisRecording
+        The recordings.
+    intended : float
+        Intended speed of execution, as a multiple of the planned speed. A speed close to it counts
+        as the intended speed.
+
+    Returns
+    -------
+    alignments : list of Alignment
+        One alignment for each recording.
+    clock : Clock
+        Common clock of all recordings.
+    speed : float
+        Speed of execution, as a multiple of the planned speed.
     """
 
     def align_at(speed: float) -> tuple[list[Alignment], Clock, float]:
-        """Align all axes with the plan, executed at a speed."""
+        """Align all axes with the plan if it is executed at a given speed."""
         alignments = [
             align_axis(plan.time / speed, plan.speed * speed, recording.time, recording.w)
             for plan, recording in zip(plans, recordings, strict=False)
