@@ -44,7 +44,7 @@ from .identification.identify import (
 from .identification.prediction import Prediction as Prediction, PredictionBand as PredictionBand
 from .identification.recordings import Recording as Recording
 from .identification.torque_map import TorqueMap as TorqueMap
-from .kinematics.of_robot import (
+from .kinematics.robot_kinematics import (
     JointSolutions as JointSolutions,
     ToolPose as ToolPose,
     Workspace as Workspace,

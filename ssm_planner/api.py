@@ -14,9 +14,10 @@ from ssm_planner.comparison.measured import assign_recordings, read_axis_recordi
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats import read_trajectory
 from ssm_planner.loading import load_motor
-from ssm_planner.plans import FILE, Plan, as_plan
+from ssm_planner.plans import Plan, as_plan
 from ssm_planner.problem import Motor, Robot, TaskLimits
-from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_of
+from ssm_planner.publishing import PLAN_FILE
+from ssm_planner.sizing import Conditions, DutyCycle, Sizing, pause_after_motion
 from ssm_planner.sizing.size import size as size_duty
 from ssm_planner.stopping import INSTANTS, Stops
 from ssm_planner.trajectory import Trajectory
@@ -69,15 +70,15 @@ def check(
     ('kept', 0.931)
     """
     if speed != 1.0:
-        return check_slower(*_smooth(motion, robot, limits), speed)
+        return check_slower(*_motion_to_check(motion, robot, limits), speed)
     if isinstance(motion, (str, Path)):
         path = Path(motion)
-        if path.suffix.lower() != ".json" and not (path / FILE).is_file():
+        if path.suffix.lower() != ".json" and not (path / PLAN_FILE).is_file():
             robot = _require_robot(robot, path)
             reading = read_trajectory(path, robot)
             limits = reading.add_declared_rates(limits or TaskLimits(robot.limits))
             return reading.check(robot, limits)
-    return checking.check(*_smooth(motion, robot, limits), seal=True)
+    return checking.check(*_motion_to_check(motion, robot, limits), seal=True)
 
 
 @checked
@@ -113,7 +114,7 @@ def check_speeds(
     >>> speeds.passed
     True
     """
-    return check_every_speed(*_smooth(motion, robot, limits), slowest)
+    return check_every_speed(*_motion_to_check(motion, robot, limits), slowest)
 
 
 @checked
@@ -154,7 +155,7 @@ def controlled_stops(
     """
     if instants < 1:
         raise ProblemError("no instants", key="instants", value=instants, allowed="at least 1")
-    return stopping.controlled_stops(*_smooth(motion, robot, limits), instants)
+    return stopping.controlled_stops(*_motion_to_check(motion, robot, limits), instants)
 
 
 @checked
@@ -208,7 +209,7 @@ def size(
         ]
     name = motion.problem.name if isinstance(plan, Plan) else str(plan)
     duty = DutyCycle.of_trajectory(motion.motion, motion.robot, name)
-    conditions.setdefault("pause", pause_of(motion.problem))
+    conditions.setdefault("pause", pause_after_motion(motion.problem))
     return size_duty(duty, candidates, Conditions(**conditions), payload)
 
 
@@ -305,7 +306,7 @@ def report(
     return write_comparison(plan, as_plan(other), page)
 
 
-def _smooth(
+def _motion_to_check(
     motion: Plan | Trajectory | str | Path, robot: Robot | None, limits: TaskLimits | None
 ) -> tuple[Trajectory, Robot, TaskLimits]:
     """Return the trajectory, the robot and the limits of a motion.

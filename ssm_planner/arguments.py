@@ -14,7 +14,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-class _Numbers:
+class _ArrayLike:
     """Stand-in for the type ArrayLike, which isinstance does not accept."""
 
 
@@ -25,7 +25,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     GeometryError for arrays, and otherwise a ProblemError.
     """
     signature = inspect.signature(function)
-    hints = cache(lambda: get_type_hints(function, localns={"ArrayLike": _Numbers}))
+    hints = cache(lambda: get_type_hints(function, localns={"ArrayLike": _ArrayLike}))
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -53,7 +53,7 @@ def _matches(hint: Any, value: Any) -> bool:
         return True
     if value_type in (Union, types.UnionType):
         return any(_matches(member, value) for member in arguments)
-    if value_type is _Numbers:
+    if value_type is _ArrayLike:
         return _is_numeric(value)
     if value_type in (float, int):
         is_number = isinstance(value, Real if value_type is float else Integral)

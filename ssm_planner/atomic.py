@@ -15,13 +15,13 @@ from types import FrameType
 
 from ssm_planner.errors import ExportError
 
-HELD = tuple(
+DELAYED_SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 """Signals that are delayed while files are replaced."""
 LONGEST_STEM = 60
 """Largest number of characters of a name that the name of its temporary folder repeats."""
-SWEPT_AFTER = 60.0
+ABANDONED_AGE = 60.0
 """Age in s at which an abandoned temporary folder is removed."""
 _temporaries: set[Path] = set()
 """Temporary files and folders of this process that still exist."""
@@ -41,7 +41,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     temporary = None
     try:
-        target = destination(path)
+        target = resolve_destination(path)
         # Files in a temporary folder become visible with that folder.
         is_in_temporary = any(target.is_relative_to(folder) for folder in _temporaries)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -54,10 +54,10 @@ def replacing(path: Path) -> Iterator[Path]:
         if is_in_temporary:
             temporary.replace(target)
             return
-        sync(temporary)
+        flush_to_disk(temporary)
         with held_signals():
             temporary.replace(target)
-            sync(target.parent, content=False)
+            flush_to_disk(target.parent, content=False)
             written_files.append(path)
     except OSError as error:
         raise ExportError(f"{path}: cannot be written: {error.strerror or error}") from error
@@ -82,11 +82,11 @@ def staging(folder: Path) -> Iterator[Path]:
     """
     temporary = None
     try:
-        target = destination(folder, file_type_wanted=stat.S_IFDIR)
+        target = resolve_destination(folder, file_type_wanted=stat.S_IFDIR)
         parent = target if target.is_dir() else target.parent
         stem = f".{target.name[:LONGEST_STEM]}-"
         parent.mkdir(parents=True, exist_ok=True)
-        _sweep(parent, stem)
+        _remove_abandoned(parent, stem)
         temporary = parent / (stem + secrets.token_hex(6))
         _temporaries.add(temporary)
         temporary.mkdir()
@@ -114,14 +114,14 @@ def remove_temporaries() -> None:
         _temporaries.discard(path)
 
 
-def _sweep(parent: Path, stem: str) -> None:
+def _remove_abandoned(parent: Path, stem: str) -> None:
     """Remove temporary folders that killed processes left behind.
 
     `stem` is the beginning of their names. A process that still runs holds a lock on its folder.
     """
     for stale_path in parent.glob(f"{glob.escape(stem)}{'[0-9a-f]' * 12}"):
         with suppress(OSError):
-            if time.time() - stale_path.stat().st_mtime > SWEPT_AFTER:
+            if time.time() - stale_path.stat().st_mtime > ABANDONED_AGE:
                 with locked(stale_path, wait=False):
                     shutil.rmtree(stale_path, ignore_errors=True)
 
@@ -154,7 +154,7 @@ def locked(folder: Path, wait: bool = True) -> Iterator[None]:
         os.close(handle)
 
 
-def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
+def resolve_destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
     """Follow symbolic links, and return the path to which they lead.
 
     `file_type_wanted` is stat.S_IFREG for a file or stat.S_IFDIR for a folder. Raises ExportError
@@ -175,11 +175,11 @@ def destination(path: Path, file_type_wanted: int = stat.S_IFREG) -> Path:
     return target
 
 
-def sync(path: Path, content: bool = True) -> None:
+def flush_to_disk(path: Path, content: bool = True) -> None:
     """Flush a file to the disk, or a folder with (`content`) the files in it."""
     if path.is_dir():
         for entry in path.iterdir() if content else ():
-            sync(entry)
+            flush_to_disk(entry)
         if os.name != "posix":  # other systems cannot open folders
             return
     handle = os.open(path, os.O_RDONLY)
@@ -202,7 +202,7 @@ def held_signals() -> Iterator[None]:
         return
     received_signals: list[int] = []
     handlers = {}
-    for number in HELD:
+    for number in DELAYED_SIGNALS:
         handler = signal.getsignal(number)
         if callable(handler):  # signals that end the process at once cannot be delayed
             handlers[number] = handler

@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-_WATCH = """
+_WATCH_PARENT = """
 def watch():
     while os.getppid() == parent:
         time.sleep(0.1)
@@ -24,7 +24,7 @@ def python_command(code: str) -> list[str]:
         f"import os, sys, threading, time; sys.path[:] = {module_folders()!r}; parent = "
         f"{os.getpid()}\n"
     )
-    return [sys.executable, "-I", "-c", preamble + _WATCH + code]
+    return [sys.executable, "-I", "-c", preamble + _WATCH_PARENT + code]
 
 
 def module_folders() -> list[str]:

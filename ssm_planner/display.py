@@ -7,47 +7,47 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-NOTHING = "–"
+MISSING_VALUE = "–"
 """Text for a missing value."""
 
 
-PRINTED = 100
+DEFAULT_TEXT_WIDTH = 100
 """Width of text that is not printed on a terminal, in characters."""
 
 
-def columns() -> int:
+def terminal_width() -> int:
     """Return the width of the terminal in characters, or the value of the variable COLUMNS."""
-    return max(40, shutil.get_terminal_size((PRINTED, 24)).columns)
+    return max(40, shutil.get_terminal_size((DEFAULT_TEXT_WIDTH, 24)).columns)
 
 
-def minus(text: str) -> str:
+def use_minus_signs(text: str) -> str:
     """Replace hyphens in the text of a number by minus signs."""
     return text.replace("-", "−")
 
 
-def number(value: float | None, digits: int = 3) -> str:
+def format_number(value: float | None, digits: int = 3) -> str:
     """Format a number with significant digits. Magnitudes below 1e-12 become 0."""
     if value is None:
-        return NOTHING
-    return "0" if abs(value) < 1e-12 else minus(f"{value:.{digits}g}")
+        return MISSING_VALUE
+    return "0" if abs(value) < 1e-12 else use_minus_signs(f"{value:.{digits}g}")
 
 
 def format_fixed(value: float | None, decimals: int) -> str:
     """Format a number with fixed decimals. A result of −0 becomes 0."""
     if value is None:
-        return NOTHING
-    return minus(f"{round(value, decimals) + 0.0:.{decimals}f}")
+        return MISSING_VALUE
+    return use_minus_signs(f"{round(value, decimals) + 0.0:.{decimals}f}")
 
 
-def signed(value: float | None, decimals: int) -> str:
+def format_signed(value: float | None, decimals: int) -> str:
     """Format a difference with its sign and fixed decimals. A rounded 0 has no sign."""
     text = format_fixed(value, decimals)
     return f"+{text}" if value is not None and round(value, decimals) > 0 else text
 
 
-def percent(share: float | None, decimals: int = 1) -> str:
+def format_percent(share: float | None, decimals: int = 1) -> str:
     """Format a margin or a relative difference in percent with its sign."""
-    return NOTHING if share is None else f"{signed(100.0 * share, decimals)} %"
+    return MISSING_VALUE if share is None else f"{format_signed(100.0 * share, decimals)} %"
 
 
 def plain_words(name: str) -> str:
@@ -55,7 +55,7 @@ def plain_words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> "Environment":
+def jinja_environment(package: str, escape: bool, **filters: Callable[..., Any]) -> "Environment":
     """Return a Jinja2 environment with the templates of a package.
 
     Parameters
@@ -82,7 +82,11 @@ def environment(package: str, escape: bool, **filters: Callable[..., Any]) -> "E
         lstrip_blocks=True,
     )
     result.filters.update(
-        number=number, fixed=format_fixed, signed=signed, percent=percent, **filters
+        number=format_number,
+        fixed=format_fixed,
+        signed=format_signed,
+        percent=format_percent,
+        **filters,
     )
     return result
 

@@ -15,28 +15,28 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
 from ssm_planner.atomic import (
-    destination,
+    flush_to_disk,
     held_signals,
     locked,
     replacing,
+    resolve_destination,
     staging,
-    sync,
     written_files,
 )
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.typing import JsonObject
 
 MANIFEST = "manifest.json"
-PLAN = "plan.json"
-EXPORT = "ssm_planner export"
+PLAN_FILE = "plan.json"
+EXPORT_FORMAT = "ssm_planner export"
 """Value of the key `format` in the manifest of an export folder."""
-RESULTS = "ssm_planner results"
+RESULT_FORMAT = "ssm_planner results"
 """Value of the key `format` in the manifest of a result folder."""
-VERSION = 1
+MANIFEST_VERSION = 1
 """Version of the format of a manifest."""
-INCOMPLETE = "incomplete"
+INCOMPLETE_KEY = "incomplete"
 """Key of a manifest whose folder is being changed."""
-LARGEST_MANIFEST = 64 * 2**20
+LARGEST_MANIFEST_SIZE = 64 * 2**20
 """Largest size of a manifest in bytes."""
 LONGEST_NAME = 100
 """Largest number of characters of a file name."""
@@ -71,7 +71,7 @@ def publishing(folder: Path) -> Iterator[Path]:
     """
     with staging(folder) as temporary:
         yield temporary
-        _publish(temporary, destination(folder, file_type_wanted=stat.S_IFDIR), folder)
+        _publish(temporary, resolve_destination(folder, file_type_wanted=stat.S_IFDIR), folder)
 
 
 @contextmanager
@@ -84,9 +84,14 @@ def publishing_results(folder: Path, plan: str | None = None) -> Iterator[Path]:
     """
     with publishing(folder) as temporary:
         yield temporary
-        files = hashes(temporary)
-        sha = files.get(PLAN, plan)
-        manifest = {"format": RESULTS, "version": VERSION, "plan": sha, "files": files}
+        files = file_hashes(temporary)
+        sha = files.get(PLAN_FILE, plan)
+        manifest = {
+            "format": RESULT_FORMAT,
+            "version": MANIFEST_VERSION,
+            "plan": sha,
+            "files": files,
+        }
         _write_manifest(temporary / MANIFEST, manifest)
 
 
@@ -96,7 +101,7 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
 
     The SHA-256 of the plan is `plan`. In the result folder of this plan, the manifest is updated.
     """
-    if read_manifest(path.parent).get("format") != RESULTS:
+    if read_manifest(path.parent).get("format") != RESULT_FORMAT:
         with replacing(path) as temporary:
             yield temporary
         return
@@ -104,7 +109,7 @@ def replacing_result(path: Path, plan: str) -> Iterator[Path]:
         yield folder / path.name
 
 
-def hashes(folder: Path) -> dict[str, str]:
+def file_hashes(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every file below a folder except the manifest, by relative path."""
     manifest = folder / MANIFEST
     return {
@@ -130,12 +135,12 @@ def read_manifest(folder: Path) -> JsonObject:
     """
     path = folder / MANIFEST
     try:
-        if not path.is_file() or path.stat().st_size > LARGEST_MANIFEST:
+        if not path.is_file() or path.stat().st_size > LARGEST_MANIFEST_SIZE:
             return {}
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    if isinstance(document, dict) and document.get("format") in (EXPORT, RESULTS):
+    if isinstance(document, dict) and document.get("format") in (EXPORT_FORMAT, RESULT_FORMAT):
         return document
     return {}
 
@@ -157,7 +162,7 @@ def check_generation(folder: Path) -> None:
     Folders without a manifest are accepted, and so are missing files.
     """
     manifest = read_manifest(folder)
-    if manifest.get(INCOMPLETE):
+    if manifest.get(INCOMPLETE_KEY):
         raise TrajectoryError(
             f"{folder}: publishing was interrupted, so the files may be of two plans: make them "
             "again"
@@ -175,12 +180,12 @@ def _publish(source: Path, folder: Path, displayed_path: Path) -> None:
 
     `displayed_path` is the path of the folder as the user wrote it, for messages.
     """
-    sync(source)
+    flush_to_disk(source)
     with held_signals():
         if not folder.exists():
             with suppress(OSError):  # another process was faster
                 source.rename(folder)
-                sync(folder.parent, content=False)
+                flush_to_disk(folder.parent, content=False)
                 written_files.append(displayed_path)
                 return
         folder.mkdir(parents=True, exist_ok=True)
@@ -208,16 +213,16 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
             displayed_path / entry.name,
             entry.is_dir(),
             present_files,
-            strict=file_format == EXPORT,
+            strict=file_format == EXPORT_FORMAT,
         )
     replaced_folder = source / ".replaced"
     replaced_folder.mkdir()
     if file_format:
         marker = source / ".begun"
         all_files = present_files | new_files
-        _write_manifest(marker, manifest | {INCOMPLETE: True, "files": all_files})
+        _write_manifest(marker, manifest | {INCOMPLETE_KEY: True, "files": all_files})
         marker.replace(folder / MANIFEST)
-        sync(folder, content=False)
+        flush_to_disk(folder, content=False)
     for entry in entries:
         target = folder / entry.name
         if entry.is_dir() and target.exists():
@@ -226,9 +231,9 @@ def _exchange(source: Path, folder: Path, displayed_path: Path) -> None:
     if file_format:
         stale_files = {name: sha for name, sha in present_files.items() if name not in new_files}
         _remove_stale(folder, stale_files)
-        sync(folder, content=False)
+        flush_to_disk(folder, content=False)
         (source / MANIFEST).replace(folder / MANIFEST)
-    sync(folder, content=False)
+    flush_to_disk(folder, content=False)
 
 
 def _combined_manifest(
@@ -261,9 +266,9 @@ def _combined_manifest(
     hint = "choose another folder (nothing was written)"
     present_format = present_manifest["format"]
     if present_format != manifest["format"]:
-        description = "an export" if present_format == EXPORT else "the results of a plan"
+        description = "an export" if present_format == EXPORT_FORMAT else "the results of a plan"
         raise ExportError(f"{displayed_path}: holds {description}: {hint}")
-    if present_format != RESULTS or PLAN in listed_files(manifest):
+    if present_format != RESULT_FORMAT or PLAN_FILE in listed_files(manifest):
         return manifest
     if present_manifest.get("plan") != manifest["plan"]:
         raise ExportError(f"{displayed_path}: holds results of another plan: {hint}")
@@ -281,7 +286,7 @@ def _combined_manifest(
 def _write_manifest(path: Path, manifest: JsonObject) -> None:
     """Write a manifest and flush it to the disk."""
     path.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
-    sync(path)
+    flush_to_disk(path)
 
 
 def _check_replaceable(
@@ -308,7 +313,7 @@ def _check_replaceable(
     """
     if not os.path.lexists(target):
         return
-    destination(target, file_type_wanted=stat.S_IFDIR if is_folder else stat.S_IFREG)
+    resolve_destination(target, file_type_wanted=stat.S_IFDIR if is_folder else stat.S_IFREG)
     files = [path for path in target.rglob("*") if not path.is_dir()] if is_folder else [target]
     for path in files:
         name = path.relative_to(target.parent).as_posix()

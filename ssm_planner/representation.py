@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.errors import SsmPlannerError
 
-LONGEST = 400
+LONGEST_TEXT = 400
 """Largest number of characters of the text of a value."""
 LONGEST_FIELD = 60
 """Largest number of characters of the text of one field."""
@@ -28,7 +28,7 @@ def short_repr(value: object) -> str:
         for field in dataclasses.fields(cls)
     ]
     text = f"{cls.__name__}({', '.join(fields_text)})"
-    return text if len(text) <= LONGEST else text[: LONGEST - 2] + "…)"
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 2] + "…)"
 
 
 def _abbreviated(value: object) -> str:

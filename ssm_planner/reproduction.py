@@ -12,9 +12,9 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.typing import frozen
 
-PROGRAM = "paper_reproduction"
+PROGRAM_PACKAGE = "paper_reproduction"
 """Name of the program, which is a Python package in the folder of examples."""
-EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+EXAMPLES_FOLDER = Path(__file__).resolve().parent.parent / "examples"
 
 
 @frozen
@@ -80,16 +80,16 @@ def reproduce(
     >>> import ssm_planner as ssm
     >>> ssm.reproduce("results/paper").passed  # doctest: +SKIP
     """
-    if not (EXAMPLES / PROGRAM).is_dir():
+    if not (EXAMPLES_FOLDER / PROGRAM_PACKAGE).is_dir():
         raise ProblemError(
-            f"no folder {EXAMPLES / PROGRAM}: the reproduction of the paper needs the source tree "
-            "of ssm_planner",
+            f"no folder {EXAMPLES_FOLDER / PROGRAM_PACKAGE}: the reproduction of the paper needs "
+            "the source tree of ssm_planner",
             allowed="an installation by `pip install -e` from the source tree",
         )
-    if str(EXAMPLES) not in sys.path:
-        sys.path.append(str(EXAMPLES))
+    if str(EXAMPLES_FOLDER) not in sys.path:
+        sys.path.append(str(EXAMPLES_FOLDER))
     progress(Step("reading the problem files"))
-    files, passed, left_out = import_module(f"{PROGRAM}.document").reproduce(
+    files, passed, left_out = import_module(f"{PROGRAM_PACKAGE}.document").reproduce(
         Path(folder), Path(problems), Path(recordings), progress
     )
     return Reproduction(files, passed, left_out)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ssm_planner.loading import Key
 
 FILE_KINDS = ("problem", "robot", "drive", "motor", "motorisation", "controller", "study")
-EXAMPLES = {
+EXAMPLE_FILES = {
     "problem": "tilt_insert",
     "robot": "robots/vitreoretinal",
     "drive": "drives/vitreoretinal_joint1_worm",
@@ -30,9 +30,9 @@ EXAMPLES = {
     "study": "studies/geometry",
 }
 """Shipped files whose values appear in the templates."""
-REFERENCES = ("robot", "drive", "motor", "alternatives")
+FILE_REFERENCE_KEYS = ("robot", "drive", "motor", "alternatives")
 """Keys whose values are names of files."""
-COLUMN, WIDTH = 44, 116
+COMMENT_COLUMN, LINE_WIDTH = 44, 116
 """Column at which comments begin, and largest width of a line with a comment, characters."""
 
 
@@ -56,7 +56,7 @@ def schema(kind: str) -> JsonObject:
     >>> ssm_planner.schema("motor")["title"]
     'ssm_planner motor file'
     """
-    _require(kind, FILE_KINDS)
+    _check_kind(kind, FILE_KINDS)
     from ssm_planner.loading import json_schema
     from ssm_planner.studies.study_file import StudyModel
 
@@ -69,7 +69,7 @@ def schema(kind: str) -> JsonObject:
     }
 
 
-def _require(kind: str, allowed: tuple[str, ...]) -> None:
+def _check_kind(kind: str, allowed: tuple[str, ...]) -> None:
     """Raise ProblemError unless a kind of file is one of `allowed`."""
     if kind not in allowed:
         raise ProblemError(
@@ -114,11 +114,11 @@ def template(kind: str, name: str) -> str:
     >>> print(ssm_planner.template("motor", "mine").splitlines()[3].split("#")[0].strip())
     name: mine
     """
-    _require(kind, tuple(EXAMPLES))
+    _check_kind(kind, tuple(EXAMPLE_FILES))
     from ssm_planner.loading import read_section, shipped_folder
 
     keys = {key.path: key for key in file_keys(kind)}
-    example = EXAMPLES[kind]
+    example = EXAMPLE_FILES[kind]
     data = read_section(shipped_folder() / f"{example}.yaml").value
     kind = "drive" if kind == "screw" else kind
     lines = [
@@ -127,11 +127,11 @@ def template(kind: str, name: str) -> str:
         f"# Editors can complete and check it with the output of `ssm-planner schema {kind}`.",
     ]
     # The first "name" puts the key at the top, and the second replaces the name of the example.
-    lines += _Writer(keys).mapping({"name": name} | data | {"name": name}, "", 0)
+    lines += _TemplateWriter(keys).mapping({"name": name} | data | {"name": name}, "", 0)
     return "\n".join(lines) + "\n"
 
 
-class _Writer:
+class _TemplateWriter:
     """Writer of a YAML template that describes each key at its first occurrence."""
 
     def __init__(self, keys: Mapping[str, Key]) -> None:
@@ -159,24 +159,24 @@ class _Writer:
                 default = f" {key.default}"
                 if key.default in ("", "required"):
                     default = f" … {key.unit}".rstrip()
-                yield _commented(f"{'  ' * depth}# {name}:{default}", key)
+                yield _add_comment(f"{'  ' * depth}# {name}:{default}", key)
 
     def _entry(self, name: str, value: Any, parent: str, depth: int) -> Iterator[str]:
         """Yield the lines of one key and of the mappings below it, see `mapping`."""
         pad, path = "  " * depth, f"{parent}{name}"
         key = self.keys.get(path) if self._describe(path) else None
         if isinstance(value, dict) and any(other.startswith(f"{path}.") for other in self.keys):
-            yield _commented(f"{pad}{name}:", key)
+            yield _add_comment(f"{pad}{name}:", key)
             yield from self.mapping(value, f"{path}.", depth + 1)
             return
         if isinstance(value, list) and value and isinstance(value[0], dict):
-            yield _commented(f"{pad}{name}:", key)
+            yield _add_comment(f"{pad}{name}:", key)
             for item in value:
                 lines = list(self.mapping(item, f"{path}[].", depth + 2))
                 yield f"{pad}  - {lines[0].lstrip()}"
                 yield from lines[1:]
             return
-        yield _commented(f"{pad}{name}: {_flow(value, name in REFERENCES)}", key)
+        yield _add_comment(f"{pad}{name}: {_flow_text(value, name in FILE_REFERENCE_KEYS)}", key)
 
     def _describe(self, path: str) -> bool:
         """Return True if a key was not described before, and mark it as described.
@@ -190,20 +190,20 @@ class _Writer:
         return is_new
 
 
-def _commented(line: str, key: Key | None) -> str:
+def _add_comment(line: str, key: Key | None) -> str:
     """Add the description of a key to a line as a comment, or above the line if it is long."""
     if key is None:
         return line
     allowed = "" if key.allowed in ("", "a text") else f" ({key.allowed})"
     text = f"{key.description}{allowed}"
-    if len(line) < COLUMN and COLUMN + len(text) < WIDTH:
-        return f"{line.ljust(COLUMN)}# {text}"
+    if len(line) < COMMENT_COLUMN and COMMENT_COLUMN + len(text) < LINE_WIDTH:
+        return f"{line.ljust(COMMENT_COLUMN)}# {text}"
     pad = " " * (len(line) - len(line.lstrip()))
-    comments = wrap(text, WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# ")
+    comments = wrap(text, LINE_WIDTH, initial_indent=f"{pad}# ", subsequent_indent=f"{pad}# ")
     return "\n".join(comments + [line])
 
 
-def _flow(value: Any, reference: bool = False, nested: bool = False) -> str:
+def _flow_text(value: Any, reference: bool = False, nested: bool = False) -> str:
     """Format a value in YAML's flow style, on one line.
 
     Parameters
@@ -217,10 +217,13 @@ def _flow(value: Any, reference: bool = False, nested: bool = False) -> str:
         True for a value within a list or mapping.
     """
     if isinstance(value, dict):
-        items = [f"{key}: {_flow(item, key in REFERENCES, True)}" for key, item in value.items()]
+        items = [
+            f"{key}: {_flow_text(item, key in FILE_REFERENCE_KEYS, True)}"
+            for key, item in value.items()
+        ]
         return "{" + ", ".join(items) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(_flow(item, reference, True) for item in value) + "]"
+        return "[" + ", ".join(_flow_text(item, reference, True) for item in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     text = Path(value).stem if reference else str(value)

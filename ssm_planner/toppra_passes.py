@@ -17,7 +17,7 @@ from ssm_planner.typing import Array
 
 Rows = tuple[Array, Array, Array]
 """Coefficients a, b and c of rows a s̈ + b ṡ² + c ≤ 1 at n points, (n, rows) each."""
-TINY = 1e-9
+SMALLEST_COEFFICIENT = 1e-9
 """Smallest coefficient by which a row is divided, and tolerance of rows without coefficients."""
 
 
@@ -63,8 +63,8 @@ def largest_speeds(
     a = np.hstack([a_start, a_end + 2 * np.diff(grid)[:, None] * b_end])
     b = np.hstack([b_start, b_end])
     c = np.hstack([c_start, c_end])
-    row_scale = np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
-    if ((row_scale == TINY) & (c > 1 + TINY)).any():
+    row_scale = np.maximum(np.maximum(np.abs(a), np.abs(b)), SMALLEST_COEFFICIENT)
+    if ((row_scale == SMALLEST_COEFFICIENT) & (c > 1 + SMALLEST_COEFFICIENT)).any():
         return None
     # The rows of the last interval also apply to the end of the path.
     points = np.append(np.arange(len(a)), len(a) - 1)

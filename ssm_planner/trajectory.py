@@ -16,15 +16,15 @@ from ssm_planner.typing import Array, Indices, JsonObject, frozen, record
 
 DEGREE = 5
 """Degree of the polynomials."""
-SHORTEST = 1e-12
+SHORTEST_PIECE = 1e-12
 """Smallest duration of a piece, s."""
-LONGEST = 1e9
+LARGEST_TIME = 1e9
 """Largest absolute time, s."""
-LARGEST = 1e9
+LARGEST_DISPLACEMENT = 1e9
 """Largest displacement within a piece, rad or m. Derivatives of larger displacements overflow."""
-BLOCK = 65_536
+PIECES_PER_BLOCK = 65_536
 """Number of pieces that are evaluated together, which bounds the memory in use."""
-ROUNDING = 1e-9
+TIME_ROUNDING = 1e-9
 """Relative rounding error by which a time may lie outside the trajectory."""
 Side = Literal["left", "right"]
 """Side of a break on which a motion is evaluated."""
@@ -123,7 +123,7 @@ class Trajectory:
             )
         if np.isfinite(self.breaks).all():
             self._check_breaks()
-        for block in blocks(pieces, BLOCK):
+        for block in blocks(pieces, PIECES_PER_BLOCK):
             self._check_pieces(block)
         self.breaks.setflags(write=False)
         if isinstance(self.coefficients, np.ndarray):
@@ -134,22 +134,25 @@ class Trajectory:
         shortest = np.diff(self.breaks).min()
         if shortest <= 0:
             raise TrajectoryError("the breaks of a trajectory must increase")
-        if shortest < SHORTEST or np.abs(self.breaks[[0, -1]]).max() > LONGEST:
+        if shortest < SHORTEST_PIECE or np.abs(self.breaks[[0, -1]]).max() > LARGEST_TIME:
             raise TrajectoryError(
-                f"a piece shorter than {SHORTEST:g} s, or times beyond {LONGEST:g} s"
+                f"a piece shorter than {SHORTEST_PIECE:g} s, or times beyond {LARGEST_TIME:g} s"
             )
 
     def _check_pieces(self, block: slice) -> None:
-        """Raise TrajectoryError if pieces are not finite or move by more than `LARGEST`."""
+        """Raise TrajectoryError if pieces are not finite or move by more than
+        `LARGEST_DISPLACEMENT`.
+        """
         coefficients = self.pieces(block)
         if not (np.isfinite(self.breaks).all() and np.isfinite(coefficients).all()):
             raise TrajectoryError("a trajectory holds only finite numbers")
         lengths = np.diff(self.breaks)[block, None, None]
         with np.errstate(over="ignore"):
             shifted = np.abs(coefficients) * lengths ** np.arange(DEGREE + 1)[:, None]
-        if shifted.max() > LARGEST:
+        if shifted.max() > LARGEST_DISPLACEMENT:
             raise TrajectoryError(
-                f"a piece moves by more than {LARGEST:g} rad or m: its coefficients are invalid"
+                f"a piece moves by more than {LARGEST_DISPLACEMENT:g} rad or m: "
+                "its coefficients are invalid"
             )
 
     @classmethod
@@ -185,7 +188,7 @@ class Trajectory:
             from scipy.interpolate import CubicSpline
 
             states.append(CubicSpline(times, states[0], bc_type="clamped")(times, 1))
-        interpolate = cubics if qdd is None else quintics
+        interpolate = cubic_coefficients if qdd is None else quintic_coefficients
         starts = tuple(values[:-1] for values in states)
         ends = tuple(values[1:] for values in states)
         return cls(times, interpolate(np.diff(times), starts, ends), ())
@@ -237,7 +240,7 @@ class Trajectory:
         start, end = self.breaks[[0, -1]]
         clipped = np.clip(times, start, end)
         distance = np.abs(times - clipped)
-        tolerance = np.inf if clamp else ROUNDING * max(1.0, abs(start), abs(end))
+        tolerance = np.inf if clamp else TIME_ROUNDING * max(1.0, abs(start), abs(end))
         if np.isnan(distance).any() or distance.max(initial=0.0) > tolerance:
             raise TrajectoryError(
                 f"t = {times[distance.argmax()]:g} s is not between {start:g} s and {end:g} s, "
@@ -267,7 +270,7 @@ class Trajectory:
     def positions(self, t: Array) -> Array:
         """Return the joint positions q (n, 4) in rad and m at times t (n,) in s."""
         q = np.empty((len(t), 4), order="F")  # the order of the results of `_derivatives`
-        for block in blocks(len(t), BLOCK):
+        for block in blocks(len(t), PIECES_PER_BLOCK):
             index = self.piece_of(t[block])
             q[block] = self._derivatives(index, t[block] - self.breaks[index], 0)[0]
         return q
@@ -333,7 +336,7 @@ class Trajectory:
         """Yield the result of `to_dict` as JSON in parts, with one line for each piece."""
         yield f'{{"breaks_s": {json.dumps(self.breaks.tolist())}, "coefficients": '
         separator = "["
-        for block in blocks(len(self.breaks) - 1, BLOCK // 64):
+        for block in blocks(len(self.breaks) - 1, PIECES_PER_BLOCK // 64):
             pieces = json.dumps(self.pieces(block).tolist())
             yield separator + pieces[1:-1].replace("]], [[", "]],\n  [[")
             separator = ",\n  "
@@ -363,7 +366,7 @@ class Trajectory:
         starts = np.array([phase.start for phase in phases])
         ends = np.array([phase.end for phase in phases])
         # Each phase starts where the phase before it ends.
-        is_contiguous = np.allclose(starts, np.append(breaks[0], ends)[:-1], 0, SHORTEST)
+        is_contiguous = np.allclose(starts, np.append(breaks[0], ends)[:-1], 0, SHORTEST_PIECE)
         if not (phases and is_contiguous and ends[-1] == breaks[-1]):
             raise TrajectoryError(
                 "the phases of a trajectory follow one another from its start to its end"
@@ -403,7 +406,7 @@ def blocks(count: int, size: int) -> Iterator[slice]:
     return (slice(start, min(start + size, count)) for start in range(0, count, size))
 
 
-def parts_of(counts: Indices) -> tuple[Indices, Indices]:
+def part_indices(counts: Indices) -> tuple[Indices, Indices]:
     """Return the indices of all parts into which polynomial pieces are divided.
 
     Parameters
@@ -421,35 +424,25 @@ def parts_of(counts: Indices) -> tuple[Indices, Indices]:
     return piece, np.arange(len(piece)) - number_of_earlier_parts[piece]
 
 
-def hermite(
-    breaks: Array, start: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
-) -> Array:
-    """Compute quintic polynomials with given position, velocity and acceleration at both ends.
+def quintic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
+    """Compute quintic polynomials with given states at both ends (Hermite interpolation).
+
+    The three conditions at each end determine the six coefficients c_k of the polynomial
+    q(τ) = Σ_k c_k τ^k for 0 ≤ τ ≤ h, where h is the duration of the piece. The pieces need not
+    follow one another.
 
     Parameters
     ----------
-    breaks : (m + 1,)
-        Ends of the pieces, s.
-    start, end : three arrays (m, 4)
-        q, q̇ and q̈ at the start and at the end of every piece.
+    length : (m,) array
+        Durations h of the pieces (s).
+    start, end : three (m, 4) arrays each
+        Joint positions, velocities and accelerations at the start and at the end of every piece
+        (rad, m and s).
 
     Returns
     -------
-    (m, 6, 4)
-        Coefficients of the pieces.
-    """
-    return quintics(np.diff(breaks), start, end)
-
-
-def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
-    """Compute quintic polynomials like `hermite`, for pieces that need not be adjacent.
-
-    Parameters
-    ----------
-    length : (m,)
-        Durations of the pieces, s.
-    start, end : three arrays (m, 4)
-        q, q̇ and q̈ at the start and at the end of every piece.
+    (m, 6, 4) array
+        Coefficients c_0 to c_5 of every piece and joint (rad/s^k and m/s^k).
     """
     h = length[:, None]
     q0, v0, a0 = start
@@ -464,7 +457,7 @@ def quintics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) ->
     return np.stack([q0, v0, a0 / 2, c3, c4, c5], axis=1)
 
 
-def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
+def cubic_coefficients(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> Array:
     """Compute cubic polynomials with given position and velocity at both ends.
 
     Parameters
@@ -490,7 +483,7 @@ def cubics(length: Array, start: tuple[Array, ...], end: tuple[Array, ...]) -> A
 
 
 @record
-class Cubic:
+class CubicPiece:
     """Cubic polynomial u(t) on 0 ≤ t ≤ h, with given state at t = 0 and acceleration at both ends.
 
     With c = t / h and r = a1 − a0:
@@ -556,14 +549,14 @@ class Cubic:
         return (self.a1 - self.a0) / self.h
 
 
-def hold(q: Array) -> Array:
+def rest_coefficients(q: Array) -> Array:
     """Return the coefficients (1, 6, 4) of one piece at rest at joint positions q (4,)."""
     coefficients = np.zeros((1, DEGREE + 1, 4))
     coefficients[0, 0] = q
     return coefficients
 
 
-def join(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
+def join_sections(sections: Sequence[tuple[str, Array, Array]]) -> Trajectory:
     """Join phases to one trajectory, one after the other.
 
     Parameters

@@ -36,7 +36,7 @@ Angle is a separate dimension, so `5` and `5 mm` are not valid angles.
 """
 for _names, _group, _factor, _unit in package_table(Path(__file__).with_name("symbols.csv")):
     _SYMBOLS[_group] |= dict.fromkeys(_names.split(), (float(_factor), _unit))
-_ZERO = {"degC": 273.15, "degree_Celsius": 273.15}
+_TEMPERATURE_ZEROS = {"degC": 273.15, "degree_Celsius": 273.15}
 """Zero of temperature scales in K. In a compound unit such as K/W, a degree is a kelvin."""
 
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
@@ -67,24 +67,24 @@ _NUMBER_HINT = "a bare number such as 0.13, without a unit"
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": deg, "°": deg}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6}
-_IN_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
-PER = r"(?:_per_s(?:\^?2)?|/s(?:\^?2|²)?)"
-_AFTER = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){PER}?|s|ms|us|ns)$", re.I)
+_UNIT_IN_BRACKETS = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_PER_SECOND = r"(?:_per_s(?:\^?2)?|/s(?:\^?2|²)?)"
+_UNIT_AT_END = re.compile(rf"^(.*?)[_ ]((?:rad|mrad|deg|m|mm|um){_PER_SECOND}?|s|ms|us|ns)$", re.I)
 
 
-def of_heading(name: str) -> tuple[str, str]:
+def split_heading(name: str) -> tuple[str, str]:
     """Split a column heading such as `roll [deg/s]`, `roll (deg/s)` or `roll_deg_per_s`.
 
     The result is the label and the unit. The unit is "" if the heading does not state one.
     """
-    match = _IN_BRACKETS.match(name) or _AFTER.match(name.strip())
+    match = _UNIT_IN_BRACKETS.match(name) or _UNIT_AT_END.match(name.strip())
     if match is None:
         return name, ""
     label, unit = match.groups()
     return label, unit.strip()
 
 
-MAGNITUDES = 1e50
+LARGEST_MAGNITUDE = 1e50
 """Largest magnitude of a number in SI units. The reciprocal is the smallest magnitude above 0.
 
 Powers and quotients of a few such numbers neither overflow nor vanish.
@@ -104,24 +104,24 @@ class BadQuantity(ValueError):
         self.allowed = allowed
 
 
-def quantity(value: object, unit_kind: str) -> float:
+def parse_quantity(value: object, unit_kind: str) -> float:
     """Convert a quantity such as `65 deg/s` to SI units.
 
-    `unit_kind` is a key of `KINDS`, or "number" for a number without a unit.
+    `unit_kind` is a key of `QUANTITY_KINDS`, or "number" for a number without a unit.
 
     Raises
     ------
     BadQuantity
         If the value is not such a quantity, or is implausibly large.
     """
-    if unit_kind in _WITHOUT_UNIT:
-        return _WITHOUT_UNIT[unit_kind](value)
-    target = KINDS[unit_kind]
+    if unit_kind in _READERS_WITHOUT_UNIT:
+        return _READERS_WITHOUT_UNIT[unit_kind](value)
+    target = QUANTITY_KINDS[unit_kind]
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise BadQuantity(f"{describe(value)} where {target.name} is needed", target.expected)
     if not isinstance(value, str):
         raise BadQuantity("a number without a unit", target.expected)
-    match = _QUANTITY.fullmatch(_spell(value))
+    match = _QUANTITY.fullmatch(_to_ascii(value))
     if match is None:
         raise BadQuantity("not a number with a unit", target.expected)
     if not match[2]:
@@ -129,12 +129,12 @@ def quantity(value: object, unit_kind: str) -> float:
     return _convert(float(match[1]), match[2], target)
 
 
-def number(value: object) -> float:
+def parse_number(value: object) -> float:
     """Check that a value is a finite number without a unit, and return it.
 
     Raises BadQuantity for other values.
     """
-    match = _QUANTITY.fullmatch(_spell(value)) if isinstance(value, str) else None
+    match = _QUANTITY.fullmatch(_to_ascii(value)) if isinstance(value, str) else None
     if match is not None and match[2]:
         raise BadQuantity("this figure has no unit", _NUMBER_HINT)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -150,11 +150,11 @@ def _check_magnitude(value: float, allowed: str) -> None:
     """
     if not math.isfinite(value):
         raise BadQuantity("not a finite number", allowed)
-    if value and not 1 / MAGNITUDES <= abs(value) <= MAGNITUDES:
+    if value and not 1 / LARGEST_MAGNITUDE <= abs(value) <= LARGEST_MAGNITUDE:
         raise BadQuantity("implausibly small or large", allowed)
 
 
-def share(value: object) -> float:
+def parse_share(value: object) -> float:
     """Convert a share to a fraction: `20 %`, `20%` and 0.2 all give 0.2.
 
     Raises BadQuantity for other texts.
@@ -172,14 +172,14 @@ def share(value: object) -> float:
     return result
 
 
-def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
+def parse_vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
     """Convert a vector such as `[1 mm, 2 mm, 3 mm]` or `(1, 2, 3) mm` to SI units.
 
     `kinds` contains the kind of quantity of each component. Raises BadQuantity for other values.
     """
-    shape = ", ".join(KINDS.get(kind, NUMBER).example for kind in kinds)
+    shape = ", ".join(QUANTITY_KINDS.get(kind, NUMBER).example for kind in kinds)
     allowed = f"{len(kinds)} values such as [{shape}]"
-    match = _VECTOR.fullmatch(_spell(value)) if isinstance(value, str) else None
+    match = _VECTOR.fullmatch(_to_ascii(value)) if isinstance(value, str) else None
     if match is not None:
         if not match[2]:
             raise BadQuantity("numbers without a unit", allowed)
@@ -188,25 +188,25 @@ def vector(value: object, kinds: tuple[str, ...]) -> tuple[float, ...]:
         raise BadQuantity(f"{describe(value)} where {len(kinds)} values are needed", allowed)
     if len(value) != len(kinds):
         raise BadQuantity(f"{len(value)} values", allowed)
-    return tuple(quantity(item, kind) for item, kind in zip(value, kinds, strict=True))
+    return tuple(parse_quantity(item, kind) for item, kind in zip(value, kinds, strict=True))
 
 
-_WITHOUT_UNIT = {"number": number, "share": share}
+_READERS_WITHOUT_UNIT = {"number": parse_number, "share": parse_share}
 """Readers of quantities that do not have a unit."""
 
 
-def interval(value: object, unit_kind: str) -> tuple[float, float]:
+def parse_interval(value: object, unit_kind: str) -> tuple[float, float]:
     """Convert an interval such as `[-139 deg, -81 deg]` to its bounds in SI units.
 
     Raises BadQuantity unless the lower bound is first.
     """
-    low, high = vector(value, (unit_kind, unit_kind))
+    low, high = parse_vector(value, (unit_kind, unit_kind))
     if not low < high:
         raise BadQuantity("the lower bound is not below the upper one", "[lower, upper]")
     return low, high
 
 
-def _convert(magnitude: float, unit: str, target: "Kind") -> float:
+def _convert(magnitude: float, unit: str, target: "QuantityKind") -> float:
     """Convert a magnitude with a unit to SI units.
 
     Raises BadQuantity if the unit is unknown, or does not belong to the kind of quantity `target`.
@@ -217,12 +217,12 @@ def _convert(magnitude: float, unit: str, target: "Kind") -> float:
             f"{target.expected}; units are joined by * and /, powers ^2",
         )
     try:
-        factor, dimensions = _parsed(unit)
+        factor, dimensions = _parse_unit(unit)
     except KeyError as error:
         raise BadQuantity(f"unknown unit {error.args[0]!r}", target.expected) from None
-    if any(dimensions == _parsed(symbol)[1] for symbol in (target.unit, *target.others)):
-        value = magnitude * factor + _ZERO.get(unit, 0.0)
-        return _plausible(value, target, f"{magnitude:g} {unit}")
+    if any(dimensions == _parse_unit(symbol)[1] for symbol in (target.unit, *target.others)):
+        value = magnitude * factor + _TEMPERATURE_ZEROS.get(unit, 0.0)
+        return _check_plausible(value, target, f"{magnitude:g} {unit}")
     name = _quantity_name(dimensions)
     fault = f"{name}, not {target.name}"
     # Two kinds may have one name, for example the speeds of revolute and of sliding joints.
@@ -231,7 +231,7 @@ def _convert(magnitude: float, unit: str, target: "Kind") -> float:
     raise BadQuantity(f"{magnitude:g} {unit} is {fault}", target.expected)
 
 
-def _plausible(value: float, target: "Kind", text: str) -> float:
+def _check_plausible(value: float, target: "QuantityKind", text: str) -> float:
     """Return a value in SI units. Raises BadQuantity if its size suggests another unit.
 
     `text` is the value as the user wrote it.
@@ -248,7 +248,7 @@ def _plausible(value: float, target: "Kind", text: str) -> float:
 
 
 @lru_cache(maxsize=256)
-def _parsed(text: str) -> tuple[float, Dimensions]:
+def _parse_unit(text: str) -> tuple[float, Dimensions]:
     """Return the factor to SI units and the dimensions of a unit such as N*m*s/rad.
 
     Raises KeyError with the name of an unknown unit.
@@ -289,14 +289,14 @@ def _unit_without_prefix(name: str) -> tuple[float, Dimensions] | None:
     if name not in _SYMBOLS["derived"]:
         return None
     factor, unit = _SYMBOLS["derived"][name]
-    scale, dimensions = _parsed(unit)
+    scale, dimensions = _parse_unit(unit)
     return factor * scale, dimensions
 
 
 def _quantity_name(dimensions: Dimensions) -> str:
     """Return the name of the quantity with these dimensions, or a text of the dimensions."""
-    for kind in KINDS.values():
-        if _parsed(kind.unit)[1] == dimensions:
+    for kind in QUANTITY_KINDS.values():
+        if _parse_unit(kind.unit)[1] == dimensions:
             return kind.name
     if not dimensions:
         return "a pure number"
@@ -304,7 +304,7 @@ def _quantity_name(dimensions: Dimensions) -> str:
     return "a " + " ".join(texts)
 
 
-def _spell(text: str) -> str:
+def _to_ascii(text: str) -> str:
     """Replace symbols such as ° and ² by ASCII text."""
     for symbol, ascii_text in _SPELLINGS.items():
         text = text.replace(symbol, ascii_text)
@@ -329,7 +329,7 @@ def describe(value: object) -> str:
 
 
 @frozen
-class Kind:
+class QuantityKind:
     """Kind of quantity, with the units in which a file may state it."""
 
     name: str
@@ -351,10 +351,10 @@ class Kind:
         return f"{self.name} such as {self.example}"
 
 
-NUMBER = Kind("a number", "0.13", "")
-"""Kind of dimensionless numbers. It is not in `KINDS`."""
-KINDS = {
-    key: Kind(
+NUMBER = QuantityKind("a number", "0.13", "")
+"""Kind of dimensionless numbers. It is not in `QUANTITY_KINDS`."""
+QUANTITY_KINDS = {
+    key: QuantityKind(
         name, example, unit, tuple(others.split()), largest=float(largest or "inf"), slip=slip
     )
     for key, name, example, unit, others, largest, slip in package_table(
@@ -366,7 +366,7 @@ KINDS = {
 
 RPM = 30 / math.pi
 """Revolutions per minute in 1 rad/s."""
-_SHOWN = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
+_DISPLAY_UNITS = {"m": ("mm", 1e3), "N·m": ("mN·m", 1e3), "rpm": ("rpm", RPM)}
 
 
 def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
@@ -379,5 +379,5 @@ def display_unit(unit: str, degree: str = "deg") -> tuple[str, float]:
     if base == "rad":
         name, scale = degree, 180 / math.pi
     else:
-        name, scale = _SHOWN.get(base, (base, 1.0))
+        name, scale = _DISPLAY_UNITS.get(base, (base, 1.0))
     return name + separator + denominator, scale

@@ -32,8 +32,8 @@ def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sample posteriors at few points, for tests that need no accurate intervals."""
     from ssm_planner.identification import sampling
 
-    monkeypatch.setattr(sampling, "ADAPTATION", (2**11,) * 4)
-    monkeypatch.setattr(sampling, "POINTS", 2**12)
+    monkeypatch.setattr(sampling, "ADAPTATION_POINTS", (2**11,) * 4)
+    monkeypatch.setattr(sampling, "FINAL_POINTS", 2**12)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from ssm_planner.reproduction import EXAMPLES, PROGRAM
+from ssm_planner.reproduction import EXAMPLES_FOLDER, PROGRAM_PACKAGE
 from tests.support.paths import PACKAGE
 
 ROOMS = (
@@ -114,7 +114,7 @@ def neighbours(name: str) -> set[str]:
 def test_every_name_of_a_face_exists_and_is_used_by_another_room() -> None:
     used = {room_name: set() for room_name in FACES}
     users = {name: FILES[name] for name in MODULES}
-    users |= {file.stem: file for file in (EXAMPLES / PROGRAM).glob("*.py")}
+    users |= {file.stem: file for file in (EXAMPLES_FOLDER / PROGRAM_PACKAGE).glob("*.py")}
     for name, file in users.items():
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:

@@ -19,14 +19,14 @@ from jinja2.filters import FILTERS
 
 import ssm_planner
 from ssm_planner.cli import COMMANDS
-from ssm_planner.reproduction import EXAMPLES, PROGRAM
+from ssm_planner.reproduction import EXAMPLES_FOLDER, PROGRAM_PACKAGE
 from tests.support.paths import PACKAGE
 
 FILES = {
     ".".join(file.relative_to(folder).with_suffix("").parts).removesuffix(".__init__"): file
-    for folder in (PACKAGE, EXAMPLES)
+    for folder in (PACKAGE, EXAMPLES_FOLDER)
     for file in sorted(folder.rglob("*.py"))
-    if folder == PACKAGE or file.parent.name == PROGRAM
+    if folder == PACKAGE or file.parent.name == PROGRAM_PACKAGE
 }
 MAX_POSITIONAL = 5
 VARIADIC = {"tag", "vertcat", "horzcat", "_group"}
@@ -141,7 +141,7 @@ def test_no_call_has_more_than_five_positional_arguments(name: str) -> None:
 
 TEMPLATES = [
     file
-    for folder in (PACKAGE, EXAMPLES)
+    for folder in (PACKAGE, EXAMPLES_FOLDER)
     for file in sorted(folder.rglob("templates/*"))
     if file.suffix not in (".js", ".css")
 ]

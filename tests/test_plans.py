@@ -18,13 +18,13 @@ from ssm_planner import Opinion, plans
 from ssm_planner.errors import ExportError, SsmPlannerError, TrajectoryError
 from ssm_planner.formats.export import export
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.plans import FORMAT, VERSION, PhaseSummary, Plan, load_plan
+from ssm_planner.plans import PLAN_FORMAT, PLAN_VERSION, PhaseSummary, Plan, load_plan
 from ssm_planner.problem.limits import TaskRange, TipSpeed
 from ssm_planner.problem.motion import Free, Joints, Straight, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.publishing import MANIFEST, RESULTS
-from ssm_planner.trajectory import Span, Trajectory, hermite
+from ssm_planner.publishing import MANIFEST, RESULT_FORMAT
+from ssm_planner.trajectory import Span, Trajectory, quintic_coefficients
 from ssm_planner.verification.check import check
 from tests.support.paths import RESULTS as RESULTS_FOLDER
 
@@ -35,7 +35,9 @@ NEAR = START + np.array([0.02, -0.02, 0.01, 0.0])
 def motion(first: np.ndarray = START, last: np.ndarray = NEAR, duration: float = 2.0) -> Trajectory:
     """One quintic from rest to rest; rad, m, s."""
     zero = np.zeros((1, 4))
-    piece = hermite(np.array([0.0, duration]), (first[None], zero, zero), (last[None], zero, zero))
+    piece = quintic_coefficients(
+        np.diff(np.array([0.0, duration])), (first[None], zero, zero), (last[None], zero, zero)
+    )
     return Trajectory(np.array([0.0, duration]), piece, (Span("all", 0.0, duration),))
 
 
@@ -139,7 +141,7 @@ def test_summary_and_document_state_the_numbers(plan: Plan) -> None:
     assert [entry["name"] for entry in summary["phases"]] == ["out", "back"]
     assert summary["solve_time"] == 0.25
     assert document["solve_time"] is None
-    assert (document["format"], document["version"]) == (FORMAT, VERSION)
+    assert (document["format"], document["version"]) == (PLAN_FORMAT, PLAN_VERSION)
     assert document["nominal_duration"] == 1.9
     assert document["certificate"] is None
     assert document["stops"] is None
@@ -207,7 +209,7 @@ def test_a_plan_without_a_passed_certificate_is_not_saved(plan: Plan, tmp_path: 
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("version", VERSION + 1, f"this program reads version {VERSION}"),
+        ("version", PLAN_VERSION + 1, f"this program reads version {PLAN_VERSION}"),
         ("format", "another", "not a plan.json"),
         ("problem", None, "problem is missing or not a mapping"),
         ("trajectory", [1], "trajectory is missing or not a mapping"),
@@ -228,7 +230,7 @@ def test_documents_that_are_no_plan(
 
 
 def test_the_versions_of_the_software_are_known() -> None:
-    assert plans._version("no such package") == "unknown"
+    assert plans._package_version("no such package") == "unknown"
     assert set(plans.software()) == {"python", "ssm-planner", "casadi", "numpy", "scipy"}
     assert "unknown" not in plans.software().values()
 
@@ -413,18 +415,18 @@ def test_a_certificate_without_its_trajectory_is_dropped(robot: Robot) -> None:
 def test_the_duration_without_ranges_is_read_back(
     plan: Plan, tmp_path: Path, duration: float | None
 ) -> None:
-    path = replace(plan, nominal_duration=duration).write(tmp_path / plans.FILE)
+    path = replace(plan, nominal_duration=duration).write(tmp_path / plans.PLAN_FILE)
     assert load_plan(path).nominal_duration == duration
 
 
 def test_a_plan_in_a_folder_with_a_file_of_another_plan_is_refused(
     plan: Plan, tmp_path: Path
 ) -> None:
-    path = plan.write(tmp_path / plans.FILE)
+    path = plan.write(tmp_path / plans.PLAN_FILE)
     table = tmp_path / "trajectory.csv"
     table.write_text("t\n", encoding="utf-8")
     files = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in (path, table)}
-    manifest = {"format": RESULTS, "files": files}
+    manifest = {"format": RESULT_FORMAT, "files": files}
     (tmp_path / MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
     assert load_plan(tmp_path).duration == plan.duration
     table.write_text("t\n0\n", encoding="utf-8")
@@ -444,7 +446,7 @@ def test_a_plan_is_neither_true_nor_false(plan: Plan) -> None:
 
 
 def test_a_plan_is_taken_as_a_value_and_as_a_file(plan: Plan, tmp_path: Path) -> None:
-    path = plan.write(tmp_path / plans.FILE)
+    path = plan.write(tmp_path / plans.PLAN_FILE)
     assert plans.as_plan(plan) is plan
     for name in (path, str(path), tmp_path):
         assert plans.as_plan(name).sha256 == plan.sha256
@@ -463,7 +465,7 @@ def test_a_plan_is_written_in_parts_and_only_once(
     plan = replace(load_plan(RESULTS_FOLDER / "tilt_insert"))
     text = plan.to_json()
     assert json.loads(text) == json.loads(json.dumps(plan.to_dict()))
-    monkeypatch.setattr("ssm_planner.trajectory.BLOCK", block)
+    monkeypatch.setattr("ssm_planner.trajectory.PIECES_PER_BLOCK", block)
     again = replace(plan)
     assert len(list(again._text_parts())) > 5
     file = again.write(tmp_path / "plan.json")

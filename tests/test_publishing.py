@@ -17,10 +17,10 @@ from ssm_planner import atomic, publishing
 from ssm_planner.atomic import replacing
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.publishing import (
-    EXPORT,
+    EXPORT_FORMAT,
     check_generation,
+    file_hashes,
     file_name,
-    hashes,
     publishing_results,
     read_manifest,
 )
@@ -46,7 +46,7 @@ def export(folder: Path, **files: str) -> None:
             path = temporary / name.replace("__", "/")
             path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
-        manifest = {"format": EXPORT, "files": hashes(temporary)}
+        manifest = {"format": EXPORT_FORMAT, "files": file_hashes(temporary)}
         (temporary / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
 
 
@@ -238,14 +238,14 @@ def test_folders_that_a_killed_process_left_are_removed(
     left.mkdir()
     publish(tmp_path / "out", OLD)
     assert left.exists(), "it may be somebody's who has just begun"
-    monkeypatch.setattr(atomic, "SWEPT_AFTER", 0.0)
+    monkeypatch.setattr(atomic, "ABANDONED_AGE", 0.0)
     with atomic.locked(left):
         # the lock is of an open file: another process is needed to see it held
         code = "import pathlib, sys; from ssm_planner import atomic; atomic.SWEPT_AFTER = 0.0\n"
         code += "atomic._sweep(pathlib.Path(sys.argv[1]), '.out-')"
         subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
         assert left.exists(), "its process lives"
-    atomic._sweep(tmp_path, ".out-")
+    atomic._remove_abandoned(tmp_path, ".out-")
     assert not left.exists()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import ssm_planner
 from ssm_planner import Problem, Robot
 from ssm_planner.plans import load_plan
-from ssm_planner.representation import LONGEST, short_repr
+from ssm_planner.representation import LONGEST_TEXT, short_repr
 from ssm_planner.typing import record
 from tests.support.paths import ROOT
 
@@ -34,7 +34,7 @@ def test_values_of_a_plan_show_themselves_in_400_characters(
     assert plan.certificate is not None
     samples = plan.trajectory.uniform(100.0)
     for value in (robot, tilt_insert, plan, plan.trajectory, plan.certificate, samples):
-        assert len(repr(value)) <= LONGEST
+        assert len(repr(value)) <= LONGEST_TEXT
         assert repr(value).startswith(type(value).__name__ + "(")
 
 
@@ -45,5 +45,5 @@ def test_a_text_that_is_too_long_is_cut() -> None:
         second: np.ndarray
 
     kind = dataclasses.make_dataclass("Wider", [(f"a{k}", float) for k in range(100)])
-    assert len(short_repr(kind(*range(100)))) == LONGEST
+    assert len(short_repr(kind(*range(100)))) == LONGEST_TEXT
     assert repr(Wide((1.0,), np.zeros((3, 4)))).endswith("first=(1.0,), second=<array (3, 4)>)")

@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ssm_planner.errors import TrajectoryError
-from ssm_planner.trajectory import Cubic, Trajectory, hermite, hold, join
+from ssm_planner.trajectory import (
+    CubicPiece,
+    Trajectory,
+    join_sections,
+    quintic_coefficients,
+    rest_coefficients,
+)
 
 
 def random_trajectory(seed: int, pieces: int = 5) -> Trajectory:
@@ -16,10 +22,10 @@ def random_trajectory(seed: int, pieces: int = 5) -> Trajectory:
     breaks = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.5, pieces))])
     states = [rng.normal(size=(pieces + 1, 4)) for _ in range(3)]
     start, end = tuple(x[:-1] for x in states), tuple(x[1:] for x in states)
-    return join(
+    return join_sections(
         [
-            ("move", breaks, hermite(breaks, start, end)),
-            ("rest", np.array([0.0, 0.3]), hold(states[0][-1])),
+            ("move", breaks, quintic_coefficients(np.diff(breaks), start, end)),
+            ("rest", np.array([0.0, 0.3]), rest_coefficients(states[0][-1])),
         ]
     )
 
@@ -82,7 +88,7 @@ def test_a_cubic_is_the_integral_of_its_linear_acceleration(seed: int, c: float)
     """Against NumPy's polynomials; the state at the end and the Bernstein coefficient of u̇ are what they say."""
     u, v, a0, a1 = np.random.default_rng(seed).normal(size=4)
     h = 0.7
-    cubic = Cubic(u, v, a0, a1, h)
+    cubic = CubicPiece(u, v, a0, a1, h)
     acceleration = np.polynomial.Polynomial([a0, (a1 - a0) / h])
     velocity = acceleration.integ(k=[v])
     position = velocity.integ(k=[u])
@@ -99,7 +105,7 @@ def test_a_cubic_is_the_integral_of_its_linear_acceleration(seed: int, c: float)
 
 @pytest.mark.parametrize("t", [-1e-6, 1.31, 99.0, np.nan, [0.1, np.inf]])
 def test_a_time_outside_the_trajectory_is_an_error(t: float | list[float]) -> None:
-    trajectory = join([("rest", np.array([0.0, 1.3]), hold(np.ones(4)))])
+    trajectory = join_sections([("rest", np.array([0.0, 1.3]), rest_coefficients(np.ones(4)))])
     with pytest.raises(TrajectoryError, match=r"not between 0 s and 1\.3 s"):
         trajectory.sample(t)
 

@@ -10,7 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.units import KINDS, BadQuantity, interval, number, quantity, vector
+from ssm_planner.units import (
+    QUANTITY_KINDS,
+    BadQuantity,
+    parse_interval,
+    parse_number,
+    parse_quantity,
+    parse_vector,
+)
 
 NUMBERS = st.floats(min_value=-1e3, max_value=1e3).filter(lambda x: x == 0 or abs(x) > 1e-9)
 
@@ -49,7 +56,7 @@ NUMBERS = st.floats(min_value=-1e3, max_value=1e3).filter(lambda x: x == 0 or ab
     ],
 )
 def test_reads(text: str, kind: str, expected: float) -> None:
-    assert quantity(text, kind) == pytest.approx(expected, rel=1e-12)
+    assert parse_quantity(text, kind) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +102,7 @@ def test_reads(text: str, kind: str, expected: float) -> None:
 )
 def test_refuses(value: object, kind: str, parts: tuple[str, ...]) -> None:
     with pytest.raises(BadQuantity) as caught:
-        number(value) if kind == "number" else quantity(value, kind)
+        parse_number(value) if kind == "number" else parse_quantity(value, kind)
     for part in parts:
         assert part in str(caught.value)
 
@@ -108,18 +115,18 @@ def pint_registry() -> Any:
     return pint.UnitRegistry()
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "temperature"])
+@pytest.mark.parametrize("kind", [kind for kind in QUANTITY_KINDS if kind != "temperature"])
 def test_as_pint_converts(kind: str) -> None:
     registry = pint_registry()
-    text = KINDS[kind].example
-    expected = registry.Quantity(text.replace("1/s", "/s")).to(KINDS[kind].unit).magnitude
-    assert quantity(text, kind) == pytest.approx(expected, rel=1e-14)
+    text = QUANTITY_KINDS[kind].example
+    expected = registry.Quantity(text.replace("1/s", "/s")).to(QUANTITY_KINDS[kind].unit).magnitude
+    assert parse_quantity(text, kind) == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize("text", ["3 kilograms", "2 kilogram", "40 g", "40 grams"])
 def test_units_written_out_have_plurals(text: str) -> None:
     amount, unit = text.split()
-    assert quantity(text, "mass") == pytest.approx(
+    assert parse_quantity(text, "mass") == pytest.approx(
         float(amount) * (1e-3 if unit[0] == "g" else 1.0)
     )
 
@@ -127,53 +134,61 @@ def test_units_written_out_have_plurals(text: str) -> None:
 @pytest.mark.parametrize("text", ["3 cms", "3 kmm", "3 s_", "3 mmm"])
 def test_neither_two_prefixes_nor_plurals_of_symbols(text: str) -> None:
     with pytest.raises(BadQuantity, match="unknown unit"):
-        quantity(text, "length")
+        parse_quantity(text, "length")
 
 
 @given(NUMBERS)
 def test_prefixes_agree(value: float) -> None:
-    assert quantity(f"{value!r} mN*m", "torque") == pytest.approx(
-        quantity(f"{value / 1000!r} N*m", "torque")
+    assert parse_quantity(f"{value!r} mN*m", "torque") == pytest.approx(
+        parse_quantity(f"{value / 1000!r} N*m", "torque")
     )
 
 
 @given(st.floats(-700, 700).filter(lambda value: value == 0 or abs(value) > 1e-40))
 def test_degrees_are_radians(value: float) -> None:
-    assert quantity(f"{value!r} deg", "angle") == pytest.approx(math.radians(value), rel=1e-14)
+    assert parse_quantity(f"{value!r} deg", "angle") == pytest.approx(
+        math.radians(value), rel=1e-14
+    )
 
 
-@given(st.sampled_from(sorted(KINDS)), st.sampled_from(sorted(KINDS)))
+@given(st.sampled_from(sorted(QUANTITY_KINDS)), st.sampled_from(sorted(QUANTITY_KINDS)))
 def test_a_kind_takes_its_own_unit_and_no_other_dimension(wanted: str, offered: str) -> None:
-    text = KINDS[offered].example
-    same_dimension = {KINDS[k].unit for k in (wanted, offered)} == {KINDS[wanted].unit}
+    text = QUANTITY_KINDS[offered].example
+    same_dimension = {QUANTITY_KINDS[k].unit for k in (wanted, offered)} == {
+        QUANTITY_KINDS[wanted].unit
+    }
     if same_dimension:
-        quantity("1" + text[text.index(" ") :], wanted)
+        parse_quantity("1" + text[text.index(" ") :], wanted)
     else:
         with pytest.raises(BadQuantity, match="not a"):
-            quantity(text, wanted)
+            parse_quantity(text, wanted)
 
 
 def outcome(text: str, kind: str) -> float | str:
     try:
-        return quantity(text, kind)
+        return parse_quantity(text, kind)
     except BadQuantity as error:
         return str(error)
 
 
 @given(
     st.text(max_size=30) | st.text("0123456789.eE+-*/^() mNgskradegV1", max_size=20),
-    st.sampled_from(sorted(KINDS)),
+    st.sampled_from(sorted(QUANTITY_KINDS)),
 )
 def test_any_text_is_read_or_refused(text: str, kind: str) -> None:
     for written in (text, "1 " + text):
         result = outcome(written, kind)
-        assert KINDS[kind].name in result if isinstance(result, str) else math.isfinite(result)
+        assert (
+            QUANTITY_KINDS[kind].name in result
+            if isinstance(result, str)
+            else math.isfinite(result)
+        )
 
 
 def test_vectors_and_intervals() -> None:
-    assert vector("(1, -2, 3e1) mm", ("length",) * 3) == pytest.approx((0.001, -0.002, 0.03))
-    assert vector(["1 mm", "2 mm"], ("length",) * 2) == pytest.approx((0.001, 0.002))
-    assert interval(["-139 deg", "-81 deg"], "angle") == pytest.approx(
+    assert parse_vector("(1, -2, 3e1) mm", ("length",) * 3) == pytest.approx((0.001, -0.002, 0.03))
+    assert parse_vector(["1 mm", "2 mm"], ("length",) * 2) == pytest.approx((0.001, 0.002))
+    assert parse_interval(["-139 deg", "-81 deg"], "angle") == pytest.approx(
         (math.radians(-139), math.radians(-81))
     )
 
@@ -193,4 +208,4 @@ def test_vectors_and_intervals() -> None:
 )
 def test_bad_intervals(value: object, part: str) -> None:
     with pytest.raises(BadQuantity, match=part):
-        interval(value, "angle")
+        parse_interval(value, "angle")

@@ -14,7 +14,7 @@ from paper_reproduction.friction import RigResult, published_drive
 from paper_reproduction.motions import RUNS, SpeedRun
 from paper_reproduction.published import BOUNDS, DRIVEN, Inputs
 from paper_reproduction.section import Section
-from ssm_planner.dynamics import RigidBody, friction_coefficient, friction_of, stribeck_shape
+from ssm_planner.dynamics import RigidBody, friction_coefficient, required_friction, stribeck_shape
 from ssm_planner.identification import fit_map
 from ssm_planner.problem import (
     Body,
@@ -275,7 +275,7 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
     The result is None if the authors do not state a Stribeck speed for this rig.
     """
     exponential, gaussian = (published_drive(drive, law) for law in STRIBECK_LAWS)
-    speed = friction_of(exponential).stribeck_speed
+    speed = required_friction(exponential).stribeck_speed
     if not speed:
         return None
     x = np.linspace(0.0, 4.0, 4001)
@@ -290,7 +290,7 @@ def stribeck_forms(drive: Drive, result: RigResult) -> StribeckForms | None:
     def coefficients(ratio: float) -> tuple[float, float]:
         """Return the friction coefficients of both forms at a multiple of the Stribeck speed."""
         exponential_mu, gaussian_mu = (
-            float(friction_coefficient(friction_of(form), ratio * speed))
+            float(friction_coefficient(required_friction(form), ratio * speed))
             for form in (exponential, gaussian)
         )
         return exponential_mu, gaussian_mu

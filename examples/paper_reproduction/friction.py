@@ -22,20 +22,20 @@ from paper_reproduction.published import (
     Inputs,
 )
 from paper_reproduction.section import Section
-from ssm_planner.display import NOTHING, number, percent
-from ssm_planner.dynamics import RigidBody, breakaway_torque, friction_of
+from ssm_planner.display import MISSING_VALUE, format_number, format_percent
+from ssm_planner.dynamics import RigidBody, breakaway_torque, required_friction
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification import (
-    TABLE,
+    TABLE_NAME,
     MapFit,
     TorqueMap,
+    drive_with_parameters,
     fit_map,
     map_torque,
     nrmsd,
     predict_recording,
-    read_figures,
     read_recordings,
-    with_parameters,
+    read_torque_map,
 )
 from ssm_planner.kinematics import Mechanism, inverse_task
 from ssm_planner.problem import JOINTS, Drive, Friction, FrictionLawName, Joint, Rig, Robot
@@ -214,9 +214,11 @@ def _torques(friction_map: FrictionMap) -> dict[str, str]:
     }
     return {
         "top speed of the map (rpm)": f"{RPM * friction_map.w[-1]:.0f}",
-        **{name: number(1e3 * torque) for name, torque in torques.items()},
-        "effort of the arm's weight (N·m, N·m, N)": " … ".join(map(number, friction_map.gravity)),
-        "under the arm's weight, largest": number(1e3 * friction_map.max_friction),
+        **{name: format_number(1e3 * torque) for name, torque in torques.items()},
+        "effort of the arm's weight (N·m, N·m, N)": " … ".join(
+            map(format_number, friction_map.gravity)
+        ),
+        "under the arm's weight, largest": format_number(1e3 * friction_map.max_friction),
     }
 
 
@@ -243,7 +245,10 @@ def _parameter(robot: Robot, name: str, symbol: str, scale: float) -> tuple[str,
     ours = [float(getattr(driven(robot, joint).friction, name)) for joint in DRIVEN]
     difference = [mine - theirs for mine, theirs in zip(ours, paper, strict=True)]
     columns = (paper, ours, difference, package)
-    return (symbol, *(" / ".join(number(scale * value) for value in values) for values in columns))
+    return (
+        symbol,
+        *(" / ".join(format_number(scale * value) for value in values) for values in columns),
+    )
 
 
 def _maps_figure(maps: tuple[FrictionMap, ...]) -> "Figure":
@@ -350,7 +355,11 @@ class RigResult:
             estimates = (
                 cell for fit in self.fits.values() for cell in _estimate(fit, name, scale, value)
             )
-            yield [symbol, NOTHING if value is None else number(scale * value), *estimates]
+            yield [
+                symbol,
+                MISSING_VALUE if value is None else format_number(scale * value),
+                *estimates,
+            ]
 
     def reasons(self) -> list[str]:
         """Return sentences that explain why identified and published parameters differ."""
@@ -365,9 +374,9 @@ def published_drive(drive: Drive, law: FrictionLawName = "stribeck_exponential")
     """
     values = dict(_rig(drive).published)
     form = law if values.get("stribeck_speed") else "coulomb"
-    result = with_parameters(drive, form, values)
+    result = drive_with_parameters(drive, form, values)
     friction = replace(
-        friction_of(result),
+        required_friction(result),
         mu_static=values["mu"] + values.get("mu_stribeck", 0.0),
         dwell_constant=values.get("dwell_constant"),
         memory=values.get("memory", 0.0),
@@ -394,7 +403,7 @@ def rig_result(inputs: Inputs, name: str) -> RigResult:
     """
     drive = inputs.rigs[name]
     rig = _rig(drive)
-    data = read_figures(inputs.folder / "drives" / TABLE, name)
+    data = read_torque_map(inputs.folder / "drives" / TABLE_NAME, name)
     map_fits = {
         law: fit_map(drive, data, rig.F_payload, law=law, reference=rig.published) for law in LAWS
     }
@@ -490,13 +499,13 @@ def _estimate(fit: MapFit, name: str, scale: float, published: float | None) -> 
     """
     estimate = fit.estimates.get(name)
     if estimate is None:
-        return NOTHING, NOTHING
-    low, high = (number(scale * end) for end in (estimate.low, estimate.high))
-    text = f"{number(scale * estimate.value)} ({low} … {high})"
+        return MISSING_VALUE, MISSING_VALUE
+    low, high = (format_number(scale * end) for end in (estimate.low, estimate.high))
+    text = f"{format_number(scale * estimate.value)} ({low} … {high})"
     if published is None:
-        return text, NOTHING
+        return text, MISSING_VALUE
     position = "inside" if estimate.low <= published <= estimate.high else "outside"
-    return text, f"{percent(estimate.value / published - 1.0, 0)}, {position}"
+    return text, f"{format_percent(estimate.value / published - 1.0, 0)}, {position}"
 
 
 def _reasons(fit: MapFit, law: str) -> list[str]:

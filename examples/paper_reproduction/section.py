@@ -9,7 +9,13 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 from paper_reproduction import published
-from ssm_planner.display import environment, format_fixed, number, render_template, signed
+from ssm_planner.display import (
+    format_fixed,
+    format_number,
+    format_signed,
+    jinja_environment,
+    render_template,
+)
 from ssm_planner.typing import record
 from ssm_planner.units import RPM
 
@@ -76,13 +82,13 @@ def wrapped(paragraph: str) -> str:
 @cache
 def _templates() -> "Environment":
     """Return the Jinja2 environment of the document, with filters for angles and milli-units."""
-    templates = environment(
+    templates = jinja_environment(
         "paper_reproduction",
         escape=False,
-        milli=lambda value: number(1e3 * value),
+        milli=lambda value: format_number(1e3 * value),
         in_degrees=math.degrees,
         degrees=lambda angle, decimals=3: format_fixed(math.degrees(angle), decimals) + "°",
-        degrees_more=lambda angle, decimals: signed(math.degrees(angle), decimals) + "°",
+        degrees_more=lambda angle, decimals: format_signed(math.degrees(angle), decimals) + "°",
     )
     templates.globals.update(
         published=published, DRIVEN=published.DRIVEN, NUMBER=published.NUMBER, RPM=RPM, zip=zip

@@ -8,7 +8,7 @@ import numpy as np
 from paper_reproduction import published
 from paper_reproduction.published import TABLE_I, TABLE_I_MEASURED
 from paper_reproduction.section import Section
-from ssm_planner.display import minus
+from ssm_planner.display import use_minus_signs
 from ssm_planner.kinematics import (
     DesignRegion,
     Mechanism,
@@ -83,7 +83,9 @@ def tilt_disks(mechanism: Mechanism) -> "Figure":
         _ray(axes, tilt, 1.08, label=None if k else "measured (Table I)", **LIMIT_STYLE)
     _ray(axes, mechanism.home_tilt, 1.0, color="black", linewidth=1.2, linestyle="-.", label="home")
     for tilt, measured in zip(interval, TABLE_I_MEASURED, strict=True):
-        text = minus(f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)")
+        text = use_minus_signs(
+            f"{math.degrees(tilt):.2f}°\n(measured {math.degrees(measured):.1f}°)"
+        )
         side = "right" if math.cos(tilt) < 0 else "left"
         x, y = 1.14 * math.cos(tilt), -1.14 * math.sin(tilt)
         axes.text(x, y, text, ha=side, va="center", fontsize=FONT_SIZE - 1)

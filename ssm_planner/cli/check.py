@@ -235,13 +235,13 @@ def speed_lines(speeds: ssm.SpeedRange) -> list[str]:
 
     It contains the limits that a slower motion may violate, although the planned motion keeps them.
     """
-    from ssm_planner.display import number
+    from ssm_planner.display import format_number
     from ssm_planner.reporting import Table, limit_cells
 
     rows = []
     for result in speeds.worst:
         cells = limit_cells(result.found)
-        rows.append(cells[:2] + (number(100 * result.speed, 4),) + cells[2:])
+        rows.append(cells[:2] + (format_number(100 * result.speed, 4),) + cells[2:])
     header = "limit, joint, worst at % of the speed, worst, limit, unit, margin"
     table = Table(header, rows, (2, 3, 4, 6))
     heading = f"every speed from {100 * speeds.slowest:.4g} % to 100 %"

@@ -45,7 +45,7 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
     the margins of the limits, the findings, the limits that are not judged, and the verdict.
     """
     from ssm_planner.comparison.noise import SIGNIFICANT_DEVIATIONS
-    from ssm_planner.display import format_fixed, number, percent
+    from ssm_planner.display import format_fixed, format_number, format_percent
     from ssm_planner.reporting import Table, unit_of_limit
 
     errors = []
@@ -60,12 +60,12 @@ def compare_lines(comparison: ssm.Comparison) -> list[str]:
             row = (
                 limit.name,
                 axis.joint,
-                number(scale * limit.measured, 5),
-                number(scale * limit.noise, 2),
-                number(scale * limit.limit, 5),
+                format_number(scale * limit.measured, 5),
+                format_number(scale * limit.noise, 2),
+                format_number(scale * limit.limit, 5),
                 unit,
-                percent(limit.planned_margin, 2),
-                percent(limit.margin, 2),
+                format_percent(limit.planned_margin, 2),
+                format_percent(limit.margin, 2),
                 "EXCEEDED" if limit.verdict == "not held" else limit.verdict,
             )
             rows.append(row)

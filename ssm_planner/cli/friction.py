@@ -155,8 +155,8 @@ def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
     drive : Drive
         Identified drive, which determines the units.
     """
-    from ssm_planner.display import number
-    from ssm_planner.identification import unit_of
+    from ssm_planner.display import format_number
+    from ssm_planner.identification import parameter_unit
     from ssm_planner.reporting import Table
     from ssm_planner.units import RPM
 
@@ -169,12 +169,12 @@ def _parameter_lines(result: JsonObject, drive: ssm.Drive) -> list[str]:
             remarks.append("at its bound")
         if not parameter["separable"] and not parameter["fixed"]:
             remarks.append("cannot be separated by these data")
-        unit = (unit_of(drive, name) or "").replace("*", "·")
+        unit = (parameter_unit(drive, name) or "").replace("*", "·")
         scale = 1.0
         if name == "stribeck_speed":
             unit = "rpm"
             scale = RPM
-        values = [number(scale * parameter[key], 4) for key in ("value", "low", "high")]
+        values = [format_number(scale * parameter[key], 4) for key in ("value", "low", "high")]
         rows.append([name] + values + [unit, ", ".join(remarks)])
     return Table("parameter, value, 95 % low, 95 % high, unit, ", rows, (1, 2, 3)).lines()
 

@@ -19,7 +19,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from ssm_planner.cli.terminal import print_lines
-from ssm_planner.display import columns
+from ssm_planner.display import terminal_width
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Progress, Step
 from ssm_planner.typing import Files, Keywords
@@ -63,10 +63,10 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
 
     def convert(text: str) -> float:
         """Convert the text of an argument to SI units."""
-        from ssm_planner.units import BadQuantity, quantity
+        from ssm_planner.units import BadQuantity, parse_quantity
 
         try:
-            return quantity(text.strip(), kind)
+            return parse_quantity(text.strip(), kind)
         except BadQuantity as error:
             raise ArgumentTypeError(f"{text.strip()!r}: {error}") from error
 
@@ -177,10 +177,10 @@ def parse_quantity(option: str, text: str, kind: str, whole: str | None = None) 
     ProblemError
         If the text is not such a quantity.
     """
-    from ssm_planner.units import BadQuantity, quantity
+    from ssm_planner.units import BadQuantity, parse_quantity
 
     try:
-        return quantity(text.strip(), kind)
+        return parse_quantity(text.strip(), kind)
     except BadQuantity as error:
         value = text if whole is None else whole
         raise ProblemError(error.reason, key=option, value=value, allowed=error.allowed) from None
@@ -239,7 +239,7 @@ def progress_reporter(message: str = "") -> Progress:
         last_report = now
         text = f"[{now - start:6.2f} s] {step}{estimate}"
         if is_terminal:
-            text = f"\x1b[K{text[: columns() - 1]}"
+            text = f"\x1b[K{text[: terminal_width() - 1]}"
         end = "\r" if is_terminal and step.total else "\n"
         print(text, file=sys.stderr, end=end, flush=True)
 
@@ -258,9 +258,9 @@ def fill_in_template(template: str, **values: Any) -> list[str]:
     **values
         Values of the variables in the template.
     """
-    from ssm_planner.display import environment, render_template
+    from ssm_planner.display import jinja_environment, render_template
 
-    templates = environment("ssm_planner.cli", escape=False, degrees=math.degrees)
+    templates = jinja_environment("ssm_planner.cli", escape=False, degrees=math.degrees)
     return render_template(templates, template, **values).splitlines()
 
 

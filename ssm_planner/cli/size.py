@@ -78,7 +78,7 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
     """
     from ssm_planner.loading import CatalogueEntry, drives_with_gears, read_gearheads, read_motors
     from ssm_planner.reporting import VERDICT_LABELS, selection_lines
-    from ssm_planner.sizing import select
+    from ssm_planner.sizing import select_motors
 
     if options.catalogue is None:
         raise ProblemError(
@@ -102,7 +102,7 @@ def _run_selection(options: Namespace, duty: "DutyCycle", conditions: "Condition
                 gears[joint.name] += drives_with_gears(path, joint.drive, stroke)
     gearheads = [part for path in options.gearheads for part in read_gearheads(path)]
     progress_reporter(f"judging {len(motors)} motors")
-    joints = select(duty, motors, gears, conditions, options.payload, gearheads=gearheads)
+    joints = select_motors(duty, motors, gears, conditions, options.payload, gearheads=gearheads)
     # Verdict on the best pair of each joint: 1 is adequate, 0 is not known, −1 is not adequate.
     best_verdicts = [joint.adequate.max(initial=-1) for joint in joints]
     adequate = None if 0 in best_verdicts or not best_verdicts else True
@@ -151,7 +151,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
     ProblemError
         If the motorisation or robot file is invalid.
     """
-    from ssm_planner.sizing import DutyCycle, pause_of
+    from ssm_planner.sizing import DutyCycle, pause_after_motion
 
     if robot_file is not None:
         from ssm_planner.formats import read_trajectory
@@ -175,7 +175,7 @@ def read_duty(path: Path, robot_file: Path | None = None) -> "DutyCycle":
     if plan.certificate is None:
         reason = plan.uncertified_reason or "the plan has no certificate"
         duty = replace(duty, notes=duty.notes + (f"not certified: {reason}",))
-    return replace(duty, pause=pause_of(plan.problem))
+    return replace(duty, pause=pause_after_motion(plan.problem))
 
 
 def read_candidates(texts: Sequence[str], duty: "DutyCycle") -> dict[str, list[ssm.Motor]]:

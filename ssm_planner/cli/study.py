@@ -10,7 +10,7 @@ from typing import Any
 
 import ssm_planner as ssm
 from ssm_planner.cli.shared import FAILED, OK, print_result, progress_reporter
-from ssm_planner.display import number, plain_words
+from ssm_planner.display import format_number, plain_words
 from ssm_planner.errors import ProblemError
 from ssm_planner.progress import Step
 from ssm_planner.typing import Files, JsonObject
@@ -238,7 +238,7 @@ def _comparison_lines(document: JsonObject) -> list[str]:
         _, scale = result_unit(name)
         row = [axis_title(name) if name in document["figures"] else name]
         for value in pair:
-            row.append(number(scale * value, 5) if isinstance(value, float) else str(value))
+            row.append(format_number(scale * value, 5) if isinstance(value, float) else str(value))
         rows.append(row)
     header = [""] + list(map(str, document["numbers"]))
     return Table(header, rows, (1, 2)).lines()

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from textwrap import wrap
 from typing import NoReturn
 
-from ssm_planner.display import columns
+from ssm_planner.display import terminal_width
 from ssm_planner.errors import SsmPlannerError, suggestion
 
 LABEL_PATTERN = re.compile(r"\s*\S+(?: \S+)*\s{2,}|\s*")
@@ -92,7 +92,7 @@ def shorten(lines: Iterable[str]) -> list[str]:
     """
     wrapped: list[str] = []
     for line in lines:
-        wrapped += wrap_line(line, columns())
+        wrapped += wrap_line(line, terminal_width())
     if len(wrapped) <= MAX_LINES:
         return wrapped
     return wrapped[: MAX_LINES - LAST_LINES - 1] + ["… (-v prints all)"] + wrapped[-LAST_LINES:]
@@ -108,7 +108,7 @@ def print_lines(lines: Iterable[str]) -> None:
         has_colours = False
     for block in lines:
         for line in block.splitlines() or [""]:
-            for text in wrap_line(line, columns()):
+            for text in wrap_line(line, terminal_width()):
                 print(VERDICT_PATTERN.sub(_colour_match, text) if has_colours else text)
 
 

@@ -34,7 +34,7 @@ from ssm_planner.comparison.measured import AxisRecording
 from ssm_planner.comparison.predicted import AxisPrediction, predict_axes
 from ssm_planner.deprecation import Renamed
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification import largest, rms
+from ssm_planner.identification import largest_magnitude, rms
 from ssm_planner.problem import Robot
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen, record
@@ -66,7 +66,7 @@ class Difference:
         error = planned - measured
         size = rms(error)
         spread = float(np.ptp(measured))
-        return cls(size, largest(error), size / spread if spread > 0 else None)
+        return cls(size, largest_magnitude(error), size / spread if spread > 0 else None)
 
     of = Renamed("from_samples")
 

@@ -31,7 +31,7 @@ from ssm_planner.comparison.noise import (
     moving_means,
 )
 from ssm_planner.comparison.predicted import AxisPrediction
-from ssm_planner.identification import integrated, largest, rms
+from ssm_planner.identification import largest_magnitude, rms, trapezoidal_integral
 from ssm_planner.problem import (
     JointAcceleration,
     JointLimit,
@@ -324,7 +324,7 @@ def map_to_clock(
         if is_resting.any():
             half = measured.speed_resolution / 2
             speed_error[is_resting] -= np.clip(np.mean(speed_error[is_resting]), -half, half)
-    distance = integrated(t, speed_error / plan.ratio)
+    distance = trapezoidal_integral(t, speed_error / plan.ratio)
     distance -= np.interp(0.0, t, distance)
     return AlignedAxis(
         plan,
@@ -418,7 +418,7 @@ def check_tracking(axis: AlignedAxis, lag: float) -> Iterator[Finding]:
     limit = lag * joint.velocity
     unit = f"m{joint.unit}"  # mrad or mm
     allowed = limit + noise
-    difference = largest(axis.q - axis.travelled)
+    difference = largest_magnitude(axis.q - axis.travelled)
     if difference > allowed + integral_noise:
         text = (
             f"position and integral of the speed differ by {1e3 * difference:.3g} {unit}: one of "
@@ -564,7 +564,7 @@ def find_stall(axis: AlignedAxis) -> Finding | None:
         and speed_correlation(planned_speed[is_moving], w[is_moving]) < MIN_MOTION_CORRELATION
     ):
         return None
-    torque = largest(axis.measured.tau[start : stop + n])
+    torque = largest_magnitude(axis.measured.tau[start : stop + n])
     text = (
         f"the motor stands for {length:.3g} s, {start_time:.3g} s after the start, where "
         f"the plan moves it (torque up to {1e3 * torque:.3g} mN·m)"
@@ -726,7 +726,7 @@ def check_channel_limit(
                 deviations * estimate_noise(departure[axis.moving], n, resolution) + resolution / 2
             )
             noise = spread / ratio
-            value = largest(moving_means(values, n)) / ratio
+            value = largest_magnitude(moving_means(values, n)) / ratio
             candidates.append((value - noise, value, noise, n * axis.step if n > 1 else 0.0))
     result = max(candidates)  # the candidate that certainly exceeds the limit most
     single_sample = candidates[0]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification import quantum, read_recording
+from ssm_planner.identification import read_recording, smallest_step
 from ssm_planner.problem import Robot
 from ssm_planner.typing import Array, Files, record
 
@@ -90,8 +90,8 @@ def read_axis_recording(
         recording.tau,
         q=q,
         speed_resolution=recording.quantum,
-        torque_resolution=quantum(recording.tau, 12),
-        position_resolution=0.0 if q is None else quantum(q, 12),
+        torque_resolution=smallest_step(recording.tau, 12),
+        position_resolution=0.0 if q is None else smallest_step(q, 12),
         repairs=tuple(text for text in recording.repairs if text not in recording.doubts),
         doubts=recording.doubts,
     )

@@ -6,7 +6,7 @@ short windows show short faults.
 
 import numpy as np
 
-from ssm_planner.identification import runs
+from ssm_planner.identification import true_runs
 from ssm_planner.typing import Array, Mask
 
 WINDOW_DURATIONS = (10e-3, 40e-3)
@@ -110,5 +110,5 @@ def longest_run(flags: Mask, time: Array) -> tuple[int, int, float]:
     duration : float
         Duration of the run, s. All three results are 0 if no value is true.
     """
-    candidates = [(a, b - 1, float(time[b - 1] - time[a])) for a, b in runs(flags)]
+    candidates = [(a, b - 1, float(time[b - 1] - time[a])) for a, b in true_runs(flags)]
     return max(candidates, key=lambda run: run[2], default=(0, 0, 0.0))

@@ -6,11 +6,11 @@ import numpy as np
 
 from ssm_planner.dynamics import (
     RigidBody,
-    directions,
     drive_torque,
-    drive_with,
-    friction_of,
+    drive_with_values,
+    motion_directions,
     motor_motion,
+    required_friction,
 )
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem import CONFIDENCE, LOAD_OFFSET, Drive, Joint, Robot
@@ -89,7 +89,7 @@ def predict_axes(
     """
     trajectory = trajectory.slower(speed)
     samples = trajectory.uniform(PLAN_RATE * speed)
-    direction, breakaway = directions(robot, samples, 1)
+    direction, breakaway = motion_directions(robot, samples, 1)
     body = RigidBody.from_robot(robot)
     motor = motor_motion(robot, body, samples, direction, breakaway)
     rigid = body.inverse_dynamics(samples.q, samples.qd, samples.qdd)
@@ -149,7 +149,7 @@ def _posterior_band(
     (low, high) or None
         Ends of the band, (n,) each, N·m. None if the drive file contains no posterior distribution.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     if friction.posterior is None:
         return None
     sets = {
@@ -157,7 +157,7 @@ def _posterior_band(
         for name, column in friction.posterior.values().items()
         if name != LOAD_OFFSET
     }
-    drives = drive_with(drive, sets)
+    drives = drive_with_values(drive, sets)
     torque, _ = drive_torque(drives, rigid, qd, qdd, direction, breakaway=breakaway)
     low, high = np.quantile(torque, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return (

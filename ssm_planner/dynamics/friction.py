@@ -13,11 +13,11 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.problem import FRICTION_LAWS, Drive, Friction
 from ssm_planner.typing import Array, Expression
 
-STANDSTILL = 0.005
+STANDSTILL_SPEED = 0.005
 """Largest motor speed at which a measured drive counts as resting, rad/s (authors' package)."""
 
 
-def friction_of(drive: Drive) -> Friction:
+def required_friction(drive: Drive) -> Friction:
     """Return the friction of a drive. Raises ProblemError if it has not been identified yet."""
     if drive.friction is None:
         raise ProblemError(
@@ -90,7 +90,7 @@ def static_coefficient(
     return start + (friction.mu_static - start) * growth
 
 
-def remembered_speed(friction: Friction, time: ArrayLike, w: ArrayLike) -> Array:
+def delayed_speed(friction: Friction, time: ArrayLike, w: ArrayLike) -> Array:
     """Return the speed (samples,) that determines the friction, which the frictional memory delays.
 
     `time` (samples,) contains increasing times in s, and `w` (samples,) the motor speeds in rad/s.

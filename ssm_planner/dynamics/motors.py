@@ -6,27 +6,31 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen import namespace_of
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import (
+    breakaway_coefficient,
+    friction_coefficient,
+    required_friction,
+)
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Joint, Motor, Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Expression, record
 
-STILL = 1e-9
+REST_FRACTION = 1e-9
 """Share of the velocity limit below which a joint counts as resting."""
 
 
-def motorised(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
+def motorised_joints(joints: Sequence[Joint]) -> Iterator[tuple[int, Drive, Motor]]:
     """Yield the index, drive and motor of each joint that has a drive and a motor."""
     for i, joint in enumerate(joints):
         if joint.drive is not None and joint.motor is not None:
             yield i, joint.drive, joint.motor
 
 
-def motorless(joints: Sequence[Joint]) -> list[int]:
+def joints_without_motor(joints: Sequence[Joint]) -> list[int]:
     """Return the indices of the joints that lack a drive or a motor."""
-    complete = {i for i, *_ in motorised(joints)}
+    complete = {i for i, *_ in motorised_joints(joints)}
     return [i for i in range(len(joints)) if i not in complete]
 
 
@@ -60,7 +64,7 @@ def motor_motion(
         Sampled motion.
     direction : (n, 4)
         Direction of each joint, +1 or −1, or 0 for a joint that rests while its drive holds it.
-        See `directions`.
+        See `motion_directions`.
     breakaway : (n, 4) bool
         Whether the joint starts to move, so that the static friction coefficient applies.
     """
@@ -79,7 +83,7 @@ def motor_motion(
     return MotorMotion(ratio * samples.q, ratio * samples.qd, ratio * samples.qdd, torque, effort)
 
 
-def motor_law(
+def motor_torque_symbolic(
     robot: Robot, q: ca.SX, qd: ca.SX, qdd: ca.SX, direction: ca.SX, breakaway: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return joint efforts, motor torques and mesh efforts, each (4,), as CasADi expressions.
@@ -122,7 +126,7 @@ def drive_torque(
     breakaway : array or expression
         Whether the drive starts to move.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     w = drive.ratio * qd
     wd = drive.ratio * qdd
     select = namespace_of(breakaway, qd).where
@@ -131,7 +135,7 @@ def drive_torque(
     return motor_torque(drive, effort, w, wd, direction=direction, mu=mu), effort
 
 
-def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]:
+def motion_directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]:
     """Return the direction of motion of every joint, and whether it starts from rest, each (n, 4).
 
     `side` selects the instant after (+1) or before (−1) each sample, see `joint_direction`.
@@ -146,7 +150,7 @@ def directions(robot: Robot, samples: Samples, side: int) -> tuple[Array, Array]
     return np.stack(direction, axis=1), np.stack(breakaway, axis=1)
 
 
-def directions_law(
+def motion_directions_symbolic(
     robot: Robot, qd: ca.SX, qdd: ca.SX, qddd: ca.SX, side: int
 ) -> tuple[ca.SX, ca.SX]:
     """Return direction and breakaway, each (4,), as CasADi expressions. See `joint_direction`."""
@@ -184,14 +188,14 @@ def joint_direction(
     xp = namespace_of(qd, qdd, qddd)
     max_velocity = joint.velocity
     max_acceleration = joint.acceleration
-    is_at_rest = abs(qd) <= STILL * max_velocity
+    is_at_rest = abs(qd) <= REST_FRACTION * max_velocity
     # Just after or before a rest, the velocity has the sign of ±acceleration. If the acceleration
     # is zero as well, it has the sign of the jerk.
     jerk_direction = xp.where(
-        abs(qddd) > STILL * max_acceleration**2 / max_velocity, xp.sign(qddd), 0.0
+        abs(qddd) > REST_FRACTION * max_acceleration**2 / max_velocity, xp.sign(qddd), 0.0
     )
     rest_direction = xp.where(
-        abs(qdd) > STILL * max_acceleration, side * xp.sign(qdd), jerk_direction
+        abs(qdd) > REST_FRACTION * max_acceleration, side * xp.sign(qdd), jerk_direction
     )
     direction = xp.where(is_at_rest, rest_direction, xp.sign(qd))
     return direction, xp.where(is_at_rest, (direction != 0) * (side > 0), False)

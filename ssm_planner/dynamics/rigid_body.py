@@ -16,7 +16,7 @@ import numpy as np
 
 from ssm_planner.codegen import Layout, call
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics import constant, rotation, rotation_symbolic
+from ssm_planner.kinematics import casadi_constant, rotation, rotation_symbolic
 from ssm_planner.problem import Body, Geometry, Robot, read_only_array
 from ssm_planner.typing import Array, record
 
@@ -84,8 +84,10 @@ def _newton_euler(
     return ca.vertcat(*reversed(tau))
 
 
-LOAD = Layout(first_turn=2, second_turn=2, gravity=3, first_moments=9, inertias=18, mass=1, com=3)
-"""Numbers that determine the efforts of a robot, in the frames of `axes_frames`.
+LOAD_LAYOUT = Layout(
+    first_turn=2, second_turn=2, gravity=3, first_moments=9, inertias=18, mass=1, com=3
+)
+"""Numbers that determine the efforts of a robot, in the frames of `axis_frames`.
 
 `first_turn` and `second_turn` are the cosine and the sine of the angles between adjacent axes.
 `gravity` is the acceleration of gravity in the base frame. `first_moments` and `inertias` (xx, xy,
@@ -94,7 +96,7 @@ fourth body. `mass` and `com` are the mass and the centre of mass of the fourth 
 """
 
 
-def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
+def axis_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
     """Return frames that are aligned with the joint axes.
 
     The z axis of each frame is a joint axis, and its x–z plane contains the next axis.
@@ -130,9 +132,9 @@ def axes_frames(omegas: Sequence[Array]) -> tuple[Array, list[float], float]:
     return np.stack([base, base, elbow, elbow @ rotation(axis, angles[1])]), angles, offset
 
 
-def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
-    """Return the numbers of `LOAD` for a robot, (38,), for gravity (3,) in m/s²."""
-    frames, angles, _ = axes_frames((geometry.omega1, geometry.omega2, geometry.omega3))
+def load_parameters(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -> Array:
+    """Return the numbers of `LOAD_LAYOUT` for a robot, (38,), for gravity (3,) in m/s²."""
+    frames, angles, _ = axis_frames((geometry.omega1, geometry.omega2, geometry.omega3))
     coms = [body.frame @ body.com for body in bodies]
     inertias = [body.frame @ body.inertia @ body.frame.T for body in bodies]
     inertias[2] = inertias[2] + bodies[3].frame @ inertia_about_com(bodies[3]) @ bodies[3].frame.T
@@ -142,7 +144,7 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
         frame = frames[i + 1]
         first_moments.append(bodies[i].mass * frame.T @ coms[i])
         upper_triangles.append((frame.T @ inertias[i] @ frame)[np.triu_indices(3)])
-    return LOAD.pack(
+    return LOAD_LAYOUT.pack(
         first_turn=[np.cos(angles[0]), np.sin(angles[0])],
         second_turn=[np.cos(angles[1]), np.sin(angles[1])],
         gravity=frames[0].T @ gravity,
@@ -153,15 +155,16 @@ def load_figures(geometry: Geometry, bodies: tuple[Body, ...], gravity: Array) -
     )
 
 
-def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
-    """Return the joint efforts (4,) of `RigidBody.symbolic` with the numbers of `LOAD` as symbols.
+def efforts_from_parameters(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.SX:
+    """Return the joint efforts (4,) of `RigidBody.symbolic` with the numbers of `LOAD_LAYOUT`
+    as symbols.
 
-    The angle θ2 in `q` must include the offset of `axes_frames`.
+    The angle θ2 in `q` must include the offset of `axis_frames`.
     """
-    f = LOAD.unpack(inertias)
-    axis = constant(np.array([0.0, 0.0, 1.0]))
+    f = LOAD_LAYOUT.unpack(inertias)
+    axis = casadi_constant(np.array([0.0, 0.0, 1.0]))
     turn = [rotation_symbolic(np.array([0.0, 0.0, 1.0]), q[i]) for i in range(3)]
-    turns = [_about_y(f.first_turn), _about_y(f.second_turn)]
+    turns = [_rotation_about_y(f.first_turn), _rotation_about_y(f.second_turn)]
     bodies: list[tuple[Any, Any, Any]] = []
     for i in range(3):
         xx, xy, xz, yy, yz, zz = ca.vertsplit(f.inertias[6 * i : 6 * i + 6])
@@ -172,7 +175,7 @@ def efforts_by_figures(inertias: ca.SX, q: ca.SX, qd: ca.SX, qdd: ca.SX) -> ca.S
     return _newton_euler([axis] * 3, rotations, bodies, base=-f.gravity, motion=(q, qd, qdd))
 
 
-def _about_y(turn: ca.SX) -> ca.SX:
+def _rotation_about_y(turn: ca.SX) -> ca.SX:
     """Return the rotation matrix (3, 3) about y. `turn` is the cosine and sine of the angle."""
     cosine, sine = ca.vertsplit(turn)
     matrix = ca.SX(3, 3)
@@ -203,12 +206,12 @@ def static_loads(axes: Array, masses: Array, coms: Array, gravity: Array, q: Arr
     points = q.shape[1]
     robots = np.concatenate([axes.reshape(-1, 9), masses, coms.reshape(-1, 12)], axis=1)
     repeated = np.repeat(robots, points, axis=0)
-    loads = call(_static_load(tuple(gravity)), q.reshape(-1, 4), repeated)[0]
+    loads = call(_static_load_function(tuple(gravity)), q.reshape(-1, 4), repeated)[0]
     return loads.reshape(-1, points, 4)
 
 
 @lru_cache(maxsize=4)
-def _static_load(gravity: tuple[float, ...]) -> ca.Function:
+def _static_load_function(gravity: tuple[float, ...]) -> ca.Function:
     """Build the function that returns the efforts (4,) that hold a robot at rest.
 
     Its arguments are q (4,) and 25 numbers of the robot, which are axes, masses and centres of
@@ -252,14 +255,18 @@ class RigidBody:
 
         Equal geometry, bodies and gravity give the same object, so its functions are built once.
         """
-        global _recent
+        global _latest_dynamics
         # Each robot has its own copy of the gravity array.
         key = (robot.geometry,) + tuple(robot.bodies)
         gravity = robot.gravity.tobytes()
-        if _recent is None or _recent[1] != gravity or not all(map(is_, _recent[0], key)):
+        if (
+            _latest_dynamics is None
+            or _latest_dynamics[1] != gravity
+            or not all(map(is_, _latest_dynamics[0], key))
+        ):
             content = pickle.dumps((robot.geometry, robot.bodies, robot.gravity))
-            _recent = key, gravity, _rigid_body(content)
-        return _recent[2]
+            _latest_dynamics = key, gravity, _cached_dynamics(content)
+        return _latest_dynamics[2]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
         """Return the joint efforts (n, 4) for q, qd and qdd (n, 4)."""
@@ -297,12 +304,12 @@ class RigidBody:
         acceleration −g of the base.
         """
         omegas = self.geometry.axes[:3]
-        axes = [constant(omega) for omega in omegas]
+        axes = [casadi_constant(omega) for omega in omegas]
         rotations = [rotation_symbolic(omega, q[i]) for i, omega in enumerate(omegas)]
         bodies = []
         for body in self.bodies:
-            com = constant(body.frame @ body.com)
-            inertia = constant(body.frame @ inertia_about_com(body) @ body.frame.T)
+            com = casadi_constant(body.frame @ body.com)
+            inertia = casadi_constant(body.frame @ inertia_about_com(body) @ body.frame.T)
             bodies.append((body.mass, com, inertia))
         base = ca.DM(-self.gravity)
         return _newton_euler(axes, rotations, bodies, base=base, motion=(q, qd, qdd))
@@ -353,12 +360,12 @@ class RigidBody:
         return ca.Function("mass_matrix", [q], [ca.vec(ca.densify(ca.jacobian(tau, qdd)))])
 
 
-_recent: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
+_latest_dynamics: tuple[tuple[Any, ...], bytes, RigidBody] | None = None
 """Geometry and bodies, gravity, and dynamics of the robot for which they were last requested."""
 
 
 @lru_cache(maxsize=16)
-def _rigid_body(content: bytes) -> RigidBody:
+def _cached_dynamics(content: bytes) -> RigidBody:
     """Build the dynamics from pickled fields, or return the cached one."""
     return RigidBody(*pickle.loads(content))
 

@@ -9,7 +9,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.dynamics import motors
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics import batch
+from ssm_planner.kinematics import check_rows
 from ssm_planner.problem import Robot
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array
@@ -85,7 +85,7 @@ def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> A
     """
     samples = _samples(q, qd, qdd)
     body = RigidBody.from_robot(robot)
-    direction, breakaway = motors.directions(robot, samples, 1)
+    direction, breakaway = motors.motion_directions(robot, samples, 1)
     torque = motors.motor_motion(robot, body, samples, direction, breakaway).torque
     return torque if np.ndim(q) == 2 else torque[0]
 
@@ -95,7 +95,7 @@ def _samples(q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Samples:
 
     Raises GeometryError if the arguments differ in length.
     """
-    rows = [batch(name, x, 4) for name, x in (("q", q), ("qd", qd), ("qdd", qdd))]
+    rows = [check_rows(name, x, 4) for name, x in (("q", q), ("qd", qd), ("qdd", qdd))]
     if len({len(values) for values in rows}) > 1:
         lengths = ", ".join(str(len(values)) for values in rows)
         raise GeometryError(f"q, qd and qdd have different lengths: {lengths}")

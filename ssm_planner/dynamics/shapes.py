@@ -12,7 +12,7 @@ from ssm_planner.typing import Array, record
 
 
 @record
-class Moments:
+class MassMoments:
     """Mass (kg), first moment ∫r dm (3,) (kg·m) and second moment ∫r·rᵀ dm (3, 3) (kg·m²).
 
     The moments refer to the origin.
@@ -22,14 +22,14 @@ class Moments:
     first: Array
     second: Array
 
-    def __add__(self, moments: "Moments") -> "Moments":
-        return Moments(
+    def __add__(self, moments: "MassMoments") -> "MassMoments":
+        return MassMoments(
             self.mass + moments.mass, self.first + moments.first, self.second + moments.second
         )
 
-    def rotated(self, rotation: Array) -> "Moments":
+    def rotated(self, rotation: Array) -> "MassMoments":
         """Return the moments of the solid after a rotation (3, 3)."""
-        return Moments(self.mass, rotation @ self.first, rotation @ self.second @ rotation.T)
+        return MassMoments(self.mass, rotation @ self.first, rotation @ self.second @ rotation.T)
 
     @property
     def com(self) -> Array:
@@ -42,12 +42,12 @@ class Moments:
         return np.trace(self.second) * np.eye(3) - self.second
 
 
-def point(mass: float, position: Array) -> Moments:
+def point_moments(mass: float, position: Array) -> MassMoments:
     """Return the moments of a point mass (kg) at a position (3,), m."""
-    return Moments(mass, mass * position, mass * np.outer(position, position))
+    return MassMoments(mass, mass * position, mass * np.outer(position, position))
 
 
-def box(mass: float, position: Array, size: Array) -> Moments:
+def box_moments(mass: float, position: Array, size: Array) -> MassMoments:
     """Return the moments of a box.
 
     Parameters
@@ -59,11 +59,11 @@ def box(mass: float, position: Array, size: Array) -> Moments:
     size : (3,)
         Lengths along the axes, m.
     """
-    moments = point(mass, position)
-    return Moments(mass, moments.first, moments.second + mass / 12 * np.diag(np.square(size)))
+    moments = point_moments(mass, position)
+    return MassMoments(mass, moments.first, moments.second + mass / 12 * np.diag(np.square(size)))
 
 
-def rod(start: Array, end: Array, diameter: float, density: float) -> Moments:
+def rod_moments(start: Array, end: Array, diameter: float, density: float) -> MassMoments:
     """Return the moments of a round rod between two points `start` and `end` (3,), m.
 
     The diameter is in m and the density in kg/m³.
@@ -73,13 +73,13 @@ def rod(start: Array, end: Array, diameter: float, density: float) -> Moments:
     mass = density * math.pi / 4 * diameter**2 * length
     direction = np.outer(vector, vector) / length**2
     spread = mass * (length**2 / 12 * direction + diameter**2 / 16 * (np.eye(3) - direction))
-    moments = point(mass, (start + end) / 2)
-    return Moments(mass, moments.first, moments.second + spread)
+    moments = point_moments(mass, (start + end) / 2)
+    return MassMoments(mass, moments.first, moments.second + spread)
 
 
-def arc(
+def arc_moments(
     start: Array, end: Array, radius: float, section: tuple[float, float], density: float
-) -> Moments:
+) -> MassMoments:
     """Return the moments of a curved bar about the origin.
 
     Parameters
@@ -113,4 +113,4 @@ def arc(
         ]
     )
     plane[2, 2] = mass * height**2 / 12
-    return Moments(mass, moment_1 * np.array([sine, 1 - cosine, 0.0]), plane).rotated(frame)
+    return MassMoments(mass, moment_1 * np.array([sine, 1 - cosine, 0.0]), plane).rotated(frame)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.friction import required_friction
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import (
     FRICTION_LAWS,
@@ -25,11 +25,12 @@ from ssm_planner.problem import (
 )
 from ssm_planner.typing import Array, Arrays, Range, record
 
-LINEAR_DRAWS = 20_000
+LINEARISED_DRAWS = 20_000
 """Number of draws for quantities that are cheap to evaluate."""
-SPREAD = ("mu", "b_c", "b_v", "b_oc", "b_ov")
+SPREAD_PARAMETERS = ("mu", "b_c", "b_v", "b_oc", "b_ov")
 """Parameters to which a stated relative spread applies."""
-SEED = 20_210_521
+RANDOM_SEED = 20_210_521
+"""Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 
 
 @record
@@ -87,7 +88,7 @@ class FrictionSpread:
         spread = np.log1p(np.maximum(self.covariance / np.outer(mean, mean), -0.999))
         values, vectors = np.linalg.eigh(spread)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        normal = np.random.default_rng(SEED).standard_normal((count, len(self.names)))
+        normal = np.random.default_rng(RANDOM_SEED).standard_normal((count, len(self.names)))
         factors = np.exp(normal @ root.T - np.diag(root @ root.T) / 2)
         return self.mean * (factors - 1.0)
 
@@ -117,14 +118,14 @@ class FrictionSpread:
 
     def draws(self, name: str) -> Array:
         """Return the draws (draws,) of the parameter `name`."""
-        return self.values(self.deviations(LINEAR_DRAWS))[name]
+        return self.values(self.deviations(LINEARISED_DRAWS))[name]
 
     def mu_ends(self, drive: Drive, confidence: float) -> Range:
         """Return the smallest and the largest plausible kinetic friction coefficient.
 
         They follow from the drive file, the ranges, and the quantile `confidence` of the draws.
         """
-        friction = friction_of(drive)
+        friction = required_friction(drive)
         lowest = friction.mu if friction.mu_lowest is None else friction.mu_lowest
         ends = [lowest, friction.mu]
         ends += self.ranges.get("mu", ())
@@ -133,7 +134,7 @@ class FrictionSpread:
         return min(ends), max(ends)
 
 
-def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
+def friction_spread(drive: Drive, relative: float | None = None) -> FrictionSpread:
     """Return the uncertainty of the friction that a drive file states.
 
     Parameters
@@ -141,7 +142,8 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     drive : Drive
         Drive with its friction.
     relative : float, optional
-        Relative range of all parameters of `SPREAD` whose uncertainty the file does not state.
+        Relative range of all parameters of `SPREAD_PARAMETERS` whose uncertainty the file
+        does not state.
 
     Returns
     -------
@@ -153,18 +155,18 @@ def spread_of(drive: Drive, relative: float | None = None) -> FrictionSpread:
     ProblemError
         If the covariance is not valid.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     if friction.posterior is not None:
         return _posterior_spread(drive, friction.posterior)
     ranges = dict(drive.friction_ranges)
     table = {name: row for name, row in (friction.covariance or {}).items() if name not in ranges}
     if relative is not None:
-        for name in SPREAD:
+        for name in SPREAD_PARAMETERS:
             value = float(getattr(friction, name))
             if value > 0 and name not in ranges and name not in table:
                 ranges[name] = (value * (1 - relative), value * (1 + relative))
     covariance = _covariance(drive, table)
-    mean = np.array([_value(drive, name) for name in table])
+    mean = np.array([_parameter_value(drive, name) for name in table])
     return FrictionSpread(tuple(table), mean, covariance, ranges)
 
 
@@ -194,11 +196,11 @@ def _covariance(drive: Drive, table: Mapping[str, Mapping[str, float]]) -> Array
     except KeyError as error:
         raise _covariance_error(drive, f"it lacks the entry of {error.args[0]} in a row") from None
     covariance = np.array(rows).reshape(len(names), len(names))
-    _check(drive, names, covariance)
+    _check_covariance(drive, names, covariance)
     return covariance
 
 
-def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:
+def drive_with_values(drive: Drive, values: Mapping[str, Any]) -> Drive:
     """Return the drive with other friction parameters, preload or input inertia.
 
     Arrays (count, 1) represent many drives at once. The value LAW is the index of the friction law.
@@ -206,7 +208,7 @@ def drive_with(drive: Drive, values: Mapping[str, Any]) -> Drive:
     """
     drive_values = {name: values[name] for name in ("preload", "input_inertia") if name in values}
     friction = {name: value for name, value in values.items() if name not in drive_values}
-    nominal = friction_of(drive)
+    nominal = required_friction(drive)
     if LAW_COLUMN in friction and not np.ndim(friction[LAW_COLUMN]):
         friction[LAW_COLUMN] = FRICTION_LAWS[int(friction[LAW_COLUMN])]
         if friction[LAW_COLUMN] == "coulomb":
@@ -224,22 +226,22 @@ def _nominal_value(drive: Drive, name: str, posterior: Posterior) -> float:
 
     For a parameter that its law does not use, the result is the median of the posterior.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     if name == LAW_COLUMN:
         return float(FRICTION_LAWS.index(friction.law))
     is_unused = name == "stribeck_speed" and friction.stribeck_speed is None
-    return float(np.median(posterior.column(name))) if is_unused else _value(drive, name)
+    return float(np.median(posterior.column(name))) if is_unused else _parameter_value(drive, name)
 
 
-def _value(drive: Drive, name: str) -> float:
+def _parameter_value(drive: Drive, name: str) -> float:
     """Return the drive's value of a parameter. Raises ProblemError if it is missing."""
-    value = drive.preload if name == "preload" else getattr(friction_of(drive), name)
+    value = drive.preload if name == "preload" else getattr(required_friction(drive), name)
     if value is None:
         raise _covariance_error(drive, f"the friction lacks {name}")
     return float(value)
 
 
-def _check(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
+def _check_covariance(drive: Drive, names: tuple[str, ...], covariance: Array) -> None:
     """Raise ProblemError unless the matrix (k, k) is a covariance."""
     if not names:
         return

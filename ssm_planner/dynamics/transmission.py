@@ -11,8 +11,8 @@ branch of each nut.
 
 Direct drives, gears, belts, cables and ball screws have efficiencies η₊ and η₋ instead of a thread.
 The motor supplies F/(ratio·η₊) while the load opposes the motion, and receives η₋·F/ratio while the
-load drives it. A thread with a lead angle of 45° has the same two slopes (`of_efficiencies`), so
-the same equations apply to all drives.
+load drives it. A thread with a lead angle of 45° has the same two slopes
+(`thread_from_efficiencies`), so the same equations apply to all drives.
 
 A gear stage between motor and drive multiplies the torque of the mesh by 1/(ratio·efficiency) while
 that torque opposes the motion, and by efficiency_back/ratio while it drives the motor. Inertia and
@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ssm_planner.codegen import NUMPY, namespace_of
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import friction_coefficient, required_friction
 from ssm_planner.problem import Drive
 from ssm_planner.typing import Array, Expression, record
 
@@ -60,7 +60,9 @@ def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Express
     return uphill, downhill
 
 
-def of_efficiencies(ratio: float, forwards: float, backwards: float) -> tuple[float, float]:
+def thread_from_efficiencies(
+    ratio: float, forwards: float, backwards: float
+) -> tuple[float, float]:
     """Return γ and μ of the thread that has the same efficiencies as a gear.
 
     Its slopes are 1/(ratio·forwards) and backwards/ratio, where `forwards` and `backwards` are
@@ -84,7 +86,7 @@ def output_effort(
     standstill.
     """
     sign = namespace_of(qd).sign(qd) if direction is None else direction
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     return tau_rigid + drive.output_inertia * qdd + friction.b_oc * sign + friction.b_ov * qd
 
 
@@ -122,7 +124,7 @@ def motor_torque_rows(
     """
     if isinstance(direction, int) and direction not in (1, -1):
         raise ValueError(f"direction must be +1 or −1, not {direction!r}")
-    f = friction_of(drive)
+    f = required_friction(drive)
     uphill, downhill = mesh_coefficients(drive, f.mu if mu is None else mu)
     if not drive.two_nuts:
         return TorqueRows((uphill, downhill), drive.input_inertia, f.b_c * direction, f.b_v)
@@ -185,7 +187,7 @@ def motor_torque(
     """
     xp = namespace_of(F, w, wd, direction, mu)
     sign = xp.sign(w) if direction is None else direction
-    coefficient = friction_coefficient(friction_of(drive), w) if mu is None else mu
+    coefficient = friction_coefficient(required_friction(drive), w) if mu is None else mu
     moving = moving_torque(drive, F, w, wd, direction=sign, mu=coefficient)
     if xp is NUMPY and np.all(sign != 0):
         return moving
@@ -201,7 +203,7 @@ def breakaway_torque(
     coefficient `mu` is by default mu_static.
     """
     F = output_effort(drive, tau_rigid, 0.0, 0.0, direction)
-    mu = friction_of(drive).mu_static if mu is None else mu
+    mu = required_friction(drive).mu_static if mu is None else mu
     return moving_torque(drive, F, 0.0, 0.0, direction=direction, mu=mu)
 
 
@@ -235,13 +237,13 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
     coefficient_margin, angle_margin : arrays with the shape of mu
         Margin of the coefficient, and margin of the angle in rad.
     """
-    mu = friction_of(drive).mu if mu is None else mu
+    mu = required_friction(drive).mu if mu is None else mu
     coefficient_margin = mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle)
     angle_margin = friction_angle(drive, mu) - drive.lead_angle
     return coefficient_margin, angle_margin
 
 
-def nut_contact(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
+def nut_contact_force(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
     """Return the smallest contact force of both half nuts of an antibacklash screw, N.
 
     The main nut carries P − F and the second nut P + m₂·qdd. If a force is ≤ 0, contact is lost and

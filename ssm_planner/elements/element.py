@@ -35,7 +35,7 @@ from ssm_planner.elements.rows import (
     torque_rows,
 )
 from ssm_planner.problem import Robot
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import keyword_record, record
 
 COLLOCATION_POINTS = (0.0, 0.5, 1.0)
@@ -157,10 +157,10 @@ class ElementModel(ABC):
         """Length 4 m + 1 of z."""
         return 4 * self.coordinates + 1
 
-    def cubic(self, z: ca.SX) -> Cubic:
+    def cubic(self, z: ca.SX) -> CubicPiece:
         """Return the coordinates on the element z as a cubic with coefficients (m,)."""
         m = self.coordinates
-        return Cubic(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
+        return CubicPiece(*ca.vertsplit(z, [0, m, 2 * m, 3 * m, 4 * m, 4 * m + 1]))
 
     def collocation_states(self, z: ca.SX) -> list[ca.SX]:
         """Return the states x_c (k,) at the points `COLLOCATION_POINTS`."""

@@ -28,9 +28,9 @@ from ssm_planner.elements.rows import (
     torque_rows,
 )
 from ssm_planner.kinematics import (
-    JACOBIANS,
+    SPEED_JACOBIANS,
     Mechanism,
-    eye_rows,
+    eye_constraints,
     task_from_joints_symbolic,
     task_rates_symbolic,
     tip_position_symbolic,
@@ -170,7 +170,7 @@ class FreeElement(ElementModel):
         two of the eye (retina and lens).
         """
         return (
-            len(JACOBIANS)
+            len(SPEED_JACOBIANS)
             + 2 * (len(RANGE_LIMITED_COORDINATES) + len(RATE_LIMITED_COORDINATES))
             + 2
         )
@@ -179,13 +179,13 @@ class FreeElement(ElementModel):
     def all_indexed_rows(self) -> list[IndexedRow]:
         """Name, joint and index in native/elements.c of each row, in the order of `rows`."""
         rows: list[IndexedRow] = [
-            (speed_class.name, None, k) for k, speed_class in enumerate(JACOBIANS)
+            (speed_class.name, None, k) for k, speed_class in enumerate(SPEED_JACOBIANS)
         ]
         rows += indexed_torque_rows(self.robot, self.first_actuation)
         names = [TaskRange.name_of(name) for name in RANGE_LIMITED_COORDINATES]
         names += [TaskRate.name_of(name) for name in RATE_LIMITED_COORDINATES]
         for k, name in enumerate(names):
-            index = len(JACOBIANS) + 2 * k
+            index = len(SPEED_JACOBIANS) + 2 * k
             rows += [(name, None, index), (name, None, index + 1)]
         eye = self._active_eye
         if eye is not None:
@@ -208,7 +208,7 @@ class FreeElement(ElementModel):
         q = ca.SX.sym("q", 4)
         return [
             ca.Function("jacobian", [q], [jacobian(self.mechanism, q)])
-            for jacobian in JACOBIANS.values()
+            for jacobian in SPEED_JACOBIANS.values()
         ]
 
 
@@ -283,7 +283,7 @@ def clearance_rows(eye: Any, mechanism: Any, q: ca.SX, easing: ca.SX) -> list[Pa
     """
     rows = []
     tip = tip_position_symbolic(mechanism, q)
-    for name, value in eye_rows(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
+    for name, value in eye_constraints(casadi_namespace(), eye, (tip[0], tip[1], tip[2])).items():
         excess = easing if name == RetinaClearance.name else 0
         rows.append(PathConstraint(name, None, value + 1 - excess))
     return rows

@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from ssm_planner.codegen import SCALAR_EXPRESSIONS, Argument, casadi_namespace, write_function
-from ssm_planner.dynamics import LOAD, efforts_by_figures
+from ssm_planner.dynamics import LOAD_LAYOUT, efforts_from_parameters
 from ssm_planner.elements.compiled import DRIVE_LAYOUT, EYE_LAYOUT, MECHANISM_LAYOUT, TORQUE_LAWS
 from ssm_planner.elements.free_element import FreeElement, clearance_rows, range_rows, rate_rows
 from ssm_planner.elements.rows import (
@@ -40,9 +40,9 @@ from ssm_planner.elements.straight_element import (
     curves_layout,
     fit_layout,
 )
-from ssm_planner.kinematics import JACOBIANS, lens_row, tip_position_symbolic
+from ssm_planner.kinematics import SPEED_JACOBIANS, lens_constraint, tip_position_symbolic
 from ssm_planner.problem import FRICTION_LAWS
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import CubicPiece
 
 KERNELS_HEADER = Path(__file__).parents[1] / "native" / "kernels.h"
 """Path of the generated file."""
@@ -177,7 +177,7 @@ def kernels_text() -> str:
     """
     writer = _KernelWriter()
     sizes = {
-        "LOAD": LOAD.size,
+        "LOAD": LOAD_LAYOUT.size,
         "MECHANISM": MECHANISM_LAYOUT.size,
         "EYE": EYE_LAYOUT.size,
         "DRIVE": DRIVE_LAYOUT.size,
@@ -190,10 +190,10 @@ def kernels_text() -> str:
         }
         sizes[f"{prefix}_SIZE"] = layout.size
     sizes["PREPARED"] = _write_posture_rows(writer)
-    load = _symbols("load", LOAD.size)
+    load = _symbols("load", LOAD_LAYOUT.size)
     y = _symbols("y", 12)
     writer.add_part(
-        "torques", {"load": load}, ("y", y), [efforts_by_figures(load, *_split_state(y))]
+        "torques", {"load": load}, ("y", y), [efforts_from_parameters(load, *_split_state(y))]
     )
     _write_drive_torques(writer)
     _write_path_motion(writer)
@@ -274,7 +274,7 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
     rotated = ca.vertcat(0, q[1:])
     speeds = [
         ca.sumsqr(ca.substitute(jacobian(mechanism, q) @ qd, q, rotated))
-        for jacobian in JACOBIANS.values()
+        for jacobian in SPEED_JACOBIANS.values()
     ]
     tip = tip_position_symbolic(mechanism, q)
     return {
@@ -282,7 +282,7 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
         "ranges": [row.value for row in range_rows(mechanism, angles, limits)],
         "rates": [row.value for row in rate_rows(mechanism, angles, qd, limits)],
         "retina": [row.value for row in clearance_rows(eye, mechanism, q, limits.retina_easing)],
-        "lens": [lens_row(xp, eye, lens, (tip[0], tip[1], tip[2])) + 1],
+        "lens": [lens_constraint(xp, eye, lens, (tip[0], tip[1], tip[2])) + 1],
     }
 
 
@@ -382,7 +382,7 @@ def _write_states(writer: _KernelWriter) -> None:
     z = _symbols("z", 5)
     share = _symbols("share", 1)
     hull = _symbols("hull", 1)
-    cubic = Cubic(*ca.vertsplit(z))
+    cubic = CubicPiece(*ca.vertsplit(z))
     position, velocity, acceleration = cubic.evaluate(share)
     writer.add_part(
         "state", {"share": share}, ("z", z), [position, velocity, acceleration], "by bend"

@@ -20,13 +20,13 @@ import numpy as np
 from ssm_planner.dynamics import (
     breakaway_coefficient,
     friction_coefficient,
-    friction_of,
+    joints_without_motor,
     motor_torque_rows,
-    motorised,
-    motorless,
+    motorised_joints,
     output_effort,
+    required_friction,
 )
-from ssm_planner.kinematics import JACOBIANS, speed_bounds
+from ssm_planner.kinematics import SPEED_JACOBIANS, speed_bounds
 from ssm_planner.problem import (
     Drive,
     Joint,
@@ -51,7 +51,7 @@ LIMIT_SIZES = {
     "jerk": 4,
     "torque": 4,
     "cooling": 4,
-    "speeds": len(JACOBIANS),
+    "speeds": len(SPEED_JACOBIANS),
     "stop": 1,
 }
 """Lengths of the limits that are parameters of a program, by name, in SI units.
@@ -63,8 +63,9 @@ motors: the seconds of duration that are worth one second of a motor at its nomi
 """
 
 
-TIP_SPEED_INDEX = list(JACOBIANS).index(TipSpeed)
-"""Index of the speed of the tip among the tool speeds, which have the order of `JACOBIANS`."""
+TIP_SPEED_INDEX = list(SPEED_JACOBIANS).index(TipSpeed)
+"""Index of the speed of the tip among the tool speeds, which have the order of `SPEED_JACOBIANS`.
+"""
 
 
 def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
@@ -94,7 +95,7 @@ def joint_limits(robot: Robot, cooling: Array | None = None) -> Arrays:
         "torque": np.full(4, UNLIMITED),
         "cooling": np.zeros(4) if cooling is None else cooling,
     }
-    for i, drive, motor in motorised(joints):
+    for i, drive, motor in motorised_joints(joints):
         limits["velocity"][i] = min(limits["velocity"][i], motor.max_speed / drive.ratio)
         limits["torque"][i] = motor.max_torque
     return limits
@@ -111,7 +112,7 @@ def tool_limits(limits: Iterable[ToolLimit]) -> Arrays:
     Returns
     -------
     dict of arrays
-        `speeds`, one for each of `JACOBIANS`, in SI units, and `stop` (1,) in m.
+        `speeds`, one for each of `SPEED_JACOBIANS`, in SI units, and `stop` (1,) in m.
     """
     limits = tuple(limits)
     stop = next((limit.largest for limit in limits if isinstance(limit, StopTravel)), UNLIMITED)
@@ -266,7 +267,7 @@ class Instant:
     one, and so on.
     """
     speeds: ca.SX
-    """Speeds of the tool in the order of `JACOBIANS` for the velocities qd_hull.
+    """Speeds of the tool in the order of `SPEED_JACOBIANS` for the velocities qd_hull.
 
     In a free motion, they and their limits are squared, because a norm has no derivative at rest.
     """
@@ -306,9 +307,9 @@ def kinematic_rows(instant: Instant, joints: tuple[Joint, ...], jerk: bool) -> l
 def velocity_and_stop_rows(instant: Instant, i: int, sense: ca.SX | int) -> list[PathConstraint]:
     """Return the velocity row of joint i in one direction, and the two rows of its stop.
 
-    The rows of the stop limit the distance d that the tip travels while the joint brakes. With the
-    tip speed v and the acceleration limit a, they are v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤ a. Here q̇
-    and q̈ count positive in the given direction.
+    The rows of the stop limit the distance d that the tip travels while the joint brakes. With
+    the tip speed v and the acceleration limit a, they are v q̇/(2 d) ≤ a and v q̇/(2 d) − q̈ ≤
+    a. Here q̇ and q̈ count positive in the given direction.
 
     Parameters
     ----------
@@ -355,7 +356,7 @@ def speed_rows(instant: Instant) -> list[PathConstraint]:
     """Return the rows of all speeds of the tool that a problem may limit."""
     return [
         PathConstraint(limit_class.name, None, instant.speeds[k] / instant.limits.speeds[k])
-        for k, limit_class in enumerate(JACOBIANS)
+        for k, limit_class in enumerate(SPEED_JACOBIANS)
     ]
 
 
@@ -480,10 +481,10 @@ def indexed_kinematic_rows(robot: Robot, jerk: bool) -> list[IndexedRow]:
         True if the rows of the jerk are included.
     """
     rows: list[IndexedRow] = [
-        (limit_class.name, None, k) for k, limit_class in enumerate(JACOBIANS)
+        (limit_class.name, None, k) for k, limit_class in enumerate(SPEED_JACOBIANS)
     ]
     for i, joint in enumerate(robot.joints):
-        index = len(JACOBIANS) + ROWS_PER_JOINT * i
+        index = len(SPEED_JACOBIANS) + ROWS_PER_JOINT * i
         for side in range(2 if joint.drive is None else 1):
             names = JointVelocity.name, StopTravel.name, StopTravel.name
             rows += [(name, i, index + 3 * side + k) for k, name in enumerate(names)]
@@ -509,7 +510,7 @@ def heat_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
 
 def cooling_cost(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Return Σ w (τ_motor/τ_nominal)² over the motors, with the weights w = `limits.cooling`."""
-    weights = [instant.limits.cooling[i] for i, *_ in motorised(joints)]
+    weights = [instant.limits.cooling[i] for i, *_ in motorised_joints(joints)]
     return ca.dot(ca.vertcat(ca.SX(0, 1), *weights), _relative_torques(instant, joints) ** 2)
 
 
@@ -530,7 +531,9 @@ def effort_cost(instant: Instant, slow: Instant, joints: tuple[Joint, ...]) -> c
     joints : tuple of Joint
         Joints of the robot.
     """
-    accelerations = [instant.qdd[i] / instant.limits.acceleration[i] for i in motorless(joints)]
+    accelerations = [
+        instant.qdd[i] / instant.limits.acceleration[i] for i in joints_without_motor(joints)
+    ]
     motorless_cost = MOTORLESS_COST_WEIGHT * ca.sumsqr(ca.vertcat(ca.SX(0, 1), *accelerations))
     return (
         ca.sumsqr(_relative_torques(instant, joints) - _relative_torques(slow, joints))
@@ -542,7 +545,7 @@ def _relative_torques(instant: Instant, joints: tuple[Joint, ...]) -> ca.SX:
     """Return σ τ_motor/τ_nominal of every motor, (motors,), from `smooth_torque`."""
     values = [
         smooth_torque(drive, instant, i, motor.nominal_torque)
-        for i, drive, motor in motorised(joints)
+        for i, drive, motor in motorised_joints(joints)
     ]
     return ca.vertcat(ca.SX(0, 1), *values)
 
@@ -600,7 +603,7 @@ def directed_torques(
         Torques of the motor in the direction of motion, N·m. Both are 0 for a joint that does not
         move.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     sigma = instant.sigma[i]
     # Speed and acceleration of the motor.
     w = drive.ratio * instant.qd[i]

@@ -35,7 +35,7 @@ from ssm_planner.elements.rows import (
     robot_key,
     torque_rows,
 )
-from ssm_planner.kinematics import JACOBIANS
+from ssm_planner.kinematics import SPEED_JACOBIANS
 from ssm_planner.typing import keyword_record
 
 FIT_DEGREE = 6
@@ -101,7 +101,7 @@ class StraightElement(ElementModel):
 
         Before it lie the rows of the tool speeds and the kinematic rows of four joints.
         """
-        return len(JACOBIANS) + 4 * ROWS_PER_JOINT
+        return len(SPEED_JACOBIANS) + 4 * ROWS_PER_JOINT
 
     @cached_property
     def all_indexed_rows(self) -> list[IndexedRow]:
@@ -150,7 +150,7 @@ def curves_layout(loads: int) -> Layout:
         at ṡ = 1. There are A, B and C for each payload.
     """
     return Layout(
-        dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(JACOBIANS)
+        dq=4, inertia=4 * loads, velocity=4 * loads, gravity=4 * loads, speeds=len(SPEED_JACOBIANS)
     )
 
 

@@ -21,8 +21,8 @@ from ssm_planner.codegen import (
     dense_function,
     write_function,
 )
-from ssm_planner.display import environment, render_template
-from ssm_planner.dynamics import RigidBody, directions_law, motor_law
+from ssm_planner.display import jinja_environment, render_template
+from ssm_planner.dynamics import RigidBody, motion_directions_symbolic, motor_torque_symbolic
 from ssm_planner.formats.spline_points import REST_SPEED
 from ssm_planner.kinematics import Mechanism, forward_symbolic, joints_from_task_symbolic
 from ssm_planner.plans import Plan
@@ -224,7 +224,7 @@ def _render_files(template: str, values: dict[str, Any]) -> tuple[str, str]:
     values : dict
         Values of the variables in the templates, by name.
     """
-    templates = environment(TEMPLATE_PACKAGE, escape=False)
+    templates = jinja_environment(TEMPLATE_PACKAGE, escape=False)
     header = render_template(templates, f"{template}.h", **values)
     source = render_template(templates, f"{template}.c", **values)
     return header, source
@@ -268,8 +268,8 @@ def c_functions(robot: Robot) -> list[CFunction]:
     positive_branch = joints_from_task_symbolic(mechanism, task, 1, guess)
     negative_branch = joints_from_task_symbolic(mechanism, task, -1, guess)
     joints = ca.if_else(branch > 0, positive_branch, negative_branch)
-    direction, breakaway = directions_law(robot, qd, qdd, qddd, 1)
-    _, torque, _ = motor_law(robot, q, qd, qdd, direction, breakaway=breakaway)
+    direction, breakaway = motion_directions_symbolic(robot, qd, qdd, qddd, 1)
+    _, torque, _ = motor_torque_symbolic(robot, q, qd, qdd, direction, breakaway=breakaway)
     motion = (Argument("q", 4), Argument("qd", 4), Argument("qdd", 4))
     return [
         CFunction(

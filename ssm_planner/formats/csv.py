@@ -19,7 +19,7 @@ from typing import TextIO
 import numpy as np
 
 from ssm_planner.atomic import replacing
-from ssm_planner.dynamics import RigidBody, directions, motor_motion
+from ssm_planner.dynamics import RigidBody, motion_directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.agreement import ExportContent, file_name_suffix, read_rate
 from ssm_planner.formats.epos4_setup import (
@@ -36,7 +36,7 @@ from ssm_planner.formats.trajectory_csv import TableColumn, identify_columns
 from ssm_planner.kinematics import Mechanism, task_from_joints, tip_position
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, Robot
-from ssm_planner.trajectory import BLOCK, Samples, Trajectory, blocks
+from ssm_planner.trajectory import PIECES_PER_BLOCK, Samples, Trajectory, blocks
 from ssm_planner.typing import Array, JsonObject, frozen
 from ssm_planner.verification import Certificate
 
@@ -98,8 +98,8 @@ def motion_table(
             header += [f"{symbol}{name}{per}" for name in names]
             values += list(getattr(samples, symbol).T)
     if any(group in columns for group in MOTOR_UNITS):
-        direction_after, breakaway = directions(robot, samples, 1)
-        direction_before, _ = directions(robot, samples, -1)
+        direction_after, breakaway = motion_directions(robot, samples, 1)
+        direction_before, _ = motion_directions(robot, samples, -1)
         is_end = (samples.t == samples.t[-1])[:, None]
         direction = np.where(is_end, direction_before, direction_after)
         breaks_away = breakaway.astype(bool) & ~is_end
@@ -457,7 +457,7 @@ def table_text(
     values = list(columns.values())
     formats = [forms[0]] + [forms[1]] * (len(values) - 1)
     row_format = ",".join(formats) + "\n"
-    for block in blocks(len(values[0]), BLOCK):
+    for block in blocks(len(values[0]), PIECES_PER_BLOCK):
         rows = np.column_stack([column[block] for column in values])
         yield row_format * len(rows) % tuple(rows.ravel().tolist())
 
@@ -636,16 +636,16 @@ def read_rows(path: Path, layout: TableLayout, selected: Sequence[TableColumn]) 
             warnings.simplefilter("ignore", UserWarning)  # numpy warns about empty lines.
             for _ in range(layout.header + 1):
                 file.readline()
-            for start in range(0, len(table), BLOCK):
+            for start in range(0, len(table), PIECES_PER_BLOCK):
                 block = np.loadtxt(
                     file,
                     comments=None,
                     delimiter=layout.separator,
                     usecols=columns,
                     ndmin=2,
-                    max_rows=BLOCK,
+                    max_rows=PIECES_PER_BLOCK,
                 )
-                table[start : start + BLOCK] = block * factors
+                table[start : start + PIECES_PER_BLOCK] = block * factors
     except ValueError as error:
         raise TrajectoryError(_row_error(path, layout, str(error), start)) from error
     except OverflowError as error:

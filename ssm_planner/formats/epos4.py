@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.display import number
-from ssm_planner.dynamics import RigidBody, directions, motor_motion
+from ssm_planner.display import format_number
+from ssm_planner.dynamics import RigidBody, motion_directions, motor_motion
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.agreement import ExportContent, file_name_suffix
 from ssm_planner.formats.csv import read_axes, read_columns, table_text
@@ -40,7 +40,7 @@ from ssm_planner.formats.spline_points import REST_SPEED, sample_slowed_plan
 from ssm_planner.kinematics import Mechanism, task_rates
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, TASK_COORDINATES, Joint, Robot, TaskLimits
-from ssm_planner.trajectory import BLOCK, blocks
+from ssm_planner.trajectory import PIECES_PER_BLOCK, blocks
 from ssm_planner.typing import Array, Arrays, JsonObject, record
 from ssm_planner.units import display_unit, rpm
 from ssm_planner.verification import Certificate, end_velocities
@@ -377,13 +377,13 @@ def _sample_motors(plan: Plan, t: Array, stretch: float) -> Arrays:
     moving = np.abs(end_velocities(plan.motion)[1]) > REST_SPEED
     body = RigidBody.from_robot(plan.robot)
     motion = {name: np.empty((len(t), 4)) for name in ("q", "speed", "torque")}
-    for block in blocks(len(t), BLOCK):
+    for block in blocks(len(t), PIECES_PER_BLOCK):
         samples = sample_slowed_plan(plan, plan.motion.breaks[0] + t[block], stretch)
         is_at_end = t[block] >= plan.motion.duration * stretch * (1 - 1e-12)
         ended = is_at_end[:, None] & ~moving
         samples.qd[ended] = 0.0
         samples.qdd[ended] = 0.0
-        direction, breakaway = directions(plan.robot, samples, 1)
+        direction, breakaway = motion_directions(plan.robot, samples, 1)
         direction[ended] = 0.0
         breakaway[ended] = 0.0
         motor = motor_motion(plan.robot, body, samples, direction, breakaway)
@@ -456,7 +456,7 @@ def _setpoint_notes(
         unit, scale = display_unit(joint.unit)
         if joint.name not in axes:
             if distance > 0:
-                length = number(scale * distance, 4)
+                length = format_number(scale * distance, 4)
                 yield (
                     f"joint {joint.name} has no drive and no stream, but the plan moves "
                     f"it by {length} {unit}"
@@ -468,7 +468,7 @@ def _setpoint_notes(
                 "torque"
             )
         effects = entries[joint.name]["rounding"]
-        texts = {name: number(scale * effect, 2) for name, effect in effects.items()}
+        texts = {name: format_number(scale * effect, 2) for name, effect in effects.items()}
         yield (
             f"joint {joint.name}: rounding to increments moves setpoints by up to "
             f"{texts['position']} {unit}, the speed between setpoints by {texts['speed']} {unit}/s "

@@ -13,7 +13,7 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody, drive_torque
 from ssm_planner.problem import FeedForward, Joint, MotorTorque, Robot
-from ssm_planner.trajectory import BLOCK, blocks
+from ssm_planner.trajectory import PIECES_PER_BLOCK, blocks
 from ssm_planner.typing import Array, Mask, record
 from ssm_planner.verification import LimitCheck
 
@@ -183,7 +183,7 @@ def _motor_torque_range(
     # The values of each joint are adjacent in memory, because the law is evaluated joint by joint.
     low = np.full((4, len(t)), np.inf)
     high = np.full((4, len(t)), -np.inf)
-    for block in blocks(len(t), BLOCK):
+    for block in blocks(len(t), PIECES_PER_BLOCK):
         motion = q[block], qd[block]
         still = np.zeros_like(motion[0])
         # The load is affine in the accelerations.

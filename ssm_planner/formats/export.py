@@ -23,7 +23,13 @@ from ssm_planner.formats.signature import SIGNATURE, sign_manifest
 from ssm_planner.formats.stop_table import stop_table
 from ssm_planner.plans import Plan, as_plan, software
 from ssm_planner.problem import Robot, robot_hash
-from ssm_planner.publishing import EXPORT, MANIFEST, VERSION, hashes, publishing
+from ssm_planner.publishing import (
+    EXPORT_FORMAT,
+    MANIFEST,
+    MANIFEST_VERSION,
+    file_hashes,
+    publishing,
+)
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import JsonObject, Keywords
@@ -302,8 +308,8 @@ def write_manifest(
     """
     ends = plan.limits.slower(details.get("stretch", 1.0))
     manifest = {
-        "format": EXPORT,
-        "version": VERSION,
+        "format": EXPORT_FORMAT,
+        "version": MANIFEST_VERSION,
         "kind": format_name,
         "verified": verified,
         **({} if verified else {"warning": UNVERIFIED_WARNING}),
@@ -314,7 +320,7 @@ def write_manifest(
         **ends.declared_rates,
         **details,
         "certificate": certificate.to_dict(),
-        "files": hashes(folder),
+        "files": file_hashes(folder),
     }
     if sign is not None:
         manifest[SIGNATURE] = sign_manifest(manifest, sign)

@@ -20,7 +20,14 @@ from ssm_planner.formats.ros2 import read_rosbag
 from ssm_planner.formats.stop_table import add_stops
 from ssm_planner.loading.json_files import read_json
 from ssm_planner.problem import TASK_COORDINATES, Robot
-from ssm_planner.publishing import EXPORT, INCOMPLETE, MANIFEST, VERSION, is_inside, sha256
+from ssm_planner.publishing import (
+    EXPORT_FORMAT,
+    INCOMPLETE_KEY,
+    MANIFEST,
+    MANIFEST_VERSION,
+    is_inside,
+    sha256,
+)
 from ssm_planner.typing import JsonObject
 
 ACCEPTED_FILES = (
@@ -139,7 +146,7 @@ def read_manifest(folder: Path) -> JsonObject:
             f"{ACCEPTED_FILES})"
         )
     manifest = read_json(path, LARGEST_MANIFEST)
-    expected = EXPORT, VERSION
+    expected = EXPORT_FORMAT, MANIFEST_VERSION
     if (
         not isinstance(manifest, dict)
         or (manifest.get("format"), manifest.get("version")) != expected
@@ -180,7 +187,7 @@ def _check_hashes(
             return frozenset()
         manifest = read_json(path, LARGEST_MANIFEST)
     files = manifest.get("files") if isinstance(manifest, dict) else None
-    if isinstance(manifest, dict) and manifest.get(INCOMPLETE):
+    if isinstance(manifest, dict) and manifest.get(INCOMPLETE_KEY):
         raise TrajectoryError(
             f"{folder}: the export was interrupted while its files were put in place: export again"
         )

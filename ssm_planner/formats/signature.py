@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.errors import ExportError
-from ssm_planner.publishing import hashes
+from ssm_planner.publishing import file_hashes
 from ssm_planner.typing import JsonObject
 
 SIGNATURE = "signature"
@@ -67,7 +67,7 @@ def signature_error(folder: Path, manifest: JsonObject, key: Path) -> str | None
         public.verify(bytes.fromhex(signature), _signed_bytes(manifest))
     except (InvalidSignature, ValueError):
         return f"the manifest was changed, or the signature belongs to another key than {key}"
-    changes = set(hashes(folder).items()) ^ set(manifest["files"].items())
+    changes = set(file_hashes(folder).items()) ^ set(manifest["files"].items())
     return f"{min(changes)[0]} was changed after the signature" if changes else None
 
 

@@ -10,7 +10,7 @@ import re
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.problem import Robot
 from ssm_planner.typing import frozen
-from ssm_planner.units import ANGLES, LENGTHS, PER, TIMES, of_heading
+from ssm_planner.units import _PER_SECOND, ANGLES, LENGTHS, TIMES, split_heading
 
 ORDER_WORDS = (
     "q|pos|position|angle|theta|displacement",
@@ -147,7 +147,7 @@ def _parse_heading(name: str, robot: Robot) -> tuple[tuple[int, int], float] | N
     ValueError
         If the unit does not fit the quantity.
     """
-    label, unit = of_heading(name)
+    label, unit = split_heading(name)
     tokens = [token for token in re.split(r"[^a-z0-9]+|_", label.lower()) if token]
     if tokens and tokens[0] in ("t", "time", "timestamp"):
         if unit not in TIMES:
@@ -216,7 +216,7 @@ def _split_unit(unit: str) -> tuple[str, int]:
 
     For example, both deg/s and deg_per_s give ("deg", 1), and mm/s^2 gives ("mm", 2).
     """
-    match = re.fullmatch(rf"(.*?)({PER})?", unit)
+    match = re.fullmatch(rf"(.*?)({_PER_SECOND})?", unit)
     per = (match.group(2) or "") if match else ""
     if not per:
         return unit, 0

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.display import environment, render_template
-from ssm_planner.dynamics import friction_of, inertia_about_com, motor_torque_rows
+from ssm_planner.display import jinja_environment, render_template
+from ssm_planner.dynamics import inertia_about_com, motor_torque_rows, required_friction
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Joint, Robot
 from ssm_planner.publishing import one_line
@@ -189,7 +189,9 @@ def effort_limit(joint: Joint) -> float:
         return UNLIMITED_EFFORT
     rows = motor_torque_rows(drive, 1)
     slope = max(float(rows.slope[0]), float(rows.slope[1]))
-    return max((motor.max_torque - float(rows.coulomb)) / slope - friction_of(drive).b_oc, 0.0)
+    return max(
+        (motor.max_torque - float(rows.coulomb)) / slope - required_friction(drive).b_oc, 0.0
+    )
 
 
 @cache
@@ -203,7 +205,7 @@ def _templates(escape: bool) -> "Environment":
     """
     from markupsafe import Markup
 
-    return environment(
+    return jinja_environment(
         "ssm_planner.formats",
         escape,
         exact=_format_exact,

@@ -18,24 +18,24 @@ from ssm_planner.arguments import checked
 from ssm_planner.atomic import write_text
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.fit import Estimate, fit_map
-from ssm_planner.identification.identify import load_of, map_of, reference_of
+from ssm_planner.identification.identify import load_map, prior_centres, rig_load
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.torque_map import TorqueMap
 from ssm_planner.loading import load_drive
 from ssm_planner.typing import Array, JsonObject, record
 from ssm_planner.units import RPM
 
-FEWEST = 12
+FEWEST_RECORDINGS = 12
 """Smallest number of recordings of a session."""
-REPEATS = 3
+MIDDLE_SPEED_RECORDINGS = 3
 """Number of recordings of the middle speed in each direction."""
-SLOWEST = 0.01
+SMALLEST_SPEED_RATIO = 0.01
 """Smallest speed of a session, divided by its largest speed."""
-SHORTEST = 10.0
+SHORTEST_RECORDING = 10.0
 """Shortest recording, s."""
-TURNS = 3
+FEWEST_TURNS = 3
 """Smallest number of motor turns in a recording."""
-SCATTER = 0.01
+TORQUE_SCATTER = 0.01
 """Standard deviation of the mean torque from recording to recording, as a share of the torque.
 
 It is 0.3 to 2 % on the rigs of the paper.
@@ -123,41 +123,43 @@ def design_session(
     >>> import ssm_planner as ssm
     >>> ssm.design_session("rig3_worm").save("session.csv")  # doctest: +SKIP
     """
-    if count < FEWEST or count % 2:
-        raise RecordingError(f"{count} recordings (allowed: an even number of at least {FEWEST})")
+    if count < FEWEST_RECORDINGS or count % 2:
+        raise RecordingError(
+            f"{count} recordings (allowed: an even number of at least {FEWEST_RECORDINGS})"
+        )
     if top_speed is not None and not 0 < top_speed < np.inf:
         raise RecordingError(
             f"the top speed {RPM * top_speed:g} rpm is out of range (allowed: > 0)"
         )
     template = load_drive(drive)
-    load, _ = load_of(template)
+    load, _ = rig_load(template)
     known = template
     if template.friction is None or top_speed is None:
-        table = map_of(drive, [], [])[0]
+        table = load_map(drive, [], [])[0]
         top_speed = float(np.abs(table.w).max()) if top_speed is None else top_speed
         if template.friction is None:
-            known = fit_map(template, table, load, reference=reference_of(template)).drive
-    speeds = _ordered(top_speed, count)
-    turns = np.maximum(TURNS, np.ceil(SHORTEST * np.abs(speeds) / (2 * np.pi)))
+            known = fit_map(template, table, load, reference=prior_centres(template)).drive
+    speeds = _session_speeds(top_speed, count)
+    turns = np.maximum(FEWEST_TURNS, np.ceil(SHORTEST_RECORDING * np.abs(speeds) / (2 * np.pi)))
     tau = np.asarray(map_torque(known, speeds, load))
     noise = np.random.default_rng(0).standard_normal(count)
     order = np.argsort(speeds)
     data = TorqueMap(
         tuple(f"{k + 1}" for k in order),
         speeds[order],
-        (tau * (1 + SCATTER * noise))[order],
+        (tau * (1 + TORQUE_SCATTER * noise))[order],
         w_deviation=np.zeros(count),
-        tau_deviation=(SCATTER * np.abs(tau))[order],
+        tau_deviation=(TORQUE_SCATTER * np.abs(tau))[order],
         samples=np.full(count, 500.0),
         dates=order.astype(float),
     )
-    fit = fit_map(known, data, load, reference=reference_of(template))
+    fit = fit_map(known, data, load, reference=prior_centres(template))
     return SessionDesign(
         speeds, 2 * np.pi * turns / np.abs(speeds), fit.law, expected=dict(fit.estimates)
     )
 
 
-def _ordered(top_speed: float, count: int) -> Array:
+def _session_speeds(top_speed: float, count: int) -> Array:
     """Return the speeds of a session in their order, (count,), rad/s.
 
     Parameters
@@ -168,11 +170,13 @@ def _ordered(top_speed: float, count: int) -> Array:
         Number of recordings.
     """
     half = count // 2
-    different = np.geomspace(SLOWEST, 1.0, half - REPEATS + 1) * top_speed
+    different = (
+        np.geomspace(SMALLEST_SPEED_RATIO, 1.0, half - MIDDLE_SPEED_RECORDINGS + 1) * top_speed
+    )
     middle = len(different) // 2
     others = np.delete(different, middle)
     rng = np.random.default_rng(0)
     rest = rng.permutation(np.concatenate([others, -others]))
-    blocks = np.array_split(rest, REPEATS - 1)
+    blocks = np.array_split(rest, MIDDLE_SPEED_RECORDINGS - 1)
     pair = different[middle] * np.array([1.0, -1.0])
     return np.concatenate([pair, *(np.append(block, pair) for block in blocks)])

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ssm_planner.atomic import write_text
-from ssm_planner.dynamics import friction_of
+from ssm_planner.dynamics import required_friction
 from ssm_planner.identification.fit import Estimate, MapFit
 from ssm_planner.loading.drives import POSTERIOR_PART_TYPES
 from ssm_planner.problem import (
@@ -19,7 +19,7 @@ from ssm_planner.problem import (
 )
 from ssm_planner.publishing import one_line
 from ssm_planner.typing import JsonObject
-from ssm_planner.units import KINDS
+from ssm_planner.units import QUANTITY_KINDS
 
 
 def write_drive(
@@ -63,21 +63,23 @@ def write_drive(
     import yaml
 
     content: JsonObject = yaml.safe_load(Path(template).read_text(encoding="utf-8"))
-    content["friction"] = _friction(drive, fit, dynamic, evidence)
+    content["friction"] = _friction_entry(drive, fit, dynamic, evidence)
     if "preload" in fit.estimates and not fit.estimates["preload"].fixed:
-        content["preload"] = _with_source(drive, "preload", drive.preload, fit.estimates["preload"])
+        content["preload"] = _parameter_entry(
+            drive, "preload", drive.preload, fit.estimates["preload"]
+        )
     if LOAD_OFFSET in fit.estimates and drive.rig is not None:
-        content["rig"]["load_offset"] = _quantity(drive, "load_offset", drive.rig.load_offset)
+        content["rig"]["load_offset"] = _quantity_text(drive, "load_offset", drive.rig.load_offset)
     elif drive.rig is not None:
         content["rig"].pop("load_offset", None)
-    text = _heading(fit, evidence) + yaml.safe_dump(
+    text = _heading_comments(fit, evidence) + yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=110
     )
     write_text(Path(path), text)
     return str(path)
 
 
-def _heading(fit: MapFit, evidence: str) -> str:
+def _heading_comments(fit: MapFit, evidence: str) -> str:
     """Return the comment lines at the beginning of the file, which summarise the fit."""
     lines = [
         f"Friction identified from {evidence}.",
@@ -97,11 +99,11 @@ def _heading(fit: MapFit, evidence: str) -> str:
     return "".join(f"# {one_line(line)}\n" for line in lines)
 
 
-def _friction(
+def _friction_entry(
     drive: Drive, fit: MapFit, dynamic: Mapping[str, Estimate], evidence: str
 ) -> JsonObject:
     """Return the content of the key `friction`, as dictionaries, numbers and texts."""
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     estimates = {**fit.estimates, **dynamic}
     names = ["mu", "mu_static", "b_c", "b_v", "b_oc", "b_ov"]
     if friction.law != "coulomb":
@@ -109,46 +111,52 @@ def _friction(
     names += [name for name in ("dwell_constant", "memory") if getattr(friction, name)]
     table: JsonObject = {"law": friction.law, "source": f"identified from {evidence}"}
     for name in names:
-        table[name] = _with_source(drive, name, float(getattr(friction, name)), estimates.get(name))
+        table[name] = _parameter_entry(
+            drive, name, float(getattr(friction, name)), estimates.get(name)
+        )
     if friction.identified_speed is not None:
-        table["identified_speed"] = _quantity(drive, "identified_speed", friction.identified_speed)
+        table["identified_speed"] = _quantity_text(
+            drive, "identified_speed", friction.identified_speed
+        )
     if friction.posterior is not None:
-        table["posterior"] = _posterior(friction.posterior)
+        table["posterior"] = _posterior_entry(friction.posterior)
     return table
 
 
-def _posterior(posterior: Posterior) -> JsonObject:
+def _posterior_entry(posterior: Posterior) -> JsonObject:
     """Return the content of the key `posterior`, as dictionaries, numbers and texts.
 
     A row of numbers is one text, because YAML reads it much faster than a list.
     """
-    draws = {name: _numbers(posterior.column(name)) for name in posterior.names}
+    draws = {name: _joined_numbers(posterior.column(name)) for name in posterior.names}
     table: JsonObject = {"scatter": f"{posterior.scatter:.6g} N*m", "common": posterior.common}
     if posterior.speeds:
         table |= {
-            "speeds": _numbers(posterior.speeds),
-            "departures": _numbers(posterior.departures),
+            "speeds": _joined_numbers(posterior.speeds),
+            "departures": _joined_numbers(posterior.departures),
         }
     for name in POSTERIOR_PART_TYPES:
         if (part := getattr(posterior, name)) is not None:
             table[name] = {
-                key: value if isinstance(value, bool) else _numbers(value)
+                key: value if isinstance(value, bool) else _joined_numbers(value)
                 for key, value in vars(part).items()
             }
     return {**table, "draws": draws}
 
 
-def _numbers(values: Iterable[float]) -> str:
+def _joined_numbers(values: Iterable[float]) -> str:
     """Return numbers with six significant digits as one text, separated by spaces."""
     return " ".join(f"{value:.6g}" for value in values)
 
 
-def _with_source(drive: Drive, name: str, value: float, estimate: Estimate | None) -> JsonObject:
+def _parameter_entry(
+    drive: Drive, name: str, value: float, estimate: Estimate | None
+) -> JsonObject:
     """Return the value of a parameter with its unit and its source, in the form of a drive file."""
-    return {"value": _quantity(drive, name, value), "source": _origin(name, estimate)}
+    return {"value": _quantity_text(drive, name, value), "source": _source_text(name, estimate)}
 
 
-def _origin(name: str, estimate: Estimate | None) -> str:
+def _source_text(name: str, estimate: Estimate | None) -> str:
     """Return the text of a parameter's source, with the 95 % interval of its estimate."""
     if estimate is None:
         return "the law's value as speed tends to 0" if name == "mu_static" else "not identified"
@@ -162,21 +170,21 @@ def _origin(name: str, estimate: Estimate | None) -> str:
     return text if estimate.separable else text + ", not determined by the data alone"
 
 
-def unit_of(drive: Drive, name: str) -> str | None:
+def parameter_unit(drive: Drive, name: str) -> str | None:
     """Return the SI unit of a parameter as text, or None for a dimensionless parameter."""
     of_field = {
         **field_quantities(Rig),
         **field_quantities(Drive),
         **field_quantities(Friction),
     }.get(name)
-    kind = of_field and KINDS.get(unit_kind(of_field, drive.slides))
+    kind = of_field and QUANTITY_KINDS.get(unit_kind(of_field, drive.slides))
     return kind.unit if kind else None
 
 
-def _quantity(drive: Drive, name: str, value: float) -> Any:
+def _quantity_text(drive: Drive, name: str, value: float) -> Any:
     """Format a value with eight significant digits and its unit.
 
     A dimensionless value remains a number.
     """
-    unit = unit_of(drive, name)
+    unit = parameter_unit(drive, name)
     return float(f"{value:.8g}") if unit is None else f"{value:.8g} {unit}"

@@ -11,15 +11,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import friction_of
+from ssm_planner.dynamics import required_friction
 from ssm_planner.identification.fit import Estimate
 from ssm_planner.identification.prediction import (
-    Motion,
+    RecordedMotion,
     controller_reaction,
-    departure,
+    law_correction,
     predict_torque,
 )
-from ssm_planner.identification.reaction import deviation_of
+from ssm_planner.identification.reaction import speed_deviation
 from ssm_planner.identification.recordings import Recording, rms
 from ssm_planner.problem import CONFIDENCE, Drive
 from ssm_planner.typing import Array, record
@@ -27,16 +27,16 @@ from ssm_planner.typing import Array, record
 PARAMETERS = ("mu_static", "dwell_constant", "memory")
 """Names of the fitted parameters in drive files, in the order of θ."""
 
-UPPER = np.array([0.3, 20.0, 0.5])
+UPPER_BOUNDS = np.array([0.3, 20.0, 0.5])
 """Upper bounds of θ."""
 
-_GRID = (
+_GRID_VALUES = (
     (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15),
     (0.0, 0.1, 0.3, 1.0, 3.0),
     (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4),
 )
 """Values of each parameter θ_i that are tried before the search."""
-_SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 2))
+_PARAMETER_SUBSETS: tuple[tuple[int, ...], ...] = ((), (0,), (2,), (0, 2), (0, 1), (0, 1, 2))
 """Indices of the parameters that are fitted together. Growth at rest needs static friction."""
 
 
@@ -66,7 +66,7 @@ class DynamicFit:
     """Remarks on the fit, as sentences."""
 
 
-class _Problem:
+class _LeastSquaresProblem:
     """Least-squares problem of the start–stop recordings.
 
     The residuals of a recording are the errors of its predicted torque, divided by the range of its
@@ -78,15 +78,15 @@ class _Problem:
     ) -> None:
         self.drive, self.recordings = drive, recordings
         self.load, self.load_inertia = load, load_inertia
-        self.motions = [Motion.from_speed(r.time, r.w) for r in recordings]
+        self.motions = [RecordedMotion.from_speed(r.time, r.w) for r in recordings]
         self.measured = [
             r.tau
-            - departure(drive, m, load)
-            - controller_reaction(drive, m, deviation_of(r.w, m.direction))
+            - law_correction(drive, m, load)
+            - controller_reaction(drive, m, speed_deviation(r.w, m.direction))
             for r, m in zip(recordings, self.motions, strict=True)
         ]
         """Torques (samples,) that the friction law must explain, N·m."""
-        base = friction_of(drive)
+        base = required_friction(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
     def model(self, theta: Array) -> Drive:
@@ -94,7 +94,7 @@ class _Problem:
 
         A dwell constant of 0 s means that friction does not grow at rest.
         """
-        base = friction_of(self.drive)
+        base = required_friction(self.drive)
         rise, dwell, memory = theta.tolist()
         friction = replace(
             base, mu_static=base.mu + rise, dwell_constant=dwell or None, memory=memory
@@ -148,14 +148,14 @@ def fit_dynamic(
     DynamicFit
         Drive with the fitted parameters, their estimates and the errors before and after the fit.
     """
-    problem = _Problem(drive, recordings, load, load_inertia)
-    starts = {subset: _best_of_grid(problem, subset) for subset in _SUBSETS}
-    independent = _independent(problem.residual(starts[(0, 1, 2)]))
+    problem = _LeastSquaresProblem(drive, recordings, load, load_inertia)
+    starts = {subset: _best_grid_point(problem, subset) for subset in _PARAMETER_SUBSETS}
+    independent = _independent_samples(problem.residual(starts[(0, 1, 2)]))
     criterion = {
         s: independent * math.log(problem.cost(theta)) + 2 * len(s) for s, theta in starts.items()
     }
     subset = min(criterion, key=lambda s: criterion[s])
-    theta, jacobian = _polished(problem, starts[subset], list(subset))
+    theta, jacobian = _minimise_cost(problem, starts[subset], list(subset))
     undetermined = [PARAMETERS[k] for k in range(3) if k not in subset]
     gain = criterion[()] - criterion[subset]
     notes = []
@@ -176,17 +176,21 @@ def fit_dynamic(
     )
 
 
-def _best_of_grid(problem: _Problem, subset: tuple[int, ...]) -> Array:
+def _best_grid_point(problem: _LeastSquaresProblem, subset: tuple[int, ...]) -> Array:
     """Return the point θ (3,) with the smallest cost, among a grid and the values of the drive.
 
     Only the parameters with the indices `subset` vary. The others keep the values of the drive.
     """
-    axes = [values if k in subset else (problem.default[k],) for k, values in enumerate(_GRID)]
+    axes = [
+        values if k in subset else (problem.default[k],) for k, values in enumerate(_GRID_VALUES)
+    ]
     points = [problem.default, *(np.array(point) for point in itertools.product(*axes))]
     return min(points, key=problem.cost)
 
 
-def _polished(problem: _Problem, theta: Array, free: list[int]) -> tuple[Array, Array]:
+def _minimise_cost(
+    problem: _LeastSquaresProblem, theta: Array, free: list[int]
+) -> tuple[Array, Array]:
     """Minimise the cost over some parameters by least squares.
 
     The search starts at `theta` (3,). Only the parameters with the indices `free` vary. Returns θ
@@ -207,15 +211,15 @@ def _polished(problem: _Problem, theta: Array, free: list[int]) -> tuple[Array, 
 
     solution = least_squares(
         misfit,
-        np.clip(theta[free], 1e-6, UPPER[free] - 1e-6),
-        bounds=(0.0, UPPER[free]),
-        x_scale=(0.1 * UPPER)[free],
+        np.clip(theta[free], 1e-6, UPPER_BOUNDS[free] - 1e-6),
+        bounds=(0.0, UPPER_BOUNDS[free]),
+        x_scale=(0.1 * UPPER_BOUNDS)[free],
         diff_step=np.full(len(free), 1e-3),
     )
     return min((theta, completed(solution.x)), key=problem.cost), np.asarray(solution.jac)
 
 
-def _independent(residual: Array) -> float:
+def _independent_samples(residual: Array) -> float:
     """Return the number of independent samples to which correlated residuals (samples,) correspond.
 
     It is N (1 − ρ) / (1 + ρ), with the number N of samples and the correlation ρ between
@@ -228,13 +232,17 @@ def _independent(residual: Array) -> float:
 
 
 def _estimates(
-    problem: _Problem, theta: Array, free: list[int], jacobian: Array, independent: float
+    problem: _LeastSquaresProblem,
+    theta: Array,
+    free: list[int],
+    jacobian: Array,
+    independent: float,
 ) -> dict[str, Estimate]:
     """Return the estimates of the parameters by name, with asymptotic 95 % intervals.
 
     Parameters
     ----------
-    problem : _Problem
+    problem : _LeastSquaresProblem
         Least-squares problem.
     theta : (3,)
         Fitted parameters.
@@ -252,22 +260,23 @@ def _estimates(
         value = problem.residual(theta)
         variance = float(value @ value) / max(independent - len(free), 1.0)
         information = jacobian.T @ jacobian / variance * (independent / len(value))
-        covariance = np.linalg.pinv(information + np.diag(1e-9 / UPPER[free] ** 2))
+        covariance = np.linalg.pinv(information + np.diag(1e-9 / UPPER_BOUNDS[free] ** 2))
         quantile = float(ndtri(0.5 + CONFIDENCE / 2))
         half[free] = quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    offset = np.array([friction_of(problem.drive).mu, 0.0, 0.0])
+    offset = np.array([required_friction(problem.drive).mu, 0.0, 0.0])
     low, high = (
-        np.clip(end, 0.0, np.maximum(UPPER, theta)) + offset for end in (theta - half, theta + half)
+        np.clip(end, 0.0, np.maximum(UPPER_BOUNDS, theta)) + offset
+        for end in (theta - half, theta + half)
     )
-    to_bound = np.minimum(theta, UPPER - theta)
+    to_bound = np.minimum(theta, UPPER_BOUNDS - theta)
     return {
         name: Estimate(
             value=float(theta[k] + offset[k]),
             low=float(low[k]),
             high=float(high[k]),
             fixed=k not in free,
-            separable=bool(half[k] < 0.5 * UPPER[k]),
-            at_bound=bool(k in free and to_bound[k] < 1e-5 * UPPER[k]),
+            separable=bool(half[k] < 0.5 * UPPER_BOUNDS[k]),
+            at_bound=bool(k in free and to_bound[k] < 1e-5 * UPPER_BOUNDS[k]),
         )
         for k, name in enumerate(PARAMETERS)
     }

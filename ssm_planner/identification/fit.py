@@ -12,46 +12,50 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import friction_of, nut_contact, output_effort
+from ssm_planner.dynamics import RANDOM_SEED, nut_contact_force, output_effort, required_friction
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import (
-    ALL,
     CHANGE,
-    CHANGES,
-    locking_mu,
+    MAP_PARAMETERS,
+    SESSION_CHANGE_PARAMETERS,
+    drive_with_parameters,
     map_torque,
-    names_of,
-    rest_coefficient,
-    with_parameters,
+    parameter_names,
+    smallest_locking_mu,
+    zero_speed_coefficient,
 )
 from ssm_planner.identification.posterior import (
-    SEED,
     MapModel,
-    blind_errors,
+    cross_validation_errors,
     data_correlation,
     most_likely,
     prior_pull,
-    simplest,
+    simplest_model,
 )
-from ssm_planner.identification.recordings import largest, rms
-from ssm_planner.identification.sampling import LARGEST_WEIGHT, Sample, sample, weighted_interval
-from ssm_planner.identification.session import share_of_session
+from ssm_planner.identification.recordings import largest_magnitude, rms
+from ssm_planner.identification.sampling import (
+    LARGEST_WEIGHT,
+    PosteriorSample,
+    sample_posterior,
+    weighted_interval,
+)
+from ssm_planner.identification.session import session_progress
 from ssm_planner.identification.torque_map import TorqueMap, find_outliers
 from ssm_planner.problem import CONFIDENCE, FRICTION_LAWS, LAW_COLUMN, LOAD_OFFSET, Drive, Posterior
 from ssm_planner.progress import Progress, Step, silent
 from ssm_planner.typing import Array, Arrays, Numbers, frozen, record
 
-DRAWS = 1000
+POSTERIOR_DRAWS = 1000
 """Number of equally likely parameter sets in a posterior."""
-LARGEST_PULL = 0.2
+LARGEST_PRIOR_PULL = 0.2
 """Largest prior pull of a parameter that counts as determined by the data, see `prior_pull`."""
-SMALLEST_PROBABILITY = 0.01
+SMALLEST_LAW_PROBABILITY = 0.01
 """Smallest probability with which a law is part of the posterior."""
-LARGEST_RATIO = 1.5
+LARGEST_TORQUE_RATIO = 1.5
 """Ratio of measured to expected torque above which another drive is suspected."""
-LARGEST_ERROR = 0.2
+LARGEST_RELATIVE_ERROR = 0.2
 """RMS error, as a share of the mean torque, above which another drive is suspected."""
-WEIGHT = "weight"
+WEIGHT_COLUMN = "weight"
 """Name of the column of weights in a table of parameter sets."""
 _DIRECTIONS = ("forwards", "backwards")
 _STRIBECK = ("mu_stribeck", "stribeck_speed")
@@ -61,7 +65,7 @@ _INITIAL_SCATTER = 0.1
 
 FittedModels = list[tuple[MapModel, Array]]
 """Models with the most likely coordinates (k,) of their parameters."""
-PossibleLaws = list[tuple[Sample, float]]
+PossibleLaws = list[tuple[PosteriorSample, float]]
 """Samples and probabilities of the friction laws that are possible."""
 
 
@@ -166,8 +170,8 @@ def fit_map(
         payload drives forwards. A constant offset is fitted in addition if this reduces the error
         on recordings that the fit has not used.
     law : str
-        One of `FRICTION_LAWS`, or `auto` for the simplest law whose error on recordings that the fit has not
-        used is close to the smallest.
+        One of `FRICTION_LAWS`, or `auto` for the simplest law whose error on recordings
+        that the fit has not used is close to the smallest.
     fixed : Mapping, optional
         Parameters that are not fitted, with their values by name.
     reference : Mapping, optional
@@ -206,7 +210,7 @@ def fit_map(
         tau=data.tau,
         weight=weight,
         friction=data.friction,
-        elapsed=share_of_session(data.times),
+        elapsed=session_progress(data.times),
         load=load + fixed.get(LOAD_OFFSET, 0.0),
         scatter=max(
             _INITIAL_SCATTER * float(np.median(data.tau_deviation)), 1e-6 * float(np.ptp(data.tau))
@@ -218,10 +222,10 @@ def fit_map(
         progress(Step(f"fitting the {model.law.replace('_', ' ')} law", k, len(models) + 1))
         fitted.append((model, most_likely(model)))
     progress(Step("computing the confidence intervals", len(models), len(models) + 1))
-    determined = _determined(fitted)
-    probabilities = _probabilities(fitted)
-    (model, z), criterion = _choose_model(_plausible(determined, probabilities))
-    fit = _report(model, z, data, _possible(probabilities, model.law))
+    determined = _determined_models(fitted)
+    probabilities = _sample_laws(fitted)
+    (model, z), criterion = _choose_model(_plausible_models(determined, probabilities))
+    fit = _build_map_fit(model, z, data, _possible_laws(probabilities, model.law))
     rows = tuple((data.names[o.index], o.distance, o.weight) for o in outliers)
     return replace(fit, outliers=rows, criterion=criterion)
 
@@ -250,14 +254,14 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     if LOAD_OFFSET not in fixed:
         additions.append((LOAD_OFFSET,))
     if np.isfinite(prototype.elapsed).any():
-        additions += [(*names, *CHANGES) for names in additions]
+        additions += [(*names, *SESSION_CHANGE_PARAMETERS) for names in additions]
     models = []
     for law in FRICTION_LAWS if prototype.law == "auto" else (prototype.law,):
-        names = tuple(name for name in (*names_of(law), *free) if name not in fixed)
+        names = tuple(name for name in (*parameter_names(law), *free) if name not in fixed)
         stribeck = _STRIBECK if law == "coulomb" else ()
         model = replace(
             prototype,
-            drive=with_parameters(prototype.drive, law, {}),
+            drive=drive_with_parameters(prototype.drive, law, {}),
             law=law,
             names=names,
             fixed={name: value for name, value in fixed.items() if name not in stribeck},
@@ -266,7 +270,7 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
     return models
 
 
-def _plausible(determined: FittedModels, probabilities: PossibleLaws) -> FittedModels:
+def _plausible_models(determined: FittedModels, probabilities: PossibleLaws) -> FittedModels:
     """Return the models of the Coulomb law unless its probability is below 5 %, else the others.
 
     Otherwise, a change of friction during the session would often be taken for a Stribeck term.
@@ -302,12 +306,12 @@ def _choose_model(
         RMS error of each law in the cross-validation, N·m.
     """
     models = [model for model, _ in determined]
-    errors = [blind_errors(model, z) for model, z in determined]
+    errors = [cross_validation_errors(model, z) for model, z in determined]
     rms_errors = [rms(error) for error in errors]
     criterion: dict[str, float] = {}
     for model, rms_error in zip(models, rms_errors, strict=True):
         criterion[model.law] = min(rms_error, criterion.get(model.law, math.inf))
-    chosen = simplest(models, errors)
+    chosen = simplest_model(models, errors)
     criterion[models[chosen].law] = rms_errors[chosen]
     return determined[chosen], criterion
 
@@ -317,7 +321,7 @@ def _check_fixed(fixed: Numbers, free: Sequence[str]) -> None:
 
     `fixed` contains values by name, and `free` the names of parameters that are fitted in addition.
     """
-    names = (*ALL, LOAD_OFFSET)
+    names = (*MAP_PARAMETERS, LOAD_OFFSET)
     for name in free:
         if name not in names:
             raise RecordingError(f"cannot free {name!r}; parameters: {', '.join(names)}")
@@ -339,7 +343,7 @@ def _check_directions(data: TorqueMap) -> None:
         )
 
 
-def _determined(fitted: FittedModels) -> FittedModels:
+def _determined_models(fitted: FittedModels) -> FittedModels:
     """Return the models that have fewer parameters than points, each with its coordinates (k,).
 
     Raises RecordingError if no model is left.
@@ -355,7 +359,7 @@ def _determined(fitted: FittedModels) -> FittedModels:
     return determined
 
 
-def _probabilities(fitted: FittedModels) -> PossibleLaws:
+def _sample_laws(fitted: FittedModels) -> PossibleLaws:
     """Sample the posterior of each law, and return the samples with the probabilities of the laws.
 
     A load offset or a change during the session that does not reduce the error in the
@@ -368,28 +372,28 @@ def _probabilities(fitted: FittedModels) -> PossibleLaws:
         Models with the most likely coordinates. For each law, that with all parameters is last.
     """
     models = {model.law: (model, z) for model, z in fitted}
-    samples = [sample(model, z) for model, z in models.values()]
+    samples = [sample_posterior(model, z) for model, z in models.values()]
     evidence = np.array([law_sample.log_evidence for law_sample in samples])
     probability = np.exp(evidence - np.logaddexp.reduce(evidence))
     return list(zip(samples, probability.tolist(), strict=True))
 
 
-def _possible(probabilities: PossibleLaws, chosen: str) -> PossibleLaws:
-    """Return the laws whose probability is at least `SMALLEST_PROBABILITY`, and the chosen law.
+def _possible_laws(probabilities: PossibleLaws, chosen: str) -> PossibleLaws:
+    """Return the laws whose probability is at least `SMALLEST_LAW_PROBABILITY`, and the chosen law.
 
     Laws with more parameters than points are possible as well, because the prior bounds their
     parameters. The probabilities in the result have the sum 1.
     """
     possible = [
-        (law_sample, max(share, SMALLEST_PROBABILITY))
+        (law_sample, max(share, SMALLEST_LAW_PROBABILITY))
         for law_sample, share in probabilities
-        if share >= SMALLEST_PROBABILITY or law_sample.model.law == chosen
+        if share >= SMALLEST_LAW_PROBABILITY or law_sample.model.law == chosen
     ]
     total = sum(share for _, share in possible)
     return [(law_sample, share / total) for law_sample, share in possible]
 
 
-def _pooled(possible: PossibleLaws, slow: Array) -> Arrays:
+def _pool_parameter_sets(possible: PossibleLaws, slow: Array) -> Arrays:
     """Combine the parameter sets of all possible laws to one table with columns (sets,) by name.
 
     Half of the sets contain the friction at the beginning of the session, the others that at its
@@ -410,27 +414,33 @@ def _pooled(possible: PossibleLaws, slow: Array) -> Arrays:
             numbers[LAW_COLUMN] = FRICTION_LAWS.index(model.law)
             columns |= {name: np.full(len(z), float(number)) for name, number in numbers.items()}
         columns |= dict(zip(_DIRECTIONS, model.torque(z, slow).T, strict=True))
-        laws.append({**columns, WEIGHT: share * weight})
+        laws.append({**columns, WEIGHT_COLUMN: share * weight})
     return {
         name: np.concatenate(
-            [columns.get(name, np.full(len(columns[WEIGHT]), np.nan)) for columns in laws]
+            [columns.get(name, np.full(len(columns[WEIGHT_COLUMN]), np.nan)) for columns in laws]
         )
         for name in dict.fromkeys(name for columns in laws for name in columns)
     }
 
 
 def _draw_sets(pooled: Arrays) -> Arrays:
-    """Draw `DRAWS` equally likely parameter sets from a weighted table, as columns (DRAWS,) by
-    name.
+    """Draw `POSTERIOR_DRAWS` equally likely parameter sets from a weighted table, as columns
+    (draws,) by name.
 
     The method is systematic resampling. Sets of the Coulomb law have no Stribeck speed. They get
     one of the other laws, which does not affect them.
     """
-    cumulative = np.cumsum(pooled[WEIGHT])
-    indices = np.searchsorted(cumulative, (np.arange(DRAWS) + 0.5) / DRAWS * cumulative[-1])
-    indices = np.random.default_rng(SEED).permutation(indices)
+    cumulative = np.cumsum(pooled[WEIGHT_COLUMN])
+    indices = np.searchsorted(
+        cumulative, (np.arange(POSTERIOR_DRAWS) + 0.5) / POSTERIOR_DRAWS * cumulative[-1]
+    )
+    indices = np.random.default_rng(RANDOM_SEED).permutation(indices)
     ending = (LOAD_OFFSET, LAW_COLUMN)
-    names = [name for name in pooled if name not in (*ending, *_DIRECTIONS, *CHANGES, WEIGHT)]
+    names = [
+        name
+        for name in pooled
+        if name not in (*ending, *_DIRECTIONS, *SESSION_CHANGE_PARAMETERS, WEIGHT_COLUMN)
+    ]
     columns = {name: pooled[name][indices] for name in (*names, *ending) if name in pooled}
     for column in columns.values():
         missing = np.isnan(column)
@@ -438,7 +448,7 @@ def _draw_sets(pooled: Arrays) -> Arrays:
     return columns
 
 
-def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) -> MapFit:
+def _build_map_fit(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) -> MapFit:
     """Compute estimates, posterior, errors and remarks for the selected model.
 
     Parameters
@@ -455,24 +465,24 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
     predicted = model.torque(z[None])[0]
     # The torque of slow motion does not contain viscous friction.
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
-    pooled = _pooled(possible, slow)
-    posterior = _posterior(model, predicted, data, possible, _draw_sets(pooled))
+    pooled = _pool_parameter_sets(possible, slow)
+    posterior = _build_posterior(model, predicted, data, possible, _draw_sets(pooled))
     values = {name: float(value[0, 0]) for name, value in model.parameters(z[None]).items()}
     values = {LOAD_OFFSET: model.fixed.get(LOAD_OFFSET, 0.0)} | values
-    separable = _separable(possible)
+    separable = _separable_parameters(possible)
     estimates = {
-        name: replace(_estimate(values[name], pooled, name), separable=name in separable)
-        for name in (*posterior.names, *CHANGES)
+        name: replace(_interval_estimate(values[name], pooled, name), separable=name in separable)
+        for name in (*posterior.names, *SESSION_CHANGE_PARAMETERS)
         if name in values
     }
-    if values.get("mu", math.inf) <= locking_mu(model.drive) * (1 + 1e-9):
+    if values.get("mu", math.inf) <= smallest_locking_mu(model.drive) * (1 + 1e-9):
         estimates["mu"] = replace(estimates["mu"], at_bound=True)
     estimates |= {
         name: Estimate(value, value, value, fixed=True) for name, value in model.fixed.items()
     }
     inseparable_names = tuple(name for name in model.names if name not in separable)
     offset = values.pop(LOAD_OFFSET)
-    drive = _identified(model, values, posterior, offset)
+    drive = _identified_drive(model, values, posterior, offset)
     torques = zip(_DIRECTIONS, model.torque(z[None], slow)[0].tolist(), strict=True)
     return MapFit(
         law=model.law,
@@ -482,20 +492,20 @@ def _report(model: MapModel, z: Array, data: TorqueMap, possible: PossibleLaws) 
         correlation_names=model.names,
         correlation=data_correlation(model, z),
         inseparable=(inseparable_names,) if inseparable_names else (),
-        combinations={name: _estimate(value, pooled, name) for name, value in torques},
+        combinations={name: _interval_estimate(value, pooled, name) for name, value in torques},
         predicted=predicted,
         nrmsd=float(rms(model.tau - predicted) / np.ptp(model.tau)),
         outliers=(),
         criterion={},
         law_shares=posterior.law_shares(model.law),
         notes=(
-            *_notes(model, drive, predicted, offset),
-            *_notes_on(estimates, possible),
+            *_plausibility_notes(model, drive, predicted, offset),
+            *_estimate_notes(estimates, possible),
         ),
     )
 
 
-def _separable(possible: PossibleLaws) -> set[str]:
+def _separable_parameters(possible: PossibleLaws) -> set[str]:
     """Return the names of the parameters that the data determine under every possible law.
 
     `possible` contains the samples and the probabilities of the laws.
@@ -504,11 +514,11 @@ def _separable(possible: PossibleLaws) -> set[str]:
     for law_sample, _ in possible:
         pull = prior_pull(law_sample.covariance)
         pairs = zip(law_sample.model.names, pull, strict=True)
-        names.append({name for name, value in pairs if value < LARGEST_PULL})
+        names.append({name for name, value in pairs if value < LARGEST_PRIOR_PULL})
     return set.intersection(*names)
 
 
-def _posterior(
+def _build_posterior(
     model: MapModel,
     predicted: Array,
     data: TorqueMap,
@@ -528,36 +538,36 @@ def _posterior(
     possible : list of (Sample, float)
         Samples and probabilities of the possible laws.
     columns : dict
-        Equally likely parameter sets, as columns (DRAWS,) by name.
+        Equally likely parameter sets, as columns (draws,) by name.
     """
     is_regular = model.weight == 1.0
     variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
-    scatter, common = _six_digits(np.array([math.sqrt(variance), common]))
+    scatter, common = _round_to_six_digits(np.array([math.sqrt(variance), common]))
     return Posterior(
         names=tuple(columns),
-        draws=np.transpose([_six_digits(column) for column in columns.values()]),
+        draws=np.transpose([_round_to_six_digits(column) for column in columns.values()]),
         scatter=scatter,
         common=common,
-        speeds=_six_digits(model.w[is_regular]),
-        departures=_six_digits((model.tau - predicted)[is_regular]),
+        speeds=_round_to_six_digits(model.w[is_regular]),
+        departures=_round_to_six_digits((model.tau - predicted)[is_regular]),
         forwards=data.spread(1),
         backwards=data.spread(-1),
     )
 
 
-def _six_digits(values: Array) -> tuple[float, ...]:
+def _round_to_six_digits(values: Array) -> tuple[float, ...]:
     """Round values (n,) to six significant digits."""
     return tuple(float(f"{value:.6g}") for value in values)
 
 
-def _estimate(value: float, pooled: Arrays, name: str) -> Estimate:
+def _interval_estimate(value: float, pooled: Arrays, name: str) -> Estimate:
     """Return an estimate with the 95 % interval of one column of the pooled parameter sets."""
     is_present = np.isfinite(pooled[name])
-    low, high = weighted_interval(pooled[name][is_present], pooled[WEIGHT][is_present])
+    low, high = weighted_interval(pooled[name][is_present], pooled[WEIGHT_COLUMN][is_present])
     return Estimate(value, min(low, value), max(high, value))
 
 
-def _notes_on(estimates: dict[str, Estimate], possible: PossibleLaws) -> Iterator[str]:
+def _estimate_notes(estimates: dict[str, Estimate], possible: PossibleLaws) -> Iterator[str]:
     """Yield notes on estimates: on self-locking, a change of friction and unreliable intervals.
 
     Intervals are not reliable if one parameter set has too much weight. `possible` contains the
@@ -582,7 +592,9 @@ def _notes_on(estimates: dict[str, Estimate], possible: PossibleLaws) -> Iterato
         )
 
 
-def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> Iterator[str]:
+def _plausibility_notes(
+    model: MapModel, drive: Drive, predicted: Array, offset: float
+) -> Iterator[str]:
     """Yield remarks on implausible results of the fit, as sentences.
 
     They concern the sign of the load, the contact of preloaded nuts, and another torque than
@@ -605,30 +617,32 @@ def _notes(model: MapModel, drive: Drive, predicted: Array, offset: float) -> It
             f"{model.load:.3g}: are direction and payload of the rig right?"
         )
     effort = output_effort(drive, model.load, model.w / drive.ratio, 0.0)
-    losses = int(np.sum(nut_contact(drive, effort, 0.0) <= 0.0))
+    losses = int(np.sum(nut_contact_force(drive, effort, 0.0) <= 0.0))
     if losses:
         yield (
             f"the preload does not keep both half nuts in contact at {losses} points: the law does "
             "not hold there"
         )
     size = float(np.mean(np.abs(model.tau)))
-    if set(names_of("coulomb")) <= set(model.reference):
-        expected = with_parameters(model.drive, "coulomb", model.reference)
+    if set(parameter_names("coulomb")) <= set(model.reference):
+        expected = drive_with_parameters(model.drive, "coulomb", model.reference)
         ratio = size / float(np.mean(np.abs(map_torque(expected, model.w, model.load))))
-        if not 1 / LARGEST_RATIO < ratio < LARGEST_RATIO:
+        if not 1 / LARGEST_TORQUE_RATIO < ratio < LARGEST_TORQUE_RATIO:
             yield (
                 f"the mean torque is {ratio:.2g} times that of the expected friction: are these "
                 "recordings of this drive?"
             )
     error = rms(model.tau - predicted) / size
-    if error > LARGEST_ERROR:
+    if error > LARGEST_RELATIVE_ERROR:
         yield (
             f"the error of the law is {error:.0%} of the mean torque: are these recordings of this "
             "drive, with this payload and direction?"
         )
 
 
-def _identified(model: MapModel, values: Numbers, posterior: Posterior, offset: float) -> Drive:
+def _identified_drive(
+    model: MapModel, values: Numbers, posterior: Posterior, offset: float
+) -> Drive:
     """Return the drive with its identified friction, and with the load offset of its test rig.
 
     Parameters
@@ -642,11 +656,11 @@ def _identified(model: MapModel, values: Numbers, posterior: Posterior, offset: 
     offset : float
         Constant load in addition to the payload, N·m or N.
     """
-    drive = with_parameters(model.drive, model.law, {**model.fixed, **values})
+    drive = drive_with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(
-        friction_of(drive),
-        mu_static=rest_coefficient(drive),
-        identified_speed=largest(model.w),
+        required_friction(drive),
+        mu_static=zero_speed_coefficient(drive),
+        identified_speed=largest_magnitude(model.w),
         covariance=None,
         posterior=posterior,
     )

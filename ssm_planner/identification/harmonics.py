@@ -11,27 +11,27 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.identification.recordings import Recording, integrated
+from ssm_planner.identification.recordings import Recording, trapezoidal_integral
 from ssm_planner.problem import Harmonics
 from ssm_planner.typing import Array
 
-TURN = 2 * np.pi
+FULL_TURN = 2 * np.pi
 HARMONICS = 3
 """Number of harmonics of one turn."""
-_ANGLES = 720
+_TRIAL_ANGLES = 720
 """Number of angles that are tried when harmonics are rotated."""
-_ITERATIONS = 5
+_ALIGNMENT_ITERATIONS = 5
 """Number of times that the mean harmonics are computed and the recordings are rotated to them."""
 
 
-def travelled(recording: Recording) -> Array:
+def motor_angle(recording: Recording) -> Array:
     """Return the motor angle of a recording, (samples,) in rad.
 
     It is the recorded angle or, without one, the integral of the speed.
     """
     if recording.angle is not None:
         return recording.angle
-    return integrated(recording.time, recording.w)
+    return trapezoidal_integral(recording.time, recording.w)
 
 
 def ripple_rms(angle: Array, tau: Array) -> float:
@@ -46,9 +46,13 @@ def ripple_rms(angle: Array, tau: Array) -> float:
     tau : (samples,)
         Motor torque, N·m.
     """
-    if np.ptp(angle) < 2 * TURN:
+    if np.ptp(angle) < 2 * FULL_TURN:
         return float("nan")
-    residual = tau - tau.mean() - _fit([(angle, tau)], _orders(None), phased=False).torque(angle)
+    residual = (
+        tau
+        - tau.mean()
+        - _fit_orders([(angle, tau)], _harmonic_orders(None), phased=False).torque(angle)
+    )
     noise = float(np.sum((residual - residual.mean()) ** 2))
     noise /= max(len(angle) - 2 * HARMONICS - 1, 1)
     return max(float(np.var(tau)) - noise, 0.0) ** 0.5
@@ -77,8 +81,8 @@ def fit_harmonics(
     series = []
     phased = True
     for recording in recordings:
-        angle = travelled(recording)
-        if recording.w.mean() * direction > 0 and np.ptp(angle) >= 2 * TURN:
+        angle = motor_angle(recording)
+        if recording.w.mean() * direction > 0 and np.ptp(angle) >= 2 * FULL_TURN:
             series.append((angle, recording.tau))
             phased = phased and recording.angle is not None
     if not series:
@@ -86,8 +90,8 @@ def fit_harmonics(
     if not phased:
         return _aligned_mean(series)
     span = np.ptp(np.concatenate([angle for angle, _ in series]))
-    wheel = ratio if ratio is not None and span >= TURN * ratio else None
-    return _fit(series, _orders(wheel), phased=True)
+    wheel = ratio if ratio is not None and span >= FULL_TURN * ratio else None
+    return _fit_orders(series, _harmonic_orders(wheel), phased=True)
 
 
 def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
@@ -97,11 +101,11 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
     is computed again. The weights are the ranges of the angles. `series` contains angle in rad and
     torque in N·m of each recording, (samples,) each.
     """
-    single = [_fit([curve], _orders(None), phased=False) for curve in series]
+    single = [_fit_orders([curve], _harmonic_orders(None), phased=False) for curve in series]
     turns = np.array([np.ptp(angle) for angle, _ in series])
     mean = single[int(np.argmax(turns))]
-    for _ in range(_ITERATIONS):
-        starts = [-_start(mean.coefficients, item.coefficients) for item in single]
+    for _ in range(_ALIGNMENT_ITERATIONS):
+        starts = [-_aligning_angle(mean.coefficients, item.coefficients) for item in single]
         aligned_series = [
             item.rotated(start).coefficients for item, start in zip(single, starts, strict=True)
         ]
@@ -110,7 +114,7 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
     return mean
 
 
-def _orders(ratio: float | None) -> tuple[float, ...]:
+def _harmonic_orders(ratio: float | None) -> tuple[float, ...]:
     """Return the orders of the harmonics: periods in one turn of the motor.
 
     The orders of the wheel come first.
@@ -121,7 +125,7 @@ def _orders(ratio: float | None) -> tuple[float, ...]:
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)
 
 
-def _fit(
+def _fit_orders(
     curves: Sequence[tuple[Array, Array]], orders: tuple[float, ...], phased: bool
 ) -> Harmonics:
     """Fit harmonics and one mean torque for each recording by least squares.
@@ -144,7 +148,7 @@ def _fit(
     return Harmonics.from_coefficients(orders, cosine - 1j * sine, phased)
 
 
-def _start(reference: Any, coefficients: Any) -> float:
+def _aligning_angle(reference: Any, coefficients: Any) -> float:
     """Return the angle in rad by which harmonics must be rotated to agree best with others.
 
     Parameters
@@ -154,6 +158,6 @@ def _start(reference: Any, coefficients: Any) -> float:
     coefficients : (orders,)
         Complex coefficients of the other harmonics.
     """
-    angles = np.linspace(0, TURN, _ANGLES, endpoint=False)
+    angles = np.linspace(0, FULL_TURN, _TRIAL_ANGLES, endpoint=False)
     rotated = np.exp(-1j * np.outer(angles, np.arange(1, len(reference) + 1)))
     return float(angles[np.argmax(np.real(rotated @ (np.conj(reference) * coefficients)))])

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from ssm_planner.arguments import checked
-from ssm_planner.dynamics import friction_of
+from ssm_planner.dynamics import required_friction
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.drive_file import write_drive
 from ssm_planner.identification.dynamic import DynamicFit, fit_dynamic
@@ -15,14 +15,14 @@ from ssm_planner.identification.fit import Estimate, MapFit, fit_map
 from ssm_planner.identification.harmonics import fit_harmonics
 from ssm_planner.identification.prediction import Prediction, predict_recording
 from ssm_planner.identification.reaction import fit_reaction
-from ssm_planner.identification.recordings import Recording, distinct, read_recordings
+from ssm_planner.identification.recordings import Recording, read_recordings, remove_repetitions
 from ssm_planner.identification.session import session_notes
 from ssm_planner.identification.torque_map import (
-    TABLE,
+    TABLE_NAME,
     TorqueMap,
-    kind_of,
-    read_figures,
-    torque_map,
+    compute_torque_map,
+    read_torque_map,
+    recording_kind,
 )
 from ssm_planner.loading import find_file, load_drive
 from ssm_planner.problem import Drive, Harmonics, Reaction
@@ -181,11 +181,11 @@ def identify(
     >>> result.save("identified.yaml")  # doctest: +SKIP
     """
     template = load_drive(drive)
-    recorded, repeated = distinct(_read(template, recordings))
-    steady, moving = _sorted_by_kind(recorded)
-    data, evidence = map_of(drive, steady, moving)
+    recorded, repeated = remove_repetitions(_read_rig_recordings(template, recordings))
+    steady, moving = _divide_by_kind(recorded)
+    data, evidence = load_map(drive, steady, moving)
     data = replace(data, repairs=(*repeated, *data.repairs))
-    load, inertia = load_of(template)
+    load, inertia = rig_load(template)
     progress(Step(f"fitting the map of {len(data.w)} points"))
     fit = fit_map(
         template,
@@ -193,7 +193,7 @@ def identify(
         load,
         law=law,
         fixed=fixed,
-        reference=reference_of(template),
+        reference=prior_centres(template),
         free=free,
         progress=progress,
     )
@@ -229,7 +229,7 @@ def _with_ripple(
     `harmonics` contains the harmonics by direction (`forwards`, `backwards`). A drive without a
     posterior is returned unchanged.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     if friction.posterior is None:
         return drive
     fields: Keywords = {f"harmonics_{name}": series for name, series in harmonics.items()}
@@ -274,12 +274,12 @@ def predict(
     predicting = load_drive(drive)
     if not recordings:
         raise RecordingError("no recording to predict: name files or folders")
-    recorded = _read(predicting, recordings)
-    load, inertia = load_of(predicting)
+    recorded = _read_rig_recordings(predicting, recordings)
+    load, inertia = rig_load(predicting)
     if predicting.friction is None:
         progress(Step("identifying from the table of figures"))
-        data = map_of(drive, [], [])[0]
-        predicting = fit_map(predicting, data, load, reference=reference_of(predicting)).drive
+        data = load_map(drive, [], [])[0]
+        predicting = fit_map(predicting, data, load, reference=prior_centres(predicting)).drive
     if predicting.rig is not None:
         load = predicting.rig.load
     predictions = []
@@ -291,25 +291,27 @@ def predict(
 
 def friction_origin(drive: str | Path) -> str:
     """Describe where `predict` finds the friction: in the drive file or in a table."""
-    return "the drive file" if load_drive(drive).friction is not None else map_of(drive, [], [])[1]
+    return (
+        "the drive file" if load_drive(drive).friction is not None else load_map(drive, [], [])[1]
+    )
 
 
-def _read(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
+def _read_rig_recordings(drive: Drive, recordings: Sequence[str | Path]) -> list[Recording]:
     """Read recordings with the nominal torque and the direction of the drive's test rig."""
     rig = drive.rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
     return read_recordings(list(recordings), nominal_torque=nominal, direction=direction)
 
 
-def _sorted_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
+def _divide_by_kind(recordings: list[Recording]) -> tuple[list[Recording], list[Recording]]:
     """Divide recordings into those at constant speed and those with starts and stops."""
     kinds: dict[str, list[Recording]] = {"steady": [], "start_stop": []}
     for recording in recordings:
-        kinds[kind_of(recording)].append(recording)
+        kinds[recording_kind(recording)].append(recording)
     return kinds["steady"], kinds["start_stop"]
 
 
-def load_of(drive: Drive) -> tuple[float, float]:
+def rig_load(drive: Drive) -> tuple[float, float]:
     """Return the effort (N·m or N) and the inertia (kg·m² or kg) of the payload on the test rig.
 
     Both are 0 for a drive without a test rig.
@@ -317,7 +319,7 @@ def load_of(drive: Drive) -> tuple[float, float]:
     return (0.0, 0.0) if drive.rig is None else (drive.rig.F_payload, drive.rig.payload_inertia)
 
 
-def reference_of(drive: Drive) -> dict[str, float]:
+def prior_centres(drive: Drive) -> dict[str, float]:
     """Return the centres of the prior, which are expected friction parameters, by name.
 
     They are the values published for the test rig or, without these, the friction in the drive
@@ -329,7 +331,7 @@ def reference_of(drive: Drive) -> dict[str, float]:
     return {} if f is None else {"mu": f.mu, "b_c": f.b_c, "b_v": f.b_v, "b_oc": f.b_oc}
 
 
-def map_of(
+def load_map(
     drive_path: str | Path, steady: list[Recording], moving: list[Recording]
 ) -> tuple[TorqueMap, str]:
     """Compute or read the torque–velocity map that is fitted.
@@ -358,15 +360,15 @@ def map_of(
     """
     also = f" and {len(moving)} start-stop recordings" if moving else ""
     if steady:
-        data = torque_map(steady)
+        data = compute_torque_map(steady)
         span = f"{data.names[0]} … {data.names[-1]}"
         return data, f"{len(data.w)} steady-state recordings ({span}){also}"
     file = find_file(drive_path, "drives")
-    table = file.parent / TABLE
+    table = file.parent / TABLE_NAME
     if not table.is_file():
         raise RecordingError(
             f"{drive_path}: no steady-state recording given, and no table of figures {table} to "
             "use instead"
         )
-    data = read_figures(table, file.stem)
+    data = read_torque_map(table, file.stem)
     return data, f"the figures of {len(data.w)} steady-state recordings in {table.name}{also}"

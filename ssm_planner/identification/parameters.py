@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import cast
 
-from ssm_planner.dynamics import friction_coefficient, friction_of
+from ssm_planner.dynamics import friction_coefficient, required_friction
 from ssm_planner.dynamics.transmission import motor_torque, output_effort, self_locking_margin
 from ssm_planner.errors import RecordingError
 from ssm_planner.problem import (
@@ -22,18 +22,18 @@ TYPICAL_MU = 0.15
 It applies if the drive file does not state μ.
 """
 
-_ABOVE_CRITICAL = 1.005
+_LOCKING_MU_FACTOR = 1.005
 """Ratio of the smallest fitted μ of a self-locking drive to the μ at which self-locking begins."""
 
-FRICTIONS = ("b_c", "b_v", "mu", "b_oc", "b_ov", "mu_stribeck")
+FRICTION_PARAMETERS = ("b_c", "b_v", "mu", "b_oc", "b_ov", "mu_stribeck")
 """Parameters that change in proportion if friction changes during a session."""
-CHANGE, WARM_UP = CHANGES = ("change", "warm_up")
+CHANGE, WARM_UP = SESSION_CHANGE_PARAMETERS = ("change", "warm_up")
 """Change of ln friction during a session, and its time constant as a share of the session."""
-ALL = (*FRICTIONS, "stribeck_speed", "preload")
+MAP_PARAMETERS = (*FRICTION_PARAMETERS, "stribeck_speed", "preload")
 """Names of the parameters that can be fitted to a torque–velocity map or fixed by the user."""
 
 
-def names_of(law: str) -> tuple[str, ...]:
+def parameter_names(law: str) -> tuple[str, ...]:
     """Return the names of the parameters that are fitted by default for a friction law.
 
     Raises RecordingError for an unknown law.
@@ -44,7 +44,7 @@ def names_of(law: str) -> tuple[str, ...]:
     return base if law == "coulomb" else (*base, "mu_stribeck", "stribeck_speed")
 
 
-def with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Drive:
+def drive_with_parameters(drive: Drive, law: str, values: Mapping[str, float]) -> Drive:
     """Return the drive with another friction law and other parameters.
 
     Parameters
@@ -89,20 +89,22 @@ def map_torque(drive: Drive, w: Array, load: float | Array) -> Array:
     return motor_torque(drive, effort, w, 0.0)
 
 
-def locking_mu(drive: Drive) -> float:
+def smallest_locking_mu(drive: Drive) -> float:
     """Return the smallest friction coefficient that the fit permits for a self-locking drive.
 
     It is slightly above tan λ · cos θ_n, with the lead angle λ and the normal pressure angle θ_n,
     below which the output could drive the motor. The result is 0 for other drives.
     """
     return (
-        _ABOVE_CRITICAL * float(-self_locking_margin(drive, 0.0)[0]) if drive.self_locking else 0.0
+        _LOCKING_MU_FACTOR * float(-self_locking_margin(drive, 0.0)[0])
+        if drive.self_locking
+        else 0.0
     )
 
 
-def rest_coefficient(drive: Drive) -> float:
+def zero_speed_coefficient(drive: Drive) -> float:
     """Return the limit of the friction coefficient of a moving drive as its speed tends to 0.
 
     The static coefficient cannot be smaller.
     """
-    return float(friction_coefficient(friction_of(drive), 0.0))
+    return float(friction_coefficient(required_friction(drive), 0.0))

@@ -32,20 +32,20 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics import mesh_coefficients
+from ssm_planner.dynamics import RANDOM_SEED, mesh_coefficients
 from ssm_planner.identification.parameters import (
     CHANGE,
-    FRICTIONS,
+    FRICTION_PARAMETERS,
     TYPICAL_MU,
     WARM_UP,
-    locking_mu,
+    drive_with_parameters,
     map_torque,
-    with_parameters,
+    smallest_locking_mu,
 )
 from ssm_planner.problem import LOAD_OFFSET, Drive, Posterior
 from ssm_planner.typing import Array, Arrays, Indices, Keywords, Mask, Numbers, record
 
-SPREADS = {
+PRIOR_DEVIATIONS = {
     "b_c": 1.0,
     "b_v": 1.5,
     "mu": 0.5,
@@ -58,18 +58,18 @@ SPREADS = {
     WARM_UP: 1.0,
 }
 """Prior standard deviations d_i of ln θ_i, and of δ."""
-LOAD_SPREAD = 0.3
+LOAD_PRIOR_DEVIATION = 0.3
 """Prior standard deviation of the constant load.
 
 It is a share of the payload or of the effort that would cause the measured friction.
 """
-PRIOR_WEIGHT = 2.0
+SCATTER_PRIOR_WEIGHT = 2.0
 """ν: weight of the guess s₀ in recordings."""
 SHARED_FRACTIONS = {0.0: 0.5, 0.5: 0.25, 0.8: 0.25}
 """Possible fractions c of the scatter that recordings share, with their prior probabilities."""
-FOLDS = 6
+CROSS_VALIDATION_FOLDS = 6
 """Number of parts into which cross-validation divides the recordings."""
-CLEAR_GAIN = 0.5
+CLEAR_IMPROVEMENT = 0.5
 """Number of standard errors by which a law with more parameters must predict better."""
 CORRELATION_LENGTH = 2.0
 """L: difference of ln |w| over which the correlation of errors falls to 1/e."""
@@ -77,12 +77,10 @@ SMALLEST_SPEED = 0.1
 """Lower bound of motor speeds in K, rad/s. It is about 1 rpm, the resolution of recorders."""
 SCATTER_DEGREES = 3.0
 """Degrees of freedom of the t-distribution of a new recording's scatter, because of outliers."""
-_NORMAL = (LOAD_OFFSET, CHANGE)
+_NORMAL_PRIOR_NAMES = (LOAD_OFFSET, CHANGE)
 """Parameters that have a normal prior, and may be negative."""
-NEGLIGIBLE = 1e-5
+NEGLIGIBLE_ERROR = 1e-5
 """Share of the torque range below which errors are neglected."""
-SEED = 20_210_521
-"""Seed of the random numbers. With a fixed seed, equal calls give equal results."""
 
 
 @record
@@ -139,7 +137,10 @@ class MapModel:
         centre |= {
             name: value for name, value in self.reference.items() if name in centre and value > 0
         }
-        spread = {**SPREADS, LOAD_OFFSET: LOAD_SPREAD * max(abs(self.load), effort)}
+        spread = {
+            **PRIOR_DEVIATIONS,
+            LOAD_OFFSET: LOAD_PRIOR_DEVIATION * max(abs(self.load), effort),
+        }
         centres = [math.log(centre.get(name, 1.0)) for name in self.names]
         return np.array(centres), np.array([spread[name] for name in self.names])
 
@@ -151,7 +152,7 @@ class MapModel:
     @property
     def floor(self) -> float:
         """Contribution ν s₀² of the guessed scatter to the sum of squared errors, N²·m²."""
-        return PRIOR_WEIGHT * self.scatter**2
+        return SCATTER_PRIOR_WEIGHT * self.scatter**2
 
     def parameters(self, z: Array) -> Arrays:
         """Return the parameters by name in SI units, (sets, 1) each, for coordinates z (sets, k).
@@ -161,7 +162,7 @@ class MapModel:
         centre, spread = self.prior
         values = centre + z * spread
         return {
-            name: values[:, [i]] if name in _NORMAL else np.exp(values[:, [i]])
+            name: values[:, [i]] if name in _NORMAL_PRIOR_NAMES else np.exp(values[:, [i]])
             for i, name in enumerate(self.names)
         }
 
@@ -186,7 +187,7 @@ class MapModel:
         values: Keywords = {**self.fixed, **self.parameters(z)}
         load = self.total_load(values.pop(LOAD_OFFSET, 0.0))
         torque = map_torque(
-            with_parameters(self.drive, self.law, values), self.w if w is None else w, load
+            drive_with_parameters(self.drive, self.law, values), self.w if w is None else w, load
         )
         if w is None:
             torque = torque - self.friction * np.expm1(-self.change(z, self.elapsed))
@@ -212,7 +213,7 @@ class MapModel:
         """
         changes = self.change(z, np.array([0.0, 1.0]))
         log_factor = np.where(np.arange(len(z)) % 2, changes[:, 1], changes[:, 0])
-        is_friction = np.array([name in FRICTIONS for name in self.names])
+        is_friction = np.array([name in FRICTION_PARAMETERS for name in self.names])
         return z + np.outer(log_factor, is_friction / self.prior[1])
 
     def total_load(self, offset: Any) -> Any:
@@ -233,7 +234,7 @@ class MapModel:
         The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹, so that eᵀ R_c⁻¹ e = |Wᵀ e|². The
         logarithm is that of p(c) |R_c|^(−1/2).
         """
-        correlations, identity = correlation(self.w, self.w), np.eye(len(self.w))
+        correlations, identity = error_correlation(self.w, self.w), np.eye(len(self.w))
         roots = [
             np.linalg.cholesky((1 - c) * identity + c * correlations) for c in SHARED_FRACTIONS
         ]
@@ -248,7 +249,7 @@ class MapModel:
         A constant is omitted. The result is −inf if the friction law overflows.
         """
         with np.errstate(all="ignore"):
-            error, exponent = self.residual(z), 0.5 * (len(self.w) + PRIOR_WEIGHT)
+            error, exponent = self.residual(z), 0.5 * (len(self.w) + SCATTER_PRIOR_WEIGHT)
             terms = [
                 constant - exponent * np.log(np.sum((error @ root) ** 2, axis=1) + self.floor)
                 for root, constant in self.whiteners
@@ -283,7 +284,7 @@ def most_likely(
     held : (int, float), optional
         Index and value of a coordinate that does not change.
     """
-    k, rng = len(model.names), np.random.default_rng(SEED)
+    k, rng = len(model.names), np.random.default_rng(RANDOM_SEED)
     free = np.array([held is None or i != held[0] for i in range(k)], dtype=bool)
     starts = [start] if start is not None else [np.zeros(k), *0.7 * rng.standard_normal((3, k))]
     optima = []
@@ -291,24 +292,28 @@ def most_likely(
         z = np.array(initial, float)
         if held is not None:
             z[held[0]] = held[1]
-        scatter = 0.02 * float(np.ptp(model.tau)) if start is None else _scatter(model, z)
+        scatter = (
+            0.02 * float(np.ptp(model.tau)) if start is None else _most_likely_scatter(model, z)
+        )
         for _ in range(3 if start is None else 2):
             if free.any():
                 z = _least_squares(model, z, free, scatter)
-            scatter = _scatter(model, z)
+            scatter = _most_likely_scatter(model, z)
         optima.append(z)
     best = max(optima, key=lambda z: float(model.log_posterior(z[None])[0]))
-    smallest = locking_mu(model.drive)
+    smallest = smallest_locking_mu(model.drive)
     if held is None and "mu" in model.names and model.parameters(best[None])["mu"] < smallest:
         bound = model.names.index("mu"), model.coordinate("mu", smallest)
         return most_likely(model, best, bound)
     return best
 
 
-def _scatter(model: MapModel, z: Array) -> float:
+def _most_likely_scatter(model: MapModel, z: Array) -> float:
     """Return the most likely scatter s between recordings at coordinates z (k,), N·m."""
     square = float(np.sum(model.residual(z[None]) ** 2)) + model.floor
-    return max(math.sqrt(square / (len(model.w) + PRIOR_WEIGHT)), 1e-9 * float(np.ptp(model.tau)))
+    return max(
+        math.sqrt(square / (len(model.w) + SCATTER_PRIOR_WEIGHT)), 1e-9 * float(np.ptp(model.tau))
+    )
 
 
 def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Array:
@@ -355,14 +360,14 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
     return completed(solution.x)
 
 
-def blind_errors(model: MapModel, z: Array) -> Array:
+def cross_validation_errors(model: MapModel, z: Array) -> Array:
     """Return the weighted errors (points,) in N·m of a cross-validation.
 
     The recordings are divided into folds. A fit to the other folds predicts the recordings of each
     fold. These fits start at the coordinates z (k,).
     """
-    rng, count = np.random.default_rng(SEED), len(model.w)
-    folds = min(FOLDS, count)
+    rng, count = np.random.default_rng(RANDOM_SEED), len(model.w)
+    folds = min(CROSS_VALIDATION_FOLDS, count)
     fold = np.empty(count, int)
     for block in np.array_split(np.argsort(model.w), -(-count // folds)):
         fold[block] = rng.permutation(folds)[: len(block)]
@@ -375,33 +380,33 @@ def blind_errors(model: MapModel, z: Array) -> Array:
     return errors
 
 
-def simplest(models: list[MapModel], errors: list[Array]) -> int:
+def simplest_model(models: list[MapModel], errors: list[Array]) -> int:
     """Return the index of the model with the fewest parameters that predicts well.
 
     An error is close if the mean of the squared errors exceeds the smallest one by at most
-    `CLEAR_GAIN` standard errors. `errors` contains the errors (points,) of each model in the
+    `CLEAR_IMPROVEMENT` standard errors. `errors` contains the errors (points,) of each model in the
     cross-validation.
     """
     best_model = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
     for i in sorted(range(len(models)), key=lambda i: len(models[i].names)):
         excess = errors[i] ** 2 - errors[best_model] ** 2
-        allowed = CLEAR_GAIN * np.std(excess) / math.sqrt(len(excess))
-        if np.mean(excess) <= allowed + (NEGLIGIBLE * np.ptp(models[i].tau)) ** 2:
+        allowed = CLEAR_IMPROVEMENT * np.std(excess) / math.sqrt(len(excess))
+        if np.mean(excess) <= allowed + (NEGLIGIBLE_ERROR * np.ptp(models[i].tau)) ** 2:
             return i
     return best_model
 
 
-def _information(model: MapModel, z: Array) -> Array:
+def _fisher_information(model: MapModel, z: Array) -> Array:
     """Return the Fisher information (k, k) of the data at coordinates z (k,), without the prior."""
     sets = np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])
-    values = model.residual(sets) / _scatter(model, z)
+    values = model.residual(sets) / _most_likely_scatter(model, z)
     jacobian = (values[1:] - values[0]) / 1e-5
     return jacobian @ jacobian.T
 
 
-def covariance_near(model: MapModel, z: Array) -> Array:
+def approximate_covariance(model: MapModel, z: Array) -> Array:
     """Return the covariance (k, k) of a normal approximation of the posterior at z (k,)."""
-    return np.asarray(np.linalg.inv(_information(model, z) + np.eye(len(z))))
+    return np.asarray(np.linalg.inv(_fisher_information(model, z) + np.eye(len(z))))
 
 
 def data_correlation(model: MapModel, z: Array) -> Array:
@@ -409,7 +414,7 @@ def data_correlation(model: MapModel, z: Array) -> Array:
 
     The prior is almost flat. An entry is ±1 if the data determine two parameters only together.
     """
-    covariance = np.linalg.inv(_information(model, z) + NEGLIGIBLE * np.eye(len(z)))
+    covariance = np.linalg.inv(_fisher_information(model, z) + NEGLIGIBLE_ERROR * np.eye(len(z)))
     deviation = np.sqrt(np.diag(covariance))
     return covariance / np.outer(deviation, deviation)
 
@@ -428,7 +433,7 @@ def _log_distance(v: Array, w: Array) -> Array:
     return np.where(np.sign(v)[:, None] == np.sign(w), distance, np.inf)
 
 
-def correlation(v: Array, w: Array) -> Array:
+def error_correlation(v: Array, w: Array) -> Array:
     """Return the correlations K (samples, recordings) between errors of the law at motor speeds.
 
     `v` (samples,) and `w` (recordings,) are motor speeds in rad/s. K is defined in this module's
@@ -437,7 +442,7 @@ def correlation(v: Array, w: Array) -> Array:
     return np.exp(-_log_distance(v, w) / CORRELATION_LENGTH)
 
 
-def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
+def predict_law_error(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     """Interpolate the error of the friction law between the speeds of the recordings.
 
     The prediction is a regression with the correlations K (kriging). The uncertainty grows with the
@@ -460,15 +465,15 @@ def expected_departure(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     speeds, common = np.array(posterior.speeds), posterior.common
     if not len(speeds):
         return np.zeros((len(w), 0)), np.ones(len(w))
-    shared_covariance = common * correlation(w, speeds)
-    covariance = common * correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds))
+    shared_covariance = common * error_correlation(w, speeds)
+    covariance = common * error_correlation(speeds, speeds) + (1 - common) * np.eye(len(speeds))
     factors = np.linalg.solve(covariance, shared_covariance.T).T
     remaining_share = np.sqrt(np.maximum(1.0 - np.sum(factors * shared_covariance, axis=1), 0.0))
-    distance_to_recorded = _or_one(_log_distance(w, speeds).min(axis=1))
+    distance_to_recorded = _replace_infinite(_log_distance(w, speeds).min(axis=1))
     return np.asarray(factors), remaining_share * (1.0 + distance_to_recorded)
 
 
-def outside(posterior: Posterior, w: Array) -> Array:
+def extrapolation_distance(posterior: Posterior, w: Array) -> Array:
     """Return how far motor speeds are outside the range of the recordings, (samples,).
 
     The distance is |ln(w / w_k)| to the nearest recorded speed w_k in the same direction, and 0
@@ -479,10 +484,10 @@ def outside(posterior: Posterior, w: Array) -> Array:
     logs, recorded = _log_speed(w), np.log(np.abs(speeds))
     distance_below = np.where(same_direction, recorded, np.inf).min(axis=1) - logs
     distance_above = logs - np.where(same_direction, recorded, -np.inf).max(axis=1)
-    return _or_one(np.maximum(np.maximum(distance_below, distance_above), 0.0))
+    return _replace_infinite(np.maximum(np.maximum(distance_below, distance_above), 0.0))
 
 
-def _or_one(distance: Array) -> Array:
+def _replace_infinite(distance: Array) -> Array:
     """Replace infinite distances by 1."""
     return np.where(np.isfinite(distance), distance, 1.0)
 

@@ -6,31 +6,31 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner.dynamics import (
-    STANDSTILL,
-    drive_with,
+    RANDOM_SEED,
+    STANDSTILL_SPEED,
+    delayed_speed,
+    drive_with_values,
     friction_coefficient,
-    friction_of,
-    remembered_speed,
+    required_friction,
     static_coefficient,
     stribeck_shape,
 )
 from ssm_planner.dynamics.transmission import (
     holding_torque,
     motor_torque,
-    nut_contact,
+    nut_contact_force,
     output_effort,
 )
 from ssm_planner.errors import RecordingError
 from ssm_planner.identification.parameters import map_torque
 from ssm_planner.identification.posterior import (
     SCATTER_DEGREES,
-    SEED,
-    expected_departure,
-    outside,
+    extrapolation_distance,
+    predict_law_error,
 )
-from ssm_planner.identification.reaction import deviation_of, shifted
-from ssm_planner.identification.recordings import Recording, largest, rms, runs
-from ssm_planner.identification.torque_map import kind_of, rest_mask
+from ssm_planner.identification.reaction import delayed_signals, speed_deviation
+from ssm_planner.identification.recordings import Recording, largest_magnitude, rms, true_runs
+from ssm_planner.identification.torque_map import recording_kind, rest_mask
 from ssm_planner.problem import (
     CONFIDENCE,
     LOAD_OFFSET,
@@ -41,20 +41,22 @@ from ssm_planner.problem import (
 )
 from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record
 
-ONSET = 0.1
+ONSET_ANGLE = 0.1
 """Angle of the usual speed in which the motor pushes before the first nonzero speed reading, rad.
 
 The motor winds up the drive, and the recorder averages and rounds the speed. A slow start therefore
 takes a longer time than a fast one. The angle agrees with the recordings of all three rigs.
 """
 
-EXTRAPOLATED = 0.25
-"""Distance from the recorded speeds above which a speed counts as extrapolated, see `outside`."""
+EXTRAPOLATION_THRESHOLD = 0.25
+"""Distance from the recorded speeds above which a speed counts as extrapolated, see
+`extrapolation_distance`.
+"""
 PEAK_CONFIDENCE = 0.99
 """Probability with which the largest torque is below its bound."""
-IMPLAUSIBLE = 0.5
+IMPLAUSIBLE_ERROR = 0.5
 """NRMSD, or relative error of the mean, above which a recording may be of another drive."""
-LONG_REST = 10.0
+INITIAL_REST_TIME = 10.0
 """Assumed time at rest before a recording that begins at rest, s."""
 
 
@@ -145,13 +147,12 @@ class Prediction:
     def _remarks(self) -> Iterator[str]:
         """Yield remarks on a torque of another drive, load or unit, and on extrapolated speeds."""
         moving = np.logical_not(self.rest)
-        expected, measured = (
-            float(np.abs(torque[moving]).mean()) for torque in (self.tau, self.recording.tau)
-        )
+        expected = float(np.abs(self.tau[moving]).mean())
+        measured = float(np.abs(self.recording.tau[moving]).mean())
         ratio = measured / max(expected, 1e-300)
         if 7.0 < ratio < 14.0 or 7.0 < 1 / max(ratio, 1e-300) < 14.0:
             yield f"the measured torque is {ratio:.2g} times the predicted: are % and ‰ exchanged?"
-        elif self.nrmsd > IMPLAUSIBLE or abs(ratio - 1) > IMPLAUSIBLE:
+        elif self.nrmsd > IMPLAUSIBLE_ERROR or abs(ratio - 1) > IMPLAUSIBLE_ERROR:
             yield (
                 f"the error is {self.nrmsd:.2g} of the torque's range, and the measured torque is "
                 f"{ratio:.2g} times the predicted: is it a recording of this drive, load and "
@@ -172,7 +173,7 @@ class Prediction:
             "mean_band": None if self.band is None else list(self.band.mean),
             "mean_inside": self.mean_inside,
             "sample_coverage": self.sample_coverage,
-            "peak_measured": largest(self.recording.tau),
+            "peak_measured": largest_magnitude(self.recording.tau),
             "peak_99": None if self.band is None else self.band.peak,
             "repairs": list(self.recording.repairs),
             "remarks": list(self.remarks),
@@ -226,20 +227,20 @@ def predict_recording(
         Predicted torque, its band and its error.
     """
     w = recording.w
-    is_steady = kind_of(recording) == "steady"
+    is_steady = recording_kind(recording) == "steady"
     if is_steady:
         w = np.full_like(w, w.mean())
-    motion = Motion.from_speed(recording.time, w)
-    deviation = recording.w - w if is_steady else deviation_of(w, motion.direction)
-    law = predict_torque(drive, motion, load, load_inertia) + departure(drive, motion, load)
+    motion = RecordedMotion.from_speed(recording.time, w)
+    deviation = recording.w - w if is_steady else speed_deviation(w, motion.direction)
+    law = predict_torque(drive, motion, load, load_inertia) + law_correction(drive, motion, load)
     loaded = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     effort = output_effort(
         loaded, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction
     )
-    contact_lost = float(np.mean(nut_contact(loaded, effort, motion.wd) <= 0.0))
+    contact_lost = float(np.mean(nut_contact_force(loaded, effort, motion.wd) <= 0.0))
     reaction = controller_reaction(drive, motion, deviation)
     # The reaction of the controller contains the ripple that repeats with the angle.
-    wave = np.where(reaction == 0.0, repeating(drive, recording, motion), 0.0)
+    wave = np.where(reaction == 0.0, position_ripple_torque(drive, recording, motion), 0.0)
     tau = law + wave + reaction
     return Prediction(
         recording,
@@ -250,18 +251,18 @@ def predict_recording(
         rest=motion.direction == 0,
         nrmsd=nrmsd(tau, recording.tau),
         contact_lost=contact_lost,
-        band=band_of(drive, motion, law, load, position_ripple=wave, reaction=reaction),
+        band=prediction_band(drive, motion, law, load, position_ripple=wave, reaction=reaction),
         unseen=unseen_speed(drive, motion),
     )
 
 
-def repeating(drive: Drive, recording: Recording, motion: "Motion") -> Array:
+def position_ripple_torque(drive: Drive, recording: Recording, motion: "RecordedMotion") -> Array:
     """Return the part of the torque (samples,) in N·m that repeats with the motor angle.
 
     The result is 0 if the recording lacks the angle, or the drive file lacks the phases of the
     harmonics.
     """
-    wave, posterior = np.zeros(len(motion.w)), friction_of(drive).posterior
+    wave, posterior = np.zeros(len(motion.w)), required_friction(drive).posterior
     if posterior is None or recording.angle is None:
         return wave
     for sign in (1, -1):
@@ -271,39 +272,44 @@ def repeating(drive: Drive, recording: Recording, motion: "Motion") -> Array:
     return wave
 
 
-def controller_reaction(drive: Drive, motion: "Motion", deviation: Array) -> Array:
-    """Return the torque (samples,) in N·m with which the controller answers a deviation of the speed.
+def controller_reaction(drive: Drive, motion: "RecordedMotion", deviation: Array) -> Array:
+    """Return the torque (samples,) in N·m with which the controller answers a deviation of the
+    speed.
 
     The result is 0 if the drive file does not contain the reaction, and at speeds at which the
     recordings of the fit do not confirm it. `deviation` (samples,) is in rad/s.
     """
-    posterior = friction_of(drive).posterior
+    posterior = required_friction(drive).posterior
     if posterior is None or posterior.reaction is None:
         return np.zeros(len(motion.w))
     reaction = posterior.reaction
-    torque = shifted(motion.time, deviation, np.array(reaction.delays)) @ np.array(reaction.taps)
+    torque = delayed_signals(motion.time, deviation, np.array(reaction.delays)) @ np.array(
+        reaction.taps
+    )
     is_known = (reaction.explained_share(motion.w) > 0) & (motion.direction != 0)
     return np.where(is_known, torque, 0.0)
 
 
-def unseen_speed(drive: Drive, motion: "Motion") -> float | None:
+def unseen_speed(drive: Drive, motion: "RecordedMotion") -> float | None:
     """Return the motor speed that is farthest from the recordings of the fit, rad/s.
 
     The result is None if the recordings cover the speeds of the motion, or if the drive has no
     posterior.
     """
-    posterior = friction_of(drive).posterior
+    posterior = required_friction(drive).posterior
     extremes = np.array(
-        [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL]
+        [end for end in (motion.w.max(), motion.w.min()) if end * np.sign(end) > STANDSTILL_SPEED]
     )
     extremes = extremes[np.isin(np.sign(extremes), motion.direction)]
     if posterior is None or not posterior.speeds or not len(extremes):
         return None
-    distance = outside(posterior, extremes)
-    return float(extremes[np.argmax(distance)]) if distance.max() > EXTRAPOLATED else None
+    distance = extrapolation_distance(posterior, extremes)
+    return (
+        float(extremes[np.argmax(distance)]) if distance.max() > EXTRAPOLATION_THRESHOLD else None
+    )
 
 
-def departure(drive: Drive, motion: "Motion", load: float) -> Array:
+def law_correction(drive: Drive, motion: "RecordedMotion", load: float) -> Array:
     """Return the expected difference between the torque and that of the drive's parameters, N·m.
 
     The result (samples,) has two parts. The first is the error of the friction law, which is
@@ -321,17 +327,17 @@ def departure(drive: Drive, motion: "Motion", load: float) -> Array:
     load : float
         Constant effort on the output including the rig's load_offset, N·m or N.
     """
-    posterior = friction_of(drive).posterior
+    posterior = required_friction(drive).posterior
     if posterior is None:
         return np.zeros(len(motion.w))
-    w, direction, index = _kinds(motion)
-    factors, _ = expected_departure(posterior, w)
-    median = np.median(_sets(drive, posterior, w, load), axis=0)
+    w, direction, index = _distinct_speeds(motion)
+    factors, _ = predict_law_error(posterior, w)
+    median = np.median(_parameter_set_differences(drive, posterior, w, load), axis=0)
     expected = median + factors @ np.array(posterior.departures)
     return np.where(direction == 0, 0.0, expected)[index]
 
 
-def _kinds(motion: "Motion") -> tuple[Array, Array, Indices]:
+def _distinct_speeds(motion: "RecordedMotion") -> tuple[Array, Array, Indices]:
     """Find the distinct pairs of speed and direction in a motion, which have equal torques.
 
     Returns
@@ -345,11 +351,11 @@ def _kinds(motion: "Motion") -> tuple[Array, Array, Indices]:
     pairs = np.column_stack([motion.w, motion.direction])
     kinds, index = np.unique(pairs, axis=0, return_inverse=True)
     speed, direction = kinds.T
-    w = np.where(direction == 0, 1.0, direction * np.maximum(np.abs(speed), STANDSTILL))
+    w = np.where(direction == 0, 1.0, direction * np.maximum(np.abs(speed), STANDSTILL_SPEED))
     return w, direction, index.reshape(-1)
 
 
-def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
+def _parameter_set_differences(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
     """Return the differences between the torque of each parameter set and that of the drive, N·m.
 
     Each parameter set has its own errors at the recordings of the fit. Their interpolation is
@@ -373,18 +379,18 @@ def _sets(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
     sets: Keywords = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
     drawn_load = load - offset + sets.pop(LOAD_OFFSET, np.full((len(posterior.draws), 1), offset))
-    drives = drive_with(drive, sets)
+    drives = drive_with_values(drive, sets)
 
     def difference(v: Array) -> Array:
         return map_torque(drives, v, drawn_load) - map_torque(drive, v, load)
 
-    factors, _ = expected_departure(posterior, w)
+    factors, _ = predict_law_error(posterior, w)
     return difference(w) - difference(np.array(posterior.speeds)) @ factors.T
 
 
-def band_of(
+def prediction_band(
     drive: Drive,
-    motion: "Motion",
+    motion: "RecordedMotion",
     tau: Array,
     load: float,
     *,
@@ -400,20 +406,20 @@ def band_of(
     motion : Motion
         Motion whose torque is predicted.
     tau : (samples,)
-        Predicted torque including `departure`, without ripple, N·m.
+        Predicted torque including `law_correction`, without ripple, N·m.
     load : float
         Constant effort on the output including the rig's load_offset, N·m or N.
     position_ripple, reaction : float or (samples,)
         Predicted parts of the ripple, N·m.
     """
-    posterior = friction_of(drive).posterior
+    posterior = required_friction(drive).posterior
     if posterior is None:
         return None
     # Samples of equal speed and direction have equal bands: each index is drawn once.
-    w, direction, index = _kinds(motion)
-    rng, count = np.random.default_rng(SEED), len(posterior.draws)
-    spread = _sets(drive, posterior, w, load)
-    scatter = posterior.scatter * expected_departure(posterior, w)[1]
+    w, direction, index = _distinct_speeds(motion)
+    rng, count = np.random.default_rng(RANDOM_SEED), len(posterior.draws)
+    spread = _parameter_set_differences(drive, posterior, w, load)
+    scatter = posterior.scatter * predict_law_error(posterior, w)[1]
     spread += scatter * rng.standard_t(SCATTER_DEGREES, (count, 1)) - np.median(spread, axis=0)
     spread[:, direction == 0] = 0.0
     low, high = central_interval(
@@ -442,7 +448,7 @@ def band_of(
 
 
 @record
-class Motion:
+class RecordedMotion:
     """Motion of a drive, computed from a recorded speed. Arrays have the shape (samples,)."""
 
     time: Array
@@ -452,16 +458,17 @@ class Motion:
     wd: Array
     """Motor acceleration, rad/s²."""
     direction: Array
-    """Direction in which the motor pushes, ±1, already before a start (ONSET). 0 at rest."""
+    """Direction in which the motor pushes, ±1, already before a start (`ONSET_ANGLE`). 0 at rest.
+    """
     rests: tuple[tuple[int, int], ...]
     """Index of the first sample and one past the last sample of each rest."""
 
     @staticmethod
-    def from_speed(time: Array, w: Array) -> "Motion":
+    def from_speed(time: Array, w: Array) -> "RecordedMotion":
         """Find rests, directions and accelerations in a recorded speed.
 
         The speed channel shows a start too late. The direction is therefore set before the end of
-        each rest, by the time in which the usual speed passes the angle `ONSET`.
+        each rest, by the time in which the usual speed passes the angle `ONSET_ANGLE`.
 
         Parameters
         ----------
@@ -471,20 +478,20 @@ class Motion:
             Motor speed, rad/s.
         """
         rest = rest_mask(time, w)
-        rests = [(start, stop) for start, stop in runs(rest)]
+        rests = [(start, stop) for start, stop in true_runs(rest)]
         direction = np.sign(_fill_gaps(np.where(rest, np.nan, w)))
         direction[rest] = 0.0
         usual_speed = np.median(np.abs(w[~rest])) if not rest.all() else np.inf
-        lead_time = ONSET / max(usual_speed, STANDSTILL)
+        lead_time = ONSET_ANGLE / max(usual_speed, STANDSTILL_SPEED)
         for start, stop in rests:
             if stop < len(w):
                 lead = time[start:stop] > time[stop] - lead_time
                 lead[-1] = True
                 direction[start:stop][lead] = direction[stop]
-        return Motion(time, w, np.gradient(w, time), direction, tuple(rests))
+        return RecordedMotion(time, w, np.gradient(w, time), direction, tuple(rests))
 
 
-def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: float) -> Array:
+def predict_torque(drive: Drive, motion: RecordedMotion, load: float, load_inertia: float) -> Array:
     """Compute the motor torque along a motion by the drive's friction law, (samples,) in N·m.
 
     The law includes frictional memory and the growth of friction at rest. At rest, the result is
@@ -506,27 +513,27 @@ def predict_torque(drive: Drive, motion: Motion, load: float, load_inertia: floa
     effort = output_effort(
         drive, load, motion.w / drive.ratio, motion.wd / drive.ratio, motion.direction
     )
-    mu = coefficient_along(friction_of(drive), motion)
+    mu = friction_coefficient_along(required_friction(drive), motion)
     tau = motor_torque(
         drive, effort, motion.w, motion.wd, direction=np.where(moving, motion.direction, 1.0), mu=mu
     )
     return np.where(moving, np.asarray(tau), holding_torque(drive, load))
 
 
-def coefficient_along(friction: Friction, motion: Motion) -> Array:
+def friction_coefficient_along(friction: Friction, motion: RecordedMotion) -> Array:
     """Return the friction coefficient of the gear mesh along a motion, (samples,).
 
     The coefficient grows with the time at rest. After a rest, the Stribeck term starts at the
     coefficient of breakaway and decreases with the speed that frictional memory delays. Before the
     first rest, it starts at mu_stribeck.
     """
-    speed = np.abs(remembered_speed(friction, motion.time, motion.w))
+    speed = np.abs(delayed_speed(friction, motion.time, motion.w))
     mu = np.array(friction_coefficient(friction, speed), dtype=float)
     for k, (start, stop) in enumerate(motion.rests):
         dwell = (
             motion.time[min(stop, len(mu) - 1)]
             - motion.time[start]
-            + (LONG_REST if start == 0 else 0.0)
+            + (INITIAL_REST_TIME if start == 0 else 0.0)
         )
         breakaway_mu = float(static_coefficient(friction, dwell, mu[start - 1] if start else None))
         end = motion.rests[k + 1][0] if k + 1 < len(motion.rests) else len(mu)

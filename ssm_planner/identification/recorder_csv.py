@@ -36,7 +36,7 @@ _BLANKS = re.compile("(?<=\\d)['\u2019\u00a0\u2009\u202f ](?=\\d{3})")
 _EDIT_REMARK = re.compile(r"([^,]+),,?\s*was\s+([+-]?[\d.]+)", re.IGNORECASE)
 
 
-class Notes:
+class RepairNotes:
     """Notes on the repairs of one file. Equal repairs of several lines become one note."""
 
     def __init__(self, path: Path) -> None:
@@ -72,7 +72,7 @@ class Notes:
         RecordingError
             If the field is not a number, or if its mark may separate decimals or thousands.
         """
-        text = _unquoted(text)
+        text = _remove_quotes(text)
         if text.lower() in ("", "nan", "inf", "-inf", "+inf", "null", "none", "#n/a"):
             return math.nan
         if _AMBIGUOUS.fullmatch(text) and not mark:
@@ -119,7 +119,7 @@ class Notes:
         return self.doubts + counted
 
 
-UNITS: dict[str, dict[str, float]] = {
+COLUMN_UNITS: dict[str, dict[str, float]] = {
     "time": {**TIMES, "sec": 1.0},
     "speed": {**SPEEDS, "rads": 1.0, "radps": 1.0},
     "position": {
@@ -147,7 +147,7 @@ number of increments per turn.
 """
 _RELATIVE_UNITS = ("%", "percent", "pct", "‰", "permille", "inc", "qc", "counts", "increments")
 
-NAMES = {
+COLUMN_NAMES = {
     # The EPOS recorder leaves the name of the time column empty.
     "time": ("time", "t", "timestamp", ""),
     "speed": (
@@ -163,9 +163,9 @@ NAMES = {
 }
 """Accepted column names in the order of preference."""
 
-MOST_LEFT_OUT = 0.05
+LARGEST_OMITTED_SHARE = 0.05
 """Largest share of samples that may be left out because they are not numbers."""
-MAX_LINE = 100_000
+LONGEST_LINE = 100_000
 """Longest line, characters."""
 
 _UNIT_IN_NAME = re.compile(r"^(.*?)\s*[\[(](.*?)[\])]\s*$")
@@ -214,26 +214,26 @@ def parse_table(text: str, path: Path) -> Table:
     """
     lines = text.splitlines()
     for k, line in enumerate(lines):
-        if len(line) > MAX_LINE:
+        if len(line) > LONGEST_LINE:
             raise RecordingError(
                 f"{path}:{k + 1}: a line of {len(line)} characters is too long for a table"
             )
-    separator, names_at = _find_names(lines, path)
+    separator, names_at = _find_heading(lines, path)
     header: dict[str, str] = {}
     for line in lines[:names_at]:
-        key, _, value = _strip(line).replace('"', "").partition(separator)
+        key, _, value = _strip_commas(line).replace('"', "").partition(separator)
         header[key.strip().rstrip(":").lower()] = value.strip()
-    names = [name.strip().strip('"') for name in _fields(lines[names_at], separator)]
+    names = [name.strip().strip('"') for name in _split_fields(lines[names_at], separator)]
     start = names_at + 1
     units = [""] * len(names)
     if start < len(lines):
-        unit_fields = [field.strip().strip('"') for field in _fields(lines[start], separator)]
+        unit_fields = [field.strip().strip('"') for field in _split_fields(lines[start], separator)]
         if unit_fields and not any(_WITH_MARKS.fullmatch(f) for f in unit_fields):
             units, start = unit_fields, start + 1
     columns = itertools.zip_longest(names, units, fillvalue="")
     names, units = map(list, zip(*columns, strict=True))
-    notes = Notes(path)
-    values, numbers = _samples(lines, start, len(names), separator, notes)
+    notes = RepairNotes(path)
+    values, numbers = _read_samples(lines, start, len(names), separator, notes)
     stated_count = header.get("recorded samples", "")
     if stated_count.isdigit() and int(stated_count) != len(numbers):
         notes.add(f"the header promises {stated_count} samples, {len(numbers)} were found")
@@ -259,15 +259,15 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
     RecordingError
         If a required column is missing or its unit is unknown.
     """
-    headings = [_name_and_unit(*pair) for pair in zip(table.names, table.units, strict=True)]
+    headings = [_split_heading(*pair) for pair in zip(table.names, table.units, strict=True)]
     columns: dict[str, Column] = {}
-    for quantity, accepted in NAMES.items():
+    for quantity, accepted in COLUMN_NAMES.items():
         matches = [
             k for name in accepted for k, heading in enumerate(headings) if heading[0] == name
         ]
         if matches:
             index, *others = matches
-            columns[quantity] = _column(table, path, quantity, index, unit=headings[index][1])
+            columns[quantity] = _build_column(table, path, quantity, index, unit=headings[index][1])
             table.doubts += [
                 f"the {quantity} is read from column {table.names[index]!r}, not from {other!r}"
                 for other in (table.names[k] for k in others)
@@ -282,12 +282,12 @@ def find_columns(table: Table, path: Path) -> dict[str, Column]:
     return columns
 
 
-def _column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -> Column:
+def _build_column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -> Column:
     """Return the column of a quantity with its factor to SI units.
 
     Raises RecordingError if its unit is unknown.
     """
-    name, allowed, key = table.names[index], UNITS[quantity], unit.lower()
+    name, allowed, key = table.names[index], COLUMN_UNITS[quantity], unit.lower()
     if key not in allowed:
         unit_text = f"unit {unit!r}" if unit else "no unit"
         raise RecordingError(
@@ -296,7 +296,7 @@ def _column(table: Table, path: Path, quantity: str, index: int, *, unit: str) -
     return Column(index, name, unit, allowed[key], relative=key in _RELATIVE_UNITS)
 
 
-def _find_names(lines: list[str], path: Path) -> tuple[str, int]:
+def _find_heading(lines: list[str], path: Path) -> tuple[str, int]:
     """Return the character that separates the columns, and the index of the line with their names.
 
     Such a line has a column whose name begins with a word for speed or torque. Raises
@@ -304,7 +304,7 @@ def _find_names(lines: list[str], path: Path) -> tuple[str, int]:
     """
     prefixes = ("velocity", "speed", "torque", "tau", "omega")
     for separator, (k, line) in itertools.product((";", "\t", ","), enumerate(lines[:200])):
-        fields = [f.strip().strip('"').lower() for f in _fields(line, separator)]
+        fields = [f.strip().strip('"').lower() for f in _split_fields(line, separator)]
         if (
             len(fields) >= 2
             and any(f.startswith(prefixes) for f in fields)
@@ -318,7 +318,7 @@ def _find_names(lines: list[str], path: Path) -> tuple[str, int]:
     )
 
 
-def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
+def _split_heading(name: str, unit: str) -> tuple[str, str]:
     """Split the heading of a column into its name and its unit.
 
     The result is ("velocity", "rpm") for `velocity` with the unit `rpm`, for `Velocity [rpm]` and
@@ -329,47 +329,47 @@ def _name_and_unit(name: str, unit: str) -> tuple[str, str]:
         name, unit = match.groups()
     name = name.strip().lower()
     stem, _, suffix = name.rpartition("_")
-    if stem and not unit and any(suffix in units for units in UNITS.values()):
+    if stem and not unit and any(suffix in units for units in COLUMN_UNITS.values()):
         name, unit = stem, suffix
     return name.replace("_", " "), unit.strip()
 
 
-def _strip(line: str) -> str:
+def _strip_commas(line: str) -> str:
     """Remove commas and blanks at the end of a line, which spreadsheets add."""
     return line.rstrip().rstrip(",").rstrip()
 
 
-def _fields(line: str, separator: str) -> list[str]:
+def _split_fields(line: str, separator: str) -> list[str]:
     """Split a line into its fields, without empty fields at the end."""
     if separator == ",":
         fields = (
             next(csv.reader([line.rstrip()]), []) if '"' in line else line.rstrip().split(separator)
         )
     else:
-        fields = _strip(line).split(separator)
+        fields = _strip_commas(line).split(separator)
     while fields and not fields[-1].strip():
         fields.pop()
     return fields
 
 
-def _unquoted(text: str) -> str:
+def _remove_quotes(text: str) -> str:
     """Remove blanks and quotes around a field, and replace Unicode minus signs."""
     return text.strip().strip('"').strip().replace("\u2212", "-")
 
 
-def _matching(pattern: re.Pattern[str], fields: Iterable[str]) -> list[str]:
+def _matching_fields(pattern: re.Pattern[str], fields: Iterable[str]) -> list[str]:
     """Return the fields that match a pattern from beginning to end."""
     return [field for field in fields if pattern.fullmatch(field)]
 
 
-def _marks(rows: list[list[str]], width: int) -> list[str]:
+def _decimal_marks(rows: list[list[str]], width: int) -> list[str]:
     """Find the decimal mark of each of `width` columns. An ambiguous column has the mark ""."""
-    columns = [[_BLANKS.sub("", _unquoted(row[k])) for row in rows] for k in range(width)]
+    columns = [[_BLANKS.sub("", _remove_quotes(row[k])) for row in rows] for k in range(width)]
     sure = [_certain_marks(fields) for fields in columns]
-    numbers = _matching(_WITH_MARKS, itertools.chain.from_iterable(columns))
+    numbers = _matching_fields(_WITH_MARKS, itertools.chain.from_iterable(columns))
     elsewhere = set().union(*sure) or set("".join(numbers)) & set(".,")
     return [
-        _guessed(fields, elsewhere) if not marks else "".join(marks) if len(marks) == 1 else ""
+        _guess_mark(fields, elsewhere) if not marks else "".join(marks) if len(marks) == 1 else ""
         for fields, marks in zip(columns, sure, strict=True)
     ]
 
@@ -377,7 +377,7 @@ def _marks(rows: list[list[str]], width: int) -> list[str]:
 def _certain_marks(fields: list[str]) -> set[str]:
     """Return the decimal marks of the numbers in a column that can be read in only one way."""
     marks = set()
-    for number in _matching(_WITH_MARKS, fields):
+    for number in _matching_fields(_WITH_MARKS, fields):
         last_mark = max(map(number.rfind, ".,"))
         if last_mark >= 0 and not _AMBIGUOUS.fullmatch(number):
             mark = number[last_mark]
@@ -386,7 +386,7 @@ def _certain_marks(fields: list[str]) -> set[str]:
     return marks
 
 
-def _guessed(fields: list[str], elsewhere: set[str]) -> str:
+def _guess_mark(fields: list[str], elsewhere: set[str]) -> str:
     """Return the probable decimal mark of a column in which every number is ambiguous, or "".
 
     Parameters
@@ -396,11 +396,11 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
     elsewhere : set of str
         Decimal marks of the other columns.
     """
-    marks_in_fields = set("".join(_matching(_AMBIGUOUS, fields))) & set(".,")
+    marks_in_fields = set("".join(_matching_fields(_AMBIGUOUS, fields))) & set(".,")
     if len(marks_in_fields) != 1:
         return "" if marks_in_fields else "."
     (mark,) = marks_in_fields
-    integers = [abs(int(field)) for field in _matching(_INTEGER, fields)]
+    integers = [abs(int(field)) for field in _matching_fields(_INTEGER, fields)]
     if integers:
         # After 992, the text 1,024 is 1024. After 1024, the text 1,125 is 1.125.
         decimal = max(integers) >= 1000 or (mark == "." and "," not in elsewhere)
@@ -408,8 +408,8 @@ def _guessed(fields: list[str], elsewhere: set[str]) -> str:
     return mark if elsewhere == {mark} else ""
 
 
-def _samples(
-    lines: list[str], start: int, width: int, separator: str, notes: Notes
+def _read_samples(
+    lines: list[str], start: int, width: int, separator: str, notes: RepairNotes
 ) -> tuple[Array, list[int]]:
     """Read the samples from the index `start` of the lines to the end.
 
@@ -421,11 +421,11 @@ def _samples(
         If the table is empty, or if many lines of a comma-separated file have more than `width`
         fields. Their numbers then seem to have decimal commas.
     """
-    rows, numbers, too_long = _rows(lines, start, width, separator, notes)
+    rows, numbers, too_long = _split_rows(lines, start, width, separator, notes)
     if not rows:
         raise RecordingError(f"{notes.path}: the header is there, but no sample follows it")
     comma = separator == ","
-    if comma and len(too_long) > max(1, MOST_LEFT_OUT * len(rows)):
+    if comma and len(too_long) > max(1, LARGEST_OMITTED_SHARE * len(rows)):
         raise RecordingError(
             f"{notes.path}:{too_long[0]}: more fields than the {width} columns that the "
             "header names: where the comma separates columns, numbers with a decimal comma must be "
@@ -439,7 +439,7 @@ def _samples(
     try:
         return np.array(rows, dtype=float), numbers
     except ValueError:
-        marks = _marks(rows, width)
+        marks = _decimal_marks(rows, width)
     values = [
         [notes.number(f, k - 1, m) for f, m in zip(row, marks, strict=True)]
         for k, row in zip(numbers, rows, strict=True)
@@ -447,8 +447,8 @@ def _samples(
     return np.array(values), numbers
 
 
-def _rows(
-    lines: list[str], start: int, width: int, separator: str, notes: Notes
+def _split_rows(
+    lines: list[str], start: int, width: int, separator: str, notes: RepairNotes
 ) -> tuple[list[list[str]], list[int], list[int]]:
     """Return the fields of all samples, `width` for each, and the numbers of their lines.
 
@@ -461,7 +461,7 @@ def _rows(
     filled_lines = [k for k in range(start, len(lines)) if lines[k].strip(" \t\r,;")]
     stop = max(filled_lines, default=start - 1)
     for k, line in enumerate(lines[start : stop + 1], start):
-        fields = _fields(line, separator)
+        fields = _split_fields(line, separator)
         if not fields:
             notes.count("blank lines skipped", k)
             continue

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.dynamics import STANDSTILL
+from ssm_planner.dynamics import STANDSTILL_SPEED
 from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification.recorder_csv import (
-    MOST_LEFT_OUT,
+    LARGEST_OMITTED_SHARE,
     NUMBER,
     Column,
     Table,
@@ -41,7 +41,7 @@ RUN_RATIO = 3
 
 The ratio is smaller for a channel with a coarse resolution.
 """
-SUSTAINED = 2.0
+UNSUSTAINABLE_TORQUE_RATIO = 2.0
 """Ratio of mean to nominal torque that no motor can sustain."""
 PASSAGE_LENGTH, REPEATED_SHARE = 8, 0.5
 """Number of samples in a compared passage, and the share of common passages in a repetition."""
@@ -142,7 +142,7 @@ def read_recording(
     }
     channels = np.array(
         [
-            _in_si(table, columns[key], path, key, references)
+            _column_in_si(table, columns[key], path, key, references)
             if key in columns
             else np.zeros(len(table.lines))
             for key in ("time", "speed", "torque", "position")
@@ -159,7 +159,7 @@ def read_recording(
             "not a measurement"
         )
     repairs += _torque_remarks(
-        torque, columns["torque"], nominal_torque, np.abs(speed) > STANDSTILL
+        torque, columns["torque"], nominal_torque, np.abs(speed) > STANDSTILL_SPEED
     )
     repairs += _time_remarks(time, table.header)
     return Recording(
@@ -168,7 +168,7 @@ def read_recording(
         w=direction * speed,
         tau=direction * torque,
         repairs=(*table.repairs, *repairs),
-        quantum=quantum(speed, 6),
+        quantum=smallest_step(speed, 6),
         header=table.header,
         angle=direction * angle if "position" in columns else None,
         begin=float(time[0]),
@@ -206,10 +206,10 @@ def _finite_samples(channels: Array, table: Table, path: Path) -> tuple[Array, I
     finite = np.isfinite(channels).all(axis=0)
     bad_lines = [table.lines[k] for k in np.flatnonzero(~finite)]
     count = len(table.lines)
-    if len(bad_lines) > max(1, MOST_LEFT_OUT * count):
+    if len(bad_lines) > max(1, LARGEST_OMITTED_SHARE * count):
         raise RecordingError(
             f"{path}:{bad_lines[0]}: {len(bad_lines)} of {count} samples are not finite numbers; "
-            f"at most {100 * MOST_LEFT_OUT:.0f} % may be left out"
+            f"at most {100 * LARGEST_OMITTED_SHARE:.0f} % may be left out"
         )
     lines, channels = np.asarray(table.lines)[finite], channels[:, finite]
     # Times since 1970 are below 1e10 s, and all other values are smaller.
@@ -335,7 +335,7 @@ def read_text(path: Path) -> str:
         return raw.decode("cp1252", errors="replace")
 
 
-def _in_si(
+def _column_in_si(
     table: Table, column: Column, path: Path, quantity: str, references: dict[str, float | None]
 ) -> Array:
     """Convert a column of a table to SI units, (samples,).
@@ -367,7 +367,7 @@ def _time_remarks(time: Array, header: dict[str, str]) -> Iterator[str]:
             f"samples lie {step:.3g} ms apart, the header says {period}: is the unit of time right?"
         )
     missing = int(np.sum(np.round(steps / step) - 1))
-    if missing > MOST_LEFT_OUT * len(time):
+    if missing > LARGEST_OMITTED_SHARE * len(time):
         yield f"about {missing} samples are missing between the {len(time)} samples of the file"
 
 
@@ -393,7 +393,7 @@ def _torque_remarks(
         int(np.sum((distance_to_peak >= lower) & (distance_to_peak < lower + PEAK_BAND)))
         for lower in (0.0, PEAK_BAND)
     )
-    longest_run, second_run = _longest_rows(torque, moving)
+    longest_run, second_run = _longest_runs(torque, moving)
     if count_at_peak >= SUSPICIOUS_COUNT and count_at_peak > PEAK_EXCESS * count_below_peak:
         yield (
             f"torque stays at its largest value in {count_at_peak} samples: limited by the drive, "
@@ -405,14 +405,14 @@ def _torque_remarks(
         yield from _percent_remarks(torque / nominal_torque, column.unit)
 
 
-def _longest_rows(torque: Array, moving: Mask) -> tuple[int, int]:
+def _longest_runs(torque: Array, moving: Mask) -> tuple[int, int]:
     """Return the lengths of the longest and the second longest run of equal torques during motion.
 
     Without a second run, its length is 1. `torque` is in N·m, and `moving` is a mask, (samples,)
     both.
     """
     repeats = (np.diff(torque) == 0.0) & moving[1:] & moving[:-1]
-    rows = sorted([1, 1, *(stop - start + 1 for start, stop in runs(repeats))])
+    rows = sorted([1, 1, *(stop - start + 1 for start, stop in true_runs(repeats))])
     return rows[-1], rows[-2]
 
 
@@ -423,14 +423,14 @@ def _percent_remarks(share: Array, unit: str) -> Iterator[str]:
     """
     percent, size = 100 * share, np.abs(share)
     whole = bool(np.all(np.abs(percent - np.round(percent)) < 1e-6)) and size.max() > 1.0
-    if whole or np.mean(size) > SUSTAINED:
+    if whole or np.mean(size) > UNSUSTAINABLE_TORQUE_RATIO:
         yield (
             f"torque reaches {np.abs(percent).max():.0f} % of the nominal torque"
             f"{', in whole numbers' if whole else ''}: are the values ‰, labelled {unit}?"
         )
 
 
-def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
+def remove_repetitions(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
     """Remove repeated recordings.
 
     A recording is a repetition if a longer one contains most of its samples.
@@ -445,7 +445,7 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
     originals: list[tuple[str, set[int]]] = []
     remarks: dict[int, str] = {}
     for recording in sorted(recordings, key=lambda r: -len(r.w)):
-        passages = _passages(recording)
+        passages = _passage_hashes(recording)
         minimum = REPEATED_SHARE * len(passages)
         source = next((name for name, other in originals if len(passages & other) > minimum), None)
         if source is None:
@@ -457,7 +457,7 @@ def distinct(recordings: list[Recording]) -> tuple[list[Recording], list[str]]:
     return remaining, [remarks[id(r)] for r in recordings if id(r) in remarks]
 
 
-def _passages(recording: Recording) -> set[int]:
+def _passage_hashes(recording: Recording) -> set[int]:
     """Return the hash of every `PASSAGE_LENGTH` consecutive samples of speed and torque.
 
     The values are rounded to 1e-6 rad/s and 1e-9 N·m.
@@ -468,7 +468,7 @@ def _passages(recording: Recording) -> set[int]:
     return {hash(rounded[k : k + PASSAGE_LENGTH].tobytes()) for k in starts}
 
 
-def runs(mask: Mask) -> list[list[int]]:
+def true_runs(mask: Mask) -> list[list[int]]:
     """Return [start, stop] for each run of consecutive True values in a mask (samples,).
 
     `start` is the index of the first value, and `stop` is one past the last.
@@ -477,7 +477,7 @@ def runs(mask: Mask) -> list[list[int]]:
     return np.flatnonzero(edges).reshape(-1, 2).tolist()
 
 
-def integrated(time: Array, rate: Array) -> Array:
+def trapezoidal_integral(time: Array, rate: Array) -> Array:
     """Return the integral (samples,) of a rate (samples,) since the first sample."""
     return np.append(0.0, np.cumsum(np.diff(time) * (rate[1:] + rate[:-1]) / 2))
 
@@ -487,12 +487,12 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def largest(values: Array) -> float:
+def largest_magnitude(values: Array) -> float:
     """Return the largest magnitude of values (n,)."""
     return float(np.abs(values).max())
 
 
-def quantum(values: Array, decimals: int) -> float:
+def smallest_step(values: Array, decimals: int) -> float:
     """Return the smallest nonzero difference of values (samples,), rounded to `decimals`.
 
     The result is 0 if all values are equal.

@@ -21,25 +21,25 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.identification.posterior import (
-    PRIOR_WEIGHT,
+    SCATTER_PRIOR_WEIGHT,
     SHARED_FRACTIONS,
     MapModel,
-    covariance_near,
+    approximate_covariance,
 )
 from ssm_planner.problem import CONFIDENCE
 from ssm_planner.typing import Array, Indices, Range, record
 
-ADAPTATION = (2**12, 2**12, 2**12, 2**13, 2**14)
+ADAPTATION_POINTS = (2**12, 2**12, 2**12, 2**13, 2**14)
 """Number of points in each round of adaptation.
 
 The number of t-distributions in the mixture doubles from round to round.
 """
-POINTS = 2**17
+FINAL_POINTS = 2**17
 """Number of points in the final round. Intervals with two different shifts then agree within 3 %.
 """
-BLOCK = 2**13
+POINTS_PER_BLOCK = 2**13
 """Number of points that are evaluated at once, which bounds the memory."""
-WIDENING = 0.1
+COVARIANCE_WIDENING = 0.1
 """Share of the total covariance that is added to the covariance of each t-distribution."""
 UNCLIPPED_WEIGHTS = 100
 """Number of points with the largest weights, whose weights are clipped to the smallest of them."""
@@ -48,7 +48,7 @@ LARGEST_WEIGHT = 5e-3
 
 Above it, 1000 draws would contain the set more than five times.
 """
-TINY = 1e-300
+SMALLEST_POSITIVE = 1e-300
 """Smallest value of numbers that must stay positive."""
 
 Mixture = list[tuple[Array, Array]]
@@ -56,7 +56,7 @@ Mixture = list[tuple[Array, Array]]
 
 
 @record
-class Sample:
+class PosteriorSample:
     """Weighted parameter sets of one friction law, which represent its posterior.
 
     Each point of the sequence gives one set for each fraction c of `SHARED_FRACTIONS`.
@@ -94,12 +94,12 @@ class Sample:
     @cached_property
     def covariance(self) -> Array:
         """Covariance (k, k) of the coordinates z."""
-        return _moments(*self.flat)[1]
+        return _weighted_moments(*self.flat)[1]
 
     @property
     def scatter(self) -> Array:
         """Expected values (2,) of the squared scatter s² in N²·m² and of its shared fraction c."""
-        degrees = len(self.model.w) + PRIOR_WEIGHT - 2
+        degrees = len(self.model.w) + SCATTER_PRIOR_WEIGHT - 2
         variance = np.sum(self.weight * self.square) / degrees
         return np.array([variance, self.weight.sum(axis=1) @ list(SHARED_FRACTIONS)])
 
@@ -110,11 +110,11 @@ class Sample:
         In this order, systematic resampling spreads the draws evenly.
         """
         z, weight = self.flat
-        order = _order(z, weight)
+        order = _principal_order(z, weight)
         return z[order], weight[order]
 
 
-def sample(model: MapModel, z: Array, shift: float = 0.5) -> Sample:
+def sample_posterior(model: MapModel, z: Array, shift: float = 0.5) -> PosteriorSample:
     """Sample the posterior of a friction law.
 
     Parameters
@@ -128,15 +128,15 @@ def sample(model: MapModel, z: Array, shift: float = 0.5) -> Sample:
         sample.
     """
     curved = np.flatnonzero(~model.linear)
-    covariance = covariance_near(model, z)[np.ix_(curved, curved)]
+    covariance = approximate_covariance(model, z)[np.ix_(curved, curved)]
     mixture = [(z[curved], np.asarray(np.linalg.cholesky(covariance)))]
-    for divisions, points in enumerate(ADAPTATION):
-        trial = _sampled(model, mixture, points, shift)
+    for divisions, points in enumerate(ADAPTATION_POINTS):
+        trial = _sample_mixture(model, mixture, points, shift)
         weight = trial.weight.sum(axis=0)
         # Clipping makes sure that the components follow more than a few points.
-        weight = np.minimum(weight, max(np.sort(weight)[-UNCLIPPED_WEIGHTS], TINY))
-        mixture = _components(trial.z[0][:, curved], weight, divisions)
-    return _sampled(model, mixture, POINTS, shift)
+        weight = np.minimum(weight, max(np.sort(weight)[-UNCLIPPED_WEIGHTS], SMALLEST_POSITIVE))
+        mixture = _fit_mixture(trial.z[0][:, curved], weight, divisions)
+    return _sample_mixture(model, mixture, FINAL_POINTS, shift)
 
 
 def weighted_interval(values: Array, weight: Array) -> Range:
@@ -148,15 +148,15 @@ def weighted_interval(values: Array, weight: Array) -> Range:
     return float(values[order[low]]), float(values[order[high]])
 
 
-def _sampled(model: MapModel, mixture: Mixture, count: int, shift: float) -> Sample:
+def _sample_mixture(model: MapModel, mixture: Mixture, count: int, shift: float) -> PosteriorSample:
     """Evaluate the posterior at `count` points of a mixture, and return them with their weights."""
-    blocks = np.split(np.arange(count), range(BLOCK, count, BLOCK))
-    samples = [_weighted(model, mixture, block, shift) for block in blocks]
+    blocks = np.split(np.arange(count), range(POINTS_PER_BLOCK, count, POINTS_PER_BLOCK))
+    samples = [_draw_weighted_sets(model, mixture, block, shift) for block in blocks]
     z, log_weight, square = np.split(np.concatenate(samples, axis=1), [-2, -1], axis=2)
-    return Sample(model, z, log_weight[..., 0] - math.log(count), square[..., 0])
+    return PosteriorSample(model, z, log_weight[..., 0] - math.log(count), square[..., 0])
 
 
-def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
+def _quasirandom_points(index: Indices, dimensions: int, shift: float) -> Array:
     """Return evenly distributed points (points, dimensions) in the unit cube.
 
     They form an additive recurrence: point i is the fractional part of shift + (i + 1) · step. The
@@ -170,7 +170,7 @@ def _sequence(index: Indices, dimensions: int, shift: float) -> Array:
     return (shift + (index[:, None] + 1) * steps) % 1.0
 
 
-def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
+def _draw_weighted_sets(model: MapModel, mixture: Mixture, index: Indices, shift: float) -> Array:
     """Draw parameter sets from a mixture, and weight them such that they represent the posterior.
 
     The points belong in turn to the prior and to each t-distribution of the mixture. These have two
@@ -190,11 +190,11 @@ def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -
     Returns
     -------
     (shares, points, k + 2)
-        The fields z, log_weight and square of a `Sample` side by side.
+        The fields z, log_weight and square of a `PosteriorSample` side by side.
     """
     from scipy.special import ndtri
 
-    u = _sequence(index, len(model.names), shift)
+    u = _quasirandom_points(index, len(model.names), shift)
     curved = u[:, ~model.linear]
     y, quantile = ndtri(curved), (2 * curved - 1) / np.sqrt(2 * curved * (1 - curved))
     turn = index % (len(mixture) + 1)
@@ -209,7 +209,7 @@ def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -
     z[:, ~model.linear] = y
     with np.errstate(all="ignore"):
         residual = model.residual(z)
-        shares = [_with_bearing(model, z, residual, u, *pair) for pair in model.whiteners]
+        shares = [_draw_bearing_friction(model, z, residual, u, *pair) for pair in model.whiteners]
     sets = np.array(shares)
     sets[..., -2] -= log_proposal
     # Sets at which the law overflows get the weight 0. Their other values must be finite.
@@ -218,7 +218,7 @@ def _weighted(model: MapModel, mixture: Mixture, index: Indices, shift: float) -
     return sets
 
 
-def _with_bearing(
+def _draw_bearing_friction(
     model: MapModel, z: Array, residual: Array, u: Array, whitener: Array, log_share: float
 ) -> Array:
     """Draw the bearing friction b_c and b_v of every point, given its other parameters.
@@ -249,10 +249,10 @@ def _with_bearing(
     """
     from scipy.special import stdtr, stdtrit
 
-    degrees = len(model.w) + PRIOR_WEIGHT
+    degrees = len(model.w) + SCATTER_PRIOR_WEIGHT
     linear = np.flatnonzero(model.linear)
     centre, spread = model.prior
-    q, r = np.linalg.qr((_slopes(model) @ whitener).T)
+    q, r = np.linalg.qr((_bearing_slopes(model) @ whitener).T)
     z, x = z.copy(), np.zeros((len(z), len(linear)))
     error = residual @ whitener
     best_fit, log_density = -error @ q, np.zeros(len(z))
@@ -263,8 +263,8 @@ def _with_bearing(
         scale = np.sqrt(square / freedom) / abs(r[j, j])
         middle = (best_fit[:, j] - x[:, j + 1 :] @ r[j, j + 1 :]) / r[j, j]
         positive = stdtr(freedom, middle / scale)
-        t = stdtrit(freedom, np.maximum(u[:, i] * positive, TINY))
-        x[:, j] = np.maximum(middle - scale * t, TINY)
+        t = stdtrit(freedom, np.maximum(u[:, i] * positive, SMALLEST_POSITIVE))
+        x[:, j] = np.maximum(middle - scale * t, SMALLEST_POSITIVE)
         z[:, i] = (np.log(x[:, j]) - centre[i]) / spread[i]
         log_density += _log_t(t, freedom) + np.log(spread[i] * x[:, j] / (scale * positive))
         square = square * (1 + t * t / freedom)
@@ -272,7 +272,7 @@ def _with_bearing(
     return np.column_stack([z, log_posterior - log_density, square])
 
 
-def _slopes(model: MapModel) -> Array:
+def _bearing_slopes(model: MapModel) -> Array:
     """Return the weighted derivatives of the torque with respect to b_c and b_v, (2, recordings).
 
     There is no row for a parameter that the user fixed.
@@ -282,7 +282,7 @@ def _slopes(model: MapModel) -> Array:
     return np.reshape(rows, (-1, len(model.w)))
 
 
-def _components(y: Array, weight: Array, divisions: int) -> Mixture:
+def _fit_mixture(y: Array, weight: Array, divisions: int) -> Mixture:
     """Approximate weighted points by 2^divisions normal distributions, and return their moments.
 
     The points are repeatedly divided into two groups of equal weight across their longest principal
@@ -299,28 +299,28 @@ def _components(y: Array, weight: Array, divisions: int) -> Mixture:
     """
     groups = [np.arange(len(y))]
     for _ in range(divisions):
-        groups = [half for group in groups for half in _halves(group, y, weight)]
-    moments = (_moments(y[group], weight[group]) for group in groups)
-    widening = WIDENING * _moments(y, weight)[1]
+        groups = [half for group in groups for half in _halve_group(group, y, weight)]
+    moments = (_weighted_moments(y[group], weight[group]) for group in groups)
+    widening = COVARIANCE_WIDENING * _weighted_moments(y, weight)[1]
     return [(mean, np.asarray(np.linalg.cholesky(c + widening))) for mean, c in moments]
 
 
-def _halves(group: Indices, y: Array, weight: Array) -> list[Indices]:
+def _halve_group(group: Indices, y: Array, weight: Array) -> list[Indices]:
     """Divide a group of points into two groups of equal weight across its longest principal axis.
 
     `group` contains the indices of its points in `y` (points, d) and `weight` (points,).
     """
-    group = group[_order(y[group], weight[group])]
+    group = group[_principal_order(y[group], weight[group])]
     cumulative = np.cumsum(weight[group])
     return np.split(group, [np.searchsorted(cumulative, cumulative[-1] / 2, side="right")])
 
 
-def _order(y: Array, weight: Array) -> Indices:
+def _principal_order(y: Array, weight: Array) -> Indices:
     """Return the indices that sort points (points, d) along their longest principal axis."""
-    return np.argsort(y @ np.linalg.eigh(_moments(y, weight)[1])[1][:, -1:].sum(axis=1))
+    return np.argsort(y @ np.linalg.eigh(_weighted_moments(y, weight)[1])[1][:, -1:].sum(axis=1))
 
 
-def _moments(values: Array, weight: Array) -> tuple[Array, Array]:
+def _weighted_moments(values: Array, weight: Array) -> tuple[Array, Array]:
     """Return the mean (d,) and the covariance (d, d) of values (sets, d) with weights (sets,)."""
     mean = weight @ values / weight.sum()
     deviation = values - mean

@@ -13,30 +13,30 @@ from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.torque_map import TorqueMap
 from ssm_planner.typing import Array
 
-FEWEST = 5
+FEWEST_DATED_RECORDINGS = 5
 """Smallest number of dated recordings whose order is examined."""
-ORDERED = 0.5
+ORDERED_CORRELATION = 0.5
 """Rank correlation of speed and time above which a session counts as ordered by speed."""
-PAUSE = 1800.0
+LONG_PAUSE = 1800.0
 """Time between two recordings above which the drive may have cooled down, s."""
 
 
-def share_of_session(times: Array) -> Array:
+def session_progress(times: Array) -> Array:
     """Return the times of recordings as shares of their session, (recordings,), from 0 to 1.
 
-    The result is NaN if fewer than `FEWEST` recordings have a date.
+    The result is NaN if fewer than `FEWEST_DATED_RECORDINGS` recordings have a date.
 
     Parameters
     ----------
     times : (recordings,)
-        Time of each recording in s. NaN without a date. Pauses longer than `PAUSE` count as
-        `PAUSE`.
+        Time of each recording in s. NaN without a date. Pauses longer than `LONG_PAUSE` count as
+        `LONG_PAUSE`.
     """
     share = np.full(len(times), np.nan)
     order = np.argsort(times)[: np.isfinite(times).sum()]
-    if len(order) >= FEWEST and np.ptp(times[order]):
+    if len(order) >= FEWEST_DATED_RECORDINGS and np.ptp(times[order]):
         gaps = np.diff(times[order], prepend=times[order[0]])
-        elapsed = np.cumsum(np.minimum(gaps, PAUSE))
+        elapsed = np.cumsum(np.minimum(gaps, LONG_PAUSE))
         share[order] = elapsed / elapsed[-1]
     return share
 
@@ -52,14 +52,14 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]
         Recordings with starts and stops.
     """
     is_dated = np.isfinite(data.times)
-    if is_dated.sum() < FEWEST:
+    if is_dated.sum() < FEWEST_DATED_RECORDINGS:
         yield (
             "too few recordings have a date: a change of friction during the session cannot be told "
             "from its dependence on speed, and no interval includes it"
         )
     else:
         correlation = _rank_correlation(data.times[is_dated], np.abs(data.w[is_dated]))
-        if abs(correlation) > ORDERED:
+        if abs(correlation) > ORDERED_CORRELATION:
             order = "rise" if correlation > 0 else "fall"
             yield (
                 f"the speeds of the recordings {order} with time (rank correlation "
@@ -73,9 +73,9 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]
     ]
     dated = sorted(pair for pair in everything if np.isfinite(pair[0]))
     for (before, _), (after, name) in pairwise(dated):
-        if after - before > PAUSE:
+        if after - before > LONG_PAUSE:
             yield (
-                f"{name} was recorded {_duration(after - before)} after the recordings before it: "
+                f"{name} was recorded {_duration_text(after - before)} after the recordings before it: "
                 "the drive may have cooled down or changed in between"
             )
 
@@ -89,7 +89,7 @@ def _rank_correlation(a: Array, b: Array) -> float:
     return float(spearmanr(a, b).statistic)
 
 
-def _duration(seconds: float) -> str:
+def _duration_text(seconds: float) -> str:
     """Describe a duration of minutes, hours or days."""
     for unit, size in (("days", 86400.0), ("hours", 3600.0)):
         if seconds >= 2 * size:

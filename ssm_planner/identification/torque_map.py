@@ -10,15 +10,15 @@ from typing import Literal
 
 import numpy as np
 
-from ssm_planner.dynamics import STANDSTILL
+from ssm_planner.dynamics import STANDSTILL_SPEED
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.harmonics import ripple_rms, travelled
-from ssm_planner.identification.recordings import Recording, runs
+from ssm_planner.identification.harmonics import motor_angle, ripple_rms
+from ssm_planner.identification.recordings import Recording, true_runs
 from ssm_planner.loading import table_rows
 from ssm_planner.problem import Ripple
 from ssm_planner.typing import Array, Mask, frozen, record
 
-FIGURES_HEADER = (
+TABLE_HEADER = (
     "rig",
     "recording",
     "velocity_rad_s",
@@ -43,7 +43,7 @@ Shorter intervals are motion below the resolution of the speed.
 REST_SAMPLES = 6
 """Smallest number of samples at zero speed that count as rest."""
 
-NOISE_SPEED = 0.05
+NOISE_SPEED_SHARE = 0.05
 """Share of the usual speed below which a motion of fewer than `REST_SAMPLES` samples is noise."""
 
 OUTLIER_SCORE = 5.0
@@ -60,12 +60,12 @@ LARGEST_DRIFT = 0.2
 is not steady.
 """
 
-_FULL_WEIGHT = 3.0
+_FULL_WEIGHT_DISTANCE = 3.0
 """Distance from the line in standard deviations above which a point loses weight."""
-_MIN_POINTS = 5
+_FEWEST_POINTS = 5
 """Smallest number of points in a direction in which outliers are sought."""
 
-TABLE = "rig_figures.csv"
+TABLE_NAME = "rig_figures.csv"
 """Name of the table in the folder of the drive files. A rig has the name of its drive file."""
 
 
@@ -163,15 +163,17 @@ def rest_mask(time: Array, w: Array) -> Mask:
     w : (samples,)
         Motor speed, rad/s.
     """
-    is_still = np.abs(w) <= STANDSTILL
+    is_still = np.abs(w) <= STANDSTILL_SPEED
     noise_speed = (
-        NOISE_SPEED * float(np.quantile(np.abs(w[~is_still]), 0.9)) if not is_still.all() else 0.0
+        NOISE_SPEED_SHARE * float(np.quantile(np.abs(w[~is_still]), 0.9))
+        if not is_still.all()
+        else 0.0
     )
-    for start, stop in runs(~is_still):
+    for start, stop in true_runs(~is_still):
         if stop - start < REST_SAMPLES and np.max(np.abs(w[start:stop])) < noise_speed:
             is_still[start:stop] = True
     rest = np.zeros(len(w), bool)
-    for start, stop in runs(is_still):
+    for start, stop in true_runs(is_still):
         is_long = stop - start >= REST_SAMPLES and time[stop - 1] - time[start] >= REST_TIME
         at_end = start == 0 or stop == len(w)
         is_reversal = not at_end and w[start - 1] * w[stop] < 0
@@ -179,7 +181,7 @@ def rest_mask(time: Array, w: Array) -> Mask:
     return rest
 
 
-def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
+def recording_kind(recording: Recording) -> Literal["steady", "start_stop"]:
     """Distinguish recordings at constant speed (`steady`) from starts and stops (`start_stop`).
 
     Raises RecordingError if the motor never moves.
@@ -197,7 +199,7 @@ def kind_of(recording: Recording) -> Literal["steady", "start_stop"]:
     return "start_stop" if np.mean(is_at_rest) > 0.05 else "steady"
 
 
-def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
+def compute_torque_map(recordings: Sequence[Recording]) -> TorqueMap:
     """Compute the torque–velocity map of steady-state recordings.
 
     Noisy and drifting speeds are kept, with a remark in `repairs`.
@@ -228,7 +230,7 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
             recording.tau.mean(),
             recording.w.std(),
             recording.tau.std(),
-            ripple_rms(travelled(recording), recording.tau),
+            ripple_rms(motor_angle(recording), recording.tau),
             np.abs(recording.tau).max() - abs(recording.tau.mean()),
             len(recording.w),
             recording.date,
@@ -246,7 +248,7 @@ def torque_map(recordings: Sequence[Recording]) -> TorqueMap:
 
 
 def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
-    """Build a map from rows of numbers in the order of `FIGURES_HEADER`.
+    """Build a map from rows of numbers in the order of `TABLE_HEADER`.
 
     The first two columns, rig and recording, are not in the rows.
     """
@@ -259,13 +261,13 @@ def _from_rows(names: list[str], rows: list[list[float]]) -> TorqueMap:
     )
 
 
-def read_figures(path: str | Path, rig: str) -> TorqueMap:
+def read_torque_map(path: str | Path, rig: str) -> TorqueMap:
     """Read the torque–velocity map of one test rig from a table.
 
     Parameters
     ----------
     path : str or Path
-        CSV file with the columns `FIGURES_HEADER`. Lines that start with # are comments.
+        CSV file with the columns `TABLE_HEADER`. Lines that start with # are comments.
     rig : str
         Name of the rig.
 
@@ -279,13 +281,13 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     """
     path = Path(path)
     lines = table_rows(path)
-    if tuple(next(lines)[1]) not in (FIGURES_HEADER, FIGURES_HEADER[:-1]):
-        raise RecordingError(f"{path}: the first line must be {','.join(FIGURES_HEADER)}")
+    if tuple(next(lines)[1]) not in (TABLE_HEADER, TABLE_HEADER[:-1]):
+        raise RecordingError(f"{path}: the first line must be {','.join(TABLE_HEADER)}")
     tables: dict[str, list[tuple[str, list[float]]]] = {}
     for line, fields in lines:
         rows = tables.setdefault(fields[0], [])
         if fields[0] == rig:
-            rows.append((fields[1], _parse_figures(fields[2:], f"{path}:{line}")))
+            rows.append((fields[1], _parse_row(fields[2:], f"{path}:{line}")))
     if rig not in tables:
         raise RecordingError(
             f"{path}: no figures of {rig!r}; rigs in the table: "
@@ -295,7 +297,7 @@ def read_figures(path: str | Path, rig: str) -> TorqueMap:
     return _from_rows(list(names), list(figures))
 
 
-def _parse_figures(fields: list[str], location: str) -> list[float]:
+def _parse_row(fields: list[str], location: str) -> list[float]:
     """Convert the fields of one row to numbers.
 
     Raises RecordingError, with the text `location`, unless all are finite. Only the ripple and the
@@ -307,7 +309,7 @@ def _parse_figures(fields: list[str], location: str) -> list[float]:
         raise RecordingError(f"{location}: {error}") from error
     # The fifth figure is the ripple, which needs two turns of the motor.
     if not np.all(np.isfinite([*row[:4], *row[5:7]])):
-        raise RecordingError(f"{location}: {len(FIGURES_HEADER)} finite columns are needed")
+        raise RecordingError(f"{location}: {len(TABLE_HEADER)} finite columns are needed")
     return row
 
 
@@ -341,17 +343,17 @@ def find_outliers(w: Array, tau: Array) -> list[Outlier]:
     mask = np.ones(len(w), bool)
     outliers: list[Outlier] = []
     for _ in range(len(w) // 4):
-        score, distance, deviation = _scores(w, tau, mask)
+        score, distance, deviation = _outlier_scores(w, tau, mask)
         index = int(np.argmax(np.abs(score)))
         if not np.abs(score[index]) > OUTLIER_SCORE:
             break
         mask[index] = False
-        weight = _FULL_WEIGHT * deviation / max(abs(distance[index]), 1e-300)
+        weight = _FULL_WEIGHT_DISTANCE * deviation / max(abs(distance[index]), 1e-300)
         outliers.append(Outlier(index, float(distance[index]), float(min(1.0, weight))))
     return sorted(outliers, key=lambda outlier: outlier.index)
 
 
-def _scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
+def _outlier_scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
     """Compare each point of a map with the line through its neighbours.
 
     Parameters
@@ -374,7 +376,7 @@ def _scores(w: Array, tau: Array, mask: Mask) -> tuple[Array, Array, float]:
     for sign in (-1.0, 1.0):
         points = np.flatnonzero(mask & (np.sign(w) == sign))
         count = len(points)
-        if count < _MIN_POINTS:
+        if count < _FEWEST_POINTS:
             continue
         # An outermost point is compared with the line through the two points nearest to it.
         left = points[[1, *range(count - 2), count - 3]]

@@ -2,14 +2,14 @@
 
 from .eye import (
     eye_limits as eye_limits,
-    eye_rows as eye_rows,
-    lens_limit as lens_limit,
-    lens_row as lens_row,
-    retina_row as retina_row,
+    eye_constraints as eye_constraints,
+    smallest_lens_ratio as smallest_lens_ratio,
+    lens_constraint as lens_constraint,
+    retina_constraint as retina_constraint,
 )
-from .family import Family as Family
+from .family import MechanismFamily as MechanismFamily
 from .forward import (
-    JACOBIANS as JACOBIANS,
+    SPEED_JACOBIANS as SPEED_JACOBIANS,
     forward_symbolic as forward_symbolic,
     speed_bounds as speed_bounds,
     tip_position as tip_position,
@@ -18,10 +18,10 @@ from .forward import (
 )
 from .inverse import inverse_task as inverse_task, inverse_tip as inverse_tip
 from .mechanism import Mechanism as Mechanism
-from .of_robot import fk as fk, jacobian as jacobian
+from .robot_kinematics import fk as fk, jacobian as jacobian
 from .rotations import (
-    batch as batch,
-    constant as constant,
+    check_rows as check_rows,
+    casadi_constant as casadi_constant,
     rotation as rotation,
     rotation_symbolic as rotation_symbolic,
 )

@@ -16,7 +16,7 @@ from ssm_planner.typing import Array, record
 
 
 @record
-class Family:
+class MechanismFamily:
     """Set of n mechanisms with ω1 = x, ω2 = (cos α, sin α, 0) and ω3 = Rx(ψ_h) Ry(φ_h) x.
 
     Parameters
@@ -34,9 +34,9 @@ class Family:
     home_roll: Array
     insertion_sign: int = -1
 
-    def subset(self, mask: Array) -> "Family":
+    def subset(self, mask: Array) -> "MechanismFamily":
         """Return the mechanisms for which the mask (n,) is true."""
-        return Family(
+        return MechanismFamily(
             self.alpha[mask], self.home_tilt[mask], self.home_roll[mask], self.insertion_sign
         )
 
@@ -118,7 +118,7 @@ class _BroadcastFamily:
     The attributes have the shape (n, 1), so that they broadcast over k points.
     """
 
-    def __init__(self, family: Family) -> None:
+    def __init__(self, family: MechanismFamily) -> None:
         half = -family.delta / 2.0
         _, eta = azimuths(NUMPY, family.alpha, family.beta, np.cos(half), np.sin(half))
         self.alpha = family.alpha[:, None]

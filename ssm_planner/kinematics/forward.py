@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.rotations import batch, constant, rotation_symbolic
+from ssm_planner.kinematics.rotations import casadi_constant, check_rows, rotation_symbolic
 from ssm_planner.problem import SpeedLimit, TipSpeed
 from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import casadi
 
 
-BLOCK = 1024
+CONFIGURATIONS_PER_BLOCK = 1024
 """Number of configurations per block.
 
 Temporary arrays then stay in the cache, and BLAS starts no threads.
@@ -55,15 +55,15 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
     GeometryError
         If the shape is wrong or a value is not finite.
     """
-    q = batch("q", q, 4)
+    q = check_rows("q", q, 4)
     rotations = np.empty((len(q), 9))
     positions = np.empty((len(q), 3))
-    for block in blocks(len(q), BLOCK):
-        terms = [_terms(q[block, i]) for i in range(3)]
-        _pose(
+    for block in blocks(len(q), CONFIGURATIONS_PER_BLOCK):
+        terms = [_trigonometric_terms(q[block, i]) for i in range(3)]
+        _write_poses(
             mechanism,
             q[block, 3],
-            _products(terms[0], terms[1]),
+            _term_products(terms[0], terms[1]),
             terms[2],
             results=(rotations[block], positions[block]),
         )
@@ -83,16 +83,18 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
     velocity of the joint. In the notation of Murray, Li and Sastry (eq. 3.54), it is Ad(e^{ξ̂1θ1} …
     e^{ξ̂(i−1)θ(i−1)}) ξ_i.
     """
-    q = batch("q", q, 4)
+    q = check_rows("q", q, 4)
     jacobians = np.empty((len(q), 24))
-    space = _space_terms(mechanism)
-    for block in blocks(len(q), BLOCK):
-        products = _products(_terms(q[block, 0]), _terms(q[block, 1]))
+    space = _space_jacobian_terms(mechanism)
+    for block in blocks(len(q), CONFIGURATIONS_PER_BLOCK):
+        products = _term_products(
+            _trigonometric_terms(q[block, 0]), _trigonometric_terms(q[block, 1])
+        )
         np.matmul(products.T, space, out=jacobians[block])
     return jacobians.reshape(-1, 6, 4)
 
 
-def _terms(angle: Array) -> Array:
+def _trigonometric_terms(angle: Array) -> Array:
     """Return the rows 1, cos θ and sin θ (3, n) for n angles θ in rad."""
     terms = np.empty((3, len(angle)))
     terms[0] = 1.0
@@ -101,12 +103,12 @@ def _terms(angle: Array) -> Array:
     return terms
 
 
-def _products(a: Array, b: Array) -> Array:
+def _term_products(a: Array, b: Array) -> Array:
     """Return the products of each row of `a` with each row of `b`, (rows of a · rows of b, n)."""
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
 
 
-def _pose(
+def _write_poses(
     mechanism: Mechanism,
     theta4: Array,
     products_12: Array,
@@ -130,11 +132,11 @@ def _pose(
         Arrays that receive the rows of R one after the other, and the tip positions in m.
     """
     rotations, positions = results
-    np.matmul(_products(products_12, terms_3).T, mechanism.orientation_terms, out=rotations)
+    np.matmul(_term_products(products_12, terms_3).T, mechanism.orientation_terms, out=rotations)
     np.multiply(rotations[:, 2::3], theta4[:, np.newaxis], out=positions)
 
 
-def _space_terms(mechanism: Mechanism) -> Array:
+def _space_jacobian_terms(mechanism: Mechanism) -> Array:
     """Return the constant matrix (9, 24) that turns products of terms into space Jacobians.
 
     The 9 rows belong to the products of the terms (1, cos θ, sin θ) of joints 1 and 2, and the 24
@@ -158,8 +160,8 @@ def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, 
     rotation_1 = rotation_symbolic(mechanism.omega1, q[0])
     rotation_12 = rotation_1 @ rotation_symbolic(mechanism.omega2, q[1])
     rotation_3 = rotation_symbolic(mechanism.omega3, q[2])
-    orientation = rotation_12 @ rotation_3 @ constant(mechanism.tool_home)
-    position = rotation_12 @ constant(mechanism.omega3) * q[3]
+    orientation = rotation_12 @ rotation_3 @ casadi_constant(mechanism.tool_home)
+    position = rotation_12 @ casadi_constant(mechanism.omega3) * q[3]
     return orientation, position
 
 
@@ -175,7 +177,7 @@ def tip_jacobian(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
     return casadi.jacobian(tip_position_symbolic(mechanism, q), q)
 
 
-JACOBIANS: "dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]]" = {
+SPEED_JACOBIANS: "dict[type[SpeedLimit], Callable[[Mechanism, casadi.SX], casadi.SX]]" = {
     TipSpeed: tip_jacobian
 }
 """Jacobian J(q) (k, 4) of each kind of speed limit, as a function that returns a CasADi expression.
@@ -190,7 +192,7 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
     Parameters
     ----------
     limit_type : type of SpeedLimit
-        Kind of limit. Its entry J in `JACOBIANS` defines the speed |J(q) q̇|.
+        Kind of limit. Its entry J in `SPEED_JACOBIANS` defines the speed |J(q) q̇|.
     mechanism : Mechanism
         Axes and tool frame.
     q, qd : (n, 4)
@@ -198,32 +200,32 @@ def tool_speed(limit_type: type[SpeedLimit], mechanism: Mechanism, q: Array, qd:
     """
     from ssm_planner.codegen import call
 
-    return call(_speed(limit_type, mechanism), q, qd)[0][:, 0]
+    return call(_tool_speed_function(limit_type, mechanism), q, qd)[0][:, 0]
 
 
 def speed_bounds(limits: Iterable[SpeedLimit], unlimited: float) -> Array:
-    """Return the largest permitted speeds (kinds,) in SI units, in the order of `JACOBIANS`.
+    """Return the largest permitted speeds (kinds,) in SI units, in the order of `SPEED_JACOBIANS`.
 
     Kinds of speed without a limit get the value `unlimited`.
 
     Raises
     ------
     ProblemError
-        If `JACOBIANS` lacks the kind of a limit.
+        If `SPEED_JACOBIANS` lacks the kind of a limit.
     """
     bounds = {type(limit): limit.largest for limit in limits}
     for limit_type in bounds:
-        if limit_type not in JACOBIANS:
+        if limit_type not in SPEED_JACOBIANS:
             raise ProblemError(f"kinematics/forward.py lacks a Jacobian for {limit_type.__name__}")
-    return np.array([bounds.get(limit_type, unlimited) for limit_type in JACOBIANS])
+    return np.array([bounds.get(limit_type, unlimited) for limit_type in SPEED_JACOBIANS])
 
 
 @lru_cache(maxsize=16)
-def _speed(limit_type: type[SpeedLimit], mechanism: Mechanism) -> "casadi.Function":
+def _tool_speed_function(limit_type: type[SpeedLimit], mechanism: Mechanism) -> "casadi.Function":
     """Build the CasADi function of q and qd (4,) that returns the limited speed."""
     import casadi
 
     q = casadi.SX.sym("q", 4)
     qd = casadi.SX.sym("qd", 4)
-    velocity = JACOBIANS[limit_type](mechanism, q) @ qd
+    velocity = SPEED_JACOBIANS[limit_type](mechanism, q) @ qd
     return casadi.Function("speed", [q, qd], [casadi.norm_2(velocity)])

@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.mechanism import PARALLEL, Mechanism, tilt_magnitudes
-from ssm_planner.kinematics.rotations import batch, finite
-from ssm_planner.kinematics.solutions import OF_EACH, Solutions, select
-from ssm_planner.kinematics.task import joints_of_task, roll_and_tilt, task_batch, task_from_joints
+from ssm_planner.kinematics.mechanism import PARALLEL_AXES_SINE, Mechanism, tilt_magnitudes
+from ssm_planner.kinematics.rotations import check_finite, check_rows
+from ssm_planner.kinematics.solutions import PER_SOLUTION_FIELDS, Solutions, mark_and_sort
+from ssm_planner.kinematics.task import check_task, joints_of_task, roll_and_tilt, task_from_joints
 from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array, Mask
 
 BRANCHES = (1, -1)
-TOLERANCE = 1e-7
+REACH_TOLERANCE = 1e-7
 """Largest error of a solution that reaches its target, rad and m."""
-BLOCK = 3072
+TARGETS_PER_BLOCK = 3072
 """Number of targets per block.
 
 Temporary arrays then stay in the cache, and BLAS starts no threads.
@@ -61,14 +61,14 @@ def inverse_task(
     GeometryError
         If two axes are parallel, or a target is not finite or has a tilt outside [−π, π].
     """
-    _refuse_parallel(mechanism)
-    task = task_batch("task", task)
+    _check_axes_not_parallel(mechanism)
+    task = check_task("task", task)
     n = len(task)
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     joints = np.empty((n, 2, 4))
     orientation_error = np.empty(n)
     tip_error = np.empty(n)
-    for block in blocks(n, BLOCK):
+    for block in blocks(n, TARGETS_PER_BLOCK):
         roll, tilt, spin, depth = task[block].T
         clipped = np.clip(np.abs(tilt), low, high)
         error = np.abs(np.abs(tilt) - clipped)
@@ -78,7 +78,7 @@ def inverse_task(
                 joints[block, k, i] = angle
         orientation_error[block] = error
         tip_error[block] = np.abs(depth * np.sin(error))
-    return _solutions(joints, orientation_error, tip_error, limits, reference)
+    return _select_solutions(joints, orientation_error, tip_error, limits, reference)
 
 
 def inverse_tip(
@@ -122,25 +122,25 @@ def inverse_tip(
     GeometryError
         If a shape is wrong, a value is not finite, or two axes are parallel.
     """
-    tip = batch("tip", tip, 3)
+    tip = check_rows("tip", tip, 3)
     spins = np.asarray(spin, dtype=float)
-    finite("spin", spins)
+    check_finite("spin", spins)
     if spins.shape not in ((), (len(tip),)):
         raise GeometryError(
             f"spin has shape {spins.shape}: must be ({len(tip)},), one for each tip"
         )
     spins = np.broadcast_to(spins, len(tip))
     distance = np.linalg.norm(tip, axis=1)
-    at_rcm = distance <= TOLERANCE
+    at_rcm = distance <= REACH_TOLERANCE
     solutions_of_depth = []
     for depth in (distance, -distance):
-        roll, tilt = _pointing(mechanism, tip, depth, at_rcm, reference)
+        roll, tilt = _roll_and_tilt_of_tips(mechanism, tip, depth, at_rcm, reference)
         task = np.column_stack((roll, tilt, spins, depth))
         solutions_of_depth.append(inverse_task(mechanism, task))
     deep, opposite = solutions_of_depth
     opposite.reaches[at_rcm] = False
     fields = {}
-    for name in OF_EACH:
+    for name in PER_SOLUTION_FIELDS:
         fields[name] = np.concatenate([getattr(deep, name), getattr(opposite, name)], axis=1)
     result = Solutions(
         **fields,
@@ -148,10 +148,10 @@ def inverse_tip(
         orientation_error=np.minimum(deep.orientation_error, opposite.orientation_error),
         tip_error=np.minimum(deep.tip_error, opposite.tip_error),
     )
-    return select(result, limits, reference)
+    return mark_and_sort(result, limits, reference)
 
 
-def _solutions(
+def _select_solutions(
     joints: Array,
     orientation_error: Array,
     tip_error: Array,
@@ -169,7 +169,7 @@ def _solutions(
     limits, reference : optional
         See `inverse_tip`.
     """
-    reachable = (orientation_error <= TOLERANCE) & (tip_error <= TOLERANCE)
+    reachable = (orientation_error <= REACH_TOLERANCE) & (tip_error <= REACH_TOLERANCE)
     shape = joints.shape[:2]
     result = Solutions(
         joints,
@@ -180,10 +180,10 @@ def _solutions(
         orientation_error=orientation_error,
         tip_error=tip_error,
     )
-    return select(result, limits, reference)
+    return mark_and_sort(result, limits, reference)
 
 
-def _pointing(
+def _roll_and_tilt_of_tips(
     mech: Mechanism,
     tip: Array,
     depth: Array,
@@ -220,13 +220,13 @@ def _pointing(
     return roll, tilt
 
 
-def _refuse_parallel(mech: Mechanism) -> None:
+def _check_axes_not_parallel(mech: Mechanism) -> None:
     """Raise GeometryError if two adjacent axes are parallel.
 
     The inverse kinematics then has no unique solution.
     """
     for name, angle, joints in (("alpha", mech.alpha, "1 and 2"), ("beta", mech.beta, "2 and 3")):
-        if math.sin(angle) < PARALLEL:
+        if math.sin(angle) < PARALLEL_AXES_SINE:
             raise GeometryError(
                 f"{name} = {angle:.6g} rad: joints {joints} turn about one axis, their angles are "
                 "not unique"

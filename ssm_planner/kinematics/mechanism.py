@@ -38,11 +38,11 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen import NUMPY, Namespace
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.rotations import exponential_terms, rotation
+from ssm_planner.kinematics.rotations import rodrigues_terms, rotation
 from ssm_planner.problem import Geometry, Robot, read_only_array
 from ssm_planner.typing import Array, Range, record
 
-PARALLEL = 1e-9
+PARALLEL_AXES_SINE = 1e-9
 """Sine of the angle below which two axes count as parallel."""
 ROTATION_TOLERANCE = 2.5e-7
 """Largest magnitude of the entries of RᵀR − 1 for a rotation matrix R."""
@@ -93,7 +93,7 @@ class Mechanism:
             If `tool_home` is not a rotation, or its z column differs from the third axis.
         """
         axes = [np.asarray(axis, dtype=float).tobytes() for axis in geometry.axes[:3]]
-        return _of_axes(
+        return _mechanism_from_axes(
             *axes,
             tool_home=np.asarray(geometry.tool_home, dtype=float).tobytes(),
             insertion_sign=int(geometry.insertion_sign),
@@ -142,12 +142,12 @@ class Mechanism:
         x = np.array([1.0, 0.0, 0.0])
         y = np.array([0.0, 1.0, 0.0])
         omega2 = np.array([math.cos(alpha), math.sin(alpha), 0.0])
-        omega3 = _omega3(alpha, beta, tilt)
+        omega3 = _third_axis(alpha, beta, tilt)
         sign = math.copysign(1.0, tilt)
         roll = math.atan2(sign * omega3[1], -sign * omega3[2])
         pointing = rotation(x, roll) @ rotation(y, tilt)
         default = pointing @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-        home = _tool_home(default if tool_home is None else tool_home, omega3)
+        home = _check_tool_home(default if tool_home is None else tool_home, omega3)
         return cls(
             x, omega2, omega3, home, tilt_axis=y, side=int(sign), insertion_sign=insertion_sign
         )
@@ -155,12 +155,12 @@ class Mechanism:
     @cached_property
     def alpha(self) -> float:
         """Angle α between the axes of joints 1 and 2, in [0, π] rad."""
-        return _angle(self.omega1, self.omega2)
+        return _angle_between(self.omega1, self.omega2)
 
     @cached_property
     def beta(self) -> float:
         """Angle β between the axes of joints 2 and 3, in [0, π] rad."""
-        return _angle(self.omega2, self.omega3)
+        return _angle_between(self.omega2, self.omega3)
 
     @cached_property
     def frame(self) -> Array:
@@ -221,7 +221,7 @@ class Mechanism:
         It is the signed angle from ω1 to ω3 about the axis t, which the roll ψ_h has turned about
         ω1.
         """
-        return self.side * _angle(self.omega1, self.omega3)
+        return self.side * _angle_between(self.omega1, self.omega3)
 
     @cached_property
     def exponentials(self) -> Array:
@@ -229,7 +229,7 @@ class Mechanism:
 
         e^{ω̂_i θ_i} = E[i − 1, 0] + cos θ_i E[i − 1, 1] + sin θ_i E[i − 1, 2].
         """
-        terms = [exponential_terms(axis) for axis in (self.omega1, self.omega2, self.omega3)]
+        terms = [rodrigues_terms(axis) for axis in (self.omega1, self.omega2, self.omega3)]
         return read_only_array(terms, (3, 3, 3, 3))
 
     @cached_property
@@ -295,7 +295,7 @@ def check_angles(alpha: float, beta: float) -> None:
 
 
 @lru_cache(maxsize=32)
-def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
+def _mechanism_from_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
     """Build a mechanism from its axes, or return the cached one for equal geometry.
 
     Other caches use the identity of a mechanism as their key, so equal geometry must give the same
@@ -313,18 +313,18 @@ def _of_axes(*axes: bytes, tool_home: bytes, insertion_sign: int) -> Mechanism:
     """
     vectors = [np.frombuffer(axis) for axis in axes]
     omega1, omega2, omega3 = [vector / np.linalg.norm(vector) for vector in vectors]
-    home = _tool_home(np.frombuffer(tool_home).reshape(3, 3), omega3)
+    home = _check_tool_home(np.frombuffer(tool_home).reshape(3, 3), omega3)
     normal = np.cross(omega1, omega2)
     normal = normal / np.linalg.norm(normal)
     tilt_axis = np.cross(normal, omega1)
-    side = _side(float(omega3 @ tilt_axis), float(omega3 @ normal))
+    side = _home_tilt_sign(float(omega3 @ tilt_axis), float(omega3 @ normal))
     tilt_axis = tilt_axis / np.linalg.norm(tilt_axis)
     return Mechanism(
         omega1, omega2, omega3, home, tilt_axis, side=side, insertion_sign=insertion_sign
     )
 
 
-def _tool_home(value: ArrayLike, omega3: Array) -> Array:
+def _check_tool_home(value: ArrayLike, omega3: Array) -> Array:
     """Check the tool frame at q = 0, and set its z column to ω3 exactly.
 
     Parameters
@@ -353,7 +353,7 @@ def _tool_home(value: ArrayLike, omega3: Array) -> Array:
     return np.column_stack((x, np.cross(omega3, x), omega3))
 
 
-def _angle(a: Array, b: Array) -> float:
+def _angle_between(a: Array, b: Array) -> float:
     """Return the angle between two unit vectors (3,) in rad.
 
     Unlike acos, the formula stays accurate near 0 and π.
@@ -361,26 +361,26 @@ def _angle(a: Array, b: Array) -> float:
     return 2.0 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
 
 
-def _side(along_t: float, along_n: float) -> int:
+def _home_tilt_sign(along_t: float, along_n: float) -> int:
     """Return the sign, ±1, of the tilt φ at q = 0 whose roll ψ lies in (−90°, 90°].
 
     The tool axis is cos φ ω1 + sin φ (sin ψ t − cos ψ n). Here ω1 is the first joint axis, n is the
     normal of the first two joint axes, and t = n × ω1. `along_t` and `along_n` are the components
     of the tool axis along t and n.
     """
-    if abs(along_n) > PARALLEL:
+    if abs(along_n) > PARALLEL_AXES_SINE:
         return -1 if along_n > 0.0 else 1
-    return 1 if along_t > PARALLEL else -1
+    return 1 if along_t > PARALLEL_AXES_SINE else -1
 
 
-def _omega3(alpha: float, beta: float, tilt: float) -> Array:
+def _third_axis(alpha: float, beta: float, tilt: float) -> Array:
     """Return the tool axis (3,) with a given tilt in a mechanism with ω1 = x and t = y.
 
     The result is e^{ω̂2 θ2} ω3 of the equations at the top of this module, on the branch that gives
     a roll in [−90°, 90°]. All angles are in rad.
     """
     half = abs(tilt) / 2.0
-    cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
+    cosine2, sine2 = elbow_half_angle_squares(NUMPY, alpha, beta, math.cos(half), math.sin(half))
     x = math.copysign(
         2.0 * math.atan2(math.sqrt(max(sine2, 0.0)), math.sqrt(max(cosine2, 0.0))), tilt
     )
@@ -403,7 +403,9 @@ def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
     return 2.0 * xp.arctan2(xp.sqrt(sine2), xp.sqrt(cosine2))
 
 
-def elbow_squares(xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any) -> tuple[Any, Any]:
+def elbow_half_angle_squares(
+    xp: Namespace, alpha: Any, beta: Any, cosine: Any, sine: Any
+) -> tuple[Any, Any]:
     """Compute, up to a common factor, cos²(x/2) and sin²(x/2) for a tilt φ, with x = θ2 − δ.
 
         C² = sin((α + β + φ)/2) sin((α + β − φ)/2)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import casadi
 
 
-def hat(omega: ArrayLike) -> Array:
+def cross_product_matrix(omega: ArrayLike) -> Array:
     """Return the matrix ω̂ (..., 3, 3) of the cross product: ω̂ a = ω × a, for ω (..., 3)."""
     omega = np.asarray(omega, dtype=float)
     x = omega[..., 0]
@@ -27,21 +27,21 @@ def hat(omega: ArrayLike) -> Array:
     return np.stack(rows, axis=-2)
 
 
-def exponential_terms(omega: ArrayLike) -> Array:
+def rodrigues_terms(omega: ArrayLike) -> Array:
     """Return the constant matrices E (3, 3, 3) of the rotations about a unit vector ω (3,).
 
     The rotation by θ is e^{ω̂θ} = E[0] + cos θ E[1] + sin θ E[2].
     """
     omega = np.asarray(omega, dtype=float)
     projection = np.outer(omega, omega)
-    return np.stack((projection, np.eye(3) - projection, hat(omega)))
+    return np.stack((projection, np.eye(3) - projection, cross_product_matrix(omega)))
 
 
 def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
     """Return the rotation matrices (..., 3, 3) about a unit axis (3,) by angles (...) in rad."""
     angle = np.asarray(angle, dtype=float)
     monomials = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=-1)
-    return np.tensordot(monomials, exponential_terms(omega), axes=1)
+    return np.tensordot(monomials, rodrigues_terms(omega), axes=1)
 
 
 def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
@@ -62,11 +62,11 @@ def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
         cosine = casadi.SX.eye(3) - projection
         sine = casadi.skew(omega)
     else:
-        constant_term, cosine, sine = map(constant, exponential_terms(omega))
+        constant_term, cosine, sine = map(casadi_constant, rodrigues_terms(omega))
     return constant_term + casadi.cos(angle) * cosine + casadi.sin(angle) * sine
 
 
-def constant(value: Any) -> Any:
+def casadi_constant(value: Any) -> Any:
     """Convert an array to a sparse CasADi constant, and drop rounding errors of zero.
 
     CasADi expressions are returned unchanged.
@@ -80,7 +80,7 @@ def constant(value: Any) -> Any:
     return casadi.sparsify(casadi.DM(matrix))
 
 
-def batch(name: str, value: ArrayLike, width: int) -> Array:
+def check_rows(name: str, value: ArrayLike, width: int) -> Array:
     """Check an argument, and return it as rows of finite numbers (n, width).
 
     A single row (width,) becomes a batch of one.
@@ -109,11 +109,11 @@ def batch(name: str, value: ArrayLike, width: int) -> Array:
         is_transposed = array.ndim == 2 and array.shape[0] == width
         hint = f"; it looks transposed: pass {name}.T" if is_transposed else ""
         raise GeometryError(f"{name} has shape {array.shape}: must be (n, {width}){hint}")
-    finite(name, array)
+    check_finite(name, array)
     return array
 
 
-def finite(name: str, array: Array) -> None:
+def check_finite(name: str, array: Array) -> None:
     """Raise GeometryError with the index of the first value that is not finite.
 
     `name` is the name of the argument in the message. The array may have any shape.

@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.rotations import batch
+from ssm_planner.kinematics.rotations import check_rows
 from ssm_planner.typing import Array, Mask, record
 
-TURN = 2.0 * math.pi
-WEIGHTS = (1.0, 1.0, 1.0, 10.0)
+FULL_TURN = 2.0 * math.pi
+JOINT_DISTANCE_WEIGHTS = (1.0, 1.0, 1.0, 10.0)
 """Weights of the distance between configurations: 0.1 m of insertion counts as 1 rad."""
 
 
-OF_EACH = ("joints", "branch", "reaches", "in_limits")
+PER_SOLUTION_FIELDS = ("joints", "branch", "reaches", "in_limits")
 """Fields of Solutions with the shape (n, k, …), which have an entry for each solution."""
 
 
@@ -47,7 +47,7 @@ class Solutions:
         return self.reaches & self.in_limits
 
 
-def select(
+def mark_and_sort(
     solutions: Solutions, limits: ArrayLike | None, reference: ArrayLike | None
 ) -> Solutions:
     """Mark the solutions within joint limits, and sort them by their distance to a reference.
@@ -62,13 +62,13 @@ def select(
         Joint positions, rad and m. None leaves the order unchanged.
     """
     if limits is not None:
-        solutions = within_limits(solutions, limits, reference)
+        solutions = mark_within_limits(solutions, limits, reference)
     if reference is not None:
-        solutions = by_distance(solutions, reference, limits)
+        solutions = sort_by_distance(solutions, reference, limits)
     return solutions
 
 
-def within_limits(
+def mark_within_limits(
     solutions: Solutions, limits: ArrayLike, reference: ArrayLike | None = None
 ) -> Solutions:
     """Mark the solutions that are within joint limits.
@@ -90,20 +90,20 @@ def within_limits(
     GeometryError
         If the limits or the reference are invalid.
     """
-    bounds = joint_limits("limits", limits)
+    bounds = check_joint_limits("limits", limits)
     joints = solutions.joints.copy()
-    _shift_into_range(joints, _centres(bounds, reference, len(joints)), bounds)
+    _shift_into_range(joints, _turn_centres(bounds, reference, len(joints)), bounds)
     is_within = np.all((joints >= bounds[:, 0] - 1e-12) & (joints <= bounds[:, 1] + 1e-12), axis=2)
     return replace(solutions, joints=joints, in_limits=is_within)
 
 
-def by_distance(
+def sort_by_distance(
     solutions: Solutions, reference: ArrayLike, limits: ArrayLike | None = None
 ) -> Solutions:
     """Sort the solutions of each target by their distance to a reference, valid solutions first.
 
     Revolute joints are moved by whole turns as close as possible to the reference. The distance is
-    Euclidean with the factors `WEIGHTS`.
+    Euclidean with the factors `JOINT_DISTANCE_WEIGHTS`.
 
     Parameters
     ----------
@@ -116,11 +116,11 @@ def by_distance(
     """
     bounds = np.tile((-np.inf, np.inf), (4, 1))
     if limits is not None:
-        bounds = joint_limits("limits", limits)
+        bounds = check_joint_limits("limits", limits)
     joints = solutions.joints.copy()
-    centres = _centres(bounds, reference, len(joints))
+    centres = _turn_centres(bounds, reference, len(joints))
     _shift_into_range(joints, centres, bounds)
-    distance = np.linalg.norm((joints - centres) * WEIGHTS, axis=2)
+    distance = np.linalg.norm((joints - centres) * JOINT_DISTANCE_WEIGHTS, axis=2)
     order = np.lexsort((distance, ~solutions.valid), axis=1)
     rows = np.arange(len(joints))[:, np.newaxis]
     return replace(
@@ -132,7 +132,7 @@ def by_distance(
     )
 
 
-def joint_limits(name: str, value: ArrayLike) -> Array:
+def check_joint_limits(name: str, value: ArrayLike) -> Array:
     """Check joint limits, and return them as an array (4, 2) of lower and upper limits.
 
     Joints without limits have infinite ones. `name` is the name of the argument in messages.
@@ -155,7 +155,7 @@ def joint_limits(name: str, value: ArrayLike) -> Array:
             f"{name}[{row}] = {limits[row].tolist()}, of shape (4, 2): lower must not exceed upper"
         )
     revolute = np.where(np.isfinite(limits[:3]), np.abs(limits[:3]), 0.0)
-    if np.any(revolute > 4.0 * TURN):
+    if np.any(revolute > 4.0 * FULL_TURN):
         row = int(np.argmax(revolute.max(axis=1)))
         raise GeometryError(
             f"{name}[{row}] = {limits[row].tolist()}, of shape (4, 2): more than four turns from "
@@ -169,10 +169,10 @@ def nearest_turn(angle: Array, centre: ArrayLike) -> Array:
 
     The shapes of both arguments broadcast.
     """
-    return angle - TURN * np.ceil((angle - np.asarray(centre)) / TURN - 0.5)
+    return angle - FULL_TURN * np.ceil((angle - np.asarray(centre)) / FULL_TURN - 0.5)
 
 
-def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
+def _turn_centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
     """Return the joint positions near which whole turns shall place each joint, (n or 1, 1, 4).
 
     They are the reference or, without one, the middle of the limits. A joint with only one finite
@@ -193,7 +193,7 @@ def _centres(bounds: Array, reference: ArrayLike | None, count: int) -> Array:
         high_or_low = np.where(np.isfinite(high), high, low)
         middle = np.where(np.isfinite(low_or_high), (low_or_high + high_or_low) / 2.0, 0.0)
         return middle[np.newaxis, np.newaxis]
-    centres = batch("reference", reference, 4)
+    centres = check_rows("reference", reference, 4)
     if len(centres) not in (1, count):
         raise GeometryError(
             f"reference has shape {centres.shape}: must be (4,) or ({count}, 4), one for each "
@@ -212,14 +212,14 @@ def _shift_into_range(joints: Array, centres: Array, bounds: Array) -> None:
     joints : (n, k, 4)
         Joint positions, which are changed.
     centres : (n or 1, 1, 4)
-        Positions of `_centres`.
+        Positions of `_turn_centres`.
     bounds : (4, 2)
         Lowest and highest joint positions.
     """
     for i in range(3):
         angle = nearest_turn(joints[..., i], centres[..., i])
         low, high = bounds[i]
-        raised_angle = angle + TURN * np.ceil(np.maximum(low - angle, 0.0) / TURN)
-        lowered_angle = angle - TURN * np.ceil(np.maximum(angle - high, 0.0) / TURN)
+        raised_angle = angle + FULL_TURN * np.ceil(np.maximum(low - angle, 0.0) / FULL_TURN)
+        lowered_angle = angle - FULL_TURN * np.ceil(np.maximum(angle - high, 0.0) / FULL_TURN)
         shifted = np.where(angle < low, raised_angle, np.where(angle > high, lowered_angle, angle))
         joints[..., i] = np.where((shifted >= low) & (shifted <= high), shifted, angle)

@@ -15,19 +15,26 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen import NUMPY, Namespace, casadi_namespace
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.mechanism import Mechanism, azimuths, elbow_squares, tilt_magnitude
-from ssm_planner.kinematics.rotations import batch, rotation
-from ssm_planner.kinematics.solutions import nearest_turn
+from ssm_planner.kinematics.mechanism import (
+    Mechanism,
+    azimuths,
+    elbow_half_angle_squares,
+    tilt_magnitude,
+)
+from ssm_planner.kinematics.rotations import check_rows, rotation
+from ssm_planner.kinematics.solutions import FULL_TURN, nearest_turn
 from ssm_planner.typing import Array
 
 if TYPE_CHECKING:
     import casadi
 
-Four = Sequence[Any] | Array
+FourComponents = Sequence[Any] | Array
 """Four arrays of one shape, or four expressions."""
 
 
-def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any) -> tuple[Any, ...]:
+def joints_of_task(
+    xp: Namespace, mechanism: Mechanism, task: FourComponents, branch: Any
+) -> tuple[Any, ...]:
     """Compute the joint positions for task coordinates on one branch.
 
     The result is continuous along any path on the branch, because roll and spin are not wrapped.
@@ -50,7 +57,7 @@ def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any)
     """
     roll, tilt, spin, depth = task
     mech = mechanism
-    cosine2, sine2 = elbow_squares(
+    cosine2, sine2 = elbow_half_angle_squares(
         xp, mech.alpha, mech.beta, xp.cos(tilt / 2.0), xp.sin(tilt / 2.0)
     )
     c = xp.sqrt(xp.nonnegative(cosine2))
@@ -63,7 +70,7 @@ def joints_of_task(xp: Namespace, mechanism: Mechanism, task: Four, branch: Any)
     return theta1, theta2, theta3, mech.insertion_sign * depth
 
 
-def task_of_joints(xp: Namespace, mechanism: Mechanism, q: Four) -> tuple[Any, ...]:
+def task_of_joints(xp: Namespace, mechanism: Mechanism, q: FourComponents) -> tuple[Any, ...]:
     """Compute the task coordinates of joint positions.
 
     Parameters
@@ -89,7 +96,9 @@ def task_of_joints(xp: Namespace, mechanism: Mechanism, q: Four) -> tuple[Any, .
     return roll, tilt, theta3 - eta + mechanism.spin_offset, mechanism.insertion_sign * theta4
 
 
-def task_rates_of_joints(xp: Namespace, mechanism: Mechanism, q: Four, qd: Four) -> tuple[Any, ...]:
+def task_rates_of_joints(
+    xp: Namespace, mechanism: Mechanism, q: FourComponents, qd: FourComponents
+) -> tuple[Any, ...]:
     """Compute the time derivatives of the task coordinates of `task_of_joints`.
 
     With x = θ2 − δ, the azimuths ζ and η, and P, Q and E of the module `mechanism`, where P² + Q² =
@@ -154,7 +163,7 @@ def roll_and_tilt(
     return xp.arctan2(side * y, -side * z), side * xp.arctan2(around, axial)
 
 
-def task_batch(name: str, value: ArrayLike) -> Array:
+def check_task(name: str, value: ArrayLike) -> Array:
     """Check task coordinates, and return them as rows (n, 4), rad and m.
 
     `name` is the name of the argument in messages.
@@ -164,7 +173,7 @@ def task_batch(name: str, value: ArrayLike) -> Array:
     GeometryError
         If the shape is wrong, a value is not finite, or a tilt is outside [−π, π].
     """
-    task = batch(name, value, 4)
+    task = check_rows(name, value, 4)
     rows = np.flatnonzero(np.abs(task[:, 1]) > math.pi + 1e-9)
     if rows.size:
         raise GeometryError(
@@ -195,9 +204,9 @@ def task_from_joints(mechanism: Mechanism, q: ArrayLike, near: ArrayLike | None 
     (n, 4)
         Roll, tilt, spin in rad and depth in m.
     """
-    q = batch("q", q, 4)
+    q = check_rows("q", q, 4)
     task = np.stack(task_of_joints(NUMPY, mechanism, q.T), axis=1)
-    centre = np.zeros((1, 4)) if near is None else batch("near", near, 4)
+    centre = np.zeros((1, 4)) if near is None else check_rows("near", near, 4)
     for column in (0, 2):
         task[:, column] = nearest_turn(task[:, column], centre[:, column])
     return task
@@ -216,8 +225,8 @@ def task_rates(mechanism: Mechanism, q: ArrayLike, qd: ArrayLike) -> Array:
     q, qd : (n, 4)
         Joint positions in rad and m, and joint velocities.
     """
-    q = batch("q", q, 4)
-    qd = batch("qd", qd, 4)
+    q = check_rows("q", q, 4)
+    qd = check_rows("qd", qd, 4)
     return np.stack(task_rates_of_joints(NUMPY, mechanism, q.T, qd.T), axis=1)
 
 
@@ -241,7 +250,7 @@ def pose_from_task(mechanism: Mechanism, task: ArrayLike) -> tuple[Array, Array]
     p : (n, 3)
         Tip positions in the base frame, m.
     """
-    task = task_batch("task", task)
+    task = check_task("task", task)
     pointing = rotation(mechanism.omega1, task[:, 0]) @ rotation(mechanism.tilt_axis, task[:, 1])
     spin = rotation((0.0, 0.0, 1.0), task[:, 2])
     theta4 = mechanism.insertion_sign * task[:, 3:]
@@ -291,8 +300,8 @@ def joints_from_task_symbolic(
     joints = list(joints_of_task(casadi_namespace(), mechanism, casadi.vertsplit(task), branch))
     if reference is not None:
         for i in range(3):
-            turns = casadi.floor((reference[i] - joints[i]) / (2.0 * math.pi) + 0.5)
-            joints[i] = joints[i] + 2.0 * math.pi * turns
+            turns = casadi.floor((reference[i] - joints[i]) / FULL_TURN + 0.5)
+            joints[i] = joints[i] + FULL_TURN * turns
     return casadi.vertcat(*joints)
 
 

@@ -22,10 +22,10 @@ from ssm_planner.codegen import NUMPY
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import space_jacobian
 from ssm_planner.kinematics.mechanism import (
-    PARALLEL,
+    PARALLEL_AXES_SINE,
     Mechanism,
     check_angles,
-    elbow_squares,
+    elbow_half_angle_squares,
     tilt_magnitudes,
 )
 from ssm_planner.typing import Array, Range, record
@@ -78,7 +78,7 @@ def extremes(mechanism: Mechanism) -> tuple[Extreme, Extreme]:
     """
     alpha = mechanism.alpha
     beta = mechanism.beta
-    if min(math.sin(alpha), math.sin(beta)) < PARALLEL:
+    if min(math.sin(alpha), math.sin(beta)) < PARALLEL_AXES_SINE:
         raise GeometryError(
             f"alpha = {alpha:.6g}, beta = {beta:.6g} rad: two axes are parallel, the tilt is "
             "constant"
@@ -114,7 +114,7 @@ def theta2_from_tilt(mechanism: Mechanism, tilt: ArrayLike, branch: int) -> Arra
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
     half = np.clip(np.abs(np.asarray(tilt, dtype=float)), low, high) / 2.0
-    cosine2, sine2 = elbow_squares(
+    cosine2, sine2 = elbow_half_angle_squares(
         NUMPY, mechanism.alpha, mechanism.beta, np.cos(half), np.sin(half)
     )
     x = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
@@ -171,7 +171,7 @@ def boundary_distance(mechanism: Mechanism, tilt: ArrayLike) -> Array:
         If a tilt is outside [−π, π].
     """
     low, high = tilt_magnitudes(mechanism.alpha, mechanism.beta)
-    magnitude = np.abs(_tilts(tilt))
+    magnitude = np.abs(_check_tilts(tilt))
     return np.minimum(magnitude - low, high - magnitude)
 
 
@@ -200,9 +200,9 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     """
     alpha = mechanism.alpha
     beta = mechanism.beta
-    tilts = _tilts(tilt)
+    tilts = _check_tilts(tilt)
     half = np.abs(tilts) / 2.0
-    c2, s2 = elbow_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
+    c2, s2 = elbow_half_angle_squares(NUMPY, alpha, beta, np.cos(half), np.sin(half))
     # At a tilt on the boundary, rounding errors must not turn the infinite result into NaN.
     c2 = np.where((c2 < 0.0) & (c2 > -1e-15), 0.0, c2)
     s2 = np.where((s2 < 0.0) & (s2 > -1e-15), 0.0, s2)
@@ -220,7 +220,7 @@ def joint_speed_per_tilt_speed(mechanism: Mechanism, tilt: ArrayLike, branch: in
     return np.stack((joint_1, joint_2, joint_3), axis=-1) * side[..., np.newaxis]
 
 
-def _tilts(value: ArrayLike) -> Array:
+def _check_tilts(value: ArrayLike) -> Array:
     """Return tilts as an array of any shape, rad. Raises GeometryError for one outside [−π, π]."""
     tilts = np.asarray(value, dtype=float)
     if not np.all(np.abs(tilts) <= math.pi + 1e-9):
@@ -230,7 +230,7 @@ def _tilts(value: ArrayLike) -> Array:
     return tilts
 
 
-ROUNDING = 1e-12
+REGION_TOLERANCE = 1e-12
 """Largest distance in rad by which a corner may lie outside its region."""
 
 
@@ -270,11 +270,12 @@ class DesignRegion:
         """
         if self.empty:
             return (math.nan, math.nan)
-        return (float(self.vertices[0, 0]), float(self.vertices[0, 1]))
+        alpha, beta = self.vertices[0].tolist()
+        return alpha, beta
 
     def contains(self, alpha: float, beta: float) -> bool:
         """Return True if the angles (α, β) in rad reach the range with the margin."""
-        return design_margin(alpha, beta, self.tilt_range) >= self.margin - ROUNDING
+        return design_margin(alpha, beta, self.tilt_range) >= self.margin - REGION_TOLERANCE
 
 
 @checked

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from ssm_planner.dynamics import friction_of
+from ssm_planner.dynamics import required_friction
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.drives import drive_from, gearhead_from
 from ssm_planner.loading.files import read_section, shipped_folder
@@ -29,7 +29,7 @@ from ssm_planner.problem import (
     field_hints,
 )
 from ssm_planner.typing import JsonObject, frozen
-from ssm_planner.units import BadQuantity, of_heading
+from ssm_planner.units import BadQuantity, split_heading
 
 T = TypeVar("T", Motor, Drive, Gearhead)
 
@@ -297,7 +297,7 @@ def read_rows(file: Path) -> list[CatalogueRow]:
         raise ProblemError("no headings", file=file, line=1)
     replace_decimal_commas(table, {*TEXT_COLUMNS, "source"}, file)
     line, cells = table[0]
-    headings = list(map(of_heading, cells))
+    headings = list(map(split_heading, cells))
     names = [name for name, _ in headings]
     if not TEXT_COLUMNS & set(names):
         raise ProblemError("no column name or order_number", file=file, line=line)
@@ -483,7 +483,7 @@ def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
     ProblemError
         If a value is invalid, or if a screw is shorter than the travel.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     inertia = "kg" if drive.slides else "kg*m^2"
     values: JsonObject = {
         "name": row.label,
@@ -524,7 +524,7 @@ def _replace_gear(row: CatalogueRow, drive: Drive, travel: float) -> Drive:
             result,
             ratings=ratings,
             friction=replace(
-                friction, **{name: getattr(friction_of(result), name) for name in of_friction}
+                friction, **{name: getattr(required_friction(result), name) for name in of_friction}
             ),
             friction_ranges={
                 name: ends

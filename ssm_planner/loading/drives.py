@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field as PydanticField
 from pydantic import FiniteFloat, field_validator
 
-from ssm_planner.dynamics import of_efficiencies
+from ssm_planner.dynamics import thread_from_efficiencies
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.motors import check_rule
 from ssm_planner.loading.schema import (
@@ -491,7 +491,7 @@ def _efficiency_fields(
     bearings = {} if model.friction is None else model.friction.numbers()
     forwards = bearings.pop("efficiency", 1.0)
     backwards = bearings.pop("backward_efficiency", forwards)
-    gamma, mu = of_efficiencies(ratio, forwards, backwards)
+    gamma, mu = thread_from_efficiencies(ratio, forwards, backwards)
     with locate_errors(section):
         friction = Friction(**{"b_c": 0.0, "b_v": 0.0, **bearings, "mu": mu, "mu_static": mu})
     return {

@@ -15,7 +15,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading.tables import table_rows
 from ssm_planner.loading.yaml_nodes import Section
 from ssm_planner.problem import TASK_COORDINATES, Follow, Joints, Motion, Point, Task, Tip
-from ssm_planner.units import ANGLES, LENGTHS, of_heading
+from ssm_planner.units import ANGLES, LENGTHS, split_heading
 
 MAX_POINTS = 20_000
 """Largest number of points in a table."""
@@ -105,7 +105,7 @@ def _identify_columns(line: int, names: list[str], file: Path) -> Mapping[str, t
 
     columns: dict[str, tuple[int, float]] = {}
     for column, name in enumerate(names):
-        label, unit = of_heading(name)
+        label, unit = split_heading(name)
         label = re.sub(
             r"^(task|tip|joint)[_ ]",
             lambda match: "q" if match[1] == "joint" else "",

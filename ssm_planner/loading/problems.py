@@ -71,7 +71,7 @@ from ssm_planner.problem import (
     read_only_array,
 )
 from ssm_planner.typing import Array
-from ssm_planner.units import KINDS
+from ssm_planner.units import QUANTITY_KINDS
 
 DUTY_ONCE = "once"
 """Value of the key `duty` for a motion that does not repeat."""
@@ -100,7 +100,7 @@ def _tool_limit_type(limit_type: type[ToolLimit]) -> Any:
     The unit of the limit determines the kind of quantity.
     """
     (kind_name, *_) = (
-        name for name, candidate in KINDS.items() if candidate.unit == limit_type.unit
+        name for name, candidate in QUANTITY_KINDS.items() if candidate.unit == limit_type.unit
     )
     return positive_type(kind_name)
 
@@ -117,7 +117,7 @@ LensModel = build_class_model(
 EyeModel = build_class_model(Eye, {"lens": optional_key(nested_type(LensModel))})
 
 
-_Percentage = Reader(units.share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
+_Percentage = Reader(units.parse_share, {"type": ["string", "number"]}, ("number",), "such as 95 %")
 _TOOL_KEYS = {
     kind.field: optional_key(
         _tool_limit_type(kind), " ".join(str(kind.__doc__).partition("Examples")[0].split())

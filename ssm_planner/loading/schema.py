@@ -32,7 +32,7 @@ from ssm_planner.problem import (
     unit_kind,
 )
 from ssm_planner.typing import JsonObject, Keywords, record
-from ssm_planner.units import KINDS, NUMBER
+from ssm_planner.units import NUMBER, QUANTITY_KINDS
 
 M = TypeVar("M", bound="Model")
 UNBOUNDED = Bound()
@@ -195,7 +195,8 @@ class Reader:
         """Unit in a form that files accept, or "" without a unit."""
         return ", ".join(
             dict.fromkeys(
-                KINDS.get(unit_kind, NUMBER).example.partition(" ")[2] for unit_kind in self.kinds
+                QUANTITY_KINDS.get(unit_kind, NUMBER).example.partition(" ")[2]
+                for unit_kind in self.kinds
             )
         )
 
@@ -203,7 +204,7 @@ class Reader:
         """Return a default in SI units as text with a unit that files accept, such as "0.6 mm"."""
         if not self.unit or not isinstance(value, float):
             return str(value)
-        return f"{value / units.quantity(f'1 {self.unit}', self.kinds[0]):.6g} {self.unit}"
+        return f"{value / units.parse_quantity(f'1 {self.unit}', self.kinds[0]):.6g} {self.unit}"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(_with_pydantic_errors(self.read))
@@ -241,10 +242,11 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
     """
 
     def read(value: object) -> float:
-        result = units.quantity(value, unit_kind)
+        result = units.parse_quantity(value, unit_kind)
         if fault := bound.violation(result):
             raise units.BadQuantity(
-                fault, allowed if integer else f"{KINDS.get(unit_kind, NUMBER).name} {allowed}"
+                fault,
+                allowed if integer else f"{QUANTITY_KINDS.get(unit_kind, NUMBER).name} {allowed}",
             )
         if integer and not result.is_integer():
             raise units.BadQuantity("not a whole number", allowed)
@@ -266,7 +268,7 @@ def interval_reader(unit_kind: str) -> Reader:
     """Build the reader of an interval `[lower, upper]`. `unit_kind` is a key of units.KINDS."""
     schema = {"type": "array", "items": _quantity_schema(unit_kind), "minItems": 2, "maxItems": 2}
     return Reader(
-        lambda value: units.interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"
+        lambda value: units.parse_interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"
     )
 
 
@@ -284,7 +286,9 @@ def vector_reader(*kinds: str) -> Reader:
     if len(set(kinds)) > 1:
         items = {"type": "array", "prefixItems": [_quantity_schema(kind) for kind in kinds]}
     schema = {"anyOf": [items, {"type": "string"}]}
-    return Reader(lambda value: units.vector(value, kinds), schema, kinds, f"{len(kinds)} values")
+    return Reader(
+        lambda value: units.parse_vector(value, kinds), schema, kinds, f"{len(kinds)} values"
+    )
 
 
 def sourced_reader(field: Reader) -> Reader:
@@ -508,7 +512,7 @@ def _read_axis(value: object) -> tuple[float, ...]:
     """Read a list of three numbers."""
     if not isinstance(value, list) or len(value) != 3:
         raise invalid_value("invalid axis", "three numbers such as [1, 0, 0]")
-    return tuple(units.number(item) for item in value)
+    return tuple(units.parse_number(item) for item in value)
 
 
 def _read_reference(value: object) -> Any:
@@ -566,8 +570,8 @@ def _quantity_schema(unit_kind: str) -> JsonObject:
         return {"type": "number"}
     return {
         "type": "string",
-        "description": KINDS[unit_kind].expected,
-        "examples": [KINDS[unit_kind].example],
+        "description": QUANTITY_KINDS[unit_kind].expected,
+        "examples": [QUANTITY_KINDS[unit_kind].example],
     }
 
 

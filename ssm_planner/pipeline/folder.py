@@ -6,7 +6,7 @@ The command `ssm-planner plan`, studies and `Plan.save` call `write_folder`.
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ssm_planner.plans import FILE, Plan
+from ssm_planner.plans import Plan
 
 if TYPE_CHECKING:
     from ssm_planner.reporting.figures.process import FigureProcess
@@ -47,7 +47,7 @@ def write_folder(
         If a file cannot be written.
     """
     from ssm_planner.formats.csv import write_csv
-    from ssm_planner.publishing import publishing_results
+    from ssm_planner.publishing import PLAN_FILE, publishing_results
     from ssm_planner.reporting.figures.process import write_figures
     from ssm_planner.reporting.html.report import write_report
 
@@ -55,7 +55,7 @@ def write_folder(
         return {}
     with publishing_results(folder) as temporary:
         paths = {
-            "plan": plan.write(temporary / FILE),
+            "plan": plan.write(temporary / PLAN_FILE),
             "report": write_report(plan, temporary / "report.html"),
             "trajectory": write_csv(
                 temporary / "trajectory.csv", plan.trajectory, plan.robot, rate

@@ -16,7 +16,7 @@ from ssm_planner.arguments import checked
 from ssm_planner.errors import ProblemError
 from ssm_planner.formats.points import Reading
 from ssm_planner.formats.read import read_trajectory
-from ssm_planner.kinematics import Mechanism, batch
+from ssm_planner.kinematics import Mechanism, check_rows
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.retiming.paths import MAX_GRID_INTERVALS, SplinePath, split_at_corners
@@ -148,7 +148,7 @@ def retiming_problem(
     ProblemError
         If the path does not move or has too many points.
     """
-    q = _points(path) if isinstance(path, Reading) else batch("path", path, 4)
+    q = _points(path) if isinstance(path, Reading) else check_rows("path", path, 4)
     if len(q) > MAX_GRID_INTERVALS:
         raise ProblemError(f"{len(q)} points", key="path", allowed=f"at most {MAX_GRID_INTERVALS}")
     low, high = np.array([joint.position for joint in robot.joints]).T

@@ -24,10 +24,10 @@ import numpy as np
 
 from ssm_planner.dynamics import (
     drive_torque,
-    drive_with,
-    friction_of,
+    drive_with_values,
+    friction_spread,
     mesh_coefficients,
-    spread_of,
+    required_friction,
     with_payload,
 )
 from ssm_planner.problem import (
@@ -140,8 +140,8 @@ def bounding_drives(
     tuple of Drive
         The drives that need the most torque, and as last one the drive that needs the least.
     """
-    sets = spread_of(drive).within(share)
-    friction = friction_of(drive)
+    sets = friction_spread(drive).within(share)
+    friction = required_friction(drive)
     without_spread = unchecked_copy(friction, posterior=None, covariance=None)
     plain_drive = unchecked_copy(drive, friction=without_spread, friction_ranges={})
     torques = np.minimum(_torque_table(plain_drive, sets, speed, torque), torque)
@@ -159,12 +159,12 @@ def bounding_drives(
     for k in selected:
         values = {name: float(column[k]) for name, column in sets.items()}
         values["b_c"] = values.get("b_c", friction.b_c) + excess
-        drives.append(drive_with(plain_drive, values))
+        drives.append(drive_with_values(plain_drive, values))
     # The smallest value of every parameter, with a μ that does not depend on speed, needs least.
     smallest = {name: float(column.min()) for name, column in sets.items()}
     if LAW_COLUMN in smallest:
         smallest[LAW_COLUMN] = float(FRICTION_LAWS.index("coulomb"))
-    return (*drives, drive_with(plain_drive, smallest))
+    return (*drives, drive_with_values(plain_drive, smallest))
 
 
 def _torque_table(drive: Drive, sets: dict[str, Array], speed: float, torque: float) -> Array:
@@ -184,7 +184,7 @@ def _torque_table(drive: Drive, sets: dict[str, Array], speed: float, torque: fl
         Largest speed (rad/s) and torque (N·m) of the motor.
     """
     raising_coefficients, _ = mesh_coefficients(
-        drive, sets.get("mu", np.array([friction_of(drive).mu]))
+        drive, sets.get("mu", np.array([required_friction(drive).mu]))
     )
     # The coefficient is the torque per effort of a load that opposes the motion.
     efforts = torque / float(np.min(raising_coefficients)) * RELATIVE_EFFORTS
@@ -198,7 +198,9 @@ def _torque_table(drive: Drive, sets: dict[str, Array], speed: float, torque: fl
     grid = [(*state, effort, sign) for state, effort, sign in product(states, efforts, (-1.0, 1.0))]
     w, start, effort, direction = np.array(grid).T
     # Parameters as columns give one row of torques for each set.
-    drive_of_sets = drive_with(drive, {name: column[:, None] for name, column in sets.items()})
+    drive_of_sets = drive_with_values(
+        drive, {name: column[:, None] for name, column in sets.items()}
+    )
     torques, _ = drive_torque(
         drive_of_sets,
         direction * effort,

@@ -13,7 +13,7 @@ import numpy as np
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
 from ssm_planner.problem import TASK_COORDINATES, Robot, TaskLimits, TipSpeed
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import Array, Indices, record
 
 BISECTION_STEPS = 60
@@ -338,20 +338,22 @@ class SCurve:
         index = self._piece_index(t)
         cubics = self._cubics
         pieces = (cubics.u, cubics.v, cubics.a0, cubics.a1, cubics.h)
-        return Cubic(*(values[index] for values in pieces)).at_time(t - self.switching_times[index])
+        return CubicPiece(*(values[index] for values in pieces)).at_time(
+            t - self.switching_times[index]
+        )
 
     def jerk_at(self, t: Array) -> Array:
         """Return the jerk at times t (n,), in s. At a jump it is the value after the jump."""
         return np.asarray(self._cubics.jerk[self._piece_index(t)])
 
     @cached_property
-    def _cubics(self) -> Cubic:
+    def _cubics(self) -> CubicPiece:
         """Cubic polynomials of the position on all pieces, as one value with fields of shape (m,)."""
         velocity_changes = self.lengths * (self.start + self.end) / 2
         velocity = self.speed + _cumulative_sums(velocity_changes)[:-1]
         # Pieces that start at position 0 give the displacements, whose sums are the positions.
-        from_zero = Cubic(0.0, velocity, self.start, self.end, self.lengths)
-        return Cubic(
+        from_zero = CubicPiece(0.0, velocity, self.start, self.end, self.lengths)
+        return CubicPiece(
             _cumulative_sums(from_zero.end[0])[:-1], velocity, self.start, self.end, self.lengths
         )
 

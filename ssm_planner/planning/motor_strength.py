@@ -19,9 +19,9 @@ from ssm_planner.dynamics import (
     breakaway_torque,
     drive_torque,
     friction_coefficient,
-    friction_of,
     motor_torque_rows,
-    motorised,
+    motorised_joints,
+    required_friction,
 )
 from ssm_planner.planning.feasibility import check_eye_clearance, feasible_phases
 from ssm_planner.planning.phases import Phase
@@ -121,8 +121,8 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
 
     def needs() -> Iterator[tuple[int, float, str]]:
         """Yield the index of each joint, the torque in N·m that it needs to move, and the place."""
-        for i, drive, _ in motorised(robot.joints):
-            friction = friction_of(drive)
+        for i, drive, _ in motorised_joints(robot.joints):
+            friction = required_friction(drive)
             slow_mu = np.asarray(friction_coefficient(friction, 0.0))
             mu = np.where(starts[:, i], breakaway_coefficient(friction), slow_mu)
             torques = [
@@ -175,7 +175,7 @@ def check_braking_torque(phase: Phase) -> Reason | None:
 
     def needs() -> Iterator[tuple[int, float, str]]:
         """Yield the index of each joint, a lower bound on its needed torque in N·m, and the place."""
-        for i, drive, _ in motorised(robot.joints):
+        for i, drive, _ in motorised_joints(robot.joints):
             sign = float(np.sign(qd[i]))
             if sign:
                 efforts = load[0, i] + np.linspace(-reach[i], reach[i], PATH_SAMPLES)
@@ -227,7 +227,7 @@ def check_motor_heat(phases: Sequence[Phase]) -> Reason | None:
 
     def needs() -> Iterator[tuple[int, float, None]]:
         """Yield the index of each joint, a lower bound on its RMS torque in N·m, and no place."""
-        for i, drive, _ in motorised(robot.joints):
+        for i, drive, _ in motorised_joints(robot.joints):
             means = [
                 motion.least_mean_torque(i, drive) if motion else 0.0 for motion in slow_motions
             ]
@@ -305,7 +305,7 @@ class _SlowMotion:
         signs = np.unique(self.signs[:, i])
         if drive.two_nuts or len(signs) != 1 or signs[0] == 0:
             return 0.0
-        friction = friction_of(drive)
+        friction = required_friction(drive)
         inertia, square_term, static_term = (term[:, i] for term in self.load)
         viscous = friction.b_ov * np.abs(self.samples.dq[:, i]) * self.speed_limit
         slope = np.gradient(inertia, self.samples.s)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ssm_planner.planning.ocp.motion import PhaseSolution
 from ssm_planner.planning.phases import Phase
-from ssm_planner.trajectory import hold
+from ssm_planner.trajectory import rest_coefficients
 from ssm_planner.typing import record
 
 
@@ -38,5 +38,5 @@ def planned_rest(phase: Phase) -> PlannedPhase:
         A dwell, or a motion whose target is the present position.
     """
     duration = phase.motion.duration or 0.0
-    motion = (np.array([0.0, duration]), hold(phase.q_start)) if duration else ()
+    motion = (np.array([0.0, duration]), rest_coefficients(phase.q_start)) if duration else ()
     return PlannedPhase(phase, PhaseSolution("solved", "", 0, *motion), duration)

@@ -23,7 +23,7 @@ from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.planning.work import Work
 from ssm_planner.problem import Motion, Problem, Robot, Scan, unchecked_copy
 from ssm_planner.progress import Progress, Step, silent
-from ssm_planner.trajectory import Trajectory, join
+from ssm_planner.trajectory import Trajectory, join_sections
 from ssm_planner.typing import Array, record
 
 
@@ -159,7 +159,7 @@ def plan_phase(planner: PhasePlanner) -> tuple[PlannedPhase | Reason, list[Phase
 
 def join_phases(phases: Sequence[PlannedPhase]) -> Trajectory:
     """Return the trajectory in which the motions of the phases follow each other."""
-    return join(
+    return join_sections(
         [(item.phase.motion.name, item.motion.breaks, item.motion.coefficients) for item in phases]
     )
 

@@ -19,7 +19,7 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics import friction_of
+from ssm_planner.dynamics import required_friction
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Controller, Joint, get_attributes
 from ssm_planner.typing import frozen
@@ -222,7 +222,7 @@ def loop_gains(joint: Joint, controller: Controller, electrics: MotorElectrics) 
         p=inertia * omega**2,
         i=INTEGRAL_GAIN_RATIO * omega * inertia * omega**2,
         d=2.0 * LOOP_DAMPING_RATIO * inertia * omega,
-        ff_velocity=feedforward * friction_of(drive).b_v / electrics.torque_constant,
+        ff_velocity=feedforward * required_friction(drive).b_v / electrics.torque_constant,
         ff_acceleration=feedforward * inertia,
     )
     gains = get_attributes(axis, vars(tuned))

@@ -6,7 +6,7 @@
 import numpy as np
 
 from ssm_planner.codegen import VectorisedFunction
-from ssm_planner.dynamics import drive_with, spread_of
+from ssm_planner.dynamics import drive_with_values, friction_spread
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Robot
 from ssm_planner.progress import Progress, Step, silent
@@ -121,7 +121,7 @@ def draw_frictions(
     for k, joint in enumerate(robot.joints):
         if joint.drive is None:
             continue
-        uncertainty = spread_of(joint.drive, spread)
+        uncertainty = friction_spread(joint.drive, spread)
         if not uncertainty.is_stated:
             notes.append(
                 f"joint {joint.name}: its drive file does not state the uncertainty of its "
@@ -133,7 +133,7 @@ def draw_frictions(
         for name, (low, high) in uncertainty.ranges.items():
             values[name] = rng.uniform(low, high, count)
         simulated = {name: value for name, value in values.items() if name in _SIMULATED_PARAMETERS}
-        friction = drive_with(joint.drive, simulated).friction
+        friction = drive_with_values(joint.drive, simulated).friction
         for i, name in enumerate(FRICTION_PARAMETERS):
             table[:, k, i] = getattr(friction, name)
     return table.reshape(count, -1), tuple(notes)

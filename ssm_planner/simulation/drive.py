@@ -8,9 +8,9 @@ from ssm_planner.codegen import namespace_of
 from ssm_planner.dynamics import (
     breakaway_torque,
     friction_coefficient,
-    friction_of,
     motor_acceleration,
     moving_torque,
+    required_friction,
     static_coefficient,
 )
 from ssm_planner.problem import Drive
@@ -79,7 +79,7 @@ def drive_step(
     True
     """
     xp = namespace_of(w, rest_time, tau, load)
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     speed = w if middle is None else middle
     mu = friction_coefficient(friction, speed)
     mu_slow = xp.minimum(friction_coefficient(friction, 0.0), friction.mu_static)

@@ -19,7 +19,7 @@ from dataclasses import field
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics import RigidBody, friction_of
+from ssm_planner.dynamics import RigidBody, required_friction
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem import Drive, Robot
 from ssm_planner.simulation.drive import drive_step, with_blocked_motor
@@ -349,7 +349,7 @@ class ArmPlant:
         """
         values = np.zeros((4, len(FRICTION_PARAMETERS)))
         for k in self.driven:
-            friction = friction_of(self.drive(k))
+            friction = required_friction(self.drive(k))
             values[k] = [scale * getattr(friction, name) for name in FRICTION_PARAMETERS]
         return values.ravel()
 
@@ -419,7 +419,7 @@ def _with_friction(drive: Drive, values: ca.SX) -> Drive:
     values : (7,)
         Symbols for the parameters in the order of `FRICTION_PARAMETERS`.
     """
-    friction, changed = copy.copy(friction_of(drive)), copy.copy(drive)
+    friction, changed = copy.copy(required_friction(drive)), copy.copy(drive)
     for name, value in zip(FRICTION_PARAMETERS, ca.vertsplit(values), strict=True):
         object.__setattr__(friction, name, value)
     object.__setattr__(changed, "friction", friction)

@@ -1,26 +1,26 @@
 """Names of the sizing that other packages use, by the module that defines them."""
 
-from .assess import MotorVerdict as MotorVerdict, extrapolation as extrapolation
-from .duty import DutyCycle as DutyCycle, pause_of as pause_of
+from .assess import MotorVerdict as MotorVerdict, extrapolation_notes as extrapolation_notes
+from .duty import DutyCycle as DutyCycle, pause_after_motion as pause_after_motion
 from .joint_load import JointLoad as JointLoad, joint_loads as joint_loads
 from .motor_limits import (
     REFERENCE_TEMPERATURE as REFERENCE_TEMPERATURE,
     Conditions as Conditions,
     available_torque as available_torque,
     continuous_torque as continuous_torque,
-    missing as missing,
+    missing_data as missing_data,
 )
 from .requirements import (
-    PARTS as PARTS,
+    TORQUE_COMPONENTS as TORQUE_COMPONENTS,
     MotorRequirement as MotorRequirement,
     motor_requirements as motor_requirements,
     torque_split as torque_split,
 )
 from .selection import (
-    MARGINS as MARGINS,
+    MARGIN_CHECKS as MARGIN_CHECKS,
     RANKS as RANKS,
     JointSelection as JointSelection,
-    select as select,
+    select_motors as select_motors,
     select_joint as select_joint,
 )
 from .size import (
@@ -33,7 +33,7 @@ from .size import (
 )
 from .tip_error import TipError as TipError, tip_error as tip_error
 from .thermal_network import (
-    FIGURES as FIGURES,
+    THERMAL_DATA as THERMAL_DATA,
     Cycle as Cycle,
     ThermalModel as ThermalModel,
     steady_state as steady_state,

@@ -9,43 +9,43 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import friction_of, spread_of
+from ssm_planner.dynamics import friction_spread, required_friction
 from ssm_planner.problem import Drive, Motor
 from ssm_planner.sizing.checks import (
-    TOLERANCE,
-    Case,
+    MARGIN_TOLERANCE,
     Check,
-    all_of,
-    band_of,
-    below,
-    binding,
+    JointCase,
+    combine_answers,
+    demand_band,
     drive_checks,
-    unchecked,
+    open_check,
+    tightest_check,
+    upper_limit_check,
 )
 from ssm_planner.sizing.demand import (
     Band,
     DemandName,
     Demands,
 )
-from ssm_planner.sizing.heat_check import Heat, heat_of
+from ssm_planner.sizing.heat_check import Heat, compute_heat
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
-    ELECTRICAL,
-    MAGNET,
+    ELECTRICAL_DATA,
+    MAGNET_COEFFICIENT,
     Conditions,
+    available_voltage,
     continuous_torque,
-    missing,
+    missing_data,
     no_load_torque,
-    operating_shares,
+    operating_region_shares,
     rotor_range,
-    supply,
     torque_constant,
 )
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
-from ssm_planner.sizing.thermal_network import FIGURES
+from ssm_planner.sizing.thermal_network import THERMAL_DATA
 from ssm_planner.typing import JsonObject, Range, record
 
-CONFIDENCE = "confidence"
+CONFIDENCE_CHECK = "confidence"
 
 
 @record
@@ -91,19 +91,19 @@ class MotorVerdict:
         confidence that `Conditions` states.
         """
         is_stated = None if self.motor.placeholder or self.load.drive.placeholders else True
-        return all_of([is_stated, *(check.passed for check in (*self.checks, *self.gear))])
+        return combine_answers([is_stated, *(check.passed for check in (*self.checks, *self.gear))])
 
     @property
     def binds(self) -> str | None:
         """Name of the check with the smallest margin among the checks of the motor and its gear."""
-        tightest = binding(
-            check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE
+        tightest = tightest_check(
+            check for check in (*self.checks, *self.gear) if check.name != CONFIDENCE_CHECK
         )
         failed = [
             check.name for check in self.checks if check.margin is not None and not check.passed
         ]
-        if failed == [CONFIDENCE]:
-            return CONFIDENCE
+        if failed == [CONFIDENCE_CHECK]:
+            return CONFIDENCE_CHECK
         return None if tightest is None else tightest.name
 
     def to_dict(self) -> JsonObject:
@@ -116,7 +116,9 @@ class MotorVerdict:
             "adequate": self.adequate,
             "binds": self.binds,
             "probability": self.probability,
-            "margins": {check.name: check.margin for check in checks if check.name != CONFIDENCE},
+            "margins": {
+                check.name: check.margin for check in checks if check.name != CONFIDENCE_CHECK
+            },
             "not_checked": {check.name: check.needs for check in checks if check.passed is None},
             "checks": [check.to_dict() for check in checks],
             "heat": None if self.heat is None else self.heat.to_dict(),
@@ -145,27 +147,27 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
     least, largest = load.motor_friction
     if least < largest:
         needs += (f"no_load_current of {original.name if original else 'the original motor'}",)
-    spread = replace(spread_of(load.drive, conditions.spread), inertia=inertia, rotors=needs)
-    case = Case(load, band_of(load, spread, conditions), spread, conditions)
+    spread = replace(friction_spread(load.drive, conditions.spread), inertia=inertia, rotors=needs)
+    case = JointCase(load, demand_band(load, spread, conditions), spread, conditions)
     share = math.sqrt(load.duration / (load.duration + conditions.pause))
-    heat = heat_of(
+    heat = compute_heat(
         load, motor, conditions, share * case.band.high("rms_torque", conditions.confidence)
     )
-    limits = limits_of(motor, conditions, share, heat)
+    limits = motor_limits(motor, conditions, share, heat)
     checks = [
         case.below(name, demand, limit, unit, needs=needs, factor=factor)
         for name, (demand, factor, limit, unit, needs) in limits.items()
     ]
-    checks.insert(1, below("speed", load.peak_speed, motor.max_speed, "rad/s"))
-    confidence = _confidence(case, limits)
+    checks.insert(1, upper_limit_check("speed", load.peak_speed, motor.max_speed, "rad/s"))
+    confidence = _confidence_check(case, limits)
     requirement = motor_requirement(load)
-    notes = tuple(_notes(load, motor, conditions))
+    notes = tuple(_assumption_notes(load, motor, conditions))
     if largest > 0:
         notes += (
             f"joint {load.joint}: friction of {motor.name} by its no-load current: up to "
             f"{1e3 * largest:.3g} mN·m in addition to the friction of the drive",
         )
-    elif no_load_torque(motor) is None and not _is_own(original, motor):
+    elif no_load_torque(motor) is None and not _is_original_motor(original, motor):
         notes += (
             f"joint {load.joint}: no_load_current of {motor.name} not stated: its friction is "
             "assumed to be that of the original motor",
@@ -185,7 +187,7 @@ def assess(load: JointLoad, motor: Motor, conditions: Conditions) -> MotorVerdic
         gear=drive_checks(case),
         probability=confidence.worst,
         heat=heat,
-        regions=operating_shares(
+        regions=operating_region_shares(
             motor, conditions, requirement.speed, requirement.torque, load.weight
         ),
         notes=notes,
@@ -210,14 +212,13 @@ def with_motor(load: JointLoad, motor: Motor) -> tuple[JointLoad, Range | None, 
     low, high = shaft_inertia(load, motor)
     original = load.motor
     friction = motor_friction(load, motor)
-    if _is_own(original, motor):
+    if _is_original_motor(original, motor):
         return replace(load, motor=motor), None, ()
-    missing_from = [
-        candidate
+    rotors = [
+        f"rotor_inertia of {candidate.name}"
         for candidate in (original, motor)
         if candidate is not None and candidate.rotor_inertia is None
     ]
-    rotors = [f"rotor_inertia of {candidate.name}" for candidate in missing_from]
     if load.shaft is None and original is None:
         rotors.insert(0, "the motor whose rotor input_inertia includes")
     elif load.shaft is not None and load.shaft[0] < load.shaft[1]:
@@ -241,11 +242,11 @@ def motor_friction(load: JointLoad, motor: Motor) -> Range:
     original = load.motor
     if load.shaft is not None:
         drive = load.drive
-        input_friction = friction_of(drive).b_c / math.prod(
+        input_friction = required_friction(drive).b_c / math.prod(
             x.forwards for x in drive.stages.values()
         )
         return (0.0, input_friction) if torque is None else (torque, torque)
-    if torque is None or _is_own(original, motor):
+    if torque is None or _is_original_motor(original, motor):
         return 0.0, 0.0
     included = no_load_torque(original)
     if included is None:
@@ -257,7 +258,7 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
     """Return the smallest and largest possible inertia (kg·m²) on the shaft with this motor."""
     original = load.motor
     inertia = load.drive.input_inertia
-    if _is_own(original, motor):
+    if _is_original_motor(original, motor):
         return inertia, inertia
     old = (0.0, inertia) if original is None else rotor_range(original)
     low, high = load.shaft or (max(inertia - old[1], 0.0), max(inertia - old[0], 0.0))
@@ -265,19 +266,19 @@ def shaft_inertia(load: JointLoad, motor: Motor) -> Range:
     return low + new[0], high + new[1]
 
 
-def _is_own(original: Motor | None, motor: Motor) -> bool:
+def _is_original_motor(original: Motor | None, motor: Motor) -> bool:
     """Return True if a motor is the original one, so that rotor and friction do not change."""
     figures = motor.name, motor.rotor_inertia
     return original is not None and (original.name, original.rotor_inertia) == figures
 
 
-Limit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
+DemandLimit = tuple[DemandName, float, float | None, str, tuple[str, ...]]
 """Demand, factor on it, upper limit (None if not known), unit, and names of missing data."""
 
 
-def limits_of(
+def motor_limits(
     motor: Motor, conditions: Conditions, share: float, heat: Heat | None
-) -> dict[str, Limit]:
+) -> dict[str, DemandLimit]:
     """Return the limits of a motor by name of the check.
 
     Parameters
@@ -289,10 +290,10 @@ def limits_of(
     heat
         Thermal steady state, or None if the motor file lacks thermal data.
     """
-    torque, torque_needs = _peak_limit(motor, conditions)
+    torque, torque_needs = _peak_torque_limit(motor, conditions)
     continuous = continuous_torque(motor, conditions.ambient)
-    voltage_needs = missing(motor, *ELECTRICAL)
-    voltage = supply(motor, conditions)
+    voltage_needs = missing_data(motor, *ELECTRICAL_DATA)
+    voltage = available_voltage(motor, conditions)
     if voltage is None:
         voltage_needs = (*voltage_needs, "nominal_voltage or a supply voltage")
     return {
@@ -304,26 +305,28 @@ def limits_of(
             share,
             None if heat is None else heat.capacity,
             "N·m",
-            missing(motor, *FIGURES),
+            missing_data(motor, *THERMAL_DATA),
         ),
     }
 
 
-def _peak_limit(motor: Motor, conditions: Conditions) -> tuple[float | None, tuple[str, ...]]:
+def _peak_torque_limit(
+    motor: Motor, conditions: Conditions
+) -> tuple[float | None, tuple[str, ...]]:
     """Return the largest torque (N·m) of motor and controller, and the names of missing data.
 
     The magnets are assumed to be at the largest winding temperature, because heat weakens them.
     """
     if conditions.current_limit is None:
         return motor.max_torque, ()
-    needs = missing(motor, "torque_constant", "max_winding_temperature")
+    needs = missing_data(motor, "torque_constant", "max_winding_temperature")
     if needs or motor.max_winding_temperature is None:
         return None, needs
     hot = torque_constant(motor, motor.max_winding_temperature)
     return min(motor.max_torque, hot * conditions.current_limit), ()
 
 
-def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
+def _confidence_check(case: JointCase, limits: dict[str, DemandLimit]) -> Check:
     """Check that the motor keeps all its limits at once with the required confidence.
 
     The probability of this is the value `worst` of the result. If a limit is missing, the stated
@@ -334,18 +337,17 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
         name for _, _, limit, _, names in limits.values() if limit is None for name in names
     )
     if not case.spread.is_stated:
-        return unchecked(
-            CONFIDENCE,
+        return open_check(
+            CONFIDENCE_CHECK,
             "posterior, covariance or friction_ranges in the drive file, "
             "or a stated spread of the friction",
         )
-    probability, at_best = (
-        _joint_probability(demands, limits) for demands in (case.band.worst, case.band.best)
-    )
+    probability = _joint_probability(case.band.worst, limits)
+    best_probability = _joint_probability(case.band.best, limits)
     margin = (probability - required) / required
-    optimistic = (at_best - (1 - required)) / required
+    optimistic = (best_probability - (1 - required)) / required
     check = Check(
-        CONFIDENCE,
+        CONFIDENCE_CHECK,
         margin,
         worst=probability,
         limit=required,
@@ -353,28 +355,28 @@ def _confidence(case: Case, limits: dict[str, Limit]) -> Check:
         best_margin=max(margin, optimistic),
     )
     if missing_names and check.passed is not False:
-        return unchecked(CONFIDENCE, *missing_names)
+        return open_check(CONFIDENCE_CHECK, *missing_names)
     if check.passed is not None:
         return check
     return replace(check, needs="data that decide the open limits")
 
 
-def _joint_probability(demands: Demands, limits: dict[str, Limit]) -> float:
+def _joint_probability(demands: Demands, limits: dict[str, DemandLimit]) -> float:
     """Return the share of the draws in which every limit with a value is kept."""
     is_satisfied = [
-        factor * getattr(demands, name) <= limit * (1 + TOLERANCE)
+        factor * getattr(demands, name) <= limit * (1 + MARGIN_TOLERANCE)
         for name, factor, limit, _, _ in limits.values()
         if limit is not None
     ]
     return float(np.mean(np.all(np.broadcast_arrays(*is_satisfied), axis=0)))
 
 
-def extrapolation(joint: str, drive: Drive, peak_speed: float) -> list[str]:
+def extrapolation_notes(joint: str, drive: Drive, peak_speed: float) -> list[str]:
     """Return a remark if friction is used beyond the speeds at which it was identified.
 
     `peak_speed` is the largest speed of the motor, rad/s.
     """
-    identified_speed = friction_of(drive).identified_speed
+    identified_speed = required_friction(drive).identified_speed
     if identified_speed is None:
         reason = "the drive file does not say up to which speed friction was identified"
     elif peak_speed <= identified_speed:
@@ -387,14 +389,16 @@ def extrapolation(joint: str, drive: Drive, peak_speed: float) -> list[str]:
     return [f"joint {joint}: {reason}"]
 
 
-def _notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
+def _assumption_notes(load: JointLoad, motor: Motor, conditions: Conditions) -> list[str]:
     """Return remarks on assumptions and on extrapolated friction."""
     notes = []
     if motor.placeholder:
         notes.append(f"motor {motor.name}: placeholder figures ({', '.join(motor.placeholders)})")
-    notes += extrapolation(load.joint, load.drive, load.peak_speed)
+    notes += extrapolation_notes(load.joint, load.drive, load.peak_speed)
     if motor.torque_constant is not None and motor.torque_constant_per_kelvin is None:
-        notes.append(f"assumed: the torque constant falls by {-100 * MAGNET:g} % per kelvin")
+        notes.append(
+            f"assumed: the torque constant falls by {-100 * MAGNET_COEFFICIENT:g} % per kelvin"
+        )
     if conditions.supply_voltage is None and motor.nominal_voltage is not None:
         notes.append("assumed: the controller's supply gives the motor's nominal voltage")
     if conditions.current_limit is None:

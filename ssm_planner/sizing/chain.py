@@ -9,7 +9,7 @@ friction is overestimated.
 
 from dataclasses import replace
 
-from ssm_planner.dynamics import friction_of
+from ssm_planner.dynamics import required_friction
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading import CatalogueEntry
 from ssm_planner.problem import Drive, Gearhead
@@ -19,7 +19,7 @@ from ssm_planner.typing import record
 
 
 @record
-class Chain:
+class DriveChain:
     """A drive of a catalogue, with or without a gearhead of a catalogue."""
 
     gear: CatalogueEntry[Drive]
@@ -50,7 +50,7 @@ def with_gearhead(load: JointLoad, gearhead: Gearhead) -> JointLoad:
     its friction is not stated as ranges.
     """
     drive = load.drive
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     if drive.gearhead is not None or friction.posterior is not None or friction.covariance:
         raise ProblemError(
             "a catalogue of gearheads needs a drive without gearhead, covariance and posterior",

@@ -11,7 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ssm_planner.dynamics import FrictionSpread, friction_of, self_locking_margin, spread_of
+from ssm_planner.dynamics import (
+    FrictionSpread,
+    friction_spread,
+    required_friction,
+    self_locking_margin,
+)
 from ssm_planner.problem import Drive, Ratings, ScrewEnds, get_attributes
 from ssm_planner.problem import unchecked_copy as changed
 from ssm_planner.sizing.demand import Band, DemandName, linear_band, monte_carlo
@@ -20,7 +25,7 @@ from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.typing import Array, JsonObject, frozen, record
 from ssm_planner.units import RPM
 
-TOLERANCE = 1e-9
+MARGIN_TOLERANCE = 1e-9
 
 
 @frozen
@@ -61,7 +66,9 @@ class Check:
         if self.margin is None:
             return None
         optimistic = self.margin if self.best_margin is None else self.best_margin
-        return True if self.margin >= -TOLERANCE else False if optimistic < -TOLERANCE else None
+        if self.margin >= -MARGIN_TOLERANCE:
+            return True
+        return False if optimistic < -MARGIN_TOLERANCE else None
 
     def to_dict(self) -> JsonObject:
         """Return the check as JSON types in SI units."""
@@ -74,23 +81,25 @@ class Check:
         }
 
 
-def unchecked(name: str, *needs: str) -> Check:
+def open_check(name: str, *needs: str) -> Check:
     """Build a check that cannot be evaluated because the named data are missing."""
     return Check(name, needs=" and ".join(needs))
 
 
-def below(name: str, value: float, limit: float | None, unit: str, needs: str = "") -> Check:
+def upper_limit_check(
+    name: str, value: float, limit: float | None, unit: str, needs: str = ""
+) -> Check:
     """Build a check of an upper limit on a quantity that does not depend on friction.
 
     Without a limit, the check is open, and `needs` names the missing figure.
     """
     if limit is None:
-        return unchecked(name, needs)
-    margin = float(margin_of(value, limit))
+        return open_check(name, needs)
+    margin = float(relative_margin(value, limit))
     return Check(name, margin, value, limit, unit, nominal=value, probability=1.0)
 
 
-def margin_of(demand: Array | float, limit: Array | float) -> Array:
+def relative_margin(demand: Array | float, limit: Array | float) -> Array:
     """Return (limit − demand)/limit for numbers or arrays (m,).
 
     A limit of 0 permits nothing, so its margin is −1.
@@ -100,7 +109,7 @@ def margin_of(demand: Array | float, limit: Array | float) -> Array:
 
 
 @record
-class Case:
+class JointCase:
     """The data from which the checks of one joint are computed."""
 
     load: JointLoad
@@ -109,7 +118,7 @@ class Case:
     conditions: Conditions
 
     @cached_property
-    def shaft(self) -> "Case":
+    def shaft(self) -> "JointCase":
         """Case of the drive without inertia and without the added friction of a motor.
 
         Its torque passes through the gear stages.
@@ -147,7 +156,7 @@ class Case:
             Factor on the demand.
         """
         if limit is None:
-            return unchecked(name, *needs)
+            return open_check(name, *needs)
         band = self.band
         confidence = self.conditions.confidence
         demand_high = factor * band.high(demand, confidence)
@@ -157,13 +166,13 @@ class Case:
         samples = factor * getattr(band.worst, demand)
         check = Check(
             name,
-            float(margin_of(demand_high, limit)),
+            float(relative_margin(demand_high, limit)),
             worst=demand_high,
             limit=limit,
             unit=unit,
             nominal=nominal,
             probability=float(np.mean(samples <= limit)) if band.known else None,
-            best_margin=float(margin_of(factor * band.low(demand, confidence), limit)),
+            best_margin=float(relative_margin(factor * band.low(demand, confidence), limit)),
         )
         if check.passed is not None:
             return check
@@ -200,14 +209,14 @@ class Case:
         return f"recordings {speed} that multiply the spread by {share:.2g}"
 
 
-def gear_case(load: JointLoad, conditions: Conditions) -> Case:
+def gear_case(load: JointLoad, conditions: Conditions) -> JointCase:
     """Return the case of the gear of a joint, which does not depend on its motor."""
-    spread = spread_of(load.drive, conditions.spread)
-    band = band_of(replace(load, motor=None), spread, conditions)
-    return Case(load, band, spread, conditions)
+    spread = friction_spread(load.drive, conditions.spread)
+    band = demand_band(replace(load, motor=None), spread, conditions)
+    return JointCase(load, band, spread, conditions)
 
 
-def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
+def demand_band(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> Band:
     """Compute the range of the demands.
 
     The computation is a Monte Carlo simulation if the conditions request draws. Otherwise, it is
@@ -218,7 +227,7 @@ def band_of(load: JointLoad, spread: FrictionSpread, conditions: Conditions) -> 
     return linear_band(load, spread)
 
 
-def binding(checks: Iterable[Check]) -> Check | None:
+def tightest_check(checks: Iterable[Check]) -> Check | None:
     """Return the check with the smallest margin. Failed checks precede all others.
 
     The result is None if no check has a margin.
@@ -229,7 +238,7 @@ def binding(checks: Iterable[Check]) -> Check | None:
     return None
 
 
-def all_of(answers: Iterable[bool | None]) -> bool | None:
+def combine_answers(answers: Iterable[bool | None]) -> bool | None:
     """Combine answers: False if one is False, otherwise None if one is None, otherwise True."""
     answers = list(answers)
     if any(answer is False for answer in answers):
@@ -237,25 +246,25 @@ def all_of(answers: Iterable[bool | None]) -> bool | None:
     return None if any(answer is None for answer in answers) else True
 
 
-YOUNG = 193e9
+YOUNG_MODULUS = 193e9
 """Young's modulus of stainless steel, Pa.
 
 Of the usual screw materials, stainless steel has the lowest critical speed and buckling load.
 """
-DENSITY = 8000.0
+STEEL_DENSITY = 8000.0
 """Density of stainless steel, kg/m³."""
-OF_CRITICAL_SPEED = 0.8
+CRITICAL_SPEED_FRACTION = 0.8
 """Largest permitted speed of a screw as a share of its critical speed."""
-OF_BUCKLING_LOAD = 0.5
+BUCKLING_LOAD_FRACTION = 0.5
 """Largest permitted load of a screw as a share of Euler's buckling load."""
-BENDING: dict[ScrewEnds, float] = {
+BENDING_ROOTS: dict[ScrewEnds, float] = {
     "fixed-free": 1.8751040687,
     "supported-supported": math.pi,
     "fixed-supported": 3.9266023120,
     "fixed-fixed": 4.7300407449,
 }
 """First root βL of the beam's frequency equation, by the support of its ends."""
-COLUMN: dict[ScrewEnds, float] = {
+EFFECTIVE_LENGTH_FACTORS: dict[ScrewEnds, float] = {
     "fixed-free": 2.0,
     "supported-supported": 1.0,
     "fixed-supported": 0.6991556597,
@@ -264,7 +273,7 @@ COLUMN: dict[ScrewEnds, float] = {
 """Effective length divided by free length of a column (Euler), by the support of its ends."""
 
 
-def gear_checks(case: Case) -> tuple[Check, ...]:
+def gear_checks(case: JointCase) -> tuple[Check, ...]:
     """Run every check of a joint's gear or screw. A check that lacks data names them in `needs`."""
     load = case.load
     drive = load.drive
@@ -277,23 +286,23 @@ def gear_checks(case: Case) -> tuple[Check, ...]:
     )
     speed = load.peak_speed / drive.stage_ratio
     checks = [
-        below("gear_speed", speed, ratings.input_speed, "rad/s", "ratings.input_speed"),
+        upper_limit_check("gear_speed", speed, ratings.input_speed, "rad/s", "ratings.input_speed"),
         *(
             case.below(
                 f"gear_{key}", demand, getattr(ratings, key), unit, needs=(f"ratings.{key}",)
             )
             for demand, key in outputs
         ),
-        below("gear_duty", share, ratings.duty, "", "ratings.duty"),
+        upper_limit_check("gear_duty", share, ratings.duty, "", "ratings.duty"),
     ]
     if drive.self_locking:
-        checks.append(_locking(case))
+        checks.append(_self_locking_check(case))
     if drive.transmission.rotating_screw:
-        checks += _screw(case, ratings)
+        checks += _screw_checks(case, ratings)
     return tuple(checks)
 
 
-def drive_checks(case: Case, drive: Drive | None = None) -> tuple[Check, ...]:
+def drive_checks(case: JointCase, drive: Drive | None = None) -> tuple[Check, ...]:
     """Run the checks of a drive and of its gear stages.
 
     The gear stages are those of `drive`. The default is the drive of the case.
@@ -303,7 +312,7 @@ def drive_checks(case: Case, drive: Drive | None = None) -> tuple[Check, ...]:
     return (*gear_checks(case), *stages)
 
 
-def stage_checks(case: Case, drive: Drive) -> Iterator[Check]:
+def stage_checks(case: JointCase, drive: Drive) -> Iterator[Check]:
     """Check speed and output torque of every gear stage between motor and drive.
 
     The output torque follows from the torque of the motor by the efficiency of the stages. If the
@@ -319,7 +328,7 @@ def stage_checks(case: Case, drive: Drive) -> Iterator[Check]:
         the gearhead.
     """
     load = case.load
-    locks = locks_certainly(case)
+    locks = is_certainly_self_locking(case)
     speed = load.peak_speed * drive.ratio / load.drive.ratio
     factor = 1.0
     in_motion = 1.0 / math.sqrt(max(load.moving_share, 1e-300))
@@ -327,7 +336,7 @@ def stage_checks(case: Case, drive: Drive) -> Iterator[Check]:
         ratings = stage.ratings or Ratings()
         if name in load.drive.stages:
             factor /= stage.forwards if locks else stage.backwards
-        yield below(
+        yield upper_limit_check(
             f"{name}_speed", speed, ratings.input_speed, "rad/s", f"{name}.ratings.input_speed"
         )
         outputs: tuple[tuple[DemandName, str, float], ...] = (
@@ -341,7 +350,7 @@ def stage_checks(case: Case, drive: Drive) -> Iterator[Check]:
         speed /= stage.ratio
 
 
-def locks_certainly(case: Case) -> bool:
+def is_certainly_self_locking(case: JointCase) -> bool:
     """Return whether the mesh of a drive is self-locking at its lowest plausible friction."""
     drive = case.load.drive
     lowest, _ = case.spread.mu_ends(drive, case.conditions.confidence)
@@ -353,15 +362,19 @@ def critical_speed(length: float, diameter: float, ends: ScrewEnds) -> float:
 
     Length and diameter are in m. The speed is (βL)²/L²·√(EI/(ρA)) with √(I/A) = d/4.
     """
-    return (BENDING[ends] / length) ** 2 * diameter / 4 * math.sqrt(YOUNG / DENSITY)
+    wave_number = BENDING_ROOTS[ends] / length
+    sound_speed = math.sqrt(YOUNG_MODULUS / STEEL_DENSITY)
+    return wave_number**2 * diameter / 4 * sound_speed
 
 
 def buckling_load(length: float, diameter: float, ends: ScrewEnds) -> float:
     """Return Euler's buckling load π²EI/(KL)² (N) of a slender round steel screw (lengths in m)."""
-    return math.pi**2 * YOUNG * (math.pi * diameter**4 / 64) / (COLUMN[ends] * length) ** 2
+    area_moment = math.pi * diameter**4 / 64
+    effective_length = EFFECTIVE_LENGTH_FACTORS[ends] * length
+    return math.pi**2 * YOUNG_MODULUS * area_moment / effective_length**2
 
 
-def _locking(case: Case) -> Check:
+def _self_locking_check(case: JointCase) -> Check:
     """Check the condition of self-locking, μ > cos θ_n·tan λ, at the lowest plausible friction.
 
     If the lowest friction is unknown, the check contains only the nominal μ and names the data
@@ -370,13 +383,14 @@ def _locking(case: Case) -> Check:
     drive = case.load.drive
     spread = case.spread
     confidence = case.conditions.confidence
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     lowest, highest = spread.mu_ends(drive, confidence)
     limit = -float(self_locking_margin(drive, 0.0)[0])
     check = Check("self_locking", limit=limit, unit="μ", nominal=friction.mu)
     if friction.mu_lowest is None and "mu" not in spread.ranges and "mu" not in spread.names:
         return replace(check, needs="friction.mu_lowest, or a range or covariance of mu")
-    low, high = ((mu - limit) / limit for mu in (lowest, highest))
+    low = (lowest - limit) / limit
+    high = (highest - limit) / limit
     check = replace(check, margin=low, best_margin=high, worst=lowest)
     if "mu" in spread.names:
         check = replace(check, probability=float(np.mean(spread.draws("mu") > limit)))
@@ -391,7 +405,7 @@ def _locking(case: Case) -> Check:
     return replace(check, needs=needs)
 
 
-def _screw(case: Case, ratings: Ratings) -> list[Check]:
+def _screw_checks(case: JointCase, ratings: Ratings) -> list[Check]:
     """Check the whirling speed and the buckling load of a screw."""
     length = ratings.free_length
     diameter = ratings.root_diameter
@@ -404,9 +418,9 @@ def _screw(case: Case, ratings: Ratings) -> list[Check]:
     speed = case.load.peak_speed / case.load.drive.stage_ratio
     whirl = column = None
     if length is not None and diameter is not None and ends is not None:
-        whirl = OF_CRITICAL_SPEED * critical_speed(length, diameter, ends)
-        column = OF_BUCKLING_LOAD * buckling_load(length, diameter, ends)
+        whirl = CRITICAL_SPEED_FRACTION * critical_speed(length, diameter, ends)
+        column = BUCKLING_LOAD_FRACTION * buckling_load(length, diameter, ends)
     return [
-        below("critical_speed", speed, whirl, "rad/s", " and ".join(needs)),
+        upper_limit_check("critical_speed", speed, whirl, "rad/s", " and ".join(needs)),
         case.below("buckling", "peak_effort", column, "N", needs=needs),
     ]

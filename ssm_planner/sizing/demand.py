@@ -8,7 +8,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
-from ssm_planner.dynamics import LINEAR_DRAWS, SEED, FrictionSpread, drive_with, friction_of
+from ssm_planner.dynamics import (
+    LINEARISED_DRAWS,
+    RANDOM_SEED,
+    FrictionSpread,
+    drive_with_values,
+    required_friction,
+)
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import voltage_factors
 from ssm_planner.typing import Array, record
@@ -16,13 +22,13 @@ from ssm_planner.typing import Array, record
 DemandName = Literal[
     "peak_torque", "rms_torque", "peak_voltage", "peak_effort", "continuous_effort"
 ]
-DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
-SHARE = 500
+DEMAND_NAMES: tuple[DemandName, ...] = get_args(DemandName)
+MONTE_CARLO_INSTANTS = 500
 """Number of evenly spaced instants in a Monte Carlo simulation.
 
 Instants at which the torque jumps or peaks are added.
 """
-BLOCK = 120_000
+TORQUES_PER_BLOCK = 120_000
 """Number of torques that are evaluated at once. Smaller arrays fit into the processor's cache."""
 
 
@@ -48,13 +54,16 @@ class Demands:
     """Root mean cube of |F| over the time in motion. Wear grows with the cube of the load."""
 
     def array(self) -> Array:
-        """Return the demands as a table (draws, 5) in the order of `DEMANDS`."""
-        return np.stack([np.atleast_1d(getattr(self, name)) for name in DEMANDS], axis=1)
+        """Return the demands as a table (draws, 5) in the order of `DEMAND_NAMES`."""
+        return np.stack([np.atleast_1d(getattr(self, name)) for name in DEMAND_NAMES], axis=1)
 
     @classmethod
     def from_table(cls, table: Array) -> "Demands":
-        """Build the demands from a table (draws, 5) whose columns have the order of `DEMANDS`."""
-        return cls(*(table[:, i] for i in range(len(DEMANDS))))
+        """Build the demands from a table (draws, 5).
+
+        The columns have the order of `DEMAND_NAMES`.
+        """
+        return cls(*(table[:, i] for i in range(len(DEMAND_NAMES))))
 
     of = Renamed("from_table")
 
@@ -100,7 +109,7 @@ class Band:
     at = Renamed("nominal_value")
 
 
-def demands(load: JointLoad) -> Demands:
+def compute_demands(load: JointLoad) -> Demands:
     """Compute the demands of one motion on the drive and the motor of a joint.
 
     If friction parameters of the drive are columns (draws, 1), all draws are evaluated at once.
@@ -112,7 +121,7 @@ def demands(load: JointLoad) -> Demands:
     return Demands(
         peak_torque=np.maximum(torque.max(axis=1), -torque.min(axis=1)),
         rms_torque=load.rms(torque),
-        peak_voltage=_voltage(torque, load),
+        peak_voltage=_peak_voltage(torque, load),
         peak_effort=np.broadcast_to(effort.max(axis=1), (len(torque),)),
         continuous_effort=np.broadcast_to(
             np.cbrt((effort * effort * effort) @ in_motion / share), (len(torque),)
@@ -120,7 +129,7 @@ def demands(load: JointLoad) -> Demands:
     )
 
 
-def _voltage(torque: Array, load: JointLoad) -> Array:
+def _peak_voltage(torque: Array, load: JointLoad) -> Array:
     """Return the largest voltage (draws,) that the cold or the hot motor needs, V."""
     speed = load.speed()
     volts = [
@@ -139,29 +148,29 @@ def linear_band(load: JointLoad, spread: FrictionSpread) -> Band:
     """
     if spread.posterior is not None:
         return monte_carlo(load, spread, len(spread.posterior.draws))
-    nominal = demands(load)
-    corners = _at_corners(load, spread)
-    shifts = spread.deviations(LINEAR_DRAWS) @ _secants(load, spread)
+    nominal = compute_demands(load)
+    corners = _corner_demands(load, spread)
+    shifts = spread.deviations(LINEARISED_DRAWS) @ _secant_slopes(load, spread)
     highest = np.maximum(corners.max(axis=0) + shifts, 0.0)
     lowest = corners.min(axis=0) + shifts
     return Band(
-        nominal, Demands.from_table(highest), _lowest(lowest, load, spread), spread.is_stated
+        nominal, Demands.from_table(highest), _lower_bound(lowest, load, spread), spread.is_stated
     )
 
 
 def _load_with(load: JointLoad, values: Mapping[str, Any]) -> JointLoad:
-    """Return the load with other friction parameters of the drive, see `drive_with`."""
-    return replace(load, drive=drive_with(load.drive, values))
+    """Return the load with other friction parameters of the drive, see `drive_with_values`."""
+    return replace(load, drive=drive_with_values(load.drive, values))
 
 
-def _at_corners(load: JointLoad, spread: FrictionSpread) -> Array:
+def _corner_demands(load: JointLoad, spread: FrictionSpread) -> Array:
     """Return the demands (corners, 5) at every corner of the stated ranges."""
     return np.concatenate(
-        [demands(_load_with(load, corner)).array() for corner in spread.corners()]
+        [compute_demands(_load_with(load, corner)).array() for corner in spread.corners()]
     )
 
 
-def _lowest(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
+def _lower_bound(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
     """Reduce the demands (draws, 5) of the best corner to a lower bound for all possible motors.
 
     Peak and RMS torque are convex in the inertia J. Between the ends J₁ and J₂ of its range, they
@@ -171,14 +180,16 @@ def _lowest(lowest: Array, load: JointLoad, spread: FrictionSpread) -> Demands:
     low, high = spread.inertia or (0.0, 0.0)
     wd = np.abs(load.acceleration())
     width = load.motor_friction[1] - load.motor_friction[0]
-    peak, rms = ((high - low) / 2 * float(value) + width for value in (wd.max(), load.rms(wd)))
+    half_range = (high - low) / 2
+    peak = half_range * float(wd.max()) + width
+    rms = half_range * float(load.rms(wd)) + width
     volts = peak * voltage_factors(load.motor)[1, 0]
     return Demands.from_table(np.maximum(lowest - [peak, rms, volts, 0.0, 0.0], 0.0))
 
 
-def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
+def _secant_slopes(load: JointLoad, spread: FrictionSpread) -> Array:
     """Return the slopes of the demands over the uncertain parameters, (parameters, 5)."""
-    slopes = np.zeros((len(spread.names), len(DEMANDS)))
+    slopes = np.zeros((len(spread.names), len(DEMAND_NAMES)))
     for i, (name, mean, sigma) in enumerate(
         zip(spread.names, spread.mean, spread.sigma, strict=True)
     ):
@@ -186,7 +197,8 @@ def _secants(load: JointLoad, spread: FrictionSpread) -> Array:
             continue
         low = max(mean - sigma, 0.0)
         values_above, values_below = (
-            demands(_load_with(load, {name: value})).array()[0] for value in (mean + sigma, low)
+            compute_demands(_load_with(load, {name: value})).array()[0]
+            for value in (mean + sigma, low)
         )
         slopes[i] = (values_above - values_below) / (mean + sigma - low)
     return slopes
@@ -199,26 +211,24 @@ def monte_carlo(load: JointLoad, spread: FrictionSpread, count: int) -> Band:
     """
     if not spread.names:
         return linear_band(load, spread)
-    nominal = demands(load)
-    at_corners = _at_corners(load, spread)
+    nominal = compute_demands(load)
+    at_corners = _corner_demands(load, spread)
     corners = spread.corners()
-    few = thinned(load)
+    few = select_instants(load)
     deviations = spread.deviations(count)
-    ends = [
-        {int(extreme(np.nan_to_num(column))) for column in at_corners.T}
-        for extreme in (np.argmax, np.argmin)
-    ]
+    finite_demands = np.nan_to_num(at_corners)
+    highest_corners = set(finite_demands.argmax(axis=0).tolist())
+    lowest_corners = set(finite_demands.argmin(axis=0).tolist())
     tables = {
-        i: _drawn_demands(few, spread, deviations, corners[i]) for i in sorted(ends[0] | ends[1])
+        i: _drawn_demands(few, spread, deviations, corners[i])
+        for i in highest_corners | lowest_corners
     }
-    high, low = (
-        reduce(take, (tables[i] for i in indices))
-        for take, indices in zip((np.maximum, np.minimum), ends, strict=True)
-    )
+    high = reduce(np.maximum, (tables[i] for i in highest_corners))
+    low = reduce(np.minimum, (tables[i] for i in lowest_corners))
     smooth = Demands.from_table(high)
     ripple = _with_ripple(smooth, load)
     return Band(
-        nominal, ripple, _lowest(low, load, spread), True, None if ripple is smooth else smooth
+        nominal, ripple, _lower_bound(low, load, spread), True, None if ripple is smooth else smooth
     )
 
 
@@ -228,14 +238,14 @@ def _with_ripple(smooth: Demands, load: JointLoad) -> Demands:
     The ripple comes from recordings. If the torque is larger than in the recordings, the ripple is
     increased in proportion.
     """
-    posterior = friction_of(load.drive).posterior
+    posterior = required_friction(load.drive).posterior
     if posterior is None:
         return smooth
     torque = load.torque()
     ripple = posterior.ripple(1 if torque[np.argmax(np.abs(torque))] >= 0 else -1)
     if ripple is None:
         return smooth
-    peak = ripple.draw_peak(np.random.default_rng(SEED), len(smooth.peak_torque))
+    peak = ripple.draw_peak(np.random.default_rng(RANDOM_SEED), len(smooth.peak_torque))
     peak *= np.maximum(smooth.peak_torque / float(np.median(ripple.torque)), 1.0)
     voltage = smooth.peak_voltage + peak * voltage_factors(load.motor)[1, 0]
     return replace(smooth, peak_torque=smooth.peak_torque + peak, peak_voltage=voltage)
@@ -251,24 +261,24 @@ def _drawn_demands(
     torque_free = len(resting) > 0 and len(moving) > 0 and not np.any(load.torque()[resting])
     subset = replace(load.subset(moving), weight=load.weight[moving]) if torque_free else load
     values = spread.values(deviations)
-    step = max(BLOCK // len(subset.t), 1)
+    step = max(TORQUES_PER_BLOCK // len(subset.t), 1)
     tables = []
     for start in range(0, len(deviations), step):
         block = {name: value[start : start + step, None] for name, value in values.items()}
-        tables.append(demands(_load_with(subset, {**block, **corner})).array())
+        tables.append(compute_demands(_load_with(subset, {**block, **corner})).array())
     table = np.concatenate(tables)
     if torque_free:
-        k = DEMANDS.index("peak_effort")
+        k = DEMAND_NAMES.index("peak_effort")
         table[:, k] = np.maximum(table[:, k], np.abs(load.effort()[resting]).max())
     return table
 
 
-def thinned(load: JointLoad) -> JointLoad:
+def select_instants(load: JointLoad) -> JointLoad:
     """Select the instants of a load that determine its demands.
 
-    The selection contains about `SHARE` evenly spaced instants, all jumps of the torque, all
-    changes of direction, the 20 largest peaks of the torque, the extremes of torque, effort and
-    speed, and the last instant.
+    The selection contains about `MONTE_CARLO_INSTANTS` evenly spaced instants, all jumps of the
+    torque, all changes of direction, the 20 largest peaks of the torque, the extremes of
+    torque, effort and speed, and the last instant.
     """
     torque = load.torque()
     size = np.abs(torque)
@@ -277,7 +287,7 @@ def thinned(load: JointLoad) -> JointLoad:
     turn = np.flatnonzero(np.diff(load.direction) != 0)
     peaks = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
     peaks = peaks[np.argsort(size[peaks])[-20:]]
-    every = np.arange(0, len(torque), max(len(torque) // SHARE, 1))
+    every = np.arange(0, len(torque), max(len(torque) // MONTE_CARLO_INSTANTS, 1))
     extremes = np.array(
         [np.argmax(np.abs(values)) for values in (torque, load.effort(), load.qd)]
         + [len(torque) - 1]

@@ -23,14 +23,14 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
     velocity profile, or a triangular profile if the distance is too short to reach full speed.
     """
     joint = JOINTS.index(stroke.joint)
-    times = _timing(2 * stroke.reach, stroke.velocity, stroke.acceleration)
+    times = _stroke_timing(2 * stroke.reach, stroke.velocity, stroke.acceleration)
     distance = 2 * stroke.reach
     home = np.array(stroke.home, dtype=float)
     home[joint] = stroke.centre - stroke.reach
-    forth = _stroke(home, joint, times, stroke.acceleration)
+    forth = _stroke_coefficients(home, joint, times, stroke.acceleration)
     turning_point = home.copy()
     turning_point[joint] += distance
-    back = _stroke(turning_point, joint, times, -stroke.acceleration)
+    back = _stroke_coefficients(turning_point, joint, times, -stroke.acceleration)
     breaks = np.concatenate([[0.0], np.cumsum(np.concatenate([times, times]))])
     middle = float(breaks[len(times)])
     end = float(breaks[-1])
@@ -38,7 +38,7 @@ def back_and_forth(stroke: Stroke) -> Trajectory:
     return Trajectory(breaks, np.concatenate([forth, back]), phases)
 
 
-def _timing(distance: float, velocity: float, acceleration: float) -> Array:
+def _stroke_timing(distance: float, velocity: float, acceleration: float) -> Array:
     """Return the durations of the acceleration, the constant speed and the deceleration, s.
 
     If the joint does not reach full speed, only acceleration and deceleration are returned.
@@ -51,9 +51,9 @@ def _timing(distance: float, velocity: float, acceleration: float) -> Array:
     return np.array([ramp, cruise, ramp])
 
 
-def _stroke(start: Array, joint: int, times: Array, acceleration: float) -> Array:
+def _stroke_coefficients(start: Array, joint: int, times: Array, acceleration: float) -> Array:
     """Return the polynomial coefficients (pieces, 6, 4) of one stroke from rest to rest."""
-    signs = np.array([1.0, -1.0]) if len(times) == 2 else np.array([1.0, 0.0, -1.0])
+    signs = (1.0, -1.0) if len(times) == 2 else (1.0, 0.0, -1.0)
     coefficients = np.zeros((len(times), DEGREE + 1, len(start)))
     coefficients[:, 0] = start
     position = start[joint]
@@ -66,13 +66,13 @@ def _stroke(start: Array, joint: int, times: Array, acceleration: float) -> Arra
     return coefficients
 
 
-ONCE = 1e6
+PAUSE_OF_SINGLE_MOTION = 1e6
 """Pause after a motion that is performed only once, s. The motors cool down completely."""
 
 
-def pause_of(problem: Problem) -> float:
+def pause_after_motion(problem: Problem) -> float:
     """Return the pause after each repetition of a problem's motion, s."""
-    return ONCE if problem.duty is None else problem.duty
+    return PAUSE_OF_SINGLE_MOTION if problem.duty is None else problem.duty
 
 
 @record
@@ -111,7 +111,7 @@ class DutyCycle:
         """
         for joint in self.robot.joints:
             if joint.motor is not None and joint.drive is None:
-                raise no_drive(joint.name, self.robot.file, joint.motor.name)
+                raise no_drive_error(joint.name, self.robot.file, joint.motor.name)
         robot = with_payload(self.robot, payload)
         return tuple(
             load
@@ -121,7 +121,7 @@ class DutyCycle:
         )
 
 
-def no_drive(joint: str, file: str | None = None, motor: str | None = None) -> ProblemError:
+def no_drive_error(joint: str, file: str | None = None, motor: str | None = None) -> ProblemError:
     """Build the error for a motor on a joint without a drive."""
     if joint not in JOINTS:
         return ProblemError("no joint of this name", key=joint, allowed=", ".join(JOINTS))

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from ssm_planner.problem import Motor
-from ssm_planner.sizing.demand import thinned
+from ssm_planner.sizing.demand import select_instants
 from ssm_planner.sizing.joint_load import JointLoad
-from ssm_planner.sizing.motor_limits import Conditions, missing, require_value
+from ssm_planner.sizing.motor_limits import Conditions, missing_data, require_value
 from ssm_planner.sizing.thermal_network import (
-    FIGURES,
+    THERMAL_DATA,
     Cycle,
     ThermalModel,
     steady_state,
@@ -21,7 +21,7 @@ from ssm_planner.sizing.thermal_network import (
 )
 from ssm_planner.typing import JsonObject, record
 
-SEARCH = 1e-6
+CAPACITY_TOLERANCE = 1e-6
 """Relative tolerance of the square of the torque at the capacity."""
 
 
@@ -69,7 +69,9 @@ class Heat:
         }
 
 
-def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: float) -> Heat | None:
+def compute_heat(
+    load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: float
+) -> Heat | None:
     """Compute the thermal steady state of a repeated motion.
 
     Parameters
@@ -86,18 +88,18 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
     Returns
     -------
     Heat or None
-        None if the motor file lacks data of `thermal_network.FIGURES`.
+        None if the motor file lacks data of `thermal_network.THERMAL_DATA`.
     """
-    if missing(motor, *FIGURES):
+    if missing_data(motor, *THERMAL_DATA):
         return None
     limit = require_value(motor, "max_winding_temperature")
     model = ThermalModel.from_motor(motor, conditions.ambient)
-    few = thinned(load)
+    few = select_instants(load)
     cycle = Cycle.from_torque(few.t, few.torque(), conditions.pause)
     rms = float(np.sqrt(cycle.mean(cycle.square)))
     # Nothing limits a motor without torque.
     hot = cycle.scaled(worst_rms / rms) if rms > 0 else cycle
-    capacity = _largest_factor(model, cycle, limit) * rms if rms > 0 else np.inf
+    capacity = _largest_torque_factor(model, cycle, limit) * rms if rms > 0 else np.inf
     nominal = steady_state(model, cycle)
     hot_state = steady_state(model, hot)
     return Heat(
@@ -110,7 +112,7 @@ def heat_of(load: JointLoad, motor: Motor, conditions: Conditions, worst_rms: fl
     )
 
 
-def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
+def _largest_torque_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
     """Return the factor on the torque with which the winding temperature peaks at `limit` (K).
 
     The factor is 0 if the ambient temperature reaches the limit. Brent's method finds the square of
@@ -130,6 +132,6 @@ def _largest_factor(model: ThermalModel, cycle: Cycle, limit: float) -> float:
     high = 1.0
     while excess(high) < 0:
         high *= 2
-    square = brentq(excess, 0.0, high, xtol=SEARCH * high, rtol=SEARCH)
+    square = brentq(excess, 0.0, high, xtol=CAPACITY_TOLERANCE * high, rtol=CAPACITY_TOLERANCE)
     # The limit is kept at both ends of the final bracket.
-    return float(np.sqrt((1 - 2 * SEARCH) * square))
+    return float(np.sqrt((1 - 2 * CAPACITY_TOLERANCE) * square))

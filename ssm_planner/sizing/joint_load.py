@@ -8,32 +8,32 @@ from numpy.polynomial.polynomial import polyval
 
 from ssm_planner.deprecation import Renamed
 from ssm_planner.dynamics import (
-    STILL,
+    REST_FRACTION,
     RigidBody,
     breakaway_coefficient,
-    directions,
     friction_coefficient,
-    friction_of,
+    motion_directions,
+    required_friction,
 )
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot
-from ssm_planner.trajectory import DEGREE, Trajectory, blocks, parts_of
+from ssm_planner.trajectory import DEGREE, Trajectory, blocks, part_indices
 from ssm_planner.typing import Array, Indices, Keywords, Mask, Range, record
 
-RATE = 2000.0
+SAMPLING_RATE = 2000.0
 """Default sampling rate, Hz."""
-INSTANTS = 40_000
+MOST_INSTANTS = 40_000
 """Approximate largest number of instants of a motion with few pieces."""
-STRETCH = (4, 40, 1000)
+INSTANTS_PER_PIECE = (4, 40, 1000)
 """Limits of the number of instants per piece.
 
 A piece has at most 1000 instants, so the cost depends on the number of pieces and not on the
-duration. It may have 40 or more if the motion has fewer than 10 × `INSTANTS` instants in total, and
-4 in any motion.
+duration. It may have 40 or more if the motion has fewer than 10 × `MOST_INSTANTS` instants in
+total, and 4 in any motion.
 """
-SECTION = 4096
+SECTION_SIZE = 4096
 """Number of pieces or instants that are evaluated together, which bounds the memory in use."""
-COLUMNS = ("qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
+JOINT_COLUMNS = ("qd", "qdd", "inertia", "velocity", "gravity", "direction", "breakaway")
 """Fields of a load that differ between the joints."""
 
 
@@ -117,7 +117,7 @@ class JointLoad:
     def by_parts(self, function: Callable[["JointLoad"], Array]) -> Array:
         """Evaluate a function of every instant (…, n) in parts, which bounds the memory in use."""
         result = np.empty(0)
-        for rows in blocks(len(self.t), SECTION):
+        for rows in blocks(len(self.t), SECTION_SIZE):
             values = function(replace(self, **self._columns(rows)))
             if rows.start == 0:
                 result = np.empty((*values.shape[:-1], len(self.t)))
@@ -141,7 +141,7 @@ class JointLoad:
 
         At a start from rest it is at least the static coefficient.
         """
-        friction = friction_of(self.drive)
+        friction = required_friction(self.drive)
         w = self.speed()
         mu = friction_coefficient(friction, w)
         if not self.breakaway.any():
@@ -181,40 +181,42 @@ class JointLoad:
     def subset(self, keep: Indices) -> "JointLoad":
         """Select the instants with increasing indices `keep` (m,) and recompute their weights."""
         columns = self._columns(keep)
-        return replace(self, **columns | {"weight": _weights(columns["t"])})
+        return replace(self, **columns | {"weight": _trapezoidal_weights(columns["t"])})
 
     def _columns(self, rows: slice | Indices) -> Keywords:
         """Return the columns of some instants, by field."""
-        return {name: getattr(self, name)[rows] for name in ("t", *COLUMNS, "weight")}
+        return {name: getattr(self, name)[rows] for name in ("t", *JOINT_COLUMNS, "weight")}
 
     at = Renamed("subset")
 
 
-def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tuple[JointLoad, ...]:
+def joint_loads(
+    trajectory: Trajectory, robot: Robot, rate: float = SAMPLING_RATE
+) -> tuple[JointLoad, ...]:
     """Compute the loads of all driven joints over a motion.
 
-    The instants have at least the rate `rate` (Hz), within the limits of `INSTANTS` and `STRETCH`.
-    They include every start, turn and arrival of a joint.
+    The instants have at least the rate `rate` (Hz), within the limits of `MOST_INSTANTS` and
+    `INSTANTS_PER_PIECE`. They include every start, turn and arrival of a joint.
     """
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
-    sections = blocks(len(trajectory.breaks) - 1, SECTION)
-    instants = [_instants(trajectory, robot, rate, section) for section in sections]
+    sections = blocks(len(trajectory.breaks) - 1, SECTION_SIZE)
+    instants = [_sampling_instants(trajectory, robot, rate, section) for section in sections]
     index, local, is_first, is_last = map(np.concatenate, zip(*instants, strict=True))
     t = trajectory.breaks[index] + local
     # Arrays of their final size, because parts that are joined later would need twice the memory.
-    columns = {name: np.empty((len(driven), len(t))) for name in COLUMNS}
+    columns = {name: np.empty((len(driven), len(t))) for name in JOINT_COLUMNS}
     body = RigidBody.from_robot(robot)
-    for block in blocks(len(t), SECTION):
+    for block in blocks(len(t), SECTION_SIZE):
         samples = trajectory.sample_pieces(index[block], local[block])
         efforts = body.effort_parts(samples.q, samples.qd, samples.qdd)
-        direction_after, starting = directions(robot, samples, 1)
-        direction_before, _ = directions(robot, samples, -1)
+        direction_after, starting = motion_directions(robot, samples, 1)
+        direction_before, _ = motion_directions(robot, samples, -1)
         direction = np.where(is_last[block, None], direction_before, direction_after)
         breakaway = np.where(is_first[block, None], starting, 0.0)
         values = (samples.qd, samples.qdd, *efforts, direction, breakaway)
         for column, value in zip(columns.values(), values, strict=True):
             column[:, block] = value.T[driven]
-    weight = _weights(t)
+    weight = _trapezoidal_weights(t)
     return tuple(
         JointLoad(
             joint=joint.name,
@@ -231,7 +233,7 @@ def joint_loads(trajectory: Trajectory, robot: Robot, rate: float = RATE) -> tup
     )
 
 
-def _instants(
+def _sampling_instants(
     trajectory: Trajectory, robot: Robot, rate: float, section: slice
 ) -> tuple[Indices, Array, Mask, Mask]:
     """Return the pieces and the local times of all instants, and masks of first and last instants.
@@ -239,10 +241,10 @@ def _instants(
     The pieces of `section` are divided wherever a joint reverses. The masks select the first and
     the last instant of each part.
     """
-    index, start, end = _stretches(trajectory, robot, rate, section)
+    index, start, end = _split_at_reversals(trajectory, robot, rate, section)
     most = _max_instants(len(trajectory.breaks))
     counts = np.clip(np.ceil((end - start) * rate).astype(int), 2, most) + 2
-    stretch, k = parts_of(counts)
+    stretch, k = part_indices(counts)
     # The first two instants coincide: breakaway, and the motion just after it.
     share = np.maximum(k - 1, 0) / (counts[stretch] - 2)
     local = np.where(share == 1.0, end[stretch], start[stretch] + share * (end - start)[stretch])
@@ -251,12 +253,12 @@ def _instants(
 
 def _max_instants(breaks: int) -> int:
     """Return the largest number of instants per piece of a motion with this number of breaks."""
-    fewest, usual, largest = STRETCH
-    most = max(INSTANTS // breaks, min(usual, 10 * INSTANTS // breaks))
+    fewest, usual, largest = INSTANTS_PER_PIECE
+    most = max(MOST_INSTANTS // breaks, min(usual, 10 * MOST_INSTANTS // breaks))
     return int(np.clip(most, fewest, largest))
 
 
-def _stretches(
+def _split_at_reversals(
     trajectory: Trajectory, robot: Robot, rate: float, section: slice
 ) -> tuple[Indices, Array, Array]:
     """Divide the pieces of a trajectory in `section` wherever a joint reverses.
@@ -268,11 +270,11 @@ def _stretches(
     lengths = all_lengths[section]
     most = _max_instants(len(trajectory.breaks))
     counts = np.clip(np.ceil(lengths * rate).astype(int), 4, most) + 1
-    piece, k = parts_of(counts)
+    piece, k = part_indices(counts)
     local = k / (counts[piece] - 1) * lengths[piece]
     index = section.start + piece
     qd = trajectory.sample_pieces(index, local).qd
-    sign = np.where(np.abs(qd) > STILL * robot.velocities, np.sign(qd), 0.0)
+    sign = np.where(np.abs(qd) > REST_FRACTION * robot.velocities, np.sign(qd), 0.0)
     # Index of the last instant, before each one, at which the joint moved.
     last_moving = np.maximum.accumulate(
         np.where(sign != 0, np.arange(len(sign))[:, None], 0), axis=0
@@ -282,7 +284,9 @@ def _stretches(
         (index[last_moving] == index[1:, None]) & (sign[last_moving, joints] * sign[1:] < 0)
     )
     before_turn = last_moving[turns, joint]
-    cuts = _turns(trajectory, index[before_turn], local[before_turn], local[turns + 1], joint)
+    cuts = _reversal_times(
+        trajectory, index[before_turn], local[before_turn], local[turns + 1], joint
+    )
     pieces = np.append(np.arange(section.start, section.stop), index[before_turn])
     starts = np.append(np.zeros(len(lengths)), cuts)
     order = np.lexsort((starts, pieces))
@@ -292,7 +296,7 @@ def _stretches(
     return pieces, starts, np.where(is_final, all_lengths[pieces], np.append(starts[1:], 0.0))
 
 
-def _turns(
+def _reversal_times(
     trajectory: Trajectory, index: Indices, low: Array, high: Array, joint: Indices
 ) -> Array:
     """Return the local times (n,) from `low` to `high` at which joints reverse, by bisection."""
@@ -312,7 +316,7 @@ def _turns(
     return high
 
 
-def _weights(t: Array) -> Array:
+def _trapezoidal_weights(t: Array) -> Array:
     """Return the trapezoidal weights (n,) of instants t (n,), whose sum is 1."""
     half = np.diff(t, prepend=t[0], append=t[-1]) / 2
     weight = half[1:] + half[:-1]

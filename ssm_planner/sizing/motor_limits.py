@@ -17,11 +17,11 @@ from ssm_planner.typing import Array, Range, record
 
 REFERENCE_TEMPERATURE = 298.15
 """Temperature at which datasheets state resistance, torque constant and nominal torque, K."""
-COPPER = 0.00393
+COPPER_COEFFICIENT = 0.00393
 """Relative increase of the resistance of copper, 1/K."""
-ELECTRICAL = ("torque_constant", "terminal_resistance", "max_winding_temperature")
+ELECTRICAL_DATA = ("torque_constant", "terminal_resistance", "max_winding_temperature")
 """Data that the voltage check needs from a motor file."""
-MAGNET = -0.0012
+MAGNET_COEFFICIENT = -0.0012
 """Relative change of the torque constant if the motor file does not state it, 1/K.
 
 It is the least favourable value for neodymium magnets.
@@ -65,7 +65,7 @@ class Conditions(Value):
             raise self._field_error("draws", "too few", "0, or 1000 to 1000000")
 
 
-def missing(motor: Motor, *names: str) -> tuple[str, ...]:
+def missing_data(motor: Motor, *names: str) -> tuple[str, ...]:
     """Return the names of the values that the motor file does not state."""
     return tuple(name for name in names if getattr(motor, name) is None)
 
@@ -78,7 +78,7 @@ def require_value(motor: Motor, name: str) -> float:
     return float(value)
 
 
-SLOWEST_START = 2e4
+SMALLEST_STARTING_ACCELERATION = 2e4
 """Smallest plausible nominal torque divided by rotor inertia, rad/s².
 
 48 motors of 13 to 22 mm diameter have 2.9e4 to 1.9e5 (manufacturers' pages, 2020).
@@ -92,7 +92,11 @@ def rotor_range(motor: Motor) -> Range:
     inertia for this nominal torque.
     """
     inertia = motor.rotor_inertia
-    return (0.0, motor.nominal_torque / SLOWEST_START) if inertia is None else (inertia, inertia)
+    return (
+        (0.0, motor.nominal_torque / SMALLEST_STARTING_ACCELERATION)
+        if inertia is None
+        else (inertia, inertia)
+    )
 
 
 def no_load_torque(motor: Motor | None) -> float | None:
@@ -104,7 +108,7 @@ def no_load_torque(motor: Motor | None) -> float | None:
     current applies at the no-load speed. These losses grow with speed, so M_R is an upper bound for
     lower speeds. The result is None if the motor file lacks the current or the torque constant.
     """
-    if motor is None or missing(motor, "no_load_current", "torque_constant"):
+    if motor is None or missing_data(motor, "no_load_current", "torque_constant"):
         return None
     return require_value(motor, "no_load_current") * torque_constant(motor)
 
@@ -112,20 +116,26 @@ def no_load_torque(motor: Motor | None) -> float | None:
 def resistance(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
     """Return the terminal resistance (ohm) with the winding at a temperature (K)."""
     return require_value(motor, "terminal_resistance") * (
-        1 + COPPER * (temperature - REFERENCE_TEMPERATURE)
+        1 + COPPER_COEFFICIENT * (temperature - REFERENCE_TEMPERATURE)
     )
 
 
 def torque_constant(motor: Motor, temperature: float = REFERENCE_TEMPERATURE) -> float:
     """Return the torque constant (N·m/A) with the magnets at a temperature (K)."""
     return require_value(motor, "torque_constant") * (
-        1 + magnet_drift(motor) * (temperature - REFERENCE_TEMPERATURE)
+        1 + magnet_coefficient(motor) * (temperature - REFERENCE_TEMPERATURE)
     )
 
 
-def magnet_drift(motor: Motor) -> float:
-    """Return the relative change of the torque constant per kelvin. The default is `MAGNET`."""
-    return MAGNET if motor.torque_constant_per_kelvin is None else motor.torque_constant_per_kelvin
+def magnet_coefficient(motor: Motor) -> float:
+    """Return the relative change of the torque constant per kelvin. The default is
+    `MAGNET_COEFFICIENT`.
+    """
+    return (
+        MAGNET_COEFFICIENT
+        if motor.torque_constant_per_kelvin is None
+        else motor.torque_constant_per_kelvin
+    )
 
 
 def available_torque(
@@ -149,12 +159,12 @@ def available_torque(
     temperature = REFERENCE_TEMPERATURE if temperature is None else temperature
     speed = np.asarray(speed, dtype=float)
     torque = np.full(speed.shape, motor.max_torque)
-    voltage = supply(motor, conditions)
-    if not missing(motor, "torque_constant"):
+    voltage = available_voltage(motor, conditions)
+    if not missing_data(motor, "torque_constant"):
         k = torque_constant(motor, temperature)
         if conditions.current_limit is not None:
             torque = np.minimum(torque, k * conditions.current_limit)
-        if voltage is not None and not missing(motor, "terminal_resistance"):
+        if voltage is not None and not missing_data(motor, "terminal_resistance"):
             torque = np.minimum(torque, k * (voltage - k * speed) / resistance(motor, temperature))
     return np.where(speed > motor.max_speed, 0.0, np.maximum(torque, 0.0))
 
@@ -176,7 +186,7 @@ def continuous_torque(motor: Motor, ambient: float) -> float | None:
     )
 
 
-def operating_shares(
+def operating_region_shares(
     motor: Motor, conditions: Conditions, speed: Array, torque: Array, weight: Array
 ) -> dict[str, float] | None:
     """Return the shares of the time in the operating regions of a motor.
@@ -199,7 +209,11 @@ def operating_shares(
         Shares by region. None if the continuous torque or the speed–torque line is unknown.
     """
     steady = continuous_torque(motor, conditions.ambient)
-    if steady is None or missing(motor, *ELECTRICAL) or supply(motor, conditions) is None:
+    if (
+        steady is None
+        or missing_data(motor, *ELECTRICAL_DATA)
+        or available_voltage(motor, conditions) is None
+    ):
         return None
     size = np.abs(torque)
     within = size <= available_torque(
@@ -219,7 +233,7 @@ def voltage_factors(motor: Motor | None) -> Array:
     back-EMF. The hot motor has more resistance and needs more current. The values are NaN if data
     are missing.
     """
-    if motor is None or missing(motor, *ELECTRICAL):
+    if motor is None or missing_data(motor, *ELECTRICAL_DATA):
         return np.full((2, 2), np.nan)
     hottest = require_value(motor, "max_winding_temperature")
     constants = [
@@ -228,6 +242,6 @@ def voltage_factors(motor: Motor | None) -> Array:
     return np.array([(ohm / k, k) for ohm, k in constants])
 
 
-def supply(motor: Motor, conditions: Conditions) -> float | None:
+def available_voltage(motor: Motor, conditions: Conditions) -> float | None:
     """Return the supply voltage (V) of the controller, or else the nominal voltage of the motor."""
     return motor.nominal_voltage if conditions.supply_voltage is None else conditions.supply_voltage

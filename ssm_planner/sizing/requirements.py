@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.deprecation import Renamed
-from ssm_planner.dynamics import friction_of
+from ssm_planner.dynamics import required_friction
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.problem import Drive, Motor, Robot, get_attributes, unchecked_copy
-from ssm_planner.sizing.joint_load import INSTANTS, RATE, JointLoad, joint_loads
+from ssm_planner.sizing.joint_load import MOST_INSTANTS, SAMPLING_RATE, JointLoad, joint_loads
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, record
 
@@ -90,31 +90,32 @@ class MotorRequirement:
     def shown(self) -> Any:
         """Return the data that a figure of the motor draws.
 
-        The result is a plain namespace with the attributes `SHOWN`, so that another process can
-        read it without this package. A motion of more than `INSTANTS` instants is divided into
-        groups of consecutive instants. Each group keeps its smallest and its largest torque.
+        The result is a plain namespace with the attributes `FIGURE_FIELDS`, so that another
+        process can read it without this package. A motion of more than `MOST_INSTANTS`
+        instants is divided into groups of consecutive instants. Each group keeps its
+        smallest and its largest torque.
         """
         torque = self.torque
-        group = -(-len(torque) // INSTANTS)
+        group = -(-len(torque) // MOST_INSTANTS)
         groups = np.pad(torque, (0, -len(torque) % group), mode="edge").reshape(-1, group)
         extremes = np.concatenate([groups.argmin(axis=1), groups.argmax(axis=1)])
         keep = np.unique(extremes + np.tile(np.arange(0, len(torque), group), 2))
         few = replace(self, load=self.load.subset(np.minimum(keep, len(torque) - 1)))
-        return SimpleNamespace(**{name: getattr(few, name) for name in SHOWN})
+        return SimpleNamespace(**{name: getattr(few, name) for name in FIGURE_FIELDS})
 
     def to_dict(self) -> JsonObject:
         """Return an entry of `motors` in the output of `plan --json`, in SI units."""
         return {
             "joint": self.joint,
             "motor": None if self.motor is None else self.motor.name,
-            **get_attributes(self, FIGURES),
+            **get_attributes(self, RESULT_FIELDS),
             "split": self.components,
             "placeholder": self.placeholder,
         }
 
 
 def motor_requirements(
-    trajectory: Trajectory, robot: Robot, rate: float = RATE
+    trajectory: Trajectory, robot: Robot, rate: float = SAMPLING_RATE
 ) -> tuple[MotorRequirement, ...]:
     """Compute the requirements on the motor of every driven joint, with the exact friction law.
 
@@ -190,17 +191,20 @@ class TorqueBreakdown:
 
     def components(self) -> Iterator[tuple[str, Array]]:
         """Yield the name and the values (n,) of every component, N·m."""
-        for name in PARTS:
+        for name in TORQUE_COMPONENTS:
             yield name, getattr(self, name)
 
     def to_dict(self) -> dict[str, dict[str, float]]:
         """Return the value at the largest torque, and the RMS, of every component, N·m."""
-        return {name: {"at_peak": self.at_peak[name], "rms": self.rms[name]} for name in PARTS}
+        return {
+            name: {"at_peak": self.at_peak[name], "rms": self.rms[name]}
+            for name in TORQUE_COMPONENTS
+        }
 
     parts = Renamed("components")
 
 
-FIGURES = (
+RESULT_FIELDS = (
     "peak_torque",
     "rms_torque",
     "mean_torque",
@@ -214,16 +218,25 @@ FIGURES = (
     "joule_energy",
 )
 """Attributes of a requirement that results contain."""
-SHOWN = ("joint", "motor", "peak_torque", "rms_torque", "mean_torque", "t", "speed", "torque")
+FIGURE_FIELDS = (
+    "joint",
+    "motor",
+    "peak_torque",
+    "rms_torque",
+    "mean_torque",
+    "t",
+    "speed",
+    "torque",
+)
 """Attributes of a requirement that a figure shows."""
-PARTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
+TORQUE_COMPONENTS = ("input_inertia", "output_inertia", "load", "mesh_friction", "bearing_friction")
 
 
 def torque_split(load: JointLoad) -> TorqueBreakdown:
     """Divide the motor torque of a joint into its components."""
-    *values, total = load.by_parts(_components)
+    *values, total = load.by_parts(_stacked_components)
     peak = int(np.argmax(np.abs(total)))
-    components = dict(zip(PARTS, values, strict=True))
+    components = dict(zip(TORQUE_COMPONENTS, values, strict=True))
     return TorqueBreakdown(
         **components,
         at_peak={name: float(values[peak]) for name, values in components.items()},
@@ -231,13 +244,15 @@ def torque_split(load: JointLoad) -> TorqueBreakdown:
     )
 
 
-def _components(load: JointLoad) -> Array:
-    """Return the components of the motor torque in the order of `PARTS`, and their sum, (6, n)."""
+def _stacked_components(load: JointLoad) -> Array:
+    """Return the components of the motor torque in the order of `TORQUE_COMPONENTS`, and their sum,
+    (6, n).
+    """
     drive = load.drive
     moving = load.direction != 0
     zero = np.zeros_like(load.t)
-    lossless = _with_bearings_only(drive, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
-    drive_with_bearings = _with_bearings_only(drive)
+    lossless = _without_mesh_losses(drive, b_c=0.0, b_v=0.0, b_oc=0.0, b_ov=0.0)
+    drive_with_bearings = _without_mesh_losses(drive)
     w = load.speed()
     wd = load.acceleration()
     sign = np.where(moving, load.direction, 1.0)
@@ -246,8 +261,8 @@ def _components(load: JointLoad) -> Array:
     # An antibacklash nut accelerates with wd, so its inertia and its lossless preload (which
     # cancels) belong to the input side.
     input_inertia = motor_torque(lossless, zero, zero, wd, direction=sign)
-    output_inertia = _mesh(lossless, carried, sign)
-    load_torque = _mesh(lossless, load.velocity + load.gravity, sign)
+    output_inertia = _lossless_mesh_torque(lossless, carried, sign)
+    load_torque = _lossless_mesh_torque(lossless, load.velocity + load.gravity, sign)
     in_motor = load.motor_friction[1] * load.direction
     bearing = in_motor + np.where(
         moving, motor_torque(drive_with_bearings, friction_effort, w, zero, direction=sign), 0.0
@@ -257,21 +272,21 @@ def _components(load: JointLoad) -> Array:
     without = in_motor + np.where(
         moving,
         motor_torque(drive_with_bearings, effort, w, wd, direction=sign),
-        _mesh(lossless, effort, sign),
+        _lossless_mesh_torque(lossless, effort, sign),
     )
     return np.stack([input_inertia, output_inertia, load_torque, total - without, bearing, total])
 
 
-def _mesh(lossless: Drive, effort: Array, direction: Array) -> Array:
+def _lossless_mesh_torque(lossless: Drive, effort: Array, direction: Array) -> Array:
     """Return the torque of a lossless drive at constant speed, N·m, (n,)."""
     zero = np.zeros_like(effort)
     return motor_torque(lossless, effort, zero, zero, direction=direction)
 
 
-def _with_bearings_only(drive: Drive, **bearings: float) -> Drive:
+def _without_mesh_losses(drive: Drive, **bearings: float) -> Drive:
     """Return the drive without losses in mesh and gear stages. Without losses, γ = 1/ratio."""
     friction = unchecked_copy(
-        friction_of(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings
+        required_friction(drive), mu=0.0, mu_static=0.0, mu_stribeck=0.0, **bearings
     )
     gamma = drive.gamma / drive.stage_ratio if drive.threaded else 1.0 / drive.ratio
     return unchecked_copy(drive, friction=friction, gamma=gamma, gearhead=None, belt=None)

@@ -16,54 +16,54 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ssm_planner.dynamics import RigidBody, drive_with, with_payload
+from ssm_planner.dynamics import RigidBody, drive_with_values, with_payload
 from ssm_planner.loading import CatalogueEntry
 from ssm_planner.problem import Drive, Gearhead, Motor
 from ssm_planner.sizing.assess import (
-    CONFIDENCE,
+    CONFIDENCE_CHECK,
     MotorVerdict,
     assess,
-    limits_of,
     motor_friction,
+    motor_limits,
     shaft_inertia,
     with_motor,
 )
-from ssm_planner.sizing.chain import Chain
+from ssm_planner.sizing.chain import DriveChain
 from ssm_planner.sizing.checks import (
-    TOLERANCE,
-    Case,
+    MARGIN_TOLERANCE,
     Check,
+    JointCase,
     drive_checks,
     gear_case,
-    locks_certainly,
-    margin_of,
+    is_certainly_self_locking,
+    relative_margin,
 )
 from ssm_planner.sizing.duty import DutyCycle
-from ssm_planner.sizing.heat_check import heat_of
+from ssm_planner.sizing.heat_check import compute_heat
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import (
     Conditions,
-    missing,
+    missing_data,
     require_value,
     resistance,
     torque_constant,
     voltage_factors,
 )
-from ssm_planner.sizing.thermal_network import FIGURES, Modes, ThermalModel
+from ssm_planner.sizing.thermal_network import THERMAL_DATA, ThermalModel, ThermalModes
 from ssm_planner.typing import Array, Arrays, Indices, JsonObject, Keywords, Mask, record
 
 Rank = Literal["mass", "length", "torque", "margin"]
 RANKS: tuple[Rank, ...] = get_args(Rank)
 Answers = NDArray[np.int8]
 """Answers (gears, motors): 1 means passed, 0 not known, and −1 failed."""
-ANSWERS = {True: 1, None: 0, False: -1}
+ANSWER_CODES = {True: 1, None: 0, False: -1}
 """Numbers that represent the answers of checks."""
-MARGINS = ("torque", "speed", "continuous_torque", "voltage")
-NEAR = 0.01
+MARGIN_CHECKS = ("torque", "speed", "continuous_torque", "voltage")
+TEMPERATURE_MARGIN = 0.01
 """Margin of the temperature bounds, K. Pairs that are closer to the limit are left to `assess`."""
-RISES = 50
+RUNAWAY_TEMPERATURES = 50
 """Number of temperatures at which thermal runaway is checked."""
-INSTANTS = 200
+INERTIA_INSTANTS = 200
 """Number of instants of each motion at which the inertia of the load is evaluated."""
 
 
@@ -74,7 +74,7 @@ class JointSelection:
     load: JointLoad
     conditions: Conditions
     motors: Sequence[CatalogueEntry[Motor]]
-    gears: Sequence[Chain]
+    gears: Sequence[DriveChain]
     answers: Mapping[str, Answers]
     """Answers by name of the check.
 
@@ -91,7 +91,7 @@ class JointSelection:
     def adequate(self) -> Answers:
         """Answers for each pair, equal to `MotorVerdict.adequate`."""
         gear = [
-            min(not chain.placeholder, *(ANSWERS[check.passed] for check in checks))
+            min(not chain.placeholder, *(ANSWER_CODES[check.passed] for check in checks))
             for chain, checks in zip(self.gears, self.of_gear, strict=True)
         ]
         return np.minimum(self._of_motors, np.array(gear, np.int8)[:, None])
@@ -106,7 +106,7 @@ class JointSelection:
     def checks_with(self, answer: int, g: int, m: int) -> list[str]:
         """Return the names of the checks of a pair that have an answer: 1, 0 or −1."""
         motor = [name for name, answers in self.answers.items() if answers[g, m] == answer]
-        return motor + [c.name for c in self.of_gear[g] if ANSWERS[c.passed] == answer]
+        return motor + [c.name for c in self.of_gear[g] if ANSWER_CODES[c.passed] == answer]
 
     def ranked(self, by: Rank = "mass") -> list[tuple[int, int]]:
         """Return the pairs (gear, motor) that no check rules out.
@@ -232,7 +232,7 @@ class JointSelection:
         }
 
 
-def select(
+def select_motors(
     duty: DutyCycle,
     motors: Sequence[CatalogueEntry[Motor]],
     gears: Mapping[str, Sequence[CatalogueEntry[Drive]]],
@@ -282,7 +282,7 @@ def load_inertias(duty: DutyCycle, payload: float = 0.0) -> dict[str, float]:
     """Return the largest diagonal entries of the mass matrix by joint, kg·m² or kg."""
     body = RigidBody.from_robot(with_payload(duty.robot, payload))
     q = np.concatenate(
-        [run.sample(np.linspace(0, run.duration, INSTANTS)).q for run, _ in duty.runs]
+        [run.sample(np.linspace(0, run.duration, INERTIA_INSTANTS)).q for run, _ in duty.runs]
     )
     diagonal = np.max([np.diag(matrix) for matrix in body.mass_matrix(q)], axis=0)
     return dict(zip((joint.name for joint in duty.robot.joints), map(float, diagonal), strict=True))
@@ -294,7 +294,7 @@ def energy_to_bus(load: JointLoad, motor: Motor) -> float | None:
     The energy is ∫ max(−(R·I² + τ·w), 0) dt. The result is None if the motor file does not state
     the torque constant or the resistance.
     """
-    if missing(motor, "torque_constant", "terminal_resistance"):
+    if missing_data(motor, "torque_constant", "terminal_resistance"):
         return None
     torque = load.torque()
     power = resistance(motor) * np.square(torque / torque_constant(motor)) + torque * load.speed()
@@ -314,13 +314,13 @@ def select_joint(
 
     `inertia` is the largest inertia of the moved bodies about the joint's axis, kg·m² or kg.
     """
-    fleet = _Fleet(
+    fleet = _MotorData(
         [candidate.of for candidate in motors], conditions, load.duration + conditions.pause
     )
-    chains: list[Chain] = []
-    rows: list[Row] = []
+    chains: list[DriveChain] = []
+    rows: list[GearAssessment] = []
     for gear in gears:
-        group = [Chain(gear, gearhead) for gearhead in (None, *gearheads)]
+        group = [DriveChain(gear, gearhead) for gearhead in (None, *gearheads)]
         chains += group
         rows += _assess_gear([chain.load(load) for chain in group], fleet, conditions)
     answers, margins, of_gear = zip(*rows, strict=True)
@@ -330,21 +330,23 @@ def select_joint(
         motors,
         chains,
         {name: np.stack([answer[name] for answer in answers]) for name in answers[0]},
-        margins={name: np.stack([margin[name] for margin in margins]) for name in MARGINS},
+        margins={name: np.stack([margin[name] for margin in margins]) for name in MARGIN_CHECKS},
         of_gear=of_gear,
         load_inertia=inertia,
     )
 
 
-class _Fleet:
+class _MotorData:
     """Data of all motors (m) that the checks need, as arrays (m,)."""
 
     def __init__(self, motors: Sequence[Motor], conditions: Conditions, period: float) -> None:
         self.motors = motors
-        self.limits = [limits_of(motor, conditions, 1.0, None) for motor in motors]
+        self.limits = [motor_limits(motor, conditions, 1.0, None) for motor in motors]
         self.max_speed = np.array([motor.max_speed for motor in motors])
         self.balance = np.array([voltage_factors(motor) for motor in motors])
-        self.cool, self.hot = np.array([_certain(motor, conditions, period) for motor in motors]).T
+        self.cool, self.hot = np.array(
+            [_certain_torques(motor, conditions, period) for motor in motors]
+        ).T
 
     def limit(self, name: str) -> Array:
         """Return the limits (m,) of a check. NaN if not known."""
@@ -352,7 +354,7 @@ class _Fleet:
         return np.array([np.nan if limit is None else limit for limit in bounds])
 
 
-def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
+def _certain_torques(motor: Motor, conditions: Conditions, period: float) -> tuple[float, float]:
     """Return an RMS torque below which heat certainly passes, and one above which it fails.
 
     Both are in N·m and apply to any motion that repeats with `period` (s). They are NaN if thermal
@@ -362,14 +364,14 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
     the first torque. The second torque follows from the smallest response to a mean power, at the
     coldest instant, and from the loss at this temperature, which is the smallest possible loss.
     """
-    if missing(motor, *FIGURES):
+    if missing_data(motor, *THERMAL_DATA):
         return np.nan, np.nan
     model = ThermalModel.from_motor(motor, conditions.ambient)
     limit = require_value(motor, "max_winding_temperature")
     allowed = limit - model.ambient
-    if allowed <= 2 * NEAR:
+    if allowed <= 2 * TEMPERATURE_MARGIN:
         return -1.0, np.inf
-    modes = Modes.from_network(
+    modes = ThermalModes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing
     )
     shares = modes.input * modes.shape[0] / -modes.rates
@@ -379,20 +381,25 @@ def _certain(motor: Motor, conditions: Conditions, period: float) -> tuple[float
     lowest = float(shares @ (x / np.expm1(np.minimum(x, 700.0))))
     # Mean squares at which the coldest instant has each temperature up to the one that corresponds
     # to a mean at the limit.
-    rise = (allowed + NEAR) * lowest / float(shares.sum()) * np.linspace(0.01, 1.0, RISES)
-    unit = np.ones(RISES)
-    passes = (allowed - NEAR) / (highest * model.power(unit, limit * unit)[0][0])
+    rise = (
+        (allowed + TEMPERATURE_MARGIN)
+        * lowest
+        / float(shares.sum())
+        * np.linspace(0.01, 1.0, RUNAWAY_TEMPERATURES)
+    )
+    unit = np.ones(RUNAWAY_TEMPERATURES)
+    passes = (allowed - TEMPERATURE_MARGIN) / (highest * model.power(unit, limit * unit)[0][0])
     fails = 1.001 * np.max(rise / (lowest * model.power(unit, model.ambient + rise)[0]))
     return float(np.sqrt(passes)), float(np.sqrt(fails))
 
 
-Row = tuple[dict[str, Answers], Arrays, tuple[Check, ...]]
+GearAssessment = tuple[dict[str, Answers], Arrays, tuple[Check, ...]]
 """Answers (m,) and margins (m,) of one gear with all motors, and the checks of the gear."""
 
 
 def _assess_gear(
-    chains: Sequence[JointLoad], fleet: _Fleet, conditions: Conditions
-) -> Iterator[Row]:
+    chains: Sequence[JointLoad], fleet: _MotorData, conditions: Conditions
+) -> Iterator[GearAssessment]:
     """Assess all motors with one gear, and yield a row for each chain.
 
     The first chain is the load with the gear alone. The others have a gearhead as well.
@@ -400,56 +407,66 @@ def _assess_gear(
     load = chains[0]
     case = gear_case(load, conditions)
     if case.spread.names:
-        speed = margin_of(load.peak_speed, fleet.max_speed)
+        speed = relative_margin(load.peak_speed, fleet.max_speed)
         yield _assess_by_draws(load, fleet, conditions, drive_checks(case), speed)
         return
-    if len(chains) > 1 and not locks_certainly(case):
+    if len(chains) > 1 and not is_certainly_self_locking(case):
         # The mesh can drive the gearheads, so the torque of each chain has another form.
         for geared in chains:
             yield from _assess_gear([geared], fleet, conditions)
         return
     share = float(np.sqrt(load.duration / (load.duration + conditions.pause)))
     limited = {"torque": 1.0, "continuous_torque": share, "voltage": 1.0}
-    for geared, (highest, lowest) in zip(chains, _bands(chains, case, fleet), strict=True):
+    for geared, (highest, lowest) in zip(chains, _demand_ranges(chains, case, fleet), strict=True):
         checks = drive_checks(case, geared.drive)
-        speed = margin_of(geared.peak_speed, fleet.max_speed)
-        answers = {"speed": _answer(speed, speed)}
+        speed = relative_margin(geared.peak_speed, fleet.max_speed)
+        answers = {"speed": _answers_from_margins(speed, speed)}
         margins = {"speed": speed}
         for (name, factor), high, low in zip(limited.items(), highest, lowest, strict=True):
             limit = fleet.limit(name)
-            margins[name] = margin_of(factor * high, limit)
-            answers[name] = _answer(margins[name], margin_of(factor * low, limit))
+            margins[name] = relative_margin(factor * high, limit)
+            answers[name] = _answers_from_margins(
+                margins[name], relative_margin(factor * low, limit)
+            )
         fails = np.min(list(answers.values()), axis=0) < 0
         fails |= any(check.passed is False for check in checks)
         band = (share * highest[1], share * lowest[1])
-        answers["heat"] = _heat(geared, fleet, conditions, band=band, fails=fails)
+        answers["heat"] = _heat_answers(geared, fleet, conditions, band=band, fails=fails)
         combined = np.min([answers[name] for name in (*limited, "heat")], axis=0)
-        answers[CONFIDENCE] = combined if case.spread.is_stated else 0 * combined
+        answers[CONFIDENCE_CHECK] = combined if case.spread.is_stated else 0 * combined
         yield answers, margins, checks
 
 
 def _assess_by_draws(
-    load: JointLoad, fleet: _Fleet, conditions: Conditions, gear: tuple[Check, ...], speed: Array
-) -> Row:
+    load: JointLoad,
+    fleet: _MotorData,
+    conditions: Conditions,
+    gear: tuple[Check, ...],
+    speed: Array,
+) -> GearAssessment:
     """Assess the pairs one by one if draws describe the friction.
 
     Motors that are too slow and gears that fail are not assessed further.
     """
     count = len(fleet.motors)
-    names = (*MARGINS, "heat", CONFIDENCE)
-    answers = {name: np.zeros(count, np.int8) for name in names} | {"speed": _answer(speed, speed)}
-    margins = {name: np.full(count, np.nan) for name in MARGINS} | {"speed": speed}
+    names = (*MARGIN_CHECKS, "heat", CONFIDENCE_CHECK)
+    answers = {name: np.zeros(count, np.int8) for name in names} | {
+        "speed": _answers_from_margins(speed, speed)
+    }
+    margins = {name: np.full(count, np.nan) for name in MARGIN_CHECKS} | {"speed": speed}
     if any(check.passed is False for check in gear):
         return answers, margins, gear
     for m in np.flatnonzero(answers["speed"] > 0).tolist():
         for check in assess(load, fleet.motors[m], conditions).checks:
-            answers[check.name][m] = ANSWERS[check.passed]
+            answers[check.name][m] = ANSWER_CODES[check.passed]
             if check.name in margins and check.margin is not None:
                 margins[check.name][m] = check.margin
     return answers, margins, gear
 
 
-def _bands(chains: Sequence[JointLoad], case: Case, fleet: _Fleet) -> Iterator[tuple[Array, Array]]:
+def _demand_ranges(
+    chains: Sequence[JointLoad], case: JointCase, fleet: _MotorData
+) -> Iterator[tuple[Array, Array]]:
     """Return the largest and smallest demands (3, m) of every motor for each of the k chains.
 
     The demands are peak torque, RMS torque and peak voltage. The first chain is the load of `case`,
@@ -467,11 +484,11 @@ def _bands(chains: Sequence[JointLoad], case: Case, fleet: _Fleet) -> Iterator[t
     for corner in case.spread.corners():
         parts = _torque_parts(load, corner)
         products = parts[:3] * load.weight @ parts[:3].T
-        extremes = np.ascontiguousarray(parts[:, _extremes(parts)])
+        extremes = np.ascontiguousarray(parts[:, _extreme_instants(parts)])
         for inertia in np.moveaxis(np.unique(inertias, axis=2), 2, 0):
             factors = np.stack([forwards * one, ratio * inertia, friction[..., 1]], axis=-1)
             rms = np.sqrt(np.maximum(np.sum(factors @ products * factors, axis=-1), 0.0))
-            peak, volts = _peaks(extremes, factors, ratio * one, fleet)
+            peak, volts = _peak_demands(extremes, factors, ratio * one, fleet)
             demands.append([peak, rms, volts])
     # The demands are convex in the inertia, so between its ends they fall by at most half of its
     # width times |ẇ|. The friction changes them at most by the width of its range.
@@ -494,12 +511,12 @@ def _torque_parts(load: JointLoad, corner: Keywords) -> Array:
 
     The parts are the torque without inertia, the acceleration of the shaft and the direction.
     """
-    drive = drive_with(load.drive, {**corner, "input_inertia": 0.0})
+    drive = drive_with_values(load.drive, {**corner, "input_inertia": 0.0})
     turning = load.acceleration() * (load.direction != 0)
     return np.stack([replace(load, drive=drive).torque(), turning, load.direction, load.speed()])
 
 
-def _extremes(parts: Array) -> Indices:
+def _extreme_instants(parts: Array) -> Indices:
     """Return the indices of the instants at which a sum of the parts can be extreme.
 
     The instants are the vertices of the convex hull of each direction of motion.
@@ -520,7 +537,9 @@ def _extremes(parts: Array) -> Indices:
     return np.concatenate(indices)
 
 
-def _peaks(extremes: Array, factors: Array, ratio: Array, fleet: _Fleet) -> tuple[Array, Array]:
+def _peak_demands(
+    extremes: Array, factors: Array, ratio: Array, fleet: _MotorData
+) -> tuple[Array, Array]:
     """Return the peak torques and voltages (k, m) of motors with the torques factors @ parts.
 
     `extremes` (4, n) contains parts of the torque and the speed, see `_torque_parts`. `factors`
@@ -528,22 +547,22 @@ def _peaks(extremes: Array, factors: Array, ratio: Array, fleet: _Fleet) -> tupl
     """
     per_state = np.moveaxis(fleet.balance, 0, 2)
     volts = [
-        _largest(np.dstack([per_torque[:, None] * factors, per_speed * ratio]), extremes)
+        _largest_magnitudes(np.dstack([per_torque[:, None] * factors, per_speed * ratio]), extremes)
         for per_torque, per_speed in per_state
     ]
-    return _largest(factors, extremes[:3]), np.max(volts, axis=0)
+    return _largest_magnitudes(factors, extremes[:3]), np.max(volts, axis=0)
 
 
-def _largest(factors: Array, parts: Array) -> Array:
+def _largest_magnitudes(factors: Array, parts: Array) -> Array:
     """Return the largest |factors @ parts| (k, m) for factors (k, m, p) and parts (p, n)."""
     # The torques of one chain fit into the processor's cache.
     torques = (np.einsum("mp,pn->mn", of_chain, parts) for of_chain in factors)
     return np.array([np.abs(torque).max(axis=1) for torque in torques])
 
 
-def _heat(
+def _heat_answers(
     load: JointLoad,
-    fleet: _Fleet,
+    fleet: _MotorData,
     conditions: Conditions,
     band: tuple[Array, Array],
     fails: Mask,
@@ -565,15 +584,17 @@ def _heat(
     )
     for m in np.flatnonzero(open_).tolist():
         motor = fleet.motors[m]
-        heat = heat_of(with_motor(load, motor)[0], motor, conditions, highest[m])
+        heat = compute_heat(with_motor(load, motor)[0], motor, conditions, highest[m])
         if heat is not None:
             limit = np.array(heat.capacity)
-            answers[m] = _answer(margin_of(highest[m], limit), margin_of(lowest[m], limit))
+            answers[m] = _answers_from_margins(
+                relative_margin(highest[m], limit), relative_margin(lowest[m], limit)
+            )
     return answers
 
 
-def _answer(highest_margin: Array, lowest_margin: Array) -> Answers:
+def _answers_from_margins(highest_margin: Array, lowest_margin: Array) -> Answers:
     """Return answers equal to `Check.passed` for the margins at both ends of the uncertain data."""
     return np.where(
-        highest_margin >= -TOLERANCE, 1, np.where(lowest_margin < -TOLERANCE, -1, 0)
+        highest_margin >= -MARGIN_TOLERANCE, 1, np.where(lowest_margin < -MARGIN_TOLERANCE, -1, 0)
     ).astype(np.int8)

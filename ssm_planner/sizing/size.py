@@ -11,10 +11,16 @@ import numpy as np
 
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import Motor, Robot
-from ssm_planner.sizing.assess import CONFIDENCE, MotorVerdict, assess
-from ssm_planner.sizing.checks import Check, all_of, binding, drive_checks, gear_case
+from ssm_planner.sizing.assess import CONFIDENCE_CHECK, MotorVerdict, assess
+from ssm_planner.sizing.checks import (
+    Check,
+    combine_answers,
+    drive_checks,
+    gear_case,
+    tightest_check,
+)
 from ssm_planner.sizing.demand import Band, DemandName
-from ssm_planner.sizing.duty import DutyCycle, no_drive
+from ssm_planner.sizing.duty import DutyCycle, no_drive_error
 from ssm_planner.sizing.joint_load import JointLoad, joint_loads
 from ssm_planner.sizing.motor_limits import Conditions
 from ssm_planner.sizing.requirements import MotorRequirement, motor_requirement
@@ -58,12 +64,12 @@ class JointSizing:
 
     def gear_dict(self) -> JsonObject:
         """Return an entry of `gears` in the output of `size --json`."""
-        tightest = binding(self.gear)
+        tightest = tightest_check(self.gear)
         is_stated = None if self.load.drive.placeholders else True
         return {
             "joint": self.load.joint,
             "drive": self.load.drive.name,
-            "adequate": all_of([is_stated, *(check.passed for check in self.gear)]),
+            "adequate": combine_answers([is_stated, *(check.passed for check in self.gear)]),
             "binds": None if tightest is None else tightest.name,
             "margins": {check.name: check.margin for check in self.gear},
             "not_checked": {check.name: check.needs for check in self.gear if check.passed is None},
@@ -111,7 +117,7 @@ class Sizing:
         if not self.joints:
             return None
         gears = [check.passed for joint in self.joints for check in joint.gear]
-        return all_of([*(joint.adequate for joint in self.joints), *gears])
+        return combine_answers([*(joint.adequate for joint in self.joints), *gears])
 
     @property
     def verdicts(self) -> tuple[MotorVerdict, ...]:
@@ -177,7 +183,7 @@ def size(
     driven = {joint.name for joint in duty.robot.joints if joint.drive is not None}
     for joint in motors:
         if joint not in driven:
-            raise no_drive(joint, duty.robot.file)
+            raise no_drive_error(joint, duty.robot.file)
         if joint not in moving:
             raise ProblemError(
                 f"{duty.name} does not move this joint",
@@ -185,7 +191,7 @@ def size(
                 allowed=", ".join(sorted(moving)),
             )
     return Sizing(
-        tuple(_joint(load, motors.get(load.joint), conditions) for load in loads), conditions
+        tuple(_size_joint(load, motors.get(load.joint), conditions) for load in loads), conditions
     )
 
 
@@ -196,11 +202,12 @@ def size_motion(trajectory: Trajectory, robot: Robot, pause: float = 0.0) -> Siz
     """
     conditions = Conditions(pause=pause)
     return Sizing(
-        tuple(_joint(load, None, conditions) for load in joint_loads(trajectory, robot)), conditions
+        tuple(_size_joint(load, None, conditions) for load in joint_loads(trajectory, robot)),
+        conditions,
     )
 
 
-def _joint(
+def _size_joint(
     load: JointLoad, candidates: Sequence[Motor] | None, conditions: Conditions
 ) -> JointSizing:
     """Size one joint. Without candidates, the joint's own motor is assessed."""
@@ -223,13 +230,13 @@ def _joint(
     )
 
 
-HEAVIEST = 50.0
+LARGEST_PAYLOAD = 50.0
 """Largest payload in the search, kg. Surgical tools are much lighter."""
-SLOWEST = 1e3
+LARGEST_DURATION_FACTOR = 1e3
 """Largest factor on the duration in the search."""
-FASTEST = 1e-3
+SMALLEST_DURATION_FACTOR = 1e-3
 """Smallest factor on the duration in the search."""
-HALVINGS = 16
+BISECTIONS = 16
 """Number of bisections in the search."""
 
 
@@ -264,12 +271,12 @@ def largest_payload(
     empty = duty.loads(payload)
     loaded = duty.loads(payload + 1.0)
 
-    def judge(mass: float) -> _Judgement:
-        return _judge(
+    def judge(mass: float) -> _SmallestMargin:
+        return _find_smallest_margin(
             [a.plus(b, mass) for a, b in zip(empty, loaded, strict=True)], motors, conditions
         )
 
-    return _search_largest(judge, start=1e-3, upper=HEAVIEST, lower=0.0)
+    return _search_largest(judge, start=1e-3, upper=LARGEST_PAYLOAD, lower=0.0)
 
 
 def shortest_duration(
@@ -283,15 +290,19 @@ def shortest_duration(
 
     loads = duty.loads(payload)
 
-    def judge(speed: float) -> _Judgement:
-        return _judge([load.stretched(1.0 / speed) for load in loads], motors, conditions)
+    def judge(speed: float) -> _SmallestMargin:
+        return _find_smallest_margin(
+            [load.stretched(1.0 / speed) for load in loads], motors, conditions
+        )
 
-    result = _search_largest(judge, start=1.0, upper=1.0 / FASTEST, lower=1.0 / SLOWEST)
+    result = _search_largest(
+        judge, start=1.0, upper=1.0 / SMALLEST_DURATION_FACTOR, lower=1.0 / LARGEST_DURATION_FACTOR
+    )
     return replace(result, value=None if result.value is None else 1.0 / result.value)
 
 
 @frozen
-class _Judgement:
+class _SmallestMargin:
     """Smallest margin over all checks, its joint and check, and the checks without a margin."""
 
     margin: float
@@ -300,9 +311,9 @@ class _Judgement:
     not_checked: tuple[str, ...]
 
 
-def _judge(
+def _find_smallest_margin(
     loads: Sequence[JointLoad], motors: Mapping[str, Motor], conditions: Conditions
-) -> _Judgement:
+) -> _SmallestMargin:
     """Return the smallest margin of all checks, and the names of checks without a margin."""
     smallest: tuple[float, str | None, str | None] = (float("inf"), None, None)
     missing = []
@@ -315,13 +326,13 @@ def _judge(
         for check in (*verdict.checks, *verdict.gear):
             if check.margin is None:
                 missing.append(f"{load.joint}: {check.name}")
-            elif check.name != CONFIDENCE:
+            elif check.name != CONFIDENCE_CHECK:
                 smallest = min(smallest, (check.margin, load.joint, check.name), key=lambda x: x[0])
-    return _Judgement(*smallest, tuple(missing))
+    return _SmallestMargin(*smallest, tuple(missing))
 
 
 def _search_largest(
-    judge: Callable[[float], _Judgement], start: float, upper: float, lower: float
+    judge: Callable[[float], _SmallestMargin], start: float, upper: float, lower: float
 ) -> WhatIf:
     """Find the largest value with which no margin is negative.
 
@@ -344,7 +355,7 @@ def _search_largest(
         else:
             low, high = high, min(2 * high, upper)
             judgement = failed = judge(high)
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
         judgement = judge(middle)
         if judgement.margin < 0:

@@ -16,21 +16,21 @@ import numpy as np
 
 from ssm_planner.problem import Motor
 from ssm_planner.sizing.motor_limits import (
-    COPPER,
+    COPPER_COEFFICIENT,
     REFERENCE_TEMPERATURE,
-    magnet_drift,
+    magnet_coefficient,
     require_value,
     resistance,
     torque_constant,
 )
 from ssm_planner.typing import Array, frozen, record
 
-SMALL = 1e-4
-"""Threshold of |x| below which `_phi` uses power series."""
+SERIES_THRESHOLD = 1e-4
+"""Threshold of |x| below which `_exponential_quotients` uses power series."""
 
 
 @record
-class Modes:
+class ThermalModes:
     """The two independent modes of the thermal model x' = A x + b P.
 
     The vector x contains the temperatures of winding and housing above ambient. Each mode z
@@ -46,7 +46,7 @@ class Modes:
     @classmethod
     def from_network(
         cls, r_inner: float, r_outer: float, c_inner: float, c_outer: float, gain: float = 0.0
-    ) -> "Modes":
+    ) -> "ThermalModes":
         """Compute the modes from thermal resistances (K/W) and capacities (J/K).
 
         `gain` (W/K) is the additional power per kelvin of the inner body.
@@ -81,21 +81,21 @@ class Modes:
         return self.inverse @ rise
 
 
-def follow(modes: Modes, t: Array, power: Array) -> Array:
+def simulate_modes(modes: ThermalModes, t: Array, power: Array) -> Array:
     """Compute the states (2, n) of the modes at instants t (n,), s, which begin with zero.
 
     The solution is exact for a power (n,), in W, that is linear between the instants.
     """
     step = np.diff(t)
     x = modes.rates[:, None] * step
-    order_one, order_two = _phi(x)
+    order_one, order_two = _exponential_quotients(x)
     gained = modes.input[:, None] * step * (order_one * power[:-1] + order_two * np.diff(power))
     states = np.zeros((2, len(t)))
-    states[:, 1:] = _running(np.exp(x), gained)
+    states[:, 1:] = _solve_recursion(np.exp(x), gained)
     return states
 
 
-def _running(factor: Array, gained: Array) -> Array:
+def _solve_recursion(factor: Array, gained: Array) -> Array:
     """Solve the recursion z_k = factor_k·z_(k−1) + gained_k with z_0 = 0 for all k.
 
     Each step doubles the number of combined terms, so log2(n) operations on arrays suffice.
@@ -110,16 +110,16 @@ def _running(factor: Array, gained: Array) -> Array:
     return result
 
 
-def _phi(x: Array) -> tuple[Array, Array]:
+def _exponential_quotients(x: Array) -> tuple[Array, Array]:
     """Return (eˣ − 1)/x and (eˣ − 1 − x)/x²."""
-    is_small = np.abs(x) < SMALL
+    is_small = np.abs(x) < SERIES_THRESHOLD
     safe = np.where(is_small, 1.0, x)
     order_one = np.where(is_small, 1.0 + x / 2 + x * x / 6, np.expm1(safe) / safe)
     order_two = np.where(is_small, 0.5 + x / 6 + x * x / 24, (np.expm1(safe) - safe) / safe**2)
     return order_one, order_two
 
 
-FIGURES = (
+THERMAL_DATA = (
     "torque_constant",
     "terminal_resistance",
     "resistance_winding_housing",
@@ -129,16 +129,16 @@ FIGURES = (
     "max_winding_temperature",
 )
 """Data that the thermal check needs from a motor file."""
-SETTLED = 1e-6
+TEMPERATURE_TOLERANCE = 1e-6
 """Tolerance of the iterations, K."""
-PASSES = 60
-HOTTEST = 1500.0
+MOST_ITERATIONS = 60
+LARGEST_TEMPERATURE = 1500.0
 """Temperature (K) above which a steady state is rejected."""
 PAUSE_INSTANTS = 300
 """Number of instants in a pause."""
-PAUSE_RANGE = 1e4
+PAUSE_INTERVAL_RATIO = 1e4
 """Ratio of the last to the first interval of a pause, minus 1."""
-STEP = 2.0
+LARGEST_TEMPERATURE_CHANGE = 2.0
 """Largest change of the temperatures over the cycles that are computed at once, K."""
 
 
@@ -169,19 +169,17 @@ class ThermalModel:
     ambient: float
     loss: float
     """R/k² at 25 °C, W/(N·m)²."""
-    copper: float = COPPER
+    copper: float = COPPER_COEFFICIENT
     magnet: float = 0.0
 
     @classmethod
     def from_motor(cls, motor: Motor, ambient: float) -> "ThermalModel":
         """Build the model of a motor at an ambient temperature (K).
 
-        Raises ProblemError if data of `FIGURES` other than the temperature limit are missing.
+        Raises ProblemError if data of `THERMAL_DATA` other than the temperature limit are missing.
         """
-        inner, outer = (
-            require_value(motor, f"resistance_{name}")
-            for name in ("winding_housing", "housing_ambient")
-        )
+        inner = require_value(motor, "resistance_winding_housing")
+        outer = require_value(motor, "resistance_housing_ambient")
         return cls(
             inner,
             outer,
@@ -189,8 +187,8 @@ class ThermalModel:
             c_housing=require_value(motor, "time_constant_motor") / outer,
             ambient=ambient,
             loss=resistance(motor) / torque_constant(motor) ** 2,
-            copper=COPPER,
-            magnet=magnet_drift(motor),
+            copper=COPPER_COEFFICIENT,
+            magnet=magnet_coefficient(motor),
         )
 
     def power(self, square: Array, winding: Array) -> tuple[Array, Array]:
@@ -198,7 +196,7 @@ class ThermalModel:
 
         `square` contains squared torques and `winding` winding temperatures of the same shape.
         """
-        warm = np.minimum(winding, HOTTEST) - REFERENCE_TEMPERATURE
+        warm = np.minimum(winding, LARGEST_TEMPERATURE) - REFERENCE_TEMPERATURE
         copper = 1 + self.copper * warm
         magnet = np.maximum(1 + self.magnet * warm, 0.05)
         growth = self.copper / magnet**2 - 2 * self.magnet * copper / magnet**3
@@ -231,7 +229,10 @@ class Cycle:
         square = np.square(torque)
         if pause > 0:
             # The instants are densest at the start of the pause, where the winding cools fastest.
-            share = np.expm1(np.linspace(0.0, np.log1p(PAUSE_RANGE), PAUSE_INSTANTS)) / PAUSE_RANGE
+            share = (
+                np.expm1(np.linspace(0.0, np.log1p(PAUSE_INTERVAL_RATIO), PAUSE_INSTANTS))
+                / PAUSE_INTERVAL_RATIO
+            )
             t = np.append(t, t[-1] + pause * share)
             square = np.append(square, np.zeros(PAUSE_INSTANTS))
         return cls(t, square)
@@ -282,16 +283,16 @@ def steady_state(model: ThermalModel, cycle: Cycle) -> Temperatures:
     temperature on the loss.
     """
     mean = _mean_temperature(model, cycle)
-    return _unsteady(cycle) if mean is None else _temperatures(model, cycle, mean)
+    return _no_steady_state(cycle) if mean is None else _iterate_temperatures(model, cycle, mean)
 
 
-def _unsteady(cycle: Cycle) -> Temperatures:
+def _no_steady_state(cycle: Cycle) -> Temperatures:
     """Return the result for a motor that becomes hotter without end."""
     infinite = np.full(len(cycle.t), np.inf)
     return Temperatures(infinite, infinite, "no steady state")
 
 
-def _temperatures(
+def _iterate_temperatures(
     model: ThermalModel, cycle: Cycle, guess: float, start: Array | None = None
 ) -> Temperatures:
     """Linearise the loss repeatedly until the temperatures over one cycle no longer change.
@@ -301,32 +302,36 @@ def _temperatures(
     """
     winding = np.full(len(cycle.t), guess)
     housing = winding
-    for _ in range(PASSES):
-        modes, power = _linearised(model, cycle, winding)
+    for _ in range(MOST_ITERATIONS):
+        modes, power = _linearise_loss(model, cycle, winding)
         if start is None and modes.is_unstable:
             break
-        free = follow(modes, cycle.t, power)
+        free = simulate_modes(modes, cycle.t, power)
         periodic = free[:, -1] / (1.0 - modes.decay(cycle.period)[:, 0])
         initial = periodic if start is None else modes.states(start)
         states = free + modes.decay(cycle.t) * initial[:, None]
         previous = winding
         winding, housing = model.ambient + modes.temperatures(states)
         change = float(np.abs(winding - previous).max())
-        if change < SETTLED:
+        if change < TEMPERATURE_TOLERANCE:
             return Temperatures(winding, housing, "steady" if start is None else "warming up")
-        if not np.isfinite(change) or winding.max() > HOTTEST:
+        if not np.isfinite(change) or winding.max() > LARGEST_TEMPERATURE:
             break
-    return _unsteady(cycle) if start is None else Temperatures(winding, housing, "warming up")
+    return (
+        _no_steady_state(cycle) if start is None else Temperatures(winding, housing, "warming up")
+    )
 
 
-def _linearised(model: ThermalModel, cycle: Cycle, winding: Array) -> tuple[Modes, Array]:
+def _linearise_loss(
+    model: ThermalModel, cycle: Cycle, winding: Array
+) -> tuple[ThermalModes, Array]:
     """Linearise the loss about winding temperatures (n,).
 
     Returns the modes, which include the mean slope of the loss, and the remaining power (n,), W.
     """
     power, slope = model.power(cycle.square, winding)
     mean = cycle.mean(slope)
-    modes = Modes.from_network(
+    modes = ThermalModes.from_network(
         model.r_winding_housing, model.r_housing_ambient, model.c_winding, model.c_housing, mean
     )
     return modes, power - mean * (winding - model.ambient)
@@ -337,13 +342,13 @@ def _mean_temperature(model: ThermalModel, cycle: Cycle) -> float | None:
     square = np.array([cycle.mean(cycle.square)])
     total = model.r_winding_housing + model.r_housing_ambient
     temperature = np.array([model.ambient])
-    for _ in range(PASSES):
+    for _ in range(MOST_ITERATIONS):
         power, growth = (total * value[0] for value in model.power(square, temperature))
-        if growth >= 1.0 or temperature[0] > HOTTEST:
+        if growth >= 1.0 or temperature[0] > LARGEST_TEMPERATURE:
             return None
         step = (model.ambient + power - temperature[0]) / (1.0 - growth)
         temperature = temperature + step
-        if abs(step) < SETTLED:
+        if abs(step) < TEMPERATURE_TOLERANCE:
             return float(temperature[0])
     return None
 
@@ -353,7 +358,7 @@ def warm_up(model: ThermalModel, cycle: Cycle, start: tuple[float, float]) -> Te
 
     `start` contains the temperatures of winding and housing at the start of the cycle, K.
     """
-    return _temperatures(model, cycle, start[0], np.array(start) - model.ambient)
+    return _iterate_temperatures(model, cycle, start[0], np.array(start) - model.ambient)
 
 
 def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
@@ -361,7 +366,7 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
 
     The result is None if the winding never reaches the limit. If the temperatures change little
     from one cycle to the next, many cycles are computed at once: as many as warm the motor by
-    `STEP`.
+    `LARGEST_TEMPERATURE_CHANGE`.
     """
     steady = steady_state(model, cycle)
     if steady.steady and steady.peak < limit:
@@ -379,7 +384,7 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
         hot = np.flatnonzero(temperatures.winding >= limit)
         stride = cycles - before
         if len(hot) and stride <= 1:
-            return cycles * cycle.period + _crossing(
+            return cycles * cycle.period + _crossing_time(
                 cycle.t, temperatures.winding, int(hot[0]), limit
             )
         if len(hot):
@@ -387,12 +392,12 @@ def time_until(model: ThermalModel, cycle: Cycle, limit: float) -> float | None:
             max_stride = stride // 2
             temperatures = warm_up(model, cycle, tuple(current))
         before, previous = cycles, current
-        stride, current = _later(model, cycle, temperatures, current, max_stride)
+        stride, current = _advance_cycles(model, cycle, temperatures, current, max_stride)
         cycles += stride
     return None
 
 
-def _later(
+def _advance_cycles(
     model: ThermalModel, cycle: Cycle, temperatures: Temperatures, start: Array, max_stride: int
 ) -> tuple[int, Array]:
     """Compute the temperatures (2,) at the start of a later repetition, K.
@@ -401,17 +406,17 @@ def _later(
     The loss is linearised about `temperatures`.
     """
     change = abs(np.array([temperatures.winding[-1], temperatures.housing[-1]]) - start).max()
-    stride = int(max(min(max_stride, STEP / max(change, 1e-12)), 1))
-    modes, power = _linearised(model, cycle, temperatures.winding)
+    stride = int(max(min(max_stride, LARGEST_TEMPERATURE_CHANGE / max(change, 1e-12)), 1))
+    modes, power = _linearise_loss(model, cycle, temperatures.winding)
     decay = modes.decay(cycle.period)[:, 0]
-    gained_states = follow(modes, cycle.t, power)[:, -1]
+    gained_states = simulate_modes(modes, cycle.t, power)[:, -1]
     state = decay**stride * modes.states(start - model.ambient) + gained_states * np.expm1(
         stride * np.log(decay)
     ) / (decay - 1.0)
     return stride, model.ambient + modes.temperatures(state)
 
 
-def _crossing(t: Array, winding: Array, k: int, limit: float) -> float:
+def _crossing_time(t: Array, winding: Array, k: int, limit: float) -> float:
     """Return the time at which the winding reaches the limit, interpolated up to instant k, s."""
     if k == 0 or winding[k] == winding[k - 1]:
         return float(t[k])

@@ -25,17 +25,17 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.kinematics import jacobian
-from ssm_planner.problem import Joint, Robot
+from ssm_planner.problem import Joint, Robot, get_attributes
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, JsonObject, frozen
 
 INSTANTS = 201
 """Number of instants of the motion at which the tip error is computed."""
-DRAWS = 4000
+ERROR_DRAWS = 4000
 """Number of draws of the errors."""
-QUANTILE = 0.995
+BOUND_QUANTILE = 0.995
 """Share of the draws below the bound. The bound holds with 99 %, since the draws are finite."""
-STATED = ("backlash", "homing_error", "tracking_error", "stiffness")
+NEEDED_FIGURES = ("backlash", "homing_error", "tracking_error", "stiffness")
 """Figures of a joint in the robot file that the tip error needs."""
 
 
@@ -105,7 +105,7 @@ class TipError:
     def to_dict(self) -> JsonObject:
         """Return the entry `tip_error` of plan.json, in SI units."""
         return {
-            **{name: getattr(self, name) for name in ("bound", "angle", "stated", "stated_angle")},
+            **get_attributes(self, ("bound", "angle", "stated", "stated_angle")),
             "sources": [vars(source) for source in self.sources],
             "missing": list(self.missing),
         }
@@ -142,22 +142,24 @@ def tip_error(trajectory: Trajectory, robot: Robot) -> TipError:
             sizes = np.abs(deflections[:, i])
             tip = float((sizes * lengths[:, i]).max())
             sources.append(ErrorSource(joint.name, "deflection", float(sizes.max()), tip))
-    draws = np.zeros((4, DRAWS))
+    draws = np.zeros((4, ERROR_DRAWS))
     rng = np.random.default_rng(0)
     for i, name, largest in errors:
         # The load presses the joint against one of both flanks.
         is_play = name.endswith("backlash")
-        shares = rng.choice([-1.0, 1.0], DRAWS) if is_play else rng.uniform(-1.0, 1.0, DRAWS)
+        shares = (
+            rng.choice([-1.0, 1.0], ERROR_DRAWS) if is_play else rng.uniform(-1.0, 1.0, ERROR_DRAWS)
+        )
         draws[i] += largest * shares
     return TipError(
-        _quantile(jacobians[:, :3], deflections, draws),
-        _quantile(jacobians[:, 3:], deflections, draws),
+        _error_quantile(jacobians[:, :3], deflections, draws),
+        _error_quantile(jacobians[:, 3:], deflections, draws),
         tuple(sorted(sources, key=lambda source: -source.tip)),
-        tuple(_missing(robot)),
+        tuple(_missing_figures(robot)),
     )
 
 
-def _quantile(rows: Array, deflections: Array, draws: Array) -> float:
+def _error_quantile(rows: Array, deflections: Array, draws: Array) -> float:
     """Return the quantile of the largest error over the motion, m or rad.
 
     Parameters
@@ -173,7 +175,7 @@ def _quantile(rows: Array, deflections: Array, draws: Array) -> float:
     for row, deflection in zip(rows, deflections, strict=True):
         errors = row @ (draws + deflection[:, None])
         largest = np.maximum(largest, np.linalg.norm(errors, axis=0))
-    return float(np.quantile(largest, QUANTILE))
+    return float(np.quantile(largest, BOUND_QUANTILE))
 
 
 def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:
@@ -194,10 +196,10 @@ def _random_errors(joint: Joint) -> Iterator[tuple[str, float]]:
         yield "tracking error", joint.tracking_error
 
 
-def _missing(robot: Robot) -> Iterator[str]:
+def _missing_figures(robot: Robot) -> Iterator[str]:
     """Yield the figures that are missing or are placeholders, such as "roll: backlash"."""
     for joint in robot.joints:
-        for name in STATED:
+        for name in NEEDED_FIGURES:
             if getattr(joint, name) is None:
                 yield f"{joint.name}: {name.replace('_', ' ')}"
         plays = joint.plays().items()

@@ -31,14 +31,14 @@ from ssm_planner.pipeline.thermal import with_fast_planner
 from ssm_planner.plans import Plan
 from ssm_planner.problem import Joint, Problem, unchecked_copy
 from ssm_planner.sizing import (
-    MARGINS,
+    MARGIN_CHECKS,
     Conditions,
     JointLoad,
     JointSelection,
     MotorVerdict,
     Sizing,
     joint_loads,
-    pause_of,
+    pause_after_motion,
     select_joint,
     size_motion,
 )
@@ -49,7 +49,7 @@ from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Fields, JsonObject, record
 from ssm_planner.verification.check import check
 
-CHECKS_WITH_MARGIN = (*MARGINS, "heat")
+CHECKS_WITH_MARGIN = (*MARGIN_CHECKS, "heat")
 """Checks of a motor whose margins must reach the required motor margin."""
 MARGIN_ALLOWANCE = 1e-4
 """Additional motor margin for the planner, as a fraction of a limit.
@@ -431,7 +431,7 @@ def select_components(
     """
     loads = []
     for name, problem in problems.items():
-        conditions = Conditions(pause=pause_of(problem))
+        conditions = Conditions(pause=pause_after_motion(problem))
         for load in joint_loads(motions[name].slower(1 / slowdown), problem.robot):
             loads.append((load, conditions))
     components: dict[str, str] = {}
@@ -579,7 +579,7 @@ def _motion_results(problems: ProblemByMotion, motions: TrajectoryByMotion) -> J
     for name, motion in motions.items():
         problem = problems[name]
         results[f"duration.{name}"] = motion.duration
-        sizings.append(size_motion(motion, problem.robot, pause_of(problem)))
+        sizings.append(size_motion(motion, problem.robot, pause_after_motion(problem)))
     results["duration"] = sum(motion.duration for motion in motions.values())
     return results | _motor_results(sizings)
 

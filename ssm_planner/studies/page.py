@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ssm_planner.atomic import write_text
-from ssm_planner.display import number, plain_words
+from ssm_planner.display import format_number, plain_words
 from ssm_planner.reporting import render_page
 from ssm_planner.studies.store import Candidate, Candidates, dominating_candidates
 from ssm_planner.studies.study import Study, Varied
@@ -133,7 +133,7 @@ def _front_table(study: Study, front: Candidates) -> JsonObject:
     header += [choice.path for choice in study.selected]
     table = []
     for row in front[:MAX_FRONT_ROWS]:
-        objectives = [number(displayed_result(name, row.figures), 5) for name in names]
+        objectives = [format_number(displayed_result(name, row.figures), 5) for name in names]
         choices = list(design_texts(study, row).values())
         table.append([str(row.number)] + objectives + choices)
     return {"header": header, "rows": table}
@@ -358,7 +358,7 @@ def format_result(name: str, results: Fields) -> str:
     results : mapping
         Figures of a candidate.
     """
-    value = number(displayed_result(name, results), 4)
+    value = format_number(displayed_result(name, results), 4)
     return f"{plain_words(name)} {value} {result_unit(name)[0]}".strip()
 
 

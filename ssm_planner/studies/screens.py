@@ -14,12 +14,12 @@ import numpy as np
 
 from ssm_planner.dynamics import breakaway_torque, static_loads
 from ssm_planner.errors import ProblemError
-from ssm_planner.kinematics import Family
+from ssm_planner.kinematics import MechanismFamily
 from ssm_planner.loading import problem_from_dict, robot_from, section_from_data
 from ssm_planner.problem import JOINTS, TASK_COORDINATES, Joint, Problem, Robot, Straight, Task
 from ssm_planner.studies.study import Choice, Design, Study
 from ssm_planner.typing import Array, frozen
-from ssm_planner.units import quantity
+from ssm_planner.units import parse_quantity
 
 GEOMETRY_ANGLES = ("alpha", "home_tilt", "home_roll")
 """Keys of the robot file that define a geometry: the angle α, and tilt and roll at q = 0."""
@@ -120,7 +120,7 @@ class Screens:
             yield from problems
             return
 
-    def _geometry_family(self, designs: Sequence[Design]) -> Family | None:
+    def _geometry_family(self, designs: Sequence[Design]) -> MechanismFamily | None:
         """Return the geometries of all designs as arrays.
 
         Returns
@@ -140,9 +140,9 @@ class Screens:
                 texts = [design[path] for design in designs]
             columns.append(np.broadcast_to(_parse_angles(texts), (len(designs),)))
         sign = -1 if geometry["insertion"] == "negative" else 1
-        return Family(columns[0], columns[1], columns[2], sign)
+        return MechanismFamily(columns[0], columns[1], columns[2], sign)
 
-    def _screen_reach(self, family: Family, rejections: Rejections) -> None:
+    def _screen_reach(self, family: MechanismFamily, rejections: Rejections) -> None:
         """Reject candidates that do not reach the required tilts or the tilts of the motions.
 
         Parameters
@@ -230,7 +230,7 @@ class Screens:
         return joints
 
     def _screen_start(
-        self, designs: Sequence[Design], family: Family, rejections: Rejections
+        self, designs: Sequence[Design], family: MechanismFamily, rejections: Rejections
     ) -> None:
         """Reject candidates whose motors cannot start a straight motion from rest.
 
@@ -261,7 +261,7 @@ class Screens:
                 rejections[i] = reason
 
     def _start_rejections(
-        self, family: Family, branch: int, designs: Sequence[Design]
+        self, family: MechanismFamily, branch: int, designs: Sequence[Design]
     ) -> Rejections:
         """Return the rejection of each design whose motors are too weak on one branch, or None.
 
@@ -293,7 +293,7 @@ class Screens:
                     rejections[members[i]] = rejections[members[i]] or rejection
         return rejections
 
-    def _weight_efforts(self, family: Family, q: Array) -> Array:
+    def _weight_efforts(self, family: MechanismFamily, q: Array) -> Array:
         """Return the efforts of the weight on the joints.
 
         The bodies keep their place relative to the axes of their joints.
@@ -316,7 +316,7 @@ class Screens:
         masses = np.tile([body.mass for body in self.robot.bodies], (count, 1))
         return static_loads(axes, masses, self._centres_of_mass(family), self.robot.gravity, q)
 
-    def _centres_of_mass(self, family: Family) -> Array:
+    def _centres_of_mass(self, family: MechanismFamily) -> Array:
         """Return the centres of mass of the four bodies in the base frame at q = 0.
 
         Each body is rotated together with the axis of its joint, by the smallest rotation.
@@ -428,7 +428,7 @@ def _parse_angles(texts: Sequence[str]) -> Array:
         Angles, rad.
     """
     unit = texts[0].strip().partition(" ")[2]
-    factor = quantity(f"1 {unit}", "angle")
+    factor = parse_quantity(f"1 {unit}", "angle")
     return np.array([float(text.strip().partition(" ")[0]) for text in texts]) * factor
 
 

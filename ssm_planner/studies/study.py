@@ -20,7 +20,7 @@ from ssm_planner.errors import ProblemError
 from ssm_planner.loading import number_or_text
 from ssm_planner.problem import Interval, NotNegative, Value
 from ssm_planner.typing import Array, Fields, JsonObject, frozen, record
-from ssm_planner.units import BadQuantity, quantity
+from ssm_planner.units import BadQuantity, parse_quantity
 
 Design = Mapping[str, str]
 """Values that define a candidate, by the path of the robot file at which they vary.
@@ -436,7 +436,7 @@ def _stated_inertia(mapping: Fields | None, key: str) -> float:
     entry = (mapping or {}).get(key)
     value = entry.get("value") if isinstance(entry, Mapping) else entry
     try:
-        return 0.0 if value is None else quantity(value, "inertia")
+        return 0.0 if value is None else parse_quantity(value, "inertia")
     except BadQuantity:
         return 0.0
 

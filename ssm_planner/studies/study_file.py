@@ -50,7 +50,7 @@ from ssm_planner.studies.study import (
     leads_to_container,
 )
 from ssm_planner.typing import JsonObject
-from ssm_planner.units import BadQuantity, share
+from ssm_planner.units import BadQuantity, parse_share
 
 
 def _parse_margin(value: object) -> float:
@@ -58,7 +58,7 @@ def _parse_margin(value: object) -> float:
 
     Raises BadQuantity for all other values.
     """
-    margin = share(value)
+    margin = parse_share(value)
     if 0 <= margin < 1:
         return margin
     raise BadQuantity("not a share", "0 to 1, or 0 % to 100 %")

@@ -27,7 +27,7 @@ from ssm_planner.problem import (
     to_plain,
 )
 from ssm_planner.representation import data_frame, html_table
-from ssm_planner.trajectory import BLOCK, Trajectory, blocks
+from ssm_planner.trajectory import PIECES_PER_BLOCK, Trajectory, blocks
 from ssm_planner.typing import JsonObject, frozen
 
 ROUNDING_TOLERANCE = 1e-6
@@ -518,7 +518,7 @@ def _seal_hash(
     # The text of the robot is cached, so it is appended as the last key of the JSON object.
     digest = hashlib.sha256(f'{text[:-1]}, "robot": {robot_text(robot)}}}'.encode())
     digest.update(trajectory.breaks.astype("<f8").tobytes())
-    for block in blocks(len(trajectory.breaks) - 1, BLOCK):
+    for block in blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK):
         digest.update(trajectory.pieces(block).astype("<f8").tobytes())
     return digest.hexdigest()
 

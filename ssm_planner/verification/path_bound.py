@@ -45,7 +45,7 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics import friction_coefficient, friction_of, motorised
+from ssm_planner.dynamics import friction_coefficient, motorised_joints, required_friction
 from ssm_planner.problem import JointAcceleration, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.typing import Array, Mask, frozen, record
@@ -360,9 +360,9 @@ def _named_rows(path: PathRows) -> list[tuple[LimitKey, Array]]:
     for k, row in enumerate(path.acceleration_rows()):
         joint = path.robot.joints[k // 2]  # each joint has two rows, one for either direction
         rows.append(((JointAcceleration.name, joint.name), row))
-    for i, drive, motor in motorised(path.robot.joints):
+    for i, drive, motor in motorised_joints(path.robot.joints):
         speeds = 0.0, drive.ratio * path.robot.joints[i].velocity
-        smallest = min(float(friction_coefficient(friction_of(drive), w)) for w in speeds)
+        smallest = min(float(friction_coefficient(required_friction(drive), w)) for w in speeds)
         direction = path.direction[:, i]
         reverses = (direction * path.speed[2, :, i]).reshape(len(POINT_POSITIONS), -1) < 0
         is_kept = np.tile(~reverses.any(axis=0), len(POINT_POSITIONS))

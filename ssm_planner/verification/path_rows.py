@@ -8,7 +8,7 @@ has q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ². Every row is a limited quantity d
 
 import numpy as np
 
-from ssm_planner.dynamics import STILL, RigidBody, motor_torque_rows, output_effort
+from ssm_planner.dynamics import REST_FRACTION, RigidBody, motor_torque_rows, output_effort
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
 from ssm_planner.problem import (
     TASK_COORDINATES,
@@ -20,7 +20,7 @@ from ssm_planner.problem import (
     TaskLimits,
     TaskRate,
 )
-from ssm_planner.trajectory import DEGREE, Trajectory, parts_of
+from ssm_planner.trajectory import DEGREE, Trajectory, part_indices
 from ssm_planner.typing import Array, Mask, record
 
 PATH_INTERVALS = 200
@@ -109,7 +109,7 @@ class PathRows:
         lengths = np.diff(trajectory.breaks[first_piece : last_piece + 2])
         counts = np.maximum(np.rint(PATH_INTERVALS * lengths / lengths.sum()), 1).astype(int)
         counts *= refinement
-        piece_index, k = parts_of(counts)
+        piece_index, k = part_indices(counts)
         width = (lengths / counts)[piece_index]
         times = np.concatenate([(k + share) * width for share in point_positions])
         samples = trajectory.sample_pieces(
@@ -117,7 +117,7 @@ class PathRows:
         )
         q = samples.q.reshape(len(point_positions), -1, 4)
         travel = q[-1] - q[0]
-        rest_speed = STILL * robot.velocities
+        rest_speed = REST_FRACTION * robot.velocities
         advances = np.abs(travel) > rest_speed * width[:, None]
         powers = lengths[:, None] ** np.arange(1, DEGREE + 1)
         rates = np.abs(trajectory.pieces(slice(first_piece, last_piece + 1))[:, 1:])

@@ -34,15 +34,15 @@ import numpy as np
 
 from ssm_planner.codegen import VectorisedFunction, casadi_namespace, dense_function
 from ssm_planner.dynamics import (
-    STILL,
+    REST_FRACTION,
     RigidBody,
     drive_torque,
-    motor_law,
-    nut_contact,
+    motor_torque_symbolic,
+    nut_contact_force,
     with_payload,
 )
 from ssm_planner.kinematics import (
-    JACOBIANS,
+    SPEED_JACOBIANS,
     Mechanism,
     eye_limits,
     nearest_turn,
@@ -62,7 +62,7 @@ from ssm_planner.problem import (
     TaskRate,
     unchecked_copy,
 )
-from ssm_planner.trajectory import Trajectory, blocks, parts_of
+from ssm_planner.trajectory import Trajectory, blocks, part_indices
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.certificate import LimitCheck
 from ssm_planner.verification.limits import JUMP_TOLERANCE, LimitedQuantity, WorstCase, WorstValue
@@ -233,7 +233,7 @@ class SampledExtremes:
             elif isinstance(quantity.limit, NutContact):
                 drive = self.robot.joints[quantity.index].drive
                 if drive is not None:
-                    values[:, k] = nut_contact(
+                    values[:, k] = nut_contact_force(
                         drive, values[:, k], drive.ratio * state[2][:, quantity.index]
                     )
         return values
@@ -422,14 +422,14 @@ class SampledIntervals:
         # The velocity may jump by JUMP_TOLERANCE, so a joint may start with such a speed.
         previous_direction = np.vstack([np.zeros(4), direction[:-1]])
         start_speed = np.where(
-            direction == previous_direction, 1.0, JUMP_TOLERANCE / STILL
+            direction == previous_direction, 1.0, JUMP_TOLERANCE / REST_FRACTION
         ) * rest_speeds(robot)
         starting = (np.abs(at_begin) <= start_speed) & (direction != 0)
         stopping = (np.abs(at_end) <= start_speed) & (direction != 0)
         # An interval of four instants spans three sampling periods.
         periods = (end - start) * pieces.length[piece] * rate
         counts = np.clip(np.ceil(periods / 3 - 1e-3).astype(int), 1, max_intervals)
-        segment, offset = parts_of(counts)
+        segment, offset = part_indices(counts)
         width = ((end - start) / counts)[segment]
         is_first = offset == 0
         is_last = offset == counts[segment] - 1
@@ -616,7 +616,7 @@ def _quantity_function(
     arguments = [ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "direction", "breakaway")]
     q, qd, qdd, direction, breakaway = arguments
     mechanism = Mechanism.from_robot(robot)
-    tau, torque, effort = motor_law(robot, q, qd, qdd, direction, breakaway=breakaway)
+    tau, torque, effort = motor_torque_symbolic(robot, q, qd, qdd, direction, breakaway=breakaway)
     task = task_from_joints_symbolic(mechanism, q)
     rates = task_rates_symbolic(mechanism, q, qd)
     tip = tip_position_symbolic(mechanism, q)
@@ -637,7 +637,7 @@ def _quantity_function(
         elif issubclass(limit_type, NutContact):
             rows.append(effort[i])
         elif issubclass(limit_type, SpeedLimit):
-            rows.append(ca.norm_2(JACOBIANS[limit_type](mechanism, q) @ qd))
+            rows.append(ca.norm_2(SPEED_JACOBIANS[limit_type](mechanism, q) @ qd))
         elif issubclass(limit_type, TaskRate):
             rows.append(rates[i])
         elif issubclass(limit_type, TaskRange):

@@ -24,7 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics import STILL, friction_coefficient, friction_of, motorised
+from ssm_planner.dynamics import (
+    REST_FRACTION,
+    friction_coefficient,
+    motorised_joints,
+    required_friction,
+)
 from ssm_planner.problem import Dwell, Problem, Robot, TaskLimits
 from ssm_planner.toppra_passes import largest_speeds
 from ssm_planner.trajectory import Trajectory
@@ -203,7 +208,7 @@ def _fastest_timing(path: PathRows, use: Array) -> Array | None:
     ceiling = np.minimum(np.append(start_ceiling, np.inf), np.append(np.inf, end_ceiling))
     # An end at rest rests for every ṡ. At a moving end ṡ ≤ 1 is allowed, because the motion itself
     # may exceed a limit by rounding.
-    start_speed, end_speed = np.where(use[[0, -1]] <= STILL, MAX_PATH_SPEED, 1.0)
+    start_speed, end_speed = np.where(use[[0, -1]] <= REST_FRACTION, MAX_PATH_SPEED, 1.0)
     squares, grid = np.ones(len(path.lengths) + 1), np.append(0.0, np.cumsum(path.lengths))
     duration = path.lengths.sum()
     for _ in range(MAX_PASSES):
@@ -264,8 +269,10 @@ def _linear_rows(path: PathRows, squares: Array) -> tuple[Array, Array, Array]:
     x = np.concatenate([squares[:-1], squares[1:]])
     root = np.sqrt(np.maximum(x, MIN_SQUARED_SPEED))
     rows = path.acceleration_rows()
-    for i, drive, motor in motorised(path.robot.joints):
-        mu = friction_coefficient(friction_of(drive), drive.ratio * path.speed[2, :, i] * root)
+    for i, drive, motor in motorised_joints(path.robot.joints):
+        mu = friction_coefficient(
+            required_friction(drive), drive.ratio * path.speed[2, :, i] * root
+        )
         sides = path.torque_rows(i, drive, motor, mu)
         shares = []
         for side in sides:

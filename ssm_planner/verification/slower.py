@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from ssm_planner.dynamics import RigidBody, directions, motor_motion, motorised
+from ssm_planner.dynamics import RigidBody, motion_directions, motor_motion, motorised_joints
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem import ContinuousTorque, MotorTorque, Robot, TaskLimits
 from ssm_planner.trajectory import Samples, Trajectory
@@ -161,7 +161,7 @@ def check_speeds(
         raise ProblemError(
             "invalid speed", key="speed", value=slowest, allowed="above 0 and below 1 (100 %)"
         )
-    driven = [i for i, *_ in motorised(robot.joints)]
+    driven = [i for i, *_ in motorised_joints(robot.joints)]
     columns = list(product(range(len(SPEED_DEPENDENT_LIMITS)), driven))
     factors = np.geomspace(slowest, 1.0, GRID_SPEEDS)
     pause = limits.duty or 0.0
@@ -256,7 +256,7 @@ def _peak_and_rms_torques(
             (speed**2 * samples.qdd).reshape(-1, 4),
             (speed**3 * samples.qddd).reshape(-1, 4),
         )
-        sign, away = directions(robot, slow, side)
+        sign, away = motion_directions(robot, slow, side)
         torque = motor_motion(robot, body, slow, sign, away).torque.reshape(len(factors), -1, 4)
         torque = np.nan_to_num(torque)  # joints without a drive
         peak = np.maximum(peak, np.abs(torque).max(axis=1))

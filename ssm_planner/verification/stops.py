@@ -26,14 +26,14 @@ from ssm_planner.dynamics import (
     RigidBody,
     TorqueRows,
     friction_coefficient,
-    friction_of,
     motor_torque_rows,
-    motorised,
+    motorised_joints,
     output_effort,
+    required_friction,
 )
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.problem import Joint, Robot, TaskLimits
-from ssm_planner.trajectory import DEGREE, Trajectory, parts_of, quintics
+from ssm_planner.trajectory import DEGREE, Trajectory, part_indices, quintic_coefficients
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification.joint_stops import compute_joint_stops
 from ssm_planner.verification.pieces import rest_speeds
@@ -168,7 +168,7 @@ class _StopPath:
         nodes = np.union1d(breaks, instants[~is_near])
         distances = np.diff(nodes)
         steps = np.clip(np.ceil(distances / MAX_STEP - 1e-9), 1, MAX_STEPS).astype(int)
-        interval, offset = parts_of(steps)
+        interval, offset = part_indices(steps)
         s = np.append(offset * (distances / steps)[interval] + nodes[interval], nodes[-1])
         starts = motion.sample(motion.breaks[0] + s[:-1], "right")
         ends = motion.sample(motion.breaks[0] + s[1:], "left")
@@ -431,8 +431,8 @@ class _DecelerationBounds:
         alone = [np.stack([constant, with_square, np.zeros_like(a)])]
         halves: tuple[list[Array], list[Array]] = ([], [])
         varying: list[int] = []
-        for i, drive, _ in motorised(robot.joints):
-            if friction_of(drive).stribeck_speed is not None:
+        for i, drive, _ in motorised_joints(robot.joints):
+            if required_friction(drive).stribeck_speed is not None:
                 varying.append(i)
                 continue
             motor = _MotorOnPath.from_joint(
@@ -566,7 +566,7 @@ class _MotorOnPath:
         inertia, velocity, gravity = path.load
         sigma = np.sign(dq)
         motor_speed = joint.drive.ratio * dq * np.sqrt(square)
-        mu = friction_coefficient(friction_of(joint.drive), motor_speed)
+        mu = friction_coefficient(required_friction(joint.drive), motor_speed)
         return cls(
             joint,
             motor_torque_rows(joint.drive, sigma, mu),
@@ -685,7 +685,7 @@ def _pieces_from_steps(
     within = np.flatnonzero(travel < h)
     begins = (q[within], dq[within], ddq[within])
     ends = (q_end[within], dq_end[within], ddq_end[within])
-    inner = quintics(h[within], begins, ends).transpose(1, 2, 0)
+    inner = quintic_coefficients(h[within], begins, ends).transpose(1, 2, 0)
     q_end[within] = polyval(travel[within], inner, tensor=False).T
     dq_end[within] = polyval(travel[within], polyder(inner), tensor=False).T
     root = np.sqrt(x)[:, None]
@@ -695,4 +695,4 @@ def _pieces_from_steps(
     # q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ² at both ends of each step
     start = q, dq * root, dq * u + ddq * x[:, None]
     finish = q_end, dq_end * end_root, dq_end * u + ddq_end * end_x[:, None]
-    return dt, quintics(dt, start, finish), np.searchsorted(stop, np.arange(count + 1))
+    return dt, quintic_coefficients(dt, start, finish), np.searchsorted(stop, np.arange(count + 1))

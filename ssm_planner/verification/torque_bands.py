@@ -21,10 +21,10 @@ from ssm_planner.dynamics import (
     RigidBody,
     breakaway_coefficient,
     friction_coefficient,
-    friction_of,
-    motorised,
+    motorised_joints,
     moving_torque,
     output_effort,
+    required_friction,
 )
 from ssm_planner.problem import (
     Drive,
@@ -34,7 +34,7 @@ from ssm_planner.problem import (
     Robot,
     TaskLimits,
 )
-from ssm_planner.trajectory import BLOCK, Trajectory, blocks
+from ssm_planner.trajectory import PIECES_PER_BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Mask
 from ssm_planner.verification.certificate import ROUNDING_TOLERANCE, LimitCheck, Unjudged
 
@@ -88,7 +88,7 @@ def check_torque_bands(
         centres = np.union1d(np.arange(width, len(t) - width, width), len(t) - 1 - width)
         maxima = np.full((3, 4), -np.inf)
         times = np.zeros((3, 4))
-        for block in blocks(len(centres), BLOCK):
+        for block in blocks(len(centres), PIECES_PER_BLOCK):
             rows = centres[block] + [[-width], [0], [width]]
             at_rest = moves[rows[0]] == moves[rows[2]]
             values = _window_bounds(t[rows][..., None], q[rows], at_rest, robot, resolution)
@@ -107,7 +107,7 @@ def check_torque_bands(
                 LimitCheck.from_extreme(limit, float(extremes[0, i]), float(extreme_times[0, i]))
             )
     certain = not checks and limits.friction is None and limits.payload is None
-    for i, *_ in motorised(robot.joints):
+    for i, *_ in motorised_joints(robot.joints):
         limit = robot.joints[i].limit(MotorTorque)
         low, high = extremes[1:, i].tolist()
         if low > limit.high * (1 + ROUNDING_TOLERANCE):
@@ -167,7 +167,7 @@ def _window_bounds(t: Array, q: Array, at_rest: Mask, robot: Robot, resolution: 
     half = (highest_qdd - lowest_qdd) / 2
     values = np.array([np.abs(mean) - error, still, still])
     slack = _bound_load_changes(body, q[1], qd, (q_error, qd_error, largest_qdd))
-    for i, drive, _ in motorised(robot.joints):
+    for i, drive, _ in motorised_joints(robot.joints):
         mu = _extreme_friction(drive, np.abs(qd[:, i]), qd_error[:, i])
         for direction in (-1, 1):
             bands = []
@@ -235,7 +235,7 @@ def _extreme_friction(drive: Drive, speed: Array, error: Array) -> Array:
     error : (n,) array
         Largest errors of these speeds.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     speeds = drive.ratio * np.maximum(speed + error * [[1], [-1]], 0)
     lowest = np.min(friction_coefficient(friction, speeds), axis=0)
     return np.array([lowest, np.max(breakaway_coefficient(friction, speeds), axis=0)])

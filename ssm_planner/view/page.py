@@ -35,7 +35,7 @@ from ssm_planner.reporting import COLOURS, link_sides, mechanism_scene, render_p
 from ssm_planner.studies.study import GEAR_KEYS, Choice, Variable, Varied, robot_with_design
 from ssm_planner.studies.study_file import resolved_robot_content
 from ssm_planner.typing import JsonObject, Range, record
-from ssm_planner.units import display_unit, quantity
+from ssm_planner.units import display_unit, parse_quantity
 
 PAPER_ANGLES = math.radians(30.0), math.radians(109.778)
 """Angles α and β of the paper's robot, rad. A page without a problem shows this robot."""
@@ -324,7 +324,7 @@ class ViewedProblem:
         values |= {"low": ends[0], "high": ends[1]}
         values |= dict.fromkeys(TASK_COORDINATES, 0.0) | {"tilt": mechanism.home_tilt} | coordinates
         if problem is not None:
-            values["payload"] = quantity(self.document.get("tip_payload", "0 kg"), "mass")
+            values["payload"] = parse_quantity(self.document.get("tip_payload", "0 kg"), "mass")
             for variable in self.variables:
                 values[variable.path] = (
                     variable.low * MAX_ADJUSTMENT_FACTOR if isinstance(variable, Varied) else ""

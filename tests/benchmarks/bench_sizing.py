@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from ssm_planner.dynamics.spread import spread_of
+from ssm_planner.dynamics.spread import friction_spread
 from ssm_planner.loading.load import load_motor
 from ssm_planner.plans import load_plan
 from ssm_planner.sizing.demand import linear_band, monte_carlo
@@ -62,7 +62,7 @@ def main() -> int:
 
     def draw() -> list[object]:
         return [
-            monte_carlo(replace(load, motor=COMPLETE), spread_of(load.drive), DRAWS)
+            monte_carlo(replace(load, motor=COMPLETE), friction_spread(load.drive), DRAWS)
             for load in loads
         ]
 
@@ -76,7 +76,7 @@ def main() -> int:
     )
     off = 0.0
     for load in loads:
-        spread = spread_of(load.drive)
+        spread = friction_spread(load.drive)
         driven = replace(load, motor=COMPLETE)
         linear, drawn = linear_band(driven, spread), monte_carlo(driven, spread, DRAWS)
         for demand in ("peak_torque", "rms_torque", "peak_voltage"):

@@ -12,7 +12,7 @@ import numpy as np
 from ssm_planner.planning import phase_planner
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.problem import Problem
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import Trajectory, quintic_coefficients
 from ssm_planner.typing import Array
 from ssm_planner.verification.certificate import Certificate
 from ssm_planner.verification.check import check
@@ -56,13 +56,17 @@ def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISI
         at = path.sample(s[:, part].ravel())
         v, a = speed[:, part].reshape(-1, 1), acceleration[:, part].reshape(-1, 1)
         ends.append((at.q, at.dq * v, at.ddq * v**2 + at.dq * a))
-    return Trajectory(breaks, hermite(breaks, ends[0], ends[1]), ())
+    return Trajectory(breaks, quintic_coefficients(np.diff(breaks), ends[0], ends[1]), ())
 
 
 def of_joints(q: Array, qd: Array, first: Array, last: Array, lengths: Array) -> Trajectory:
     """Joint polynomials from q, q̇ at the ends of elements, (n + 1, 4), and q̈ at both ends of each, (n, 4)."""
     breaks = np.concatenate([[0.0], np.cumsum(lengths)])
-    return Trajectory(breaks, hermite(breaks, (q[:-1], qd[:-1], first), (q[1:], qd[1:], last)), ())
+    return Trajectory(
+        breaks,
+        quintic_coefficients(np.diff(breaks), (q[:-1], qd[:-1], first), (q[1:], qd[1:], last)),
+        (),
+    )
 
 
 def certificate(problem: Problem, trajectory: Trajectory) -> Certificate:

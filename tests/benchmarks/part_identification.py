@@ -14,14 +14,14 @@ from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.identification.identify import identify
 from ssm_planner.identification.prediction import predict_recording
 from ssm_planner.identification.recordings import read_recordings
-from ssm_planner.identification.torque_map import TABLE, read_figures
+from ssm_planner.identification.torque_map import TABLE_NAME, read_torque_map
 from ssm_planner.loading.load import load_drive
-from ssm_planner.reproduction import EXAMPLES
+from ssm_planner.reproduction import EXAMPLES_FOLDER
 from tests.benchmarks.cases import ROOT
 from tests.benchmarks.measuring import Spread, timed
 from tests.benchmarks.section import Section
 
-sys.path.append(str(EXAMPLES))
+sys.path.append(str(EXAMPLES_FOLDER))
 from paper_reproduction.friction import published_drive
 
 RECORDINGS = "BENCH_RECORDINGS"
@@ -94,7 +94,7 @@ def bam_error(file: Path) -> float:
     """
     drive = load_drive(file)
     assert drive.rig is not None
-    data = read_figures(file.parent / TABLE, file.stem)
+    data = read_torque_map(file.parent / TABLE_NAME, file.stem)
     external = drive.rig.F_payload / drive.ratio
     scale, fastest = float(np.abs(data.tau).max()), float(np.abs(data.w).max())
     upper = np.array([1, 1, 0.9, 0.9, 0.9, 0.9, 1, 1, 10.0])
@@ -131,7 +131,7 @@ def published_errors(file: Path, folder: Path) -> tuple[float, list[float]]:
     drive = published_drive(load_drive(file))
     rig = drive.rig
     assert rig is not None
-    data = read_figures(file.parent / TABLE, file.stem)
+    data = read_torque_map(file.parent / TABLE_NAME, file.stem)
     effort = output_effort(drive, rig.F_payload, data.w / drive.ratio, 0.0)
     error = motor_torque(drive, effort, data.w, 0.0) - data.tau
     recordings = (

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.friction import required_friction
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import mesh_coefficients
 from ssm_planner.planning.retiming.paths import StraightPath
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import Trajectory, quintic_coefficients
 from ssm_planner.typing import Array
 from tests.support.pinocchio_model import build
 
@@ -54,7 +54,7 @@ class UserModel:
             drive = joint.drive
             if drive is None or joint.motor is None:
                 continue
-            law = friction_of(drive)
+            law = required_friction(drive)
             up, down = mesh_coefficients(drive, law.mu)
             velocity[i] = min(velocity[i], joint.motor.max_speed / drive.ratio)
             torque[i] = joint.motor.max_torque
@@ -184,7 +184,7 @@ def copp_jerk_limited(path: StraightPath, user: UserModel, rounds: int = 2) -> T
     states = at.q, at.dq * speed, at.ddq * speed**2 + at.dq * np.asarray(profile.b)[:, None]
     times = np.asarray(times) - times[0]
     starts, ends = tuple(x[:-1] for x in states), tuple(x[1:] for x in states)
-    return Trajectory(times, hermite(times, starts, ends), ())
+    return Trajectory(times, quintic_coefficients(np.diff(times), starts, ends), ())
 
 
 def elements_of(s: Array, speed: Array) -> Array:

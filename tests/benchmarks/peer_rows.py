@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of
+from ssm_planner.dynamics.friction import friction_coefficient, required_friction
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque_rows, output_effort
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -84,7 +84,7 @@ def motor(
         drive = joint.drive
         if drive is None or joint.motor is None:
             continue
-        friction, limit = friction_of(drive), limits[8 + i]
+        friction, limit = required_friction(drive), limits[8 + i]
         w, wd = drive.ratio * qd[i], drive.ratio * qdd[i]
         mu = friction.mu_static if at_rest else friction_coefficient(friction, sigma[i] * w)
         effort = output_effort(drive, tau[i], qd[i], qdd[i], sigma[i])

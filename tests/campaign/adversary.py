@@ -846,20 +846,20 @@ def _store(kind: Any, get: Callable[[Any], Any]) -> Any:
 
 def sealed(folder: Path, manifest: dict[str, Any]) -> None:
     """Write the manifest with the hashes of all files."""
-    from ssm_planner.publishing import hashes
+    from ssm_planner.publishing import file_hashes
 
     (folder / "manifest.json").unlink(missing_ok=True)
-    text = json.dumps({**manifest, "files": hashes(folder)})
+    text = json.dumps({**manifest, "files": file_hashes(folder)})
     (folder / "manifest.json").write_text(text)
 
 
 def manifest_of(case: Case, kind: str, duration: float, entries: dict[str, Any]) -> dict[str, Any]:
     from ssm_planner.problem import robot_hash
-    from ssm_planner.publishing import EXPORT, VERSION
+    from ssm_planner.publishing import EXPORT_FORMAT, MANIFEST_VERSION
 
     return {
-        "format": EXPORT,
-        "version": VERSION,
+        "format": EXPORT_FORMAT,
+        "version": MANIFEST_VERSION,
         "kind": kind,
         "verified": True,
         "robot": {"name": case.robot.name, "sha256": robot_hash(case.robot)},

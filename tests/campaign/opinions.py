@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ssm_planner import Plan, Problem, Robot, load_plan, load_problem, plan
-from ssm_planner.plans import FASTER, NOT_IN_PATH
+from ssm_planner.plans import LIMITS_IGNORED_BY_TOPPRA, TOO_FAST_DIFFERENCE
 from ssm_planner.problem.value import unchecked_copy
 from ssm_planner.verification.second_opinion import second_opinions
 from tests.support.paths import ROOT
@@ -73,7 +73,7 @@ def disagreement(result: Plan) -> str | None:
 def is_optimal(result: Plan) -> bool:
     """Return True if the plan has the shortest duration that toppra's limits allow."""
     limits = result.certificate.limits if result.certificate else ()
-    slowed = any(limit.name in NOT_IN_PATH and limit.margin < 0.01 for limit in limits)
+    slowed = any(limit.name in LIMITS_IGNORED_BY_TOPPRA and limit.margin < 0.01 for limit in limits)
     timed = any(getattr(entry, "constant_speed", None) for entry in result.problem.motion)
     return result.problem.objective == "time" and not (slowed or timed)
 
@@ -84,7 +84,7 @@ def gap(result: Plan) -> str | None:
         if phase.branch is None or not phase.solver or "requested" in (phase.not_judged or ""):
             continue
         duration, bound = phase.toppra_duration, phase.path_bound
-        if not (duration and bound and -FASTER <= phase.difference <= GAP):
+        if not (duration and bound and -TOO_FAST_DIFFERENCE <= phase.difference <= GAP):
             return f"{result.problem.name}, {phase.name}: toppra {duration}, bound {bound}"
         if phase.duration > (1 + GAP) * bound:
             return f"{result.problem.name}, {phase.name}: {phase.duration}, bound {bound}"

@@ -22,7 +22,7 @@ from ssm_planner import load_plan
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.c import robot_code
 from ssm_planner.formats.urdf import robot_urdf
-from ssm_planner.publishing import MANIFEST, check_generation, file_name, hashes
+from ssm_planner.publishing import MANIFEST, check_generation, file_hashes, file_name
 
 from .rows import ROOT, Count, Row
 
@@ -167,12 +167,12 @@ def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict
     else:
         shutil.copytree(stage.exports[kind], out)
         words = ["export", str(first), "--to", kind, "-o", str(out)]
-    return out, words, hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
+    return out, words, file_hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
 
 
 def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
     """What is wrong with the folder that a killed process leaves."""
-    found = hashes(out)
+    found = file_hashes(out)
     found = {name: sha for name, sha in found.items() if not name.startswith(".")}
     before = {name: sha for name, sha in earlier.items() if name != MANIFEST}
     if found == before and (out / MANIFEST).read_text(encoding="utf-8") == earlier[MANIFEST]:
@@ -196,7 +196,7 @@ def _said(
         return f"exit status {status}: {said[-300:]}"
     if list(out.parent.glob(".out-*")) or list(out.glob(".*")):
         return f"left behind: {sorted(path.name for path in out.glob('.*'))}"
-    now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
+    now = file_hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
     if "unchanged" in said and now != earlier:
         return "said that earlier results are unchanged"
     check_generation(out)
@@ -249,7 +249,7 @@ def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
             _, said = process.communicate(timeout=PATIENCE)
             stream.write(said)
         text = said.decode("utf-8", "replace")
-        now = hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
+        now = file_hashes(out) | {MANIFEST: (out / MANIFEST).read_text(encoding="utf-8")}
         fault = None
         if process.returncode == 0:
             fault = (
@@ -315,10 +315,10 @@ def two_writers(stage: Stage, count: int, rng: random.Random) -> Row:
             check_generation(out)
         except TrajectoryError as error:
             fault = str(error)
-        if (out / "plan.json").read_bytes() not in plans or sorted(hashes(out)) != sorted(
-            hashes(stage.results[0])
+        if (out / "plan.json").read_bytes() not in plans or sorted(file_hashes(out)) != sorted(
+            file_hashes(stage.results[0])
         ):
-            fault = f"neither of the plans: {sorted(hashes(out))}"
+            fault = f"neither of the plans: {sorted(file_hashes(out))}"
         counted.add(fault)
     return counted.row
 

@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from ssm_planner.formats.agreement import EXPLANATORY_KEYS, _without_explanations
-from ssm_planner.publishing import hashes
+from ssm_planner.publishing import file_hashes
 from tests.support import oracle
 
 from .rows import ROBOT, Count, Row, command
@@ -406,7 +406,7 @@ def change_folder(rng: random.Random, folder: Path) -> str:
     else:
         where = rng.choice(names)
         _change_file(rng, folder, where, names)
-    manifest["files"] = hashes(folder)
+    manifest["files"] = file_hashes(folder)
     path.write_text(json.dumps(manifest), encoding="utf-8")
     return where
 

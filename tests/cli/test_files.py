@@ -18,7 +18,14 @@ from ssm_planner import templates
 from ssm_planner.cli import main
 from ssm_planner.loading import load
 from ssm_planner.studies.study_file import load_study
-from ssm_planner.templates import EXAMPLES, FILE_KINDS, REFERENCES, file_keys, schema, template
+from ssm_planner.templates import (
+    EXAMPLE_FILES,
+    FILE_KINDS,
+    FILE_REFERENCE_KEYS,
+    file_keys,
+    schema,
+    template,
+)
 from tests.support.paths import ROOT
 
 KEYS, SCHEMA = cache(file_keys), cache(schema)
@@ -50,9 +57,9 @@ def test_a_new_file_loads_as_it_stands(
     made = LOADERS[kind](file)
     assert made.name == "mine"
     assert max(map(len, file.read_text(encoding="utf-8").splitlines())) <= 120
-    if kind in EXAMPLES:
+    if kind in EXAMPLE_FILES:
         shipped = yaml.safe_load(
-            (ROOT / f"problems/{EXAMPLES[kind]}.yaml").read_text(encoding="utf-8")
+            (ROOT / f"problems/{EXAMPLE_FILES[kind]}.yaml").read_text(encoding="utf-8")
         )
         assert _by_stem(yaml.safe_load(file.read_text(encoding="utf-8"))) == _by_stem(
             {**shipped, "name": "mine"}
@@ -69,7 +76,7 @@ def test_a_comment_names_no_unit_beside_a_value_that_has_one(kind: str) -> None:
 
 def _by_stem(value: Any, reference: bool = False) -> Any:
     if isinstance(value, dict):
-        return {key: _by_stem(item, key in REFERENCES) for key, item in value.items()}
+        return {key: _by_stem(item, key in FILE_REFERENCE_KEYS) for key, item in value.items()}
     if isinstance(value, list):
         return [_by_stem(item, reference) for item in value]
     return Path(value).stem if reference else value

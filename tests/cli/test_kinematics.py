@@ -15,7 +15,7 @@ from ssm_planner.cli import main
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.of_robot import fk, ik
+from ssm_planner.kinematics.robot_kinematics import fk, ik
 from ssm_planner.kinematics.task import pose_from_task
 from ssm_planner.loading.load import load_robot
 from ssm_planner.problem.robot import Robot

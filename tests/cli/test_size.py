@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner.errors import SsmPlannerError
 from ssm_planner.loading.load import load_problem
-from ssm_planner.plans import FORMAT, VERSION
+from ssm_planner.plans import PLAN_FORMAT, PLAN_VERSION
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import to_plain
 from tests.support.cli import run
@@ -24,8 +24,8 @@ EC_MAX = SHIPPED / "motors/maxon_ec_max_22_25w.yaml"
 def plan_file(folder: Path, robot: Robot) -> Path:
     path = folder / "plan.json"
     document = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": PLAN_FORMAT,
+        "version": PLAN_VERSION,
         "problem": to_plain(replace(load_problem(PROBLEMS / "tilt_insert.yaml"), robot=robot)),
         "certificate": None,
         "trajectory": random_trajectory(3).to_dict(),

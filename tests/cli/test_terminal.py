@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from ssm_planner.cli import COMMANDS, _build_parser, _protect_negative_value, main
 from ssm_planner.cli.shared import output_file, progress_reporter
 from ssm_planner.cli.terminal import print_lines, shorten, wrap_line
-from ssm_planner.display import columns
+from ssm_planner.display import terminal_width
 from ssm_planner.plans import load_plan
 from ssm_planner.progress import Step
 from ssm_planner.reporting.text import (
@@ -180,7 +180,7 @@ def test_a_plan_ends_with_its_answers_on_one_screen(
 
 @given(st.lists(st.text("ab ", max_size=200), max_size=60))
 def test_a_short_text_keeps_its_end(lines: list[str]) -> None:
-    whole = [part for line in lines for part in wrap_line(line, columns())]
+    whole = [part for line in lines for part in wrap_line(line, terminal_width())]
     short = shorten(lines)
     assert len(short) <= 25
     assert short[-6:] == whole[-6:]

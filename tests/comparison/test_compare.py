@@ -17,7 +17,7 @@ from ssm_planner.cli.shared import add_arguments
 from ssm_planner.comparison.clock import align_axis
 from ssm_planner.comparison.compare import compare
 from ssm_planner.comparison.measured import assign_recordings, read_axis_recording
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import RecordingError
 from ssm_planner.plans import Plan, load_plan
@@ -79,7 +79,7 @@ def executed(
     t = np.arange(0.0, delay + plan.trajectory.duration + 0.4, 0.002)
     inside = (t >= delay) & (t <= delay + plan.trajectory.duration)
     samples = plan.trajectory.sample(np.clip(t - delay, 0.0, plan.trajectory.duration))
-    way, away = directions(plan.robot, samples, 1)
+    way, away = motion_directions(plan.robot, samples, 1)
     motor = motor_motion(plan.robot, RigidBody.from_robot(plan.robot), samples, way, away)
     w, tau = np.where(inside, motor.speed[:, i], 0.0), np.where(inside, motor.torque[:, i], 0.0)
     rng = np.random.default_rng(i)

@@ -15,7 +15,7 @@ from ssm_planner.loading.robots import robot_from
 
 def summed(points, masses):
     """Moments of point masses (n,) at points (n, 3)."""
-    return shapes.Moments(
+    return shapes.MassMoments(
         masses.sum(), masses @ points, np.einsum("n,ni,nj->ij", masses, points, points)
     )
 
@@ -51,7 +51,11 @@ def test_an_arc_is_the_sum_of_its_cells(seed):
     ).reshape(-1, 3)
     cell = width / 60 * angle / 300 * height / 60
     masses = density * (r * cell).ravel()
-    close(shapes.arc(start, end, radius, (width, height), density), summed(points, masses), 1e-3)
+    close(
+        shapes.arc_moments(start, end, radius, (width, height), density),
+        summed(points, masses),
+        1e-3,
+    )
 
 
 def test_a_box_and_a_rod_are_the_sums_of_their_cells():
@@ -59,7 +63,11 @@ def test_a_box_and_a_rod_are_the_sums_of_their_cells():
     grid = np.stack(
         np.meshgrid(*(middles(-side / 2, side / 2, 60) for side in size)), axis=-1
     ).reshape(-1, 3)
-    close(shapes.box(0.3, at, size), summed(at + grid, np.full(len(grid), 0.3 / len(grid))), 1e-3)
+    close(
+        shapes.box_moments(0.3, at, size),
+        summed(at + grid, np.full(len(grid), 0.3 / len(grid))),
+        1e-3,
+    )
     start, end, diameter = np.array([0.0, 0.01, 0.05]), np.array([0.04, 0.1, 0.2]), 0.03
     way = (end - start) / np.linalg.norm(end - start)
     side = np.cross(way, [1.0, 0, 0])
@@ -74,7 +82,7 @@ def test_a_box_and_a_rod_are_the_sums_of_their_cells():
     points = points + r[:, None] * (
         np.cos(phi)[:, None] * side + np.sin(phi)[:, None] * np.cross(way, side)
     )
-    rod = shapes.rod(start, end, diameter, 7850.0)
+    rod = shapes.rod_moments(start, end, diameter, 7850.0)
     close(rod, summed(points, rod.mass * r / r.sum()), 1e-3)
 
 
@@ -185,8 +193,8 @@ def test_a_body_says_its_mass_once():
 def test_moments_add_up_and_turn():
     rng = np.random.default_rng(1)
     one, other = (
-        shapes.box(0.2, rng.normal(size=3), np.ones(3)),
-        shapes.point(0.1, rng.normal(size=3)),
+        shapes.box_moments(0.2, rng.normal(size=3), np.ones(3)),
+        shapes.point_moments(0.1, rng.normal(size=3)),
     )
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     both = (one + other).rotated(turn)
@@ -205,7 +213,7 @@ def test_how_far_a_simple_arc_is_off_the_published_bodies():
         angle = np.arccos(start @ end)
         radius = np.linalg.norm(body.com) * angle / 2 / np.sin(angle / 2)
         width = np.sqrt(body.mass / (2700 * radius * angle))
-        bar = shapes.arc(start, end, radius, (width, width), 2700.0)
+        bar = shapes.arc_moments(start, end, radius, (width, width), 2700.0)
         assert bar.mass == pytest.approx(body.mass)
         inertia = np.linalg.norm(bar.inertia - body.inertia) / np.linalg.norm(body.inertia)
         found.append((np.linalg.norm(bar.com - body.com), inertia))

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from ssm_planner.dynamics import transmission as tr
 from ssm_planner.dynamics.friction import (
     breakaway_coefficient,
+    delayed_speed,
     friction_coefficient,
-    remembered_speed,
     static_coefficient,
 )
 from ssm_planner.errors import ProblemError
@@ -212,13 +212,15 @@ def test_antibacklash_screw_is_two_nuts_under_the_general_law(effort, sign, wd):
     )
     expected = nuts + drive.input_inertia * wd + f.b_c * sign + f.b_v * sign
     assert tr.motor_torque(drive, effort, sign, wd) == pytest.approx(expected, rel=1e-10)
-    assert tr.nut_contact(drive, effort, wd) == pytest.approx(min(drive.preload - effort, second))
+    assert tr.nut_contact_force(drive, effort, wd) == pytest.approx(
+        min(drive.preload - effort, second)
+    )
 
 
 def test_contact_is_lost_where_the_load_exceeds_the_preload():
     drive = screw("antibacklash_screw")
-    assert tr.nut_contact(drive, 0.9, 0.0) < 0 < tr.nut_contact(drive, 0.7, 0.0)
-    assert np.isinf(tr.nut_contact(worm(), 0.9, 0.0))
+    assert tr.nut_contact_force(drive, 0.9, 0.0) < 0 < tr.nut_contact_force(drive, 0.7, 0.0)
+    assert np.isinf(tr.nut_contact_force(worm(), 0.9, 0.0))
 
 
 def test_friction_laws_by_name():
@@ -248,7 +250,7 @@ def test_friction_at_rest_grows_from_arrival_to_its_limit():
 def test_memory_delays_the_speed_by_a_constant():
     time = np.linspace(0, 2, 201)
     w = np.sin(time)
-    assert remembered_speed(replace(FRICTION, memory=0.5), time, w)[100] == pytest.approx(
+    assert delayed_speed(replace(FRICTION, memory=0.5), time, w)[100] == pytest.approx(
         math.sin(0.5), abs=1e-6
     )
 

@@ -14,11 +14,11 @@ import pytest
 
 from ssm_planner.codegen.mapped import MappedFunction
 from ssm_planner.dynamics.rigid_body import (
-    LOAD,
+    LOAD_LAYOUT,
     RigidBody,
-    axes_frames,
-    efforts_by_figures,
-    load_figures,
+    axis_frames,
+    efforts_from_parameters,
+    load_parameters,
     with_payload,
 )
 from ssm_planner.elements import kernels
@@ -355,14 +355,14 @@ def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) ->
     rng = np.random.default_rng(seed)
     q, qd, qdd = rng.uniform(-2, 2, (3, 4))
     figures, symbols = (
-        load_figures(robot.geometry, robot.bodies, robot.gravity),
+        load_parameters(robot.geometry, robot.bodies, robot.gravity),
         [ca.SX.sym(n, 4) for n in "abc"],
     )
-    by_figures = ca.SX.sym("f", LOAD.size)
+    by_figures = ca.SX.sym("f", LOAD_LAYOUT.size)
     function = ca.Function(
-        "tau", [by_figures, *symbols], [efforts_by_figures(by_figures, *symbols)]
+        "tau", [by_figures, *symbols], [efforts_from_parameters(by_figures, *symbols)]
     )
-    frames, _, offset = axes_frames(
+    frames, _, offset = axis_frames(
         (robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3)
     )
     turned = q + np.array([0.0, offset, 0.0, 0.0])

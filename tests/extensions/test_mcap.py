@@ -13,7 +13,7 @@ import pytest
 
 from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.errors import ExportError
-from ssm_planner.kinematics.of_robot import fk
+from ssm_planner.kinematics.robot_kinematics import fk
 from ssm_planner.plans import Plan
 
 pytest.importorskip("mcap", reason="package mcap, extra test")

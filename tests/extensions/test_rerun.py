@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ssm_planner.dynamics.robot_dynamics import motor_torque
-from ssm_planner.kinematics.of_robot import fk
+from ssm_planner.kinematics.robot_kinematics import fk
 from ssm_planner.plans import Plan
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed: with pyarrow it has 660 MB")

@@ -17,7 +17,7 @@ from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.publishing import MANIFEST, hashes
+from ssm_planner.publishing import MANIFEST, file_hashes
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "csv": {"rate": 100.0, "columns": ["q", "qd", "qdd", "torque", "counts"]},
@@ -43,7 +43,7 @@ def changed(source: Path, target: Path, change: Change) -> Path:
     shutil.copytree(source, target)
     manifest = json.loads((target / MANIFEST).read_text(encoding="utf-8"))
     change(target, manifest)
-    manifest["files"] = hashes(target)
+    manifest["files"] = file_hashes(target)
     (target / MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
     return target
 

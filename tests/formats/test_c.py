@@ -15,7 +15,7 @@ import pytest
 
 from ssm_planner.codegen.c import REAL_DEFINITIONS, SIGN_FUNCTION, Argument, write_function
 from ssm_planner.codegen.vectorised import OPERATIONS, dense_function, instructions
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats.c import comment_safe_text, joint_limits, robot_code, trajectory_code
 from ssm_planner.formats.export import export
@@ -168,7 +168,7 @@ def close(found: np.ndarray, expected: np.ndarray) -> None:
 
 
 def expected_torque(robot: Robot, s: Samples) -> np.ndarray:
-    direction, breakaway = directions(robot, s, 1)
+    direction, breakaway = motion_directions(robot, s, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), s, direction, breakaway).torque
     return np.where(np.isnan(torque), 0.0, torque)
 

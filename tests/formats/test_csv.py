@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats import csv as module
@@ -23,7 +23,7 @@ from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
-from ssm_planner.publishing import hashes
+from ssm_planner.publishing import file_hashes
 from ssm_planner.trajectory import Trajectory
 from ssm_planner.verification.check import check
 from tests.support.plans import NONE, certified
@@ -82,7 +82,7 @@ def test_motor_speeds_beside_positions_alone_are_accepted(plan: Plan, tmp_path: 
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     manifest = path.parent / "manifest.json"
     document = json.loads(manifest.read_text(encoding="utf-8"))
-    document["files"] = hashes(path.parent)
+    document["files"] = file_hashes(path.parent)
     manifest.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(TrajectoryError, match="motor1_speed_rad_per_s is"):
         read_trajectory(path.parent, plan.robot)
@@ -99,7 +99,7 @@ def test_columns_of_the_motors_are_those_of_the_motor_law(
     export(plan, "csv", tmp_path, rate=rate, columns=["q", "angle", "speed", "torque"])
     rows, robot = columns_of(tmp_path / "trajectory.csv"), plan.robot
     samples = plan.motion.sample(rows["time_s"])
-    after, before = (directions(robot, samples, side) for side in (1, -1))
+    after, before = (motion_directions(robot, samples, side) for side in (1, -1))
     way, away = (np.vstack([a[:-1], b[-1:]]) for a, b in zip(after, before, strict=True))
     assert away[:-1].any()
     assert not away[:-1].all()
@@ -278,7 +278,7 @@ def test_columns_and_blocks_of_any_number_give_the_same_rows(
     rows = np.column_stack([q[:, 3], np.arange(12), notes, q[:, 1], q[:, 0], q[:, 2]])
     path = tmp_path / "t.csv"
     np.savetxt(path, rows, fmt="%.17g", delimiter=";", header=";".join(names), comments="")
-    monkeypatch.setattr(module, "BLOCK", block)
+    monkeypatch.setattr(module, "PIECES_PER_BLOCK", block)
     reading = read_csv(path, robot)
     assert np.array_equal(reading.trajectory.breaks, np.arange(12.0))
     assert reading.trajectory.sample(np.arange(12.0)).q == pytest.approx(q, abs=1e-15)

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.csv import read_columns
@@ -92,7 +92,7 @@ def test_offsets_are_the_motors_speed_and_torque(plan: Plan, tmp_path: Path) -> 
         rows = stream(tmp_path, joint.name)
         inside = rows["time_s"] < plan.trajectory.duration
         samples = plan.trajectory.sample(rows["time_s"][inside])
-        direction, breakaway = directions(plan.robot, samples, 1)
+        direction, breakaway = motion_directions(plan.robot, samples, 1)
         motor = motor_motion(
             plan.robot, RigidBody.from_robot(plan.robot), samples, direction, breakaway
         )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.formats import epos4_offsets as module
 from ssm_planner.formats.epos4_offsets import Offsets, offset_checks
@@ -23,7 +23,7 @@ DRIVEN = (0, 1, 3)
 def stream(plan: Plan, t: np.ndarray) -> tuple[np.ndarray, dict[int, Offsets]]:
     """Positions and the exact offsets of the plan's motors at times t."""
     samples, robot = plan.motion.sample(t), plan.robot
-    way, away = directions(robot, samples, 1)
+    way, away = motion_directions(robot, samples, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
     offsets = {i: Offsets(samples.qd[:, i], torque[:, i], 1e-6, 1e-6) for i in DRIVEN}
     return samples.q, offsets

@@ -25,7 +25,7 @@ from ssm_planner.formats.format import FORMATS
 from ssm_planner.formats.read import read_trajectory
 from ssm_planner.plans import Plan
 from ssm_planner.problem.robot import Robot
-from ssm_planner.publishing import INCOMPLETE
+from ssm_planner.publishing import INCOMPLETE_KEY
 from ssm_planner.verification.check import check
 from ssm_planner.verification.stops import quickest_stops
 from tests.support.cli import run
@@ -154,7 +154,7 @@ def test_a_manifest_that_does_not_fit_its_folder_is_refused(
     for changes, message in (
         ({"format": "another"}, "not the manifest of an export"),
         ({"files": None}, "list of files with their SHA-256 is missing"),
-        ({INCOMPLETE: True}, "was interrupted"),
+        ({INCOMPLETE_KEY: True}, "was interrupted"),
         ({"files": {**manifest["files"], "none.csv": digest}}, "the file is missing"),
         ({"files": {**manifest["files"], name: digest[::-1]}}, "was modified after"),
         ({"files": {"/tmp/x": digest}}, "is not the name of a file"),

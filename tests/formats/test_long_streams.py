@@ -53,5 +53,5 @@ def test_the_text_of_a_number_is_that_of_printf(values: list[float], form: str, 
     """Whole numbers, fractions and negative zeros, in parts of any length."""
     column = np.array(values, dtype=float)
     expected = "a,b\n" + "".join(f"{form % value},{form % value}\n" for value in column)
-    with patch("ssm_planner.formats.csv.BLOCK", block):
+    with patch("ssm_planner.formats.csv.PIECES_PER_BLOCK", block):
         assert "".join(table_text({"a": column, "b": column}, (form, form))) == expected

@@ -69,7 +69,7 @@ def test_a_long_table_makes_its_pieces_when_they_are_asked_for(
 ) -> None:
     whole = interpolate_points(Points(T, curves(0), curves(1)), robot).trajectory
     for block in (10, 3):
-        monkeypatch.setattr(module, "BLOCK", block)
+        monkeypatch.setattr(module, "PIECES_PER_BLOCK", block)
         lazy = interpolate_points(Points(T, curves(0), curves(1)), robot).trajectory
         assert not isinstance(lazy.coefficients, np.ndarray)
         for chosen in (slice(0, 5), slice(20, 24), slice(2, 23), np.array([3, 1, 23])):
@@ -103,7 +103,7 @@ def test_faults_of_points_are_named(robot: Robot, change, message: str) -> None:
 def test_every_row_must_be_finite(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, row: int, block: int
 ) -> None:
-    monkeypatch.setattr(module, "BLOCK", block)
+    monkeypatch.setattr(module, "PIECES_PER_BLOCK", block)
     for k, name in enumerate(("time", "position", "velocity", "acceleration")):
         table = [T.copy(), *(curves(order) for order in range(3))]
         table[k][row] = np.nan

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ExportError, TrajectoryError
 from ssm_planner.formats.epos4_setup import drive_axes
@@ -110,7 +110,7 @@ def test_what_the_drives_run_keeps_the_limits(
             np.abs(motion[0, :, i] - slowed).max() <= 1e-3 * np.ptp(slowed) + 1e-4 * joint.velocity
         )
     samples = Samples(t, *motion)
-    direction, breakaway = directions(robot, samples, 1)
+    direction, breakaway = motion_directions(robot, samples, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), samples, direction, breakaway).torque
     for i, joint in enumerate(robot.joints):
         if joint.drive is not None:

@@ -12,7 +12,7 @@ import pytest
 from ssm_planner.errors import ExportError
 from ssm_planner.formats.export import export
 from ssm_planner.plans import Plan
-from ssm_planner.publishing import MANIFEST, hashes
+from ssm_planner.publishing import MANIFEST, file_hashes
 from tests.support.cli import run
 from tests.support.paths import PROBLEMS
 
@@ -77,7 +77,7 @@ def table_changed(folder: Path) -> None:
     """Change the table, and update its hash."""
     path = folder / "trajectory.csv"
     path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    edited("files", hashes(folder))(folder)
+    edited("files", file_hashes(folder))(folder)
 
 
 CHANGES: dict[str, tuple[Callable[[Path], None], str]] = {

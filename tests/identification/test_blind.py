@@ -14,7 +14,7 @@ from ssm_planner.identification.fit import fit_map
 from ssm_planner.identification.identify import identify, predict
 from ssm_planner.identification.prediction import predict_recording
 from ssm_planner.identification.recordings import read_recordings
-from ssm_planner.identification.torque_map import torque_map
+from ssm_planner.identification.torque_map import compute_torque_map
 from ssm_planner.loading.load import load_drive
 from tests.support.cases import drawn, selected
 from tests.support.paths import PROBLEMS
@@ -47,7 +47,9 @@ def split(recordings, count: int, seed: int):
 
 
 def predicted(drive, fitted, blind):
-    fit = fit_map(drive, torque_map(fitted), drive.rig.F_payload, reference=drive.rig.published)
+    fit = fit_map(
+        drive, compute_torque_map(fitted), drive.rig.F_payload, reference=drive.rig.published
+    )
     return [predict_recording(fit.drive, r, fit.load, drive.rig.payload_inertia) for r in blind]
 
 
@@ -117,7 +119,7 @@ def test_the_wrong_sign_of_the_channels_is_remarked(rig):
     drive, steady = recordings_of(rig, "steady_state")
 
     def notes(recordings):
-        data, load = torque_map(recordings), drive.rig.F_payload
+        data, load = compute_torque_map(recordings), drive.rig.F_payload
         return fit_map(
             drive, data, load, law="stribeck_exponential", reference=drive.rig.published
         ).notes

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.identification.fit import MapFit, fit_map
-from ssm_planner.identification.parameters import map_torque, with_parameters
-from ssm_planner.identification.session import PAUSE, share_of_session
-from ssm_planner.identification.torque_map import TorqueMap, read_figures
+from ssm_planner.identification.parameters import drive_with_parameters, map_torque
+from ssm_planner.identification.session import LONG_PAUSE, session_progress
+from ssm_planner.identification.torque_map import TorqueMap, read_torque_map
 from ssm_planner.loading.load import load_drive
 from tests.support.paths import PROBLEMS
 
@@ -31,7 +31,9 @@ def session(order: str, seed: int, warm_up: float = WARM_UP) -> TorqueMap:
     factors = 1 + warm_up * (np.exp(-share / 0.4) - np.exp(-1 / 0.4)) / (1 - np.exp(-1 / 0.4))
     tau = [
         map_torque(
-            with_parameters(drive, "coulomb", {name: f * value for name, value in TRUTH.items()}),
+            drive_with_parameters(
+                drive, "coulomb", {name: f * value for name, value in TRUTH.items()}
+            ),
             np.array([speed]),
             drive.rig.F_payload,
         ).item()
@@ -65,7 +67,7 @@ def test_intervals_contain_the_truth_in_any_order(order: str) -> None:
     low, high = relative(fit)
     assert low <= 1 <= high
     drive = load_drive(DRIVES / "rig3_worm.yaml")
-    true_drive = with_parameters(drive, "coulomb", TRUTH)
+    true_drive = drive_with_parameters(drive, "coulomb", TRUTH)
     slow = map_torque(true_drive, np.array([1e-6, -1e-6]), drive.rig.F_payload)
     for estimate, torque in zip(fit.combinations.values(), slow, strict=True):
         assert estimate.low <= torque <= estimate.high
@@ -92,17 +94,17 @@ def test_a_change_is_not_taken_for_a_stribeck_term() -> None:
 
 def test_times_become_shares_of_the_session() -> None:
     times = np.array([30.0, np.nan, 0.0, 10.0, 20.0, 40.0])
-    np.testing.assert_allclose(share_of_session(times), [0.75, np.nan, 0.0, 0.25, 0.5, 1.0])
+    np.testing.assert_allclose(session_progress(times), [0.75, np.nan, 0.0, 0.25, 0.5, 1.0])
     late = np.append(times[:-1], 1e6)
-    assert share_of_session(late)[0] == pytest.approx(30.0 / (30.0 + PAUSE))
-    assert np.isnan(share_of_session(times[:4])).all()
-    assert np.isnan(share_of_session(np.zeros(9))).all()
+    assert session_progress(late)[0] == pytest.approx(30.0 / (30.0 + LONG_PAUSE))
+    assert np.isnan(session_progress(times[:4])).all()
+    assert np.isnan(session_progress(np.zeros(9))).all()
 
 
 @pytest.mark.usefixtures("few_points")
 def test_a_law_is_judged_with_the_coefficient_that_it_may_have() -> None:
     """Without a load offset, the best fit of rig 3 is a worm that does not lock itself."""
-    fit = fitted(read_figures(DRIVES / "rig_figures.csv", "rig3_worm"), "stribeck_exponential")
+    fit = fitted(read_torque_map(DRIVES / "rig_figures.csv", "rig3_worm"), "stribeck_exponential")
     assert fit.nrmsd < 0.0115
     assert fit.estimates["mu"].value == pytest.approx(0.103, abs=0.01)
     assert not fit.estimates["mu"].at_bound

@@ -13,8 +13,12 @@ from scipy.stats import spearmanr
 
 from ssm_planner.cli import main
 from ssm_planner.errors import RecordingError
-from ssm_planner.identification.design import REPEATS, _ordered, design_session
-from ssm_planner.identification.session import ORDERED
+from ssm_planner.identification.design import (
+    MIDDLE_SPEED_RECORDINGS,
+    _session_speeds,
+    design_session,
+)
+from ssm_planner.identification.session import ORDERED_CORRELATION
 from tests.support.paths import RESULTS
 
 IDENTIFIED = RESULTS / "rig1_lead_screw" / "rig1_lead_screw.yaml"
@@ -23,15 +27,15 @@ IDENTIFIED = RESULTS / "rig1_lead_screw" / "rig1_lead_screw.yaml"
 @settings(deadline=None)
 @given(st.integers(6, 40).map(lambda half: 2 * half), st.floats(0.5, 500.0))
 def test_a_session_is_balanced_repeated_and_not_in_order_of_speed(count: int, top: float) -> None:
-    speeds = _ordered(top, count)
+    speeds = _session_speeds(top, count)
     assert len(speeds) == count
     assert np.abs(speeds).max() == pytest.approx(top)
     assert np.sort(speeds) == pytest.approx(-np.sort(speeds)[::-1])
     middle = speeds[0]
-    assert np.sum(np.isclose(speeds, middle)) == REPEATS
+    assert np.sum(np.isclose(speeds, middle)) == MIDDLE_SPEED_RECORDINGS
     assert np.isclose(np.abs(speeds[[0, 1, -2, -1]]), middle).all()
     for values in (np.abs(speeds), speeds):
-        assert abs(spearmanr(np.arange(count), values).statistic) < ORDERED
+        assert abs(spearmanr(np.arange(count), values).statistic) < ORDERED_CORRELATION
 
 
 def test_a_simulated_session_gives_intervals_that_hold_the_friction_it_was_simulated_with(

@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.friction import friction_of
-from ssm_planner.dynamics.spread import drive_with, spread_of
+from ssm_planner.dynamics.friction import required_friction
+from ssm_planner.dynamics.spread import drive_with_values, friction_spread
 from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification import fit as fit_module
-from ssm_planner.identification.fit import SMALLEST_PROBABILITY, fit_map
-from ssm_planner.identification.parameters import map_torque, with_parameters
-from ssm_planner.identification.posterior import SPREADS
-from ssm_planner.identification.torque_map import TorqueMap, find_outliers, read_figures
+from ssm_planner.identification.fit import SMALLEST_LAW_PROBABILITY, fit_map
+from ssm_planner.identification.parameters import drive_with_parameters, map_torque
+from ssm_planner.identification.posterior import PRIOR_DEVIATIONS
+from ssm_planner.identification.torque_map import TorqueMap, find_outliers, read_torque_map
 from ssm_planner.loading.load import load_drive
 from ssm_planner.planning.corners import bounding_drives
 from ssm_planner.problem.posterior import FRICTION_LAWS, LAW_COLUMN, LOAD_OFFSET
@@ -60,7 +60,7 @@ def rig(name: str):
 
 def synthetic(drive, load, law, truth, noise=0.0, rng=None, speeds=SPEEDS) -> TorqueMap:
     w = np.sort(np.concatenate([-speeds, speeds]))
-    tau = map_torque(with_parameters(drive, law, truth), w, load)
+    tau = map_torque(drive_with_parameters(drive, law, truth), w, load)
     if noise:
         tau = tau + rng.normal(0.0, noise * np.ptp(tau), len(w))
     zero = np.zeros(len(w))
@@ -168,7 +168,7 @@ def test_preload_and_mu_of_the_antibacklash_screw_trade_off():
 
 def test_lost_contact_of_the_half_nuts_is_reported():
     drive, load = rig("rig2_antibacklash_screw")
-    data = read_figures(DRIVES / "rig_figures.csv", "rig2_antibacklash_screw")
+    data = read_torque_map(DRIVES / "rig_figures.csv", "rig2_antibacklash_screw")
     loaded = fit_map(drive, data, load, law="coulomb").notes
     assert not any("contact" in note for note in loaded)
     lifted = fit_map(drive, data, -load, law="coulomb").notes
@@ -182,7 +182,7 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     alone = fit_map(drive, data, load, law="coulomb")
     told = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
     # What is open follows the reference within half of what is expected of it; what is known does not, 7 deviations off.
-    assert abs(np.log(told.estimates["mu"].value / 0.07)) < 0.5 * SPREADS["mu"]
+    assert abs(np.log(told.estimates["mu"].value / 0.07)) < 0.5 * PRIOR_DEVIATIONS["mu"]
     known = alone.estimates["b_v"]
     assert told.estimates["b_v"].value == pytest.approx(
         known.value, abs=0.1 * (known.high - known.low)
@@ -212,23 +212,27 @@ def test_the_criterion_finds_the_law():
 @pytest.mark.slow
 def test_every_set_has_its_law_wherever_sets_are_drawn():
     drive, load = rig("rig2_antibacklash_screw")
-    fit = fit_map(drive, read_figures(DRIVES / "rig_figures.csv", "rig2_antibacklash_screw"), load)
+    fit = fit_map(
+        drive, read_torque_map(DRIVES / "rig_figures.csv", "rig2_antibacklash_screw"), load
+    )
     posterior = fit.drive.friction.posterior
     assert len(fit.law_shares) == 3
     assert sum(fit.law_shares.values()) == pytest.approx(1.0)
     w = RPM * np.array([-199.0, -20.0, -1.0, 0.0, 1.0, 5.0, 50.0, 199.0])
     sets = {name: column for name, column in posterior.values().items() if name != LOAD_OFFSET}
     torque = map_torque(
-        drive_with(fit.drive, {name: column[:, None] for name, column in sets.items()}), w, load
+        drive_with_values(fit.drive, {name: column[:, None] for name, column in sets.items()}),
+        w,
+        load,
     )
     for k in range(0, 1000, 25):
         one = {name: float(column[k]) for name, column in sets.items()}
         law = FRICTION_LAWS[int(one.pop(LAW_COLUMN))]
-        apart = map_torque(with_parameters(fit.drive, law, one), w, load)
+        apart = map_torque(drive_with_parameters(fit.drive, law, one), w, load)
         np.testing.assert_allclose(torque[k], apart, rtol=1e-12)
         np.testing.assert_allclose(
             map_torque(
-                drive_with(fit.drive, {**one, LAW_COLUMN: FRICTION_LAWS.index(law)}), w, load
+                drive_with_values(fit.drive, {**one, LAW_COLUMN: FRICTION_LAWS.index(law)}), w, load
             ),
             apart,
             rtol=1e-12,
@@ -236,10 +240,12 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
     # a range of friction that drives bound, whatever their laws
     most = 1.2 * float(np.abs(torque).max())
     *upper, least = bounding_drives(fit.drive, 0.95, speed=float(w.max()), torque=most)
-    inside = spread_of(fit.drive).within(0.95)
+    inside = friction_spread(fit.drive).within(0.95)
     assert len(np.unique(inside[LAW_COLUMN])) == 3
     taken = np.sign(w) * map_torque(
-        drive_with(fit.drive, {name: column[:, None] for name, column in inside.items()}), w, load
+        drive_with_values(fit.drive, {name: column[:, None] for name, column in inside.items()}),
+        w,
+        load,
     )
     bound = np.max([np.sign(w) * map_torque(each, w, load) for each in upper], axis=0)
     assert np.all(taken.max(axis=0) <= bound + 1e-6 * most)
@@ -263,11 +269,11 @@ def test_the_law_chosen_has_sets_however_unlikely_its_evidence(law, monkeypatch)
         np.random.default_rng(6),
     )
     monkeypatch.setattr(
-        fit_module, "simplest", lambda models, _: [model.law for model in models].index(law)
+        fit_module, "simplest_model", lambda models, _: [model.law for model in models].index(law)
     )
     fit = fit_map(drive, data, load)
     assert fit.law == law
-    assert fit.law_shares[law] >= 0.9 * SMALLEST_PROBABILITY
+    assert fit.law_shares[law] >= 0.9 * SMALLEST_LAW_PROBABILITY
     assert fit.law_shares["stribeck_gaussian"] > 0.9
     assert set(fit.correlation_names) <= set(fit.estimates)
 
@@ -297,11 +303,11 @@ def test_a_law_that_fits_badly_makes_no_outliers():
 @pytest.mark.parametrize("name", RIGS)
 def test_shipped_figures_are_fitted_within_two_percent(name):
     drive, load = rig(name)
-    data = read_figures(DRIVES / "rig_figures.csv", name)
+    data = read_torque_map(DRIVES / "rig_figures.csv", name)
     fit = fit_map(drive, data, load, reference=drive.rig.published)
     assert fit.nrmsd <= 0.02
     assert (
-        friction_of(fit.drive).identified_speed
+        required_friction(fit.drive).identified_speed
         == np.abs(data.w).max()
         == pytest.approx(200 * RPM, rel=0.01)
     )
@@ -309,7 +315,7 @@ def test_shipped_figures_are_fitted_within_two_percent(name):
 
 def test_coulomb_fit_of_the_worm_rig_gives_the_published_numbers():
     drive, load = rig("rig3_worm")
-    data = read_figures(DRIVES / "rig_figures.csv", "rig3_worm")
+    data = read_torque_map(DRIVES / "rig_figures.csv", "rig3_worm")
     fit = fit_map(drive, data, load, law="coulomb", reference=drive.rig.published)
     for name, published, apart in [
         ("b_c", 5.5e-4, 5.5e-4),
@@ -349,7 +355,7 @@ def test_maps_that_cannot_support_a_fit_are_refused():
     with pytest.raises(RecordingError, match="cannot fix 'nu'"):
         fit_map(drive, data, load, fixed={"nu": 1.0})
     with pytest.raises(RecordingError, match="no figures of 'rig9'"):
-        read_figures(DRIVES / "rig_figures.csv", "rig9")
+        read_torque_map(DRIVES / "rig_figures.csv", "rig9")
 
 
 def check_coverage(counts: dict[str, tuple[int, int]]) -> None:
@@ -400,7 +406,7 @@ def covered(case: str, told: str, rng: np.random.Generator) -> dict[str, bool]:
         if name in fit.estimates and fit.estimates[name].separable
     }
     slow = map_torque(
-        with_parameters(drive, law, truth), 1e-3 * SPEEDS[0] * np.array([1.0, -1.0]), load
+        drive_with_parameters(drive, law, truth), 1e-3 * SPEEDS[0] * np.array([1.0, -1.0]), load
     )
     true = {**truth, **dict(zip(("forwards", "backwards"), slow, strict=True))}
     return {

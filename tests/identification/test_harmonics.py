@@ -9,13 +9,13 @@ import pytest
 
 from ssm_planner.identification.harmonics import (
     Harmonics,
-    _fit,
-    _start,
+    _aligning_angle,
+    _fit_orders,
     fit_harmonics,
-    travelled,
+    motor_angle,
 )
 from ssm_planner.identification.identify import identify, predict
-from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.parameters import drive_with_parameters, map_torque
 from ssm_planner.identification.prediction import nrmsd
 from ssm_planner.identification.recordings import Recording, read_recording, read_recordings
 from ssm_planner.loading.load import load_drive
@@ -30,8 +30,8 @@ SCREW = {1: 2e-4, 2: -1e-4, 3: 0.5e-4}
 
 def start_in(harmonics: Harmonics, angle: np.ndarray, tau: np.ndarray) -> float:
     """Return the angle (rad) at which a recording began, from its motor angle and torque."""
-    fitted = _fit([(angle, tau)], harmonics.orders, phased=False)
-    return _start(harmonics.coefficients, fitted.coefficients)
+    fitted = _fit_orders([(angle, tau)], harmonics.orders, phased=False)
+    return _aligning_angle(harmonics.coefficients, fitted.coefficients)
 
 
 def simulated(
@@ -67,7 +67,7 @@ def test_without_angles_amplitudes_are_found_and_the_phase_from_the_beginning():
     assert not found.phased
     np.testing.assert_allclose(found.amplitudes, np.abs(list(SCREW.values())), atol=1.5e-5)
     other = simulated(1, 5.1, False, turns=20.0)
-    angle = travelled(other)
+    angle = motor_angle(other)
     first = angle <= 2 * TURN
     wave = found.rotated(start_in(found, angle[first], other.tau[first])).torque(angle[~first])
     assert np.std(other.tau[~first] - wave) < 1.1e-4
@@ -87,7 +87,7 @@ def file_of(path: Path, rpm: float, start: float, seed: int, position: bool) -> 
     w = rpm * np.pi / 30
     time = np.linspace(0.0, 4 * TURN / abs(w), 500)
     angle = start + w * time
-    truth = with_parameters(
+    truth = drive_with_parameters(
         drive, "coulomb", {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12}
     )
     tau = map_torque(truth, np.full_like(time, w), drive.rig.F_payload)
@@ -156,7 +156,7 @@ def test_the_first_two_turns_of_a_file_tell_the_ripple_of_the_rest(rig, most):
     )
     errors, constant = [], []
     for recording in steady:
-        angle = travelled(recording)
+        angle = motor_angle(recording)
         if np.ptp(angle) < 2.5 * TURN:
             continue
         others = [r for r in steady if r is not recording]

@@ -10,8 +10,8 @@ import pytest
 from ssm_planner.identification import fit as fit_module
 from ssm_planner.identification.fit import MapFit, fit_map
 from ssm_planner.identification.posterior import MapModel, most_likely
-from ssm_planner.identification.sampling import sample, weighted_interval
-from ssm_planner.identification.torque_map import read_figures
+from ssm_planner.identification.sampling import sample_posterior, weighted_interval
+from ssm_planner.identification.torque_map import read_torque_map
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.posterior import FRICTION_LAWS, LOAD_OFFSET
 from ssm_planner.typing import Array
@@ -30,7 +30,7 @@ LESS_CLOSE = {
 
 def model_of(rig: str, **fixed: float) -> MapModel:
     """Return the Coulomb law on the shipped figures of a rig, with fixed parameters."""
-    figures = read_figures(DRIVES / "rig_figures.csv", rig)
+    figures = read_torque_map(DRIVES / "rig_figures.csv", rig)
     drive = load_drive(DRIVES / f"{rig}.yaml")
     return MapModel(
         drive=drive,
@@ -50,7 +50,7 @@ def model_of(rig: str, **fixed: float) -> MapModel:
 
 def ends(model: MapModel, shift: float = 0.5) -> Array:
     """Return the 95 % ends (2, k) of the coordinates."""
-    z, weight = sample(model, most_likely(model), shift).flat
+    z, weight = sample_posterior(model, most_likely(model), shift).flat
     return np.transpose([weighted_interval(column, weight) for column in z.T])
 
 
@@ -82,7 +82,7 @@ def test_the_evidence_is_that_of_a_dense_grid() -> None:
     height = np.array([model.log_posterior(row) for row in grid])
     cell = (axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0])
     exact = np.logaddexp.reduce(height, axis=None) + np.log(cell / (2 * np.pi))
-    assert sample(model, z).log_evidence == pytest.approx(exact, abs=0.01)
+    assert sample_posterior(model, z).log_evidence == pytest.approx(exact, abs=0.01)
 
 
 @pytest.mark.parametrize("known", [{"mu": 0.2, "b_oc": 0.02}, {"b_c": 1e-3, "b_v": 2e-5}])
@@ -99,10 +99,14 @@ def fitted(
     law: str = "auto",
 ) -> MapFit:
     """Return the fit of a rig's figures with a sequence of points that starts elsewhere."""
-    monkeypatch.setattr(fit_module, "sample", lambda model, z: sample(model, z, shift))
+    monkeypatch.setattr(
+        fit_module, "sample_posterior", lambda model, z: sample_posterior(model, z, shift)
+    )
     drive, figures = load_drive(DRIVES / f"{rig}.yaml"), DRIVES / "rig_figures.csv"
     load = drive.rig.F_payload if load is None else load
-    return fit_map(drive, read_figures(figures, rig), load, law=law, reference=drive.rig.published)
+    return fit_map(
+        drive, read_torque_map(figures, rig), load, law=law, reference=drive.rig.published
+    )
 
 
 RIGS = ("rig1_lead_screw", "rig2_antibacklash_screw", "rig3_worm")

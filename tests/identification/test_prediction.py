@@ -11,15 +11,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.friction import required_friction
 from ssm_planner.dynamics.transmission import breakaway_torque, motor_torque, output_effort
 from ssm_planner.errors import ProblemError, RecordingError
 from ssm_planner.identification.dynamic import fit_dynamic
 from ssm_planner.identification.fit import fit_map
 from ssm_planner.identification.identify import identify, predict
-from ssm_planner.identification.prediction import Motion, nrmsd, predict_recording, predict_torque
+from ssm_planner.identification.prediction import (
+    RecordedMotion,
+    nrmsd,
+    predict_recording,
+    predict_torque,
+)
 from ssm_planner.identification.recordings import Recording
-from ssm_planner.identification.torque_map import read_figures
+from ssm_planner.identification.torque_map import read_torque_map
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.posterior import LAW_COLUMN
 from ssm_planner.reporting.figures.sizing import map_figure, prediction_figure
@@ -40,7 +45,7 @@ needs_recordings = pytest.mark.skipif(not REAL, reason="the recordings are not b
 @cache
 def identified(name="rig3_worm"):
     drive = load_drive(DRIVES / f"{name}.yaml")
-    data = read_figures(DRIVES / "rig_figures.csv", name)
+    data = read_torque_map(DRIVES / "rig_figures.csv", name)
     law = "stribeck_exponential"
     return fit_map(drive, data, drive.rig.F_payload, law=law, reference=drive.rig.published).drive
 
@@ -58,16 +63,16 @@ def test_in_steady_motion_the_prediction_is_the_inverse_law():
     drive = identified()
     time = np.arange(0.0, 3.0, 0.01)
     w = np.full_like(time, 7.0)
-    tau = predict_torque(drive, Motion.from_speed(time, w), -0.0188, 0.0)
+    tau = predict_torque(drive, RecordedMotion.from_speed(time, w), -0.0188, 0.0)
     expected = motor_torque(drive, output_effort(drive, -0.0188, 7.0 / drive.ratio, 0.0), 7.0, 0.0)
     np.testing.assert_allclose(tau, expected, rtol=1e-12)
 
 
 def test_rest_needs_no_torque_and_starts_with_breakaway():
     drive = identified()
-    drive = replace(drive, friction=replace(friction_of(drive), mu_static=0.3))
+    drive = replace(drive, friction=replace(required_friction(drive), mu_static=0.3))
     time, w = start_stop()
-    motion = Motion.from_speed(time, w)
+    motion = RecordedMotion.from_speed(time, w)
     tau = predict_torque(drive, motion, -0.0188, 0.0)
     first = int(np.flatnonzero(w)[0])
     assert np.all(tau[: first - 3] == 0.0)
@@ -89,14 +94,16 @@ def test_nrmsd_is_scaled_by_the_measured_range():
 def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
     mu_static, dwell, memory = truth
     drive = identified()
-    drive = replace(drive, friction=replace(friction_of(drive), posterior=None))
-    told = replace(friction_of(drive), mu_static=mu_static, dwell_constant=dwell, memory=memory)
+    drive = replace(drive, friction=replace(required_friction(drive), posterior=None))
+    told = replace(
+        required_friction(drive), mu_static=mu_static, dwell_constant=dwell, memory=memory
+    )
     rng = np.random.default_rng(0)
     recordings = []
     for rest in (0.5, 1.0, 4.0):
         time, w = start_stop(rest)
         tau = predict_torque(
-            replace(drive, friction=told), Motion.from_speed(time, w), -0.0188, 0.0
+            replace(drive, friction=told), RecordedMotion.from_speed(time, w), -0.0188, 0.0
         )
         recordings.append(Recording(f"{rest}", time, w, tau + rng.normal(0, 2e-5, len(tau))))
     fit = fit_dynamic(drive, recordings, -0.0188)
@@ -127,7 +134,7 @@ def test_start_stop_recordings_that_the_fit_has_not_seen(name, tmp_path):
 @needs_recordings
 @pytest.mark.parametrize("name", FOLDERS)
 def test_shipped_figures_are_what_the_reader_computes(name):
-    shipped = read_figures(DRIVES / "rig_figures.csv", name)
+    shipped = read_torque_map(DRIVES / "rig_figures.csv", name)
     computed = rig_map(DRIVES / f"{name}.yaml", RECORDINGS / FOLDERS[name] / "steady_state")
     np.testing.assert_allclose(shipped.w, computed.w, rtol=1e-8)
     np.testing.assert_allclose(shipped.tau, computed.tau, rtol=1e-8)
@@ -193,7 +200,7 @@ def test_commands_refuse_what_they_cannot_use(tmp_path):
 @pytest.mark.usefixtures("few_points")
 def test_figures_show_both_directions_and_the_prediction(tmp_path):
     drive = load_drive(DRIVES / "rig3_worm.yaml")
-    data = read_figures(DRIVES / "rig_figures.csv", "rig3_worm")
+    data = read_torque_map(DRIVES / "rig_figures.csv", "rig3_worm")
     fit = fit_map(drive, data, drive.rig.F_payload, law="coulomb")
     axes = map_figure(fit, data, drive.rig.F_payload).axes[0]
     dashed = [line for line in axes.lines if line.get_linestyle() == "--"]

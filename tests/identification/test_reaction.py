@@ -7,12 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.friction import required_friction
 from ssm_planner.errors import ProblemError
 from ssm_planner.identification.identify import _with_ripple
-from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.parameters import drive_with_parameters, map_torque
 from ssm_planner.identification.prediction import predict_recording
-from ssm_planner.identification.reaction import DELAYS, deviation_of, fit_reaction, shifted
+from ssm_planner.identification.reaction import (
+    FILTER_DELAYS,
+    delayed_signals,
+    fit_reaction,
+    speed_deviation,
+)
 from ssm_planner.identification.recordings import Recording, read_recordings
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.posterior import Posterior, Reaction
@@ -28,9 +33,9 @@ def drive_of():
     """Return the worm rig with a friction law, and a posterior without scatter."""
     drive = load_drive(PROBLEMS / "drives" / "rig3_worm.yaml")
     values = {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12, "mu_static": 0.12}
-    drive = with_parameters(drive, "coulomb", values)
+    drive = drive_with_parameters(drive, "coulomb", values)
     posterior = Posterior(("mu",), np.full((10, 1), 0.12), scatter=1e-6)
-    return replace(drive, friction=replace(friction_of(drive), posterior=posterior))
+    return replace(drive, friction=replace(required_friction(drive), posterior=posterior))
 
 
 def controlled(speed: float, seed: int, noise: float = 0.0) -> Recording:
@@ -42,7 +47,7 @@ def controlled(speed: float, seed: int, noise: float = 0.0) -> Recording:
     w = speed + ripple - ripple.mean()
     drive = drive_of()
     law = map_torque(drive, np.array([speed]), drive.rig.F_payload).item()
-    answer = shifted(time, w - w.mean()) @ TAPS
+    answer = delayed_signals(time, w - w.mean()) @ TAPS
     tau = law + answer - answer.mean() + noise * rng.standard_normal(len(time))
     return Recording(f"{speed:g}", time, w=w, tau=tau)
 
@@ -87,10 +92,10 @@ def test_a_prediction_states_law_and_reaction_apart() -> None:
 def test_the_reaction_needs_regular_motion_at_a_confirmed_speed() -> None:
     time, w = start_stop(speed=15.0)
     direction = np.sign(w)
-    deviation = deviation_of(w, direction)
+    deviation = speed_deviation(w, direction)
     assert not deviation.any()
     ripple = np.where(np.abs(w) == 15.0, 0.3 * np.sin(20 * time), 0.0)
-    np.testing.assert_allclose(deviation_of(w + ripple, direction), ripple, atol=0.03)
+    np.testing.assert_allclose(speed_deviation(w + ripple, direction), ripple, atol=0.03)
     reaction = Reaction(
         (0.0,), taps=(-1.0,), speeds=(5.0, 20.0), deviations=(1.0, 2.0), explained=(0.2, 0.75)
     )
@@ -112,7 +117,7 @@ def test_the_reaction_explains_the_ripple_of_recordings_left_out(folder: str) ->
     )
     reaction = fit_reaction(recordings)
     assert reaction is not None
-    assert len(reaction.taps) == len(DELAYS) == 7
+    assert len(reaction.taps) == len(FILTER_DELAYS) == 7
     is_fast = np.abs(reaction.speeds) > 70 * np.pi / 30
     explained = np.array(reaction.explained)[is_fast]
     assert explained.mean() >= 0.7

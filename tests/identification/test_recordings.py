@@ -15,7 +15,7 @@ from ssm_planner.identification.recordings import (
     read_recording,
     read_recordings,
 )
-from ssm_planner.identification.torque_map import kind_of, rest_mask, torque_map
+from ssm_planner.identification.torque_map import compute_torque_map, recording_kind, rest_mask
 from tests.support.recordings import RECORDINGS
 
 NOMINAL = 9.84e-3
@@ -248,7 +248,9 @@ def test_doubtful_torque_is_remarked_and_only_that(tmp_path):
         r = read(write(tmp_path / "c.csv", seconds, "\n".join(lines[:first]) + "\n"))
         assert any("unit of time" in text for text in r.repairs)
         swept = [f"{t};{0.4 * k};{tau}" for k, (t, _, tau) in enumerate(rows)]
-        data = torque_map([read(write(tmp_path / "d.csv", swept, "\n".join(lines[:first]) + "\n"))])
+        data = compute_torque_map(
+            [read(write(tmp_path / "d.csv", swept, "\n".join(lines[:first]) + "\n"))]
+        )
         assert any("not steady" in text for text in data.repairs)
 
 
@@ -346,10 +348,10 @@ def test_every_real_recording_is_read_and_told_apart(rig):
     moving = read_recordings(
         [RECORDINGS / rig / "start_stop"], nominal_torque=NOMINAL, direction=-1
     )
-    assert {kind_of(r) for r in steady} == {"steady"}
-    assert {kind_of(r) for r in moving} == {"start_stop"}
+    assert {recording_kind(r) for r in steady} == {"steady"}
+    assert {recording_kind(r) for r in moving} == {"start_stop"}
     assert all(len(r.time) == 500 for r in (*steady, *moving))
-    points = torque_map(steady)
+    points = compute_torque_map(steady)
     commanded = np.array([float(n.removesuffix(".csv").replace("n", "-")) for n in points.names])
     np.testing.assert_allclose(points.w, -commanded * -RPM, rtol=0.1)
     edited = {r.name for r in steady if any("restored" in repair for repair in r.repairs)}

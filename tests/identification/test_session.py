@@ -15,7 +15,7 @@ from ssm_planner.errors import RecordingError
 from ssm_planner.identification.identify import identify
 from ssm_planner.identification.recordings import Recording
 from ssm_planner.identification.session import session_notes
-from ssm_planner.identification.torque_map import torque_map
+from ssm_planner.identification.torque_map import compute_torque_map
 from tests.support.recordings import REAL, RECORDINGS
 
 START = datetime(2020, 7, 6, 15, 30)
@@ -36,7 +36,7 @@ def recording(speed: float, minute: float | None, tau: float = 0.0) -> Recording
 def test_speeds_in_order_of_time_are_stated(sign: int, word: str) -> None:
     minutes = np.arange(len(SPEEDS))[::sign]
     steady = [recording(w, t) for w, t in zip(SPEEDS, minutes.tolist(), strict=True)]
-    (note,) = session_notes(torque_map(steady), [])
+    (note,) = session_notes(compute_torque_map(steady), [])
     assert f"{word} with time (rank correlation {-sign:.2f})" in note
 
 
@@ -44,15 +44,15 @@ def test_speeds_in_order_of_time_are_stated(sign: int, word: str) -> None:
 def test_the_order_does_not_depend_on_the_order_of_the_files(random: object) -> None:
     steady = [recording(w, float(t)) for t, w in enumerate(SPEEDS)]
     random.shuffle(steady)  # type: ignore[attr-defined]
-    assert len(list(session_notes(torque_map(steady), []))) == 1
+    assert len(list(session_notes(compute_torque_map(steady), []))) == 1
 
 
 def test_a_session_in_random_order_needs_no_remark_and_one_without_dates_needs_one() -> None:
     minutes = [3.0, 6.0, 0.0, 5.0, 1.0, 7.0, 2.0, 4.0]
     steady = [recording(w, t) for w, t in zip(SPEEDS, minutes, strict=True)]
-    assert not list(session_notes(torque_map(steady), []))
-    assert not list(session_notes(torque_map([recording(w, 0.0) for w in SPEEDS]), []))
-    (note,) = session_notes(torque_map([recording(w, None) for w in SPEEDS]), [])
+    assert not list(session_notes(compute_torque_map(steady), []))
+    assert not list(session_notes(compute_torque_map([recording(w, 0.0) for w in SPEEDS]), []))
+    (note,) = session_notes(compute_torque_map([recording(w, None) for w in SPEEDS]), [])
     assert "too few recordings have a date" in note
     assert "no interval includes it" in note
 
@@ -62,7 +62,7 @@ def test_a_session_in_random_order_needs_no_remark_and_one_without_dates_needs_o
 )
 def test_pauses_are_stated(minutes: float, words: str) -> None:
     steady = [recording(w, 0.0) for w in SPEEDS]
-    (note,) = session_notes(torque_map(steady), [recording(50.0, minutes)])
+    (note,) = session_notes(compute_torque_map(steady), [recording(50.0, minutes)])
     assert f"50 was recorded {words} after" in note
 
 
@@ -72,10 +72,10 @@ def test_a_motor_that_produces_energy_has_a_wrong_sign(load: float) -> None:
     steady = [
         recording(sign * w, None, load + sign * 1e-3) for w in SPEEDS.tolist() for sign in (1, -1)
     ]
-    assert len(torque_map(steady).w) == 2 * len(SPEEDS)
+    assert len(compute_torque_map(steady).w) == 2 * len(SPEEDS)
     flipped = [Recording(r.name, r.time, w=r.w, tau=-r.tau) for r in steady]
     with pytest.raises(RecordingError, match="produce energy"):
-        torque_map(flipped)
+        compute_torque_map(flipped)
 
 
 @pytest.mark.skipif(not REAL, reason="the recordings are not beside the project")
@@ -97,7 +97,7 @@ def test_pauses_do_not_depend_on_the_time_zone(monkeypatch: pytest.MonkeyPatch) 
     for zone in ("UTC", "Europe/Berlin"):
         monkeypatch.setenv("TZ", zone)
         time.tzset()
-        notes.append(list(session_notes(torque_map(pair), []))[-1])
+        notes.append(list(session_notes(compute_torque_map(pair), []))[-1])
     monkeypatch.undo()
     time.tzset()
     assert notes[0] == notes[1]

@@ -11,13 +11,13 @@ import pytest
 
 from ssm_planner.codegen.namespace import NUMPY, casadi_namespace
 from ssm_planner.kinematics.eye import (
+    eye_constraints,
     eye_limits,
-    eye_rows,
-    lens_limit,
+    lens_constraint,
     lens_ratio,
-    lens_row,
+    retina_constraint,
     retina_distance,
-    retina_row,
+    smallest_lens_ratio,
 )
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import pose_from_task
@@ -57,7 +57,7 @@ def random_eye(rng: np.random.Generator) -> Eye:
             rng.uniform(0.0, 0.0005),
             lens,
         )
-        if np.linalg.norm(frame.T @ lens_centre / semi_axes) > lens_limit(eye):
+        if np.linalg.norm(frame.T @ lens_centre / semi_axes) > smallest_lens_ratio(eye):
             return eye
 
 
@@ -150,7 +150,7 @@ def test_everything_turns_with_the_eye() -> None:
     other = dataclasses.replace(eye, centre=read_only_array(turned @ eye.centre, (3,)), lens=lens)
     for evaluate in (
         lambda e, p: [v for v, _ in eye_limits(NUMPY, e, p).values()],
-        lambda e, p: list(eye_rows(NUMPY, e, p).values()),
+        lambda e, p: list(eye_constraints(NUMPY, e, p).values()),
     ):
         for a, b in zip(evaluate(eye, tips.T), evaluate(other, turned @ tips.T), strict=True):
             assert np.abs(a - b).max() < 1e-12
@@ -164,14 +164,14 @@ def test_symbolic_equals_numeric(kind) -> None:
         symbol = kind.sym("p", 3)
         xp = casadi_namespace()
         values = [value for value, _ in eye_limits(xp, eye, symbol).values()] + list(
-            eye_rows(xp, eye, symbol).values()
+            eye_constraints(xp, eye, symbol).values()
         )
         function = casadi.Function("eye", [symbol], [casadi.vertcat(*values)])
         tips = np.vstack(
             (tips_in(rng, eye, 100), np.zeros((1, 3)), 1e-3 * rng.uniform(-1, 1, (50, 3)))
         )
         numeric = [value for value, _ in eye_limits(NUMPY, eye, tips.T).values()] + list(
-            eye_rows(NUMPY, eye, tips.T).values()
+            eye_constraints(NUMPY, eye, tips.T).values()
         )
         assert np.abs(function(tips.T).full() - np.stack(numeric)).max() < 1e-13
 
@@ -184,7 +184,7 @@ def test_beyond_the_port_the_retina_row_allows_what_is_allowed() -> None:
         edge *= eye.port / np.linalg.norm(edge, axis=1)[:, None] * rng.uniform(0.98, 1.02, (400, 1))
         tips = np.vstack((tips_in(rng, eye), rng.uniform(-1, 1, (300, 3)) * 1.2 * eye.port, edge))
         tips = tips[np.linalg.norm(tips, axis=1) > eye.port]
-        row = retina_row(NUMPY, eye, tips.T)
+        row = retina_constraint(NUMPY, eye, tips.T)
         allowed = retina_distance(NUMPY, eye, tips.T) >= eye.clearance
         assert 10 < allowed.sum() < len(tips) - 10
         assert ((row <= 0) == allowed)[np.abs(row) > 1e-12].all()
@@ -198,7 +198,7 @@ def test_a_tip_as_near_to_the_retina_as_allowed_is_on_the_edge_of_the_row() -> N
         tips = (
             eye.centre + (eye.radius - eye.clearance) * away / np.linalg.norm(away, axis=1)[:, None]
         )
-        assert np.abs(retina_row(NUMPY, eye, tips.T)).max() < 1e-12
+        assert np.abs(retina_constraint(NUMPY, eye, tips.T)).max() < 1e-12
 
 
 def test_rows_are_once_continuously_differentiable() -> None:
@@ -207,7 +207,7 @@ def test_rows_are_once_continuously_differentiable() -> None:
     symbol = casadi.SX.sym("p", 3)
     for _ in range(20):
         eye = random_eye(rng)
-        rows = casadi.vertcat(*eye_rows(casadi_namespace(), eye, symbol).values())
+        rows = casadi.vertcat(*eye_constraints(casadi_namespace(), eye, symbol).values())
         gradient = casadi.Function("gradient", [symbol], [casadi.jacobian(rows, symbol)])
         edge = rng.standard_normal(3)
         edge *= eye.port / np.linalg.norm(edge)
@@ -227,7 +227,7 @@ def test_derivatives_are_finite_with_the_tip_in_the_remote_centre() -> None:
     symbol = casadi.SX.sym("p", 3)
     for _ in range(10):
         eye = random_eye(rng)
-        row = lens_row(casadi_namespace(), eye, eye.lens, symbol)
+        row = lens_constraint(casadi_namespace(), eye, eye.lens, symbol)
         function = casadi.Function("row", [symbol], [row, *casadi.hessian(row, symbol)])
         for size in (0.0, 1e-15, 1e-9, 1e-6):
             for value in function(size * rng.standard_normal(3)):
@@ -261,7 +261,7 @@ def test_without_a_lens_only_the_retina_counts() -> None:
     eye = dataclasses.replace(random_eye(np.random.default_rng(10)), lens=None)
     assert (
         list(eye_limits(NUMPY, eye, np.ones(3)))
-        == list(eye_rows(NUMPY, eye, np.ones(3)))
+        == list(eye_constraints(NUMPY, eye, np.ones(3)))
         == ["retina clearance"]
     )
-    assert lens_limit(eye) == 1.0
+    assert smallest_lens_ratio(eye) == 1.0

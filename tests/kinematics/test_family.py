@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.kinematics.family import Family
+from ssm_planner.kinematics.family import MechanismFamily
 from ssm_planner.kinematics.mechanism import Mechanism, tilt_magnitudes
 from ssm_planner.kinematics.task import joints_of_task
 from ssm_planner.kinematics.workspace import boundary_distance
@@ -16,7 +16,7 @@ def _family(count=60):
     rng = np.random.default_rng(5)
     alpha = rng.uniform(np.radians(20), np.radians(50), count)
     tilt = -rng.uniform(np.radians(100), np.radians(125), count)
-    return Family(alpha, tilt, rng.uniform(-0.3, 0.3, count))
+    return MechanismFamily(alpha, tilt, rng.uniform(-0.3, 0.3, count))
 
 
 def _member(family, i):

@@ -19,7 +19,7 @@ from ssm_planner.kinematics.forward import (
     tip_position_symbolic,
 )
 from ssm_planner.kinematics.mechanism import Mechanism
-from ssm_planner.kinematics.rotations import hat, rotation
+from ssm_planner.kinematics.rotations import cross_product_matrix, rotation
 from ssm_planner.problem.robot import Geometry
 
 RNG_SEED = 3
@@ -142,7 +142,9 @@ def test_rotation_is_that_of_scipy():
     expected = Rotation.from_rotvec(axis * angle[:, np.newaxis])
     assert np.abs(rotation(axis, angle) - expected.as_matrix()).max() < 1e-15
     assert (
-        np.abs(hat(axis) @ np.array([1.0, 2.0, 3.0]) - np.cross(axis, [1.0, 2.0, 3.0])).max()
+        np.abs(
+            cross_product_matrix(axis) @ np.array([1.0, 2.0, 3.0]) - np.cross(axis, [1.0, 2.0, 3.0])
+        ).max()
         < 1e-15
     )
 

@@ -10,7 +10,7 @@ import pytest
 from ssm_planner.errors import GeometryError
 from ssm_planner.kinematics.forward import forward
 from ssm_planner.kinematics.inverse import inverse_task
-from ssm_planner.kinematics.solutions import WEIGHTS, nearest_turn
+from ssm_planner.kinematics.solutions import JOINT_DISTANCE_WEIGHTS, nearest_turn
 from ssm_planner.kinematics.task import pose_from_task
 from tests.support.pose_inverse import inverse
 
@@ -45,7 +45,9 @@ def test_solutions_are_ordered_by_distance_over_whole_turns(vitreoretinal):
     rotations, positions = poses(rng, vitreoretinal, 300)
     reference = rng.uniform(-9.0, 9.0, (300, 4))
     found = inverse(vitreoretinal, rotations, positions, reference=reference)
-    distance = np.linalg.norm((found.joints - reference[:, np.newaxis]) * WEIGHTS, axis=2)
+    distance = np.linalg.norm(
+        (found.joints - reference[:, np.newaxis]) * JOINT_DISTANCE_WEIGHTS, axis=2
+    )
     assert np.all(np.diff(distance, axis=1) >= 0.0)
     assert np.all(np.abs(found.joints - reference[:, np.newaxis])[..., :3] <= math.pi + 1e-12)
     assert np.array_equal(found.branch, np.sign(np.sin(found.joints[..., 1] - vitreoretinal.delta)))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ssm_planner.errors import ProblemError, TrajectoryError
 from ssm_planner.formats.csv import read_csv
-from ssm_planner.identification.torque_map import TABLE, read_figures
+from ssm_planner.identification.torque_map import TABLE_NAME, read_torque_map
 from ssm_planner.loading.catalogues import drives_with_gears, read_motors
 from ssm_planner.loading.load import load_problem, load_robot
 from ssm_planner.loading.tables import DECIMAL_COMMA, SEPARATORS, table_rows
@@ -45,12 +45,12 @@ def test_a_catalogue_means_the_same_with_every_separator(tmp_path: Path, separat
 
 @pytest.mark.parametrize("separator", SEPARATORS)
 def test_a_table_of_figures_means_the_same(tmp_path: Path, separator: str) -> None:
-    figures = PROBLEMS / "drives" / TABLE
+    figures = PROBLEMS / "drives" / TABLE_NAME
     lines = figures.read_text(encoding="utf-8").splitlines(keepends=True)
     text = "".join(line for line in lines if not line.startswith("#"))
-    file = tmp_path / TABLE
+    file = tmp_path / TABLE_NAME
     file.write_text(rewritten(text, separator), encoding="utf-8")
-    a, b = (read_figures(path, "rig3_worm") for path in (figures, file))
+    a, b = (read_torque_map(path, "rig3_worm") for path in (figures, file))
     assert a.names == b.names
     assert np.array_equal(a.tau, b.tau)
 

@@ -18,7 +18,7 @@ from paper_reproduction.section import Section, wrapped
 from paper_reproduction.workspace import design_section, workspace_section
 from ssm_planner import reproduction
 from ssm_planner.cli import main
-from ssm_planner.display import number, percent, signed
+from ssm_planner.display import format_number, format_percent, format_signed
 from ssm_planner.reporting.figures.style import save_figure
 from tests.support.paper_cases import Made
 from tests.support.paths import ROOT
@@ -211,8 +211,16 @@ def test_an_interrupted_writing_leaves_the_earlier_document(
 
 
 def test_numbers_and_lines_of_the_document() -> None:
-    assert (number(-0.12345), number(1e-15), number(1234.5)) == ("−0.123", "0", "1.23e+03")
-    assert (signed(-0.0004, 3), signed(0.0004, 2), percent(-0.0125)) == ("0.000", "0.00", "−1.2 %")
+    assert (format_number(-0.12345), format_number(1e-15), format_number(1234.5)) == (
+        "−0.123",
+        "0",
+        "1.23e+03",
+    )
+    assert (format_signed(-0.0004, 3), format_signed(0.0004, 2), format_percent(-0.0125)) == (
+        "0.000",
+        "0.00",
+        "−1.2 %",
+    )
     lines = wrapped("a `command that stays whole` " * 12).splitlines()
     assert len(lines) > 2
     assert all(line.count("`") % 2 == 0 for line in lines)
@@ -222,7 +230,7 @@ def test_numbers_and_lines_of_the_document() -> None:
 def test_an_installation_without_the_source_tree_has_no_reproduction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(reproduction, "EXAMPLES", tmp_path)
+    monkeypatch.setattr(reproduction, "EXAMPLES_FOLDER", tmp_path)
     assert main(["reproduce", "-o", str(tmp_path / "out")]) == 2
     assert "needs the source tree" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

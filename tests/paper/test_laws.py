@@ -28,7 +28,7 @@ from paper_reproduction.motions import payloads, tilts_of
 from paper_reproduction.published import BOUNDS, Inputs
 from paper_reproduction.tilt_rate import tilt_rate_bound
 from paper_reproduction.workspace import design_choice, tilt_range
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of, stribeck_shape
+from ssm_planner.dynamics.friction import friction_coefficient, required_friction, stribeck_shape
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.task import task_rates
@@ -93,7 +93,7 @@ def test_envelopes_hold_the_peaks_that_the_plan_requires(made: Made) -> None:
 
 def test_unloaded_maps_are_the_closed_form_of_table_ii(robot: Robot) -> None:
     for m in friction_maps(robot):
-        row, friction = published.TABLE_II[m.joint], friction_of(m.drive)
+        row, friction = published.TABLE_II[m.joint], required_friction(m.drive)
         angle = math.atan(row.mu / math.cos(m.drive.pressure_angle))
         mesh = m.drive.gamma * math.tan(m.drive.lead_angle + angle)
         effort = friction.b_oc + friction.b_ov * m.w / m.drive.ratio
@@ -169,7 +169,7 @@ def test_the_published_drive_of_a_rig_has_its_authors_parameters(inputs: Inputs)
     for name, drive in inputs.rigs.items():
         assert drive.rig is not None
         values = drive.rig.published
-        friction = friction_of(published_drive(drive))
+        friction = required_friction(published_drive(drive))
         assert {key: getattr(friction, key) for key in ("mu", "b_c", "b_v", "b_oc", "b_ov")} == {
             key: values[key] for key in ("mu", "b_c", "b_v", "b_oc", "b_ov")
         }

@@ -13,7 +13,7 @@ import pytest
 
 from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import with_payload
-from ssm_planner.dynamics.spread import drive_with, spread_of
+from ssm_planner.dynamics.spread import drive_with_values, friction_spread
 from ssm_planner.dynamics.transmission import self_locking_margin
 from ssm_planner.errors import ProblemError
 from ssm_planner.loading.load import load_problem
@@ -95,7 +95,7 @@ def draws(drive: Drive, rng: np.random.Generator, count: int = 1000) -> dict[str
         ends = list(drive.friction_ranges.values())
         rows = [*itertools.product(*ends), *(rng.uniform(*np.array(ends).T) for _ in range(count))]
         return dict(zip(drive.friction_ranges, np.array(rows).T, strict=True))
-    inside = spread_of(drive).within(0.95)
+    inside = friction_spread(drive).within(0.95)
     pairs, share = rng.integers(len(inside["mu"]), size=(count, 2)), rng.uniform(size=count)
     share[: count // 2] = 0.0
     return {
@@ -116,7 +116,7 @@ def largest_excess(made: Plan, robot: Robot, payload: tuple[float, ...]) -> floa
             sets = draws(load.drive, rng, selected(200, every=1000))
             for first in range(0, len(sets["mu"]), 50):
                 part = {name: column[first : first + 50, None] for name, column in sets.items()}
-                drawn_load = replace(load, drive=drive_with(load.drive, part))
+                drawn_load = replace(load, drive=drive_with_values(load.drive, part))
                 torque = np.abs(drawn_load.torque()).max()
                 worst = max(worst, float(torque) / load.motor.max_torque - 1)
     return worst
@@ -142,7 +142,7 @@ def test_few_drives_bound_all_within_a_range(robot: Robot, kind: str) -> None:
             def taken(of: Drive, motion: tuple[Array, ...] = motion, start: bool = start) -> Array:
                 return motion[3] * drive_torque(of, *motion, breakaway=np.full(300, start))[0]
 
-            inside = taken(drive_with(drive, sets))
+            inside = taken(drive_with_values(drive, sets))
             bound = np.max([taken(each) for each in upper], axis=0)
             # as far as the motor goes
             assert np.all(np.minimum(inside.max(axis=0), torque) <= bound + 1e-6 * torque)

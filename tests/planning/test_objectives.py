@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.ocp.transcription import Transcription
@@ -53,7 +53,7 @@ def integral(trajectory: Trajectory, robot: Robot, of: Callable[[Samples, Array]
     nominal = np.array(
         [joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints]
     )
-    rate = np.nansum((of(samples, directions(robot, samples, 1)[0]) / nominal) ** 2, axis=1)
+    rate = np.nansum((of(samples, motion_directions(robot, samples, 1)[0]) / nominal) ** 2, axis=1)
     return float(np.sum(rate * np.tile(weights / 2, len(lengths)) * lengths[piece]))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.friction import friction_of
+from ssm_planner.dynamics.friction import required_friction
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.inverse import inverse_task
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -60,7 +60,7 @@ def narrow(problem: Problem) -> Problem:
 def slippery(problem: Problem) -> Problem:
     drive = problem.robot.joints[0].drive
     assert drive is not None
-    friction = dataclasses.replace(friction_of(drive), mu_lowest=0.015)
+    friction = dataclasses.replace(required_friction(drive), mu_lowest=0.015)
     return with_joint(problem, 0, drive=dataclasses.replace(drive, friction=friction))
 
 

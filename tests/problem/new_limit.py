@@ -9,7 +9,7 @@ from pathlib import Path
 
 import casadi
 
-from ssm_planner.kinematics.forward import JACOBIANS, forward_symbolic
+from ssm_planner.kinematics.forward import SPEED_JACOBIANS, forward_symbolic
 from ssm_planner.problem.limits import SpeedLimit
 
 
@@ -23,7 +23,7 @@ class AxisSpeed(SpeedLimit):
 
 
 # before the planner is imported, as it would stand in kinematics/forward.py
-JACOBIANS[AxisSpeed] = lambda mechanism, q: casadi.jacobian(
+SPEED_JACOBIANS[AxisSpeed] = lambda mechanism, q: casadi.jacobian(
     forward_symbolic(mechanism, q)[0][:, 2], q
 )
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from ssm_planner.identification.fit import MapFit, fit_map
-from ssm_planner.identification.parameters import map_torque, with_parameters
+from ssm_planner.identification.parameters import drive_with_parameters, map_torque
 from ssm_planner.identification.recordings import Recording, read_recording
-from ssm_planner.identification.torque_map import torque_map
+from ssm_planner.identification.torque_map import compute_torque_map
 from ssm_planner.plans import Plan, load_plan
 from ssm_planner.problem.controller import Controller
 from ssm_planner.simulation.plant import FRICTION_PARAMETERS
@@ -78,10 +78,10 @@ class Bench:
         recordings = [
             self._recorded(stage, truth, 1 + SCATTER * rng.normal()) for stage in self.stages
         ]
-        fit = fit_map(self.drive, torque_map(recordings), self.load)
+        fit = fit_map(self.drive, compute_torque_map(recordings), self.load)
         whole = {**truth, "b_oc": self.friction[place["b_oc"]]}
         slow = map_torque(
-            with_parameters(self.drive, "coulomb", whole), np.array([1e-6, -1e-6]), self.load
+            drive_with_parameters(self.drive, "coulomb", whole), np.array([1e-6, -1e-6]), self.load
         )
         return {**truth, "forwards": slow[0], "backwards": slow[1]}, fit
 

@@ -30,7 +30,7 @@ from ssm_planner.simulation.simulate import (
     Scenario,
     _Simulation,
 )
-from ssm_planner.trajectory import Span, Trajectory, hermite
+from ssm_planner.trajectory import Span, Trajectory, quintic_coefficients
 
 START = np.array([0.3, 1.15, 0.1, -0.005])
 END = START + np.array([0.05, -0.04, 0.1, -0.003])
@@ -42,7 +42,9 @@ FINE = Controller(counts_per_turn=ASSUMED_ENCODER_COUNTS)
 def plan(robot: Robot) -> Plan:
     """One quintic from rest to rest."""
     zero, breaks = np.zeros((1, 4)), np.array([0.0, DURATION])
-    piece = hermite(breaks, (START[None], zero, zero), (END[None], zero, zero))
+    piece = quintic_coefficients(
+        np.diff(breaks), (START[None], zero, zero), (END[None], zero, zero)
+    )
     first, last = (Joints(tuple(q.tolist())) for q in (START, END))
     problem = Problem(robot, first, (Free(last),), name="by hand")
     return Plan(problem, "solved", Trajectory(breaks, piece, (Span("all", 0.0, DURATION),)))

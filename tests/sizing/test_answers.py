@@ -7,25 +7,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ssm_planner.sizing.checks import margin_of
+from ssm_planner.sizing.checks import relative_margin
 from ssm_planner.sizing.demand import Band
-from ssm_planner.sizing.selection import TOLERANCE, _answer
+from ssm_planner.sizing.selection import MARGIN_TOLERANCE, _answers_from_margins
 from ssm_planner.sizing.size import JointSizing
 
 
 def test_a_margin_is_the_share_of_the_limit_that_is_left() -> None:
     limit = np.array([2.0, 2.0, 2.0, 0.0, -1.0])
     worst = np.array([1.0, 2.0, 3.0, 0.0, -2.0])
-    assert margin_of(worst, limit) == pytest.approx([0.5, 0.0, -0.5, -1.0, -1.0])
-    assert margin_of(1.0, limit[:1]) == pytest.approx([0.5])
+    assert relative_margin(worst, limit) == pytest.approx([0.5, 0.0, -0.5, -1.0, -1.0])
+    assert relative_margin(1.0, limit[:1]) == pytest.approx([0.5])
 
 
 def test_an_answer_is_yes_no_or_not_known() -> None:
-    keeps, breaks = -TOLERANCE, -1.01 * TOLERANCE
+    keeps, breaks = -MARGIN_TOLERANCE, -1.01 * MARGIN_TOLERANCE
     worst = np.array([keeps, 1.0, breaks, breaks, breaks])
     best = np.array([keeps, 1.0, keeps, 0.5, breaks])
-    assert _answer(worst, best).tolist() == [1, 1, 0, 0, -1]
-    assert _answer(worst, best).dtype == np.int8
+    assert _answers_from_margins(worst, best).tolist() == [1, 1, 0, 0, -1]
+    assert _answers_from_margins(worst, best).dtype == np.int8
 
 
 def demands(values: np.ndarray) -> object:

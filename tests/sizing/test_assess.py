@@ -43,7 +43,7 @@ SPREADS = (0.0, 0.2)
 def catalogue() -> Iterator[Motor]:
     with (PROBLEMS / "catalogues/motors_24v.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            figures = {name: units.quantity(row[name], kind) for name, kind in KINDS.items()}
+            figures = {name: units.parse_quantity(row[name], kind) for name, kind in KINDS.items()}
             yield Motor(
                 name=row["order_number"], max_torque=figures.pop("chart_max_torque"), **figures
             )

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ssm_planner.dynamics.spread import spread_of
+from ssm_planner.dynamics.spread import friction_spread
 from ssm_planner.problem.drive import Ratings
 from ssm_planner.sizing.checks import (
-    BENDING,
-    COLUMN,
-    DENSITY,
-    YOUNG,
-    Case,
+    BENDING_ROOTS,
+    EFFECTIVE_LENGTH_FACTORS,
+    STEEL_DENSITY,
+    YOUNG_MODULUS,
+    JointCase,
     buckling_load,
     critical_speed,
     gear_checks,
@@ -36,9 +36,9 @@ FREQUENCY = {
 """Zero at βL of the modes of a uniform beam."""
 
 
-@pytest.mark.parametrize("ends", list(BENDING))
+@pytest.mark.parametrize("ends", list(BENDING_ROOTS))
 def test_bending_constants_are_roots_of_the_frequency_equation(ends) -> None:
-    root = BENDING[ends]
+    root = BENDING_ROOTS[ends]
     assert abs(FREQUENCY[ends](root)) < 1e-6
     # the first: no sign change before it
     before = [FREQUENCY[ends](x) for x in np.linspace(0.3, root - 1e-3, 400)]
@@ -47,9 +47,13 @@ def test_bending_constants_are_roots_of_the_frequency_equation(ends) -> None:
 
 
 def test_column_constants_are_roots_of_eulers_equation() -> None:
-    x = math.pi / COLUMN["fixed-supported"]
+    x = math.pi / EFFECTIVE_LENGTH_FACTORS["fixed-supported"]
     assert math.tan(x) == pytest.approx(x, rel=1e-7)
-    assert (COLUMN["fixed-free"], COLUMN["supported-supported"], COLUMN["fixed-fixed"]) == (
+    assert (
+        EFFECTIVE_LENGTH_FACTORS["fixed-free"],
+        EFFECTIVE_LENGTH_FACTORS["supported-supported"],
+        EFFECTIVE_LENGTH_FACTORS["fixed-fixed"],
+    ) == (
         2.0,
         1.0,
         0.5,
@@ -59,7 +63,7 @@ def test_column_constants_are_roots_of_eulers_equation() -> None:
 @given(st.floats(0.02, 1), st.floats(0.001, 0.02), st.floats(1.1, 4))
 @settings(max_examples=50, deadline=None)
 def test_scaling_laws(length: float, diameter: float, factor: float) -> None:
-    for ends in BENDING:
+    for ends in BENDING_ROOTS:
         assert critical_speed(factor * length, factor * diameter, ends) == pytest.approx(
             critical_speed(length, diameter, ends) / factor
         )
@@ -71,10 +75,10 @@ def test_scaling_laws(length: float, diameter: float, factor: float) -> None:
 def test_against_a_textbook_beam() -> None:
     """Both ends supported: ω = (π/L)²·√(EI/ρA), F = π²EI/L²."""
     inertia, area = math.pi * 0.01**4 / 64, math.pi * 0.01**2 / 4
-    expected = (math.pi / 0.5) ** 2 * math.sqrt(YOUNG * inertia / (DENSITY * area))
+    expected = (math.pi / 0.5) ** 2 * math.sqrt(YOUNG_MODULUS * inertia / (STEEL_DENSITY * area))
     assert critical_speed(0.5, 0.01, "supported-supported") == pytest.approx(expected)
     assert buckling_load(0.5, 0.01, "supported-supported") == pytest.approx(
-        math.pi**2 * YOUNG * inertia / 0.25
+        math.pi**2 * YOUNG_MODULUS * inertia / 0.25
     )
 
 
@@ -83,9 +87,9 @@ def checks_of(
 ) -> dict:
     load = replace(load, drive=replace(load.drive, ratings=ratings))
     conditions = conditions or Conditions()
-    spread = spread_of(load.drive, conditions.spread)
+    spread = friction_spread(load.drive, conditions.spread)
     band = linear_band(load, spread)
-    return {check.name: check for check in gear_checks(Case(load, band, spread, conditions))}
+    return {check.name: check for check in gear_checks(JointCase(load, band, spread, conditions))}
 
 
 def test_without_ratings_nothing_passes(loads: tuple[JointLoad, ...]) -> None:

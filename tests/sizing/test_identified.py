@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ssm_planner import identify
-from ssm_planner.dynamics.spread import spread_of
+from ssm_planner.dynamics.spread import friction_spread
 from ssm_planner.loading.files import shipped_files
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.motion import Motorisation, Stroke
@@ -135,7 +135,7 @@ def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
         < 20 * band.nominal_value("peak_torque")
     )
     # every draw is a set of the posterior as it stands: none is clipped
-    spread = spread_of(drive)
+    spread = friction_spread(drive)
     taken = spread.values(spread.deviations(len(posterior.draws)))
     for name, column in taken.items():
         assert column == pytest.approx(posterior.column(name), rel=1e-9, abs=1e-15)

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.problem.drive import Drive
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing import joint_load as module
 from ssm_planner.sizing import requirements as requirements_module
-from ssm_planner.sizing.joint_load import COLUMNS, JointLoad, joint_loads
+from ssm_planner.sizing.joint_load import JOINT_COLUMNS, JointLoad, joint_loads
 from ssm_planner.sizing.requirements import motor_requirement, motor_requirements
 from ssm_planner.trajectory import Trajectory
 from tests.support.pinocchio_model import build
@@ -68,7 +68,7 @@ def test_torque_is_that_of_the_motor_side(
     inside = np.all(np.abs(t[:, None] - trajectory.breaks) > 1e-9, axis=1)
     samples = trajectory.sample(t[inside])
     motor = motor_motion(
-        robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)
+        robot, RigidBody.from_robot(robot), samples, *motion_directions(robot, samples, 1)
     )
     for i, load in zip(DRIVEN, loads, strict=True):
         moving = np.abs(samples.qd[:, i]) > 1e-9 * robot.joints[i].velocity
@@ -155,9 +155,9 @@ def test_loads_in_sections_are_the_loads(
     trajectory = random_trajectory(5)
     whole = joint_loads(trajectory, robot)
     requirements = [motor_requirement(load).to_dict() for load in whole]
-    monkeypatch.setattr(module, "SECTION", section)
+    monkeypatch.setattr(module, "SECTION_SIZE", section)
     for load, other in zip(whole, joint_loads(trajectory, robot), strict=True):
-        for name in ("t", *COLUMNS, "weight"):
+        for name in ("t", *JOINT_COLUMNS, "weight"):
             assert np.array_equal(getattr(load, name), getattr(other, name)), name
         assert np.array_equal(load.torque(), other.torque())
     assert [motor_requirement(load).to_dict() for load in whole] == requirements
@@ -175,7 +175,7 @@ def test_a_figure_shows_the_extremes_of_a_requirement(
     for requirement in motor_requirements(random_trajectory(7), robot):
         torque = requirement.torque
         assert np.array_equal(requirement.shown().torque, torque)
-        monkeypatch.setattr(requirements_module, "INSTANTS", len(torque) // group)
+        monkeypatch.setattr(requirements_module, "MOST_INSTANTS", len(torque) // group)
         few = requirement.shown()
         assert len(few.t) <= 2 * len(torque) / (group - 1) + 2
         assert (few.torque.min(), few.torque.max()) == (torque.min(), torque.max())

@@ -14,7 +14,7 @@ from ssm_planner.sizing.motor_limits import (
     Conditions,
     available_torque,
     continuous_torque,
-    operating_shares,
+    operating_region_shares,
     resistance,
     torque_constant,
 )
@@ -71,7 +71,9 @@ def test_continuous_torque_falls_with_the_surroundings() -> None:
 def test_shares_of_the_regions() -> None:
     speed = np.array([0.0, 100.0, 100.0, 1600.0])
     torque = np.array([0.05, -0.09, 0.2, 0.01])
-    shares = operating_shares(COMPLETE, Conditions(), speed, torque, np.array([0.4, 0.3, 0.2, 0.1]))
+    shares = operating_region_shares(
+        COMPLETE, Conditions(), speed, torque, np.array([0.4, 0.3, 0.2, 0.1])
+    )
     assert shares == pytest.approx({"continuous": 0.7, "short_term": 0.2, "beyond": 0.1})
 
 

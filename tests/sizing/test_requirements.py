@@ -9,7 +9,7 @@ import pytest
 
 from ssm_planner.problem.drive import Drive
 from ssm_planner.sizing.joint_load import JointLoad
-from ssm_planner.sizing.requirements import PARTS, torque_split
+from ssm_planner.sizing.requirements import TORQUE_COMPONENTS, torque_split
 
 
 def antibacklash(drive: Drive) -> Drive:
@@ -40,7 +40,7 @@ def _assert_sum(load: JointLoad, drive: Drive) -> None:
     size = sum(np.abs(part) for _, part in split.components())
     assert np.abs(total - torque).max() <= 1e-12 * np.abs(torque).max()
     assert np.all(np.abs(total - torque) <= 1e-12 * size)
-    assert set(split.to_dict()) == set(PARTS)
+    assert set(split.to_dict()) == set(TORQUE_COMPONENTS)
 
 
 def test_without_friction_nothing_is_lost(loads: tuple[JointLoad, ...]) -> None:

@@ -16,7 +16,7 @@ from ssm_planner.loading.catalogues import CatalogueEntry, drives_with_gears, re
 from ssm_planner.loading.load import load_robot
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.sizing.selection import energy_to_bus, load_inertias, select
+from ssm_planner.sizing.selection import energy_to_bus, load_inertias, select_motors
 from tests.support.paths import PROBLEMS
 from tests.support.sizing_cases import COMPLETE, random_trajectory, with_covariance
 
@@ -68,7 +68,7 @@ def gears(duty, covariance=False):
 @pytest.mark.slow
 def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, conditions, covariance):
     answers = set()
-    for joint in select(duty, motors, gears(duty, covariance), conditions, payload=0.5):
+    for joint in select_motors(duty, motors, gears(duty, covariance), conditions, payload=0.5):
         adequate = joint.adequate
         for g, m in np.ndindex(adequate.shape):
             verdict = joint.verdict(g, m)
@@ -89,7 +89,7 @@ def test_every_pair_has_the_verdict_and_the_margins_of_size(duty, motors, condit
 
 def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_them(duty, motors):
     without_mass = 0
-    for joint in select(duty, motors, gears(duty)):
+    for joint in select_motors(duty, motors, gears(duty)):
         pairs = joint.ranked("mass")
         assert all(joint.adequate[pair] >= 0 for pair in pairs)
         assert len(pairs) == int((joint.adequate >= 0).sum())
@@ -117,7 +117,7 @@ def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_t
 def test_a_mass_that_no_gear_states_leaves_the_rank_to_the_motors(duty, motors):
     """Without --gears, every motor has the joint's present drive, whose mass no file states."""
     heavier = [replace(part, mass=1.0 + k) for k, part in enumerate(reversed(motors))]
-    (joint, *_) = select(duty, [*heavier, replace(motors[0], mass=None)], {})
+    (joint, *_) = select_motors(duty, [*heavier, replace(motors[0], mass=None)], {})
     order = [m for _, m in joint.ranked("mass")]
     assert order == sorted(order)
 
@@ -125,7 +125,7 @@ def test_a_mass_that_no_gear_states_leaves_the_rank_to_the_motors(duty, motors):
 def test_energy_to_the_bus_and_inertia_ratio_follow_from_their_definitions(duty):
     """A motor driven by its load with little resistance gives back almost all the mechanical energy that it takes up."""
     motor = replace(COMPLETE, terminal_resistance=1e-9)
-    for joint in select(duty, [CatalogueEntry("complete", motor)], {}):
+    for joint in select_motors(duty, [CatalogueEntry("complete", motor)], {}):
         verdict = joint.verdict(0, 0)
         assert energy_to_bus(verdict.load, motor) == pytest.approx(
             verdict.requirement.returned_energy, abs=1e-9

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.spread import spread_of
+from ssm_planner.dynamics.spread import friction_spread
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.drive import Ratings
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.assess import assess
-from ssm_planner.sizing.checks import all_of
+from ssm_planner.sizing.checks import combine_answers
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.joint_load import JointLoad
 from ssm_planner.sizing.motor_limits import Conditions
@@ -200,12 +200,12 @@ def test_a_pause_helps_the_heat_and_nothing_else(complete: DutyCycle) -> None:
 
 
 def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
-    from ssm_planner.sizing.demand import thinned
+    from ssm_planner.sizing.demand import select_instants
     from ssm_planner.sizing.thermal_network import Cycle, ThermalModel, steady_state
 
     load = complete.loads()[0]
     heat = assess(load, COMPLETE, KNOWN).heat
-    few = thinned(load)
+    few = select_instants(load)
     cycle = Cycle.from_torque(few.t, few.torque())
     scaled = cycle.scaled(heat.capacity / np.sqrt(cycle.mean(cycle.square)))
     found = steady_state(ThermalModel.from_motor(COMPLETE, KNOWN.ambient), scaled)
@@ -330,7 +330,7 @@ def test_monte_carlo_and_linear_verdicts_agree(complete: DutyCycle) -> None:
     )
     for a, b in zip(linear.checks, drawn.checks, strict=True):
         assert a.margin == pytest.approx(b.margin, abs=0.01)
-    assert spread_of(load.drive).is_stated
+    assert friction_spread(load.drive).is_stated
 
 
 def test_extrapolation_and_placeholders_are_said(complete: DutyCycle) -> None:
@@ -379,10 +379,10 @@ def test_a_motion_at_rest_asks_nothing(robot: Robot) -> None:
 
 
 def test_three_valued_and() -> None:
-    assert all_of([True, True]) is True
-    assert all_of([True, None]) is None
-    assert all_of([None, False, True]) is False
-    assert all_of([]) is True
+    assert combine_answers([True, True]) is True
+    assert combine_answers([True, None]) is None
+    assert combine_answers([None, False, True]) is False
+    assert combine_answers([]) is True
 
 
 def test_load_of_one_joint_only(robot: Robot) -> None:

@@ -17,7 +17,7 @@ from ssm_planner.loading.load import load_robot
 from ssm_planner.plans import load_plan
 from ssm_planner.sizing.duty import DutyCycle
 from ssm_planner.sizing.motor_limits import Conditions
-from ssm_planner.sizing.selection import select
+from ssm_planner.sizing.selection import select_motors
 from tests.support.cli import run
 from tests.support.paths import PROBLEMS, RESULTS
 from tests.support.sizing_cases import random_trajectory
@@ -106,7 +106,7 @@ def test_every_figure_is_refused_or_assessed(
         except ProblemError as error:
             faults.append(error)
             continue
-        for selection in select(duty, motors, {joint.name: gears}, Conditions(spread=0.2)):
+        for selection in select_motors(duty, motors, {joint.name: gears}, Conditions(spread=0.2)):
             json.dumps(selection.to_dict("mass", 1), allow_nan=False)
     assert len(faults) >= 7
     assert all(fault.file is not None and "inf to inf" not in str(fault) for fault in faults)
@@ -149,7 +149,9 @@ def test_the_joint_decides_on_self_locking(tmp_path: Path, duty: DutyCycle) -> N
     joint = duty.robot.joints[0]
     for required in (True, False):
         (part,) = drives_with_gears(tmp_path, replace(joint.drive, self_locking=required))
-        selection = select(duty, read_motors(Path("motors_24v.csv"))[:1], {"roll": [part]})[0]
+        selection = select_motors(duty, read_motors(Path("motors_24v.csv"))[:1], {"roll": [part]})[
+            0
+        ]
         names = [check.name for check in selection.of_gear[0]]
         assert ("self_locking" in names) is required
 
@@ -165,7 +167,7 @@ def test_a_placeholder_is_named_and_never_a_yes(tmp_path: Path, duty: DutyCycle)
     (gear,) = drives_with_gears(written(tmp_path / "gears.csv", WORM), drive)
     assumed = replace(gear.of, placeholders=("mu",))
     gears = {"roll": [gear, CatalogueEntry("assumed", assumed)]}
-    selection = select(duty, motors, gears, Conditions(spread=0.2))[0]
+    selection = select_motors(duty, motors, gears, Conditions(spread=0.2))[0]
     stated, placeholder, counts = (selection.adequate[0, k::3] for k in range(3))
     assert stated.max() == 1
     assert (counts == stated).all()

@@ -13,7 +13,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
+from ssm_planner.dynamics.friction import (
+    friction_coefficient,
+    required_friction,
+    static_coefficient,
+)
 from ssm_planner.dynamics.transmission import breakaway_torque
 from ssm_planner.problem.drive import Drive
 from ssm_planner.typing import Array
@@ -134,7 +138,7 @@ class _Arm:
                 rate[16 + k] = servo_rate(servo, self._error(k, q, qd, x), x[16 + k])
             rate[20 + _DAMPING] += damper * (w / drive.ratio - x[4 + k])
             if modes[k]:
-                mu = float(friction_coefficient(friction_of(drive), w))
+                mu = float(friction_coefficient(required_friction(drive), w))
                 slip = slip_acceleration(drive, tau[k], w, load, modes[k], mu)
                 rate[8 + k], rate[12 + k] = w, slip.wd
                 rate[20 + _FRICTION] += friction_power(drive, w, slip.effort, modes[k], mu, slip.wd)
@@ -197,7 +201,7 @@ class _Arm:
         return float(ratio * qd[k] + self.arm.position_gain * (ratio * q[k] - x[8 + k]) - x[12 + k])
 
     def _mu_static(self, drive: Drive, rest: float) -> float:
-        f = friction_of(drive)
+        f = required_friction(drive)
         return float(
             static_coefficient(f, rest, min(float(friction_coefficient(f, 0.0)), f.mu_static))
         )

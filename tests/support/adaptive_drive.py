@@ -13,7 +13,11 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import friction_coefficient, friction_of, static_coefficient
+from ssm_planner.dynamics.friction import (
+    friction_coefficient,
+    required_friction,
+    static_coefficient,
+)
 from ssm_planner.dynamics.transmission import (
     breakaway_torque,
     mesh_coefficients,
@@ -75,7 +79,7 @@ def slip_acceleration(
     load: effort on the output besides its inertia and friction; the inertia of the load belongs to the drive
     (`with_load`). Solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction.
     """
-    f = friction_of(drive)
+    f = required_friction(drive)
     effort = float(output_effort(drive, load, w / drive.ratio, 0.0, direction))
     left = tau - f.b_c * direction - f.b_v * w
     output = drive.output_inertia / drive.ratio
@@ -117,7 +121,7 @@ def friction_power(
     drive: Drive, w: float, effort: float, direction: int, mu: float, wd: float = 0.0
 ) -> float:
     """Power that mesh, bearings and output friction turn into heat, W, ≥ 0 in motion."""
-    f = friction_of(drive)
+    f = required_friction(drive)
     qd = w / drive.ratio
     transmitted = effort * qd
     if drive.kind == "antibacklash_screw":
@@ -183,20 +187,20 @@ class _Plant:
         rate = servo_rate(self.servo, error, x[_INTEGRAL])
         if state == 0:
             return np.array([0.0, 0.0, rate, 0.0, 0.0])
-        mu = float(friction_coefficient(friction_of(self.drive), w))
+        mu = float(friction_coefficient(required_friction(self.drive), w))
         slip = slip_acceleration(self.drive, tau, w, self.load, state, mu)
         loss = friction_power(self.drive, w, slip.effort, state, mu, slip.wd)
         return np.array([w, slip.wd, rate, tau * w, loss])
 
     def ill_posed(self, t: float, x: Array, state: int) -> bool:
-        mu = float(friction_coefficient(friction_of(self.drive), x[_SPEED]))
+        mu = float(friction_coefficient(required_friction(self.drive), x[_SPEED]))
         outcome = slip_acceleration(
             self.drive, self.torque(t, x), x[_SPEED], self.load, state, mu
         ).outcome
         return outcome != "unique"
 
     def mu_static(self, rest: float) -> float:
-        f = friction_of(self.drive)
+        f = required_friction(self.drive)
         return float(
             static_coefficient(f, rest, min(float(friction_coefficient(f, 0.0)), f.mu_static))
         )

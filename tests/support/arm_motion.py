@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from ssm_planner.dynamics.friction import breakaway_coefficient, friction_of
+from ssm_planner.dynamics.friction import breakaway_coefficient, required_friction
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import effective_inertia
 from ssm_planner.kinematics.rotations import rotation_symbolic
@@ -83,7 +83,7 @@ def arm_motion(plant: ArmPlant, time: Array, x: Array, tau: Array) -> ArmMotion:
 
 def always_unique(drive: Drive) -> bool:
     """Whether every torque gives this drive exactly one motion: its effective inertia is positive at the most friction."""
-    friction = breakaway_coefficient(friction_of(drive))
+    friction = breakaway_coefficient(required_friction(drive))
     return all(
         inertia > 0
         for direction in (1, -1)

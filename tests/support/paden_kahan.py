@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.mechanism import elbow_squares
+from ssm_planner.kinematics.mechanism import elbow_half_angle_squares
 from ssm_planner.typing import Array
 
 TOUCHING = 1e-12
@@ -48,7 +48,9 @@ def subproblem_2(
     omega1, omega2, p, q = _vectors(omega1=omega1, omega2=omega2, p=p, q=q)
     p, q = _directions("p", p), _directions("q", q)
     alpha, beta, phi = _angle(omega1, omega2), _angle(omega2, p), _angle(omega1, q)
-    cosine2, sine2 = elbow_squares(NUMPY, alpha, beta, np.cos(phi / 2.0), np.sin(phi / 2.0))
+    cosine2, sine2 = elbow_half_angle_squares(
+        NUMPY, alpha, beta, np.cos(phi / 2.0), np.sin(phi / 2.0)
+    )
     lowest = np.minimum(cosine2, sine2)
     count = np.where(lowest > TOUCHING, 2, np.where(lowest >= -TOUCHING, 1, 0))
     x = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))

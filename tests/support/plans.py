@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ssm_planner.plans import FORMAT, VERSION, Plan, load_plan
+from ssm_planner.plans import PLAN_FORMAT, PLAN_VERSION, Plan, load_plan
 from ssm_planner.problem.limits import Limit, TaskRange, TaskRate, TipSpeed
 from ssm_planner.problem.motion import Free, Joints
 from ssm_planner.problem.problem import Eye, Problem, TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.problem.serialization import to_plain
-from ssm_planner.trajectory import Span, Trajectory, hermite
+from ssm_planner.trajectory import Span, Trajectory, quintic_coefficients
 from ssm_planner.typing import Range
 from ssm_planner.verification.check import check
 
@@ -64,7 +64,7 @@ def trapezoids(
                 tuple(np.array([x]) for x in (q + s * move, w * move, rate * move))
                 for s, w in ((s0, v0), (s1, v1))
             ]
-            pieces.append(hermite(local, ends[0], ends[1]))
+            pieces.append(quintic_coefficients(np.diff(local), ends[0], ends[1]))
             breaks.append(breaks[-1] + length)
         q = q + move
         phases.append(Span(f"move {number + 1}", time, breaks[-1]))
@@ -84,8 +84,10 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
             float(np.sqrt(np.max(10 / np.sqrt(3) * np.abs(move) / acceleration))),
         )
         pieces.append(
-            hermite(
-                np.array([0.0, duration]), (q[None], zero, zero), ((q + move)[None], zero, zero)
+            quintic_coefficients(
+                np.diff(np.array([0.0, duration])),
+                (q[None], zero, zero),
+                ((q + move)[None], zero, zero),
             )
         )
         q = q + move
@@ -111,8 +113,8 @@ def write_plan(
         end_rate=limits.end_rate or {},
     )
     document = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": PLAN_FORMAT,
+        "version": PLAN_VERSION,
         "status": "solved",
         "problem": to_plain(problem),
         "certificate": check(trajectory, robot, problem.task_limits, seal=True).to_dict(),

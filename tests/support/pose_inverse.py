@@ -14,9 +14,14 @@ from numpy.typing import ArrayLike
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.errors import GeometryError
-from ssm_planner.kinematics.inverse import BLOCK, BRANCHES, _refuse_parallel, _solutions
-from ssm_planner.kinematics.mechanism import Mechanism, elbow_squares, tilt_magnitudes
-from ssm_planner.kinematics.rotations import batch, rotation
+from ssm_planner.kinematics.inverse import (
+    BRANCHES,
+    TARGETS_PER_BLOCK,
+    _check_axes_not_parallel,
+    _select_solutions,
+)
+from ssm_planner.kinematics.mechanism import Mechanism, elbow_half_angle_squares, tilt_magnitudes
+from ssm_planner.kinematics.rotations import check_rows, rotation
 from ssm_planner.kinematics.solutions import Solutions
 from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array
@@ -65,9 +70,9 @@ def inverse(
     GeometryError
         If the lengths differ or a matrix is not a rotation.
     """
-    _refuse_parallel(mechanism)
+    _check_axes_not_parallel(mechanism)
     matrix = np.ascontiguousarray(rotations, dtype=float).reshape(-1, 3, 3)
-    p = batch("positions", positions, 3)
+    p = check_rows("positions", positions, 3)
     if len(p) != len(matrix):
         raise GeometryError(
             f"rotations of shape {matrix.shape} and positions of shape {p.shape}: not of one length"
@@ -80,7 +85,7 @@ def inverse(
     spin = rotation((0.0, 0.0, 1.0), -mechanism.tool_angle)
     to_frame = np.einsum("ik,cj->jkic", mechanism.frame, spin).reshape(9, 9)
     flat = matrix.reshape(n, 9)
-    for block in blocks(n, BLOCK):
+    for block in blocks(n, TARGETS_PER_BLOCK):
         columns = to_frame @ flat[block].T
         if not _are_rotations(columns):
             raise GeometryError("rotations: a matrix is not a rotation")
@@ -88,7 +93,7 @@ def inverse(
         joints[block], orientation_error[block], tip_error[block] = _solve_block(
             mechanism, columns[0:3], columns[6:9], tips
         )
-    return _solutions(joints, orientation_error, tip_error, limits, reference)
+    return _select_solutions(joints, orientation_error, tip_error, limits, reference)
 
 
 def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, Array, Array]:
@@ -167,14 +172,14 @@ def _elbow(mech: Mechanism, u: Array) -> tuple[Array, Array]:
         np.sqrt((u[0] - 1.0) ** 2 + around),
         np.sqrt((u[0] + 1.0) ** 2 + around),
     )  # 2 sin(φ/2), 2 cos(φ/2)
-    c2, s2 = elbow_squares(NUMPY, mech.alpha, mech.beta, cosine, sine)
+    c2, s2 = elbow_half_angle_squares(NUMPY, mech.alpha, mech.beta, cosine, sine)
     outside = np.flatnonzero(np.minimum(c2, s2) < 0.0)
     if outside.size:
         tilt = 2.0 * np.arctan2(sine[outside], cosine[outside])
         tilt = np.clip(tilt, *tilt_magnitudes(mech.alpha, mech.beta))
         azimuth = np.arctan2(u[2, outside], u[1, outside])
         u[:, outside] = np.cos(tilt), np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)
-        squares = elbow_squares(
+        squares = elbow_half_angle_squares(
             NUMPY, mech.alpha, mech.beta, 2.0 * np.cos(tilt / 2.0), 2.0 * np.sin(tilt / 2.0)
         )
         c2[outside], s2[outside] = (np.maximum(square, 0.0) for square in squares)

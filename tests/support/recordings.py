@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.identification.prediction import Motion, departure, predict_torque
+from ssm_planner.identification.prediction import RecordedMotion, law_correction, predict_torque
 from ssm_planner.loading.load import load_drive
 from ssm_planner.problem.drive import Drive
 from tests.support.paths import RESULTS, SHARED
@@ -76,9 +76,9 @@ def _write(
     """Write one recording. speeds: the recorded speed, and the one that determines the torque."""
     rig, (w, smooth) = drive.rig, speeds
     assert rig is not None
-    motion, load = Motion.from_speed(time, smooth), rig.F_payload + rig.load_offset
+    motion, load = RecordedMotion.from_speed(time, smooth), rig.F_payload + rig.load_offset
     tau = predict_torque(drive, motion, load, rig.payload_inertia)
-    tau = tau + departure(drive, motion, load)
+    tau = tau + law_correction(drive, motion, load)
     angle = np.cumsum(w) * (time[1] - time[0])
     wave = np.sqrt(2) * RIPPLE * np.cos(angle + rng.uniform(0, 2 * np.pi))
     size = np.abs(tau).mean() * (smooth != 0)

@@ -12,7 +12,12 @@ from pathlib import Path
 
 from ssm_planner.errors import SsmPlannerError
 from ssm_planner.identification.recordings import read_recordings
-from ssm_planner.identification.torque_map import FIGURES_HEADER, TorqueMap, kind_of, torque_map
+from ssm_planner.identification.torque_map import (
+    TABLE_HEADER,
+    TorqueMap,
+    compute_torque_map,
+    recording_kind,
+)
 from ssm_planner.loading.load import load_drive
 
 SOURCE = """Mean motor speed and torque of steady-state recordings of three rigs, in each rig's positive direction.
@@ -27,7 +32,7 @@ def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> 
         for line in source.splitlines():
             stream.write(f"# {line}\n")
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(FIGURES_HEADER)
+        writer.writerow(TABLE_HEADER)
         for rig, m in maps.items():
             for k, name in enumerate(m.names):
                 assert m.ripple is not None
@@ -56,7 +61,9 @@ def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
     rig = load_drive(drive_path).rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
     found = read_recordings([recordings], nominal_torque=nominal, direction=direction)
-    return torque_map([recording for recording in found if kind_of(recording) == "steady"])
+    return compute_torque_map(
+        [recording for recording in found if recording_kind(recording) == "steady"]
+    )
 
 
 def main(arguments: list[str]) -> int:

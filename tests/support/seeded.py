@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.eye import lens_ratio
 from ssm_planner.kinematics.forward import space_jacobian, tip_position
@@ -18,7 +18,7 @@ from ssm_planner.problem.limits import TASK_COORDINATES
 from ssm_planner.problem.problem import Eye, Lens, TaskLimits
 from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.problem.value import unchecked_copy
-from ssm_planner.trajectory import Samples, Trajectory, hermite
+from ssm_planner.trajectory import Samples, Trajectory, quintic_coefficients
 from tests.support.plans import of_task
 
 EXCESS = 1e-3
@@ -212,7 +212,7 @@ def _samples(rng: np.random.Generator) -> tuple[np.ndarray, list[np.ndarray]]:
 
 def _quintics(t: np.ndarray, states: list[np.ndarray]) -> np.ndarray:
     q, qd, qdd = states
-    return hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:]))
+    return quintic_coefficients(np.diff(t), (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:]))
 
 
 def _with_middle(
@@ -274,7 +274,7 @@ def _about_eye(tip: np.ndarray, kind: str) -> np.ndarray:
 
 
 def _motor(s: Samples, robot: Robot, kind: str, joint: int) -> np.ndarray:
-    direction, breakaway = directions(robot, s, 1)
+    direction, breakaway = motion_directions(robot, s, 1)
     motor = motor_motion(robot, RigidBody.from_robot(robot), s, direction, breakaway)
     return np.abs((motor.speed if kind == "motor speed" else motor.torque)[:, joint])
 

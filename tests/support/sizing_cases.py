@@ -9,7 +9,7 @@ import numpy as np
 from ssm_planner.problem.drive import Drive, Ratings
 from ssm_planner.problem.motor import Motor
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Span, Trajectory, hermite
+from ssm_planner.trajectory import Span, Trajectory, quintic_coefficients
 
 COMPLETE = Motor(
     name="complete",
@@ -40,7 +40,9 @@ def random_trajectory(seed: int, duration: float = 3.0, pieces: int = 12) -> Tra
     rate = rng.uniform(-1, 1, (pieces + 1, 4)) * scale / 2
     bend = rng.uniform(-1, 1, (pieces + 1, 4)) * scale
     rate[[0, -1]] = 0.0
-    coefficients = hermite(breaks, (q[:-1], rate[:-1], bend[:-1]), (q[1:], rate[1:], bend[1:]))
+    coefficients = quintic_coefficients(
+        np.diff(breaks), (q[:-1], rate[:-1], bend[:-1]), (q[1:], rate[1:], bend[1:])
+    )
     return Trajectory(breaks, coefficients, (Span("random", 0.0, duration),))
 
 

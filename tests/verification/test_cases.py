@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner.dynamics.motors import drive_torque
 from ssm_planner.dynamics.rigid_body import RigidBody, with_payload
-from ssm_planner.dynamics.spread import drive_with
+from ssm_planner.dynamics.spread import drive_with_values
 from ssm_planner.errors import ProblemError
 from ssm_planner.problem.posterior import FRICTION_LAWS, LAW_COLUMN
 from ssm_planner.problem.problem import TaskLimits
@@ -174,7 +174,7 @@ def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
     for i in (0, 1, 3):
         drive = robot.joints[i].drive
         assert drive is not None
-        sets = cases.spread_of(drive).within(share)
+        sets = cases.friction_spread(drive).within(share)
 
         def torque(of: object, mass: float, i: int = i) -> np.ndarray:
             body = RigidBody.from_robot(with_payload(robot, mass))
@@ -185,7 +185,7 @@ def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
         chosen = [torque(q.case.drive, q.case.payload) for q in found if q.index == i and q.case]
         ends = [sorted({float(column.min()), float(column.max())}) for column in sets.values()]
         for corner, mass in product(product(*ends), masses):
-            one = torque(drive_with(drive, dict(zip(sets, corner, strict=True))), mass)
+            one = torque(drive_with_values(drive, dict(zip(sets, corner, strict=True))), mass)
             assert one.max() <= max(each.max() for each in chosen) + 1e-12
             assert one.min() >= min(each.min() for each in chosen) - 1e-12
             square = np.mean(one**2)
@@ -232,7 +232,7 @@ def test_extreme_sets_ask_for_the_largest_torques_and_heat(
         for load in range(len(masses)):
             torque = np.vstack(
                 [
-                    whole.torque(i, drive_with(drive, {"mu": mu}), load, instants)
+                    whole.torque(i, drive_with_values(drive, {"mu": mu}), load, instants)
                     for mu in sets["mu"]
                 ]
             )

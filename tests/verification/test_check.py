@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
-from ssm_planner.dynamics.transmission import breakaway_torque, nut_contact
+from ssm_planner.dynamics.transmission import breakaway_torque, nut_contact_force
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
 from ssm_planner.kinematics.rotations import rotation
@@ -19,7 +19,7 @@ from ssm_planner.problem.limits import TASK_COORDINATES
 from ssm_planner.problem.problem import Eye, Lens
 from ssm_planner.problem.robot import Robot, read_only_array
 from ssm_planner.sizing.joint_load import joint_loads
-from ssm_planner.trajectory import Samples, Trajectory, hermite
+from ssm_planner.trajectory import Samples, Trajectory, quintic_coefficients
 from ssm_planner.verification import sampled_extremes
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
@@ -42,7 +42,11 @@ def wavy(rng: np.random.Generator, pieces: int = 6) -> Trajectory:
     q = rng.normal(size=(pieces + 1, 4)) * 0.3 * scale + [0.0, 0.6, 0.0, -0.015]
     v, a = rng.normal(size=q.shape) * 0.6 * scale, rng.normal(size=q.shape) * 2 * scale
     v[0] = v[-1] = 0.0
-    return Trajectory(breaks, hermite(breaks, (q[:-1], v[:-1], a[:-1]), (q[1:], v[1:], a[1:])), ())
+    return Trajectory(
+        breaks,
+        quintic_coefficients(np.diff(breaks), (q[:-1], v[:-1], a[:-1]), (q[1:], v[1:], a[1:])),
+        (),
+    )
 
 
 def screw(robot: Robot) -> Robot:
@@ -68,7 +72,7 @@ def dense(
     # Instants next to the ends of a piece count as inside it, where the directions are constant.
     share = np.tile(np.linspace(1e-7, 1 - 1e-7, per_piece), count)
     samples = trajectory.sample_pieces(piece, share * np.diff(trajectory.breaks)[piece])
-    direction, breakaway = directions(robot, samples, 1)
+    direction, breakaway = motion_directions(robot, samples, 1)
     motor = motor_motion(robot, RigidBody.from_robot(robot), samples, direction, breakaway)
     mechanism = Mechanism.from_geometry(robot.geometry)
     task = task_from_joints(mechanism, samples.q)
@@ -82,7 +86,7 @@ def dense(
         if joint.drive is not None:
             values["motor speed", joint.name] = motor.speed[:, i]
             values["motor torque", joint.name] = motor.torque[:, i]
-            values["nut contact", joint.name] = nut_contact(
+            values["nut contact", joint.name] = nut_contact_force(
                 joint.drive, motor.effort[:, i], motor.acceleration[:, i]
             )
     ahead, behind = (
@@ -169,7 +173,9 @@ def test_the_way_through_the_port_is_looked_at_where_port_and_retina_meet(robot:
     q = np.array([[0.0, 0.55, 0.0, 0.0]])
     zero, end = np.zeros((1, 4)), q - [0.0, 0.0, 0.0, 0.012]
     breaks = np.array([0.0, 3.0])
-    trajectory = Trajectory(breaks, hermite(breaks, (q, zero, zero), (end, zero, zero)), ())
+    trajectory = Trajectory(
+        breaks, quintic_coefficients(np.diff(breaks), (q, zero, zero), (end, zero, zero)), ()
+    )
     found = limit_of(check(trajectory, robot, LIMITS), "retina clearance")
     direction = tip_position(Mechanism.from_geometry(robot.geometry), end)[0] / 0.012
     depth = np.linspace(0.0, 0.012, 1_000_001)[:, None]
@@ -206,7 +212,9 @@ def test_a_rest_to_rest_quintic_has_its_closed_form_extremes(robot: Robot) -> No
     move, duration = np.array([0.5, 0.0, 0.0, 0.0]), 2.0
     q = np.array([[0.0, 0.5, 0.0, 0.0]])
     zero = np.zeros((1, 4))
-    coefficients = hermite(np.array([0.0, duration]), (q, zero, zero), (q + move, zero, zero))
+    coefficients = quintic_coefficients(
+        np.diff(np.array([0.0, duration])), (q, zero, zero), (q + move, zero, zero)
+    )
     certificate = check(Trajectory(np.array([0.0, duration]), coefficients, ()), robot)
     velocity = limit_of(certificate, "velocity", "roll")
     assert velocity.worst == pytest.approx(15 / 8 * 0.5 / duration, rel=1e-10)
@@ -227,7 +235,9 @@ def test_a_start_is_charged_with_static_friction(robot: Robot) -> None:
     zero = np.zeros((1, 4))
     end = q + [0.05, 0.0, 0.0, 0.0]
     trajectory = Trajectory(
-        np.array([0.0, 4.0]), hermite(np.array([0.0, 4.0]), (q, zero, zero), (end, zero, zero)), ()
+        np.array([0.0, 4.0]),
+        quintic_coefficients(np.diff(np.array([0.0, 4.0])), (q, zero, zero), (end, zero, zero)),
+        (),
     )
     tau = RigidBody.from_robot(robot).gravity_load(q)[0, 0]
     found = limit_of(check(trajectory, robot), "motor torque", "roll")

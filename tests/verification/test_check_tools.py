@@ -12,7 +12,12 @@ from hypothesis import strategies as st
 from numpy.polynomial.polynomial import polyval
 
 from ssm_planner.codegen.vectorised import VectorisedFunction, dense_function
-from ssm_planner.dynamics.motors import directions, directions_law, motor_law, motor_motion
+from ssm_planner.dynamics.motors import (
+    motion_directions,
+    motion_directions_symbolic,
+    motor_motion,
+    motor_torque_symbolic,
+)
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import GeometryError
 from ssm_planner.problem.robot import Robot
@@ -152,14 +157,16 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
     """
     samples = random_samples(np.random.default_rng(5), 4000)
     for each in variants(robot):
-        direction, breakaway = directions(each, samples, side)
+        direction, breakaway = motion_directions(each, samples, side)
         expected = motor_motion(each, RigidBody.from_robot(each), samples, direction, breakaway)
         q, qd, qdd, qddd, way, away = (
             ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "way", "away")
         )
         law = VectorisedFunction(
             dense_function(
-                "law", [q, qd, qdd, way, away], list(motor_law(each, q, qd, qdd, way, away))
+                "law",
+                [q, qd, qdd, way, away],
+                list(motor_torque_symbolic(each, q, qd, qdd, way, away)),
             )
         )
         _, torque, effort = law(
@@ -173,7 +180,9 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
             assert np.abs(torque[:, i] - expected.torque[:, i]).max() <= 1e-14 * size
             assert effort[:, i] == pytest.approx(expected.effort[:, i], rel=1e-13, abs=1e-13)
         rule = VectorisedFunction(
-            dense_function("rule", [qd, qdd, qddd], list(directions_law(each, qd, qdd, qddd, side)))
+            dense_function(
+                "rule", [qd, qdd, qddd], list(motion_directions_symbolic(each, qd, qdd, qddd, side))
+            )
         )
         found = rule(samples.qd, samples.qdd, samples.qddd)
         assert np.array_equal(found[0], direction)

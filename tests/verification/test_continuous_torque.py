@@ -7,14 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import STILL
+from ssm_planner.dynamics.motors import REST_FRACTION
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.dynamics.transmission import motor_torque, output_effort
 from ssm_planner.plans import load_plan
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
 from ssm_planner.sizing.requirements import motor_requirements
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import Trajectory, quintic_coefficients
 from ssm_planner.verification.certificate import Certificate, LimitCheck
 from ssm_planner.verification.check import check
 from tests.support.paths import ROOT
@@ -57,7 +57,11 @@ def back_and_forth(robot: Robot, count: int) -> Trajectory:
         size * rate * np.cos(angle),
         -size * rate**2 * np.sin(angle),
     )
-    return Trajectory(t, hermite(t, (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:])), ())
+    return Trajectory(
+        t,
+        quintic_coefficients(np.diff(t), (q[:-1], qd[:-1], qdd[:-1]), (q[1:], qd[1:], qdd[1:])),
+        (),
+    )
 
 
 def test_it_is_the_rms_of_the_sizing_on_the_shipped_plan() -> None:
@@ -84,12 +88,12 @@ def test_constant_speed_and_a_dwell_in_closed_form(robot: Robot) -> None:
     moved = HOME + [[0.0, 0.0, 0.0, speed * times[1]]]
     rate = np.array([[0.0, 0.0, 0.0, speed]])
     pieces = [
-        hermite(times[:2], (HOME, rate, ZERO), (moved, rate, ZERO)),
-        hermite(times[1:], (moved, ZERO, ZERO), (moved, ZERO, ZERO)),
+        quintic_coefficients(np.diff(times[:2]), (HOME, rate, ZERO), (moved, rate, ZERO)),
+        quintic_coefficients(np.diff(times[1:]), (moved, ZERO, ZERO), (moved, ZERO, ZERO)),
     ]
     trajectory = Trajectory(times, np.concatenate(pieces), ())
     joint = robot.joints[3]
-    assert joint.velocity * STILL < abs(speed)
+    assert joint.velocity * REST_FRACTION < abs(speed)
     load = RigidBody.from_robot(robot).inverse_dynamics(HOME, rate, ZERO)[0, 3]
     effort = output_effort(joint.drive, load, speed, 0.0)
     torque = abs(float(motor_torque(joint.drive, effort, joint.drive.ratio * speed, 0.0)))
@@ -114,7 +118,14 @@ def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> Non
     robot = dataclasses.replace(robot, joints=(free, *robot.joints[1:]))
     times = np.array([0.0, 3.0])
     found = continuous(
-        check(Trajectory(times, hermite(times, (HOME, ZERO, ZERO), (HOME, ZERO, ZERO)), ()), robot)
+        check(
+            Trajectory(
+                times,
+                quintic_coefficients(np.diff(times), (HOME, ZERO, ZERO), (HOME, ZERO, ZERO)),
+                (),
+            ),
+            robot,
+        )
     )
     load = float(RigidBody.from_robot(robot).gravity_load(HOME)[0, 0])
     assert found["roll"].worst == pytest.approx(

@@ -11,7 +11,7 @@ import pytest
 from ssm_planner.problem.limits import ContinuousTorque, SelfLocking, StopTravel
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import Trajectory, quintic_coefficients
 from ssm_planner.verification import check as module
 from ssm_planner.verification.check import check
 from ssm_planner.verification.stops import quickest_stops
@@ -25,7 +25,9 @@ def motion(ends_at_rest: bool = True) -> Trajectory:
     zero = np.zeros((1, 4))
     speed = zero if ends_at_rest else WAY[None]
     end = (START + WAY)[None]
-    piece = hermite(np.array([0.0, 0.5]), (START[None], zero, zero), (end, speed, zero))
+    piece = quintic_coefficients(
+        np.diff(np.array([0.0, 0.5])), (START[None], zero, zero), (end, speed, zero)
+    )
     return Trajectory(np.array([1.0, 1.5]), piece, ())
 
 

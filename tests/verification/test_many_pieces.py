@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ssm_planner.loading.load import load_robot
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import Trajectory, quintic_coefficients
 from ssm_planner.verification.check import check
 
 COUNT = 20_200
@@ -57,7 +57,7 @@ def dipping(
     q[:, 0] += angle - q[COUNT // 2, 0]
     q[:, 2], qd[:, 2], qdd[:, 2] = 0.05 * np.sin(t), 0.05 * np.cos(t), -0.05 * np.sin(t)
     ends = [tuple(x[side] for x in (q, qd, qdd)) for side in (slice(None, -1), slice(1, None))]
-    return Trajectory(t, hermite(t, *ends), ())
+    return Trajectory(t, quintic_coefficients(np.diff(t), *ends), ())
 
 
 def agrees(robot: Robot, motion: Trajectory) -> bool:

@@ -16,7 +16,7 @@ from ssm_planner.kinematics.task import task_from_joints
 from ssm_planner.plans import load_plan
 from ssm_planner.problem import Problem, TaskLimits, TaskRange, TipSpeed
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import cubics, quintics
+from ssm_planner.trajectory import cubic_coefficients, quintic_coefficients
 from ssm_planner.verification.check import check
 from tests.support import oracle, pinocchio_model
 from tests.support.paths import ROOT
@@ -86,7 +86,7 @@ def test_rows_are_joined_as_the_client_joins_them() -> None:
     q, qd, qdd = states(6, 8)
     t = np.cumsum(np.random.default_rng(6).uniform(1e-3, 1.0, 8))
     h = np.diff(t)
-    for orders, join in ((2, cubics), (3, quintics)):
+    for orders, join in ((2, cubic_coefficients), (3, quintic_coefficients)):
         rows = (q, qd, qdd)[:orders]
         pieces = join(h, *(tuple(x[side] for x in rows) for side in (slice(-1), slice(1, None))))
         expected = oracle.from_pieces(t, pieces)

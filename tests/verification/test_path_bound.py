@@ -12,7 +12,7 @@ from numpy.polynomial import Polynomial
 from ssm_planner import load_plan, load_problem, plan
 from ssm_planner.problem import Robot
 from ssm_planner.problem.value import unchecked_copy
-from ssm_planner.trajectory import Trajectory, hold, join
+from ssm_planner.trajectory import Trajectory, join_sections, rest_coefficients
 from ssm_planner.verification import path_rows
 from ssm_planner.verification.path_bound import _minimise_integrand, path_bound
 from ssm_planner.verification.second_opinion import Opinion, shortest_path_duration
@@ -173,8 +173,8 @@ def test_a_joint_that_returns_within_an_interval_does_not_rest() -> None:
 def test_rests_of_the_polynomials_count() -> None:
     problem = load_problem("tilt_insert")
     motion, expected = bang_bang(problem.robot, 2, 0.4)
-    rest = np.array([0.0, 0.7]), hold(motion.sample([1.5]).q[0])
-    both = join([("", motion.breaks, motion.coefficients), ("", *rest)])
+    rest = np.array([0.0, 0.7]), rest_coefficients(motion.sample([1.5]).q[0])
+    both = join_sections([("", motion.breaks, motion.coefficients), ("", *rest)])
     bound = shortest_path_duration(both, problem.robot, problem.task_limits, (0.0, 2.2)).bound
     assert bound is not None
     assert 0.95 * (expected + 0.7) <= bound <= (1 + ROUNDING) * (expected + 0.7)

@@ -32,7 +32,7 @@ from ssm_planner.problem.motion import (
     Tip,
 )
 from ssm_planner.problem.problem import Problem, TaskLimits
-from ssm_planner.trajectory import Span, Trajectory, hermite
+from ssm_planner.trajectory import Span, Trajectory, quintic_coefficients
 from ssm_planner.verification.check import check
 from ssm_planner.verification.promises import check_path_promises
 
@@ -140,7 +140,9 @@ def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(
         samples = made.motion.sample(np.clip(warped, 0.0, t[-1]))
         rate = np.gradient(warped, at)[:, None]
         state = samples.q, samples.qd * rate, samples.qdd * rate**2
-        pieces = hermite(at, tuple(x[:-1] for x in state), tuple(x[1:] for x in state))  # type: ignore[arg-type]
+        pieces = quintic_coefficients(
+            np.diff(at), tuple(x[:-1] for x in state), tuple(x[1:] for x in state)
+        )  # type: ignore[arg-type]
         other = Trajectory(at, pieces, (Span("line", 0.0, float(at[-1])),))
         assert "constant speed" in exceeded(other, made.robot, made.limits)
 
@@ -195,7 +197,11 @@ def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> Non
     q = np.array([[0.0, 0.6, 0.0, -0.010], [0.0, 0.6, 0.0, -0.014]])
     breaks, rest = np.array([0.0, 1.0]), np.zeros((1, 4))
     span = (Span("path", 0.0, 1.0),)
-    motion = Trajectory(breaks, hermite(breaks, (q[:1], rest, rest), (q[1:], rest, rest)), span)
+    motion = Trajectory(
+        breaks,
+        quintic_coefficients(np.diff(breaks), (q[:1], rest, rest), (q[1:], rest, rest)),
+        span,
+    )
     first, last = tip_position(mechanism, q)
     middle, along = (first + last) / 2, (last - first) / 0.004
 

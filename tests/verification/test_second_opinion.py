@@ -14,10 +14,14 @@ import numpy as np
 import pytest
 
 from ssm_planner import Plan, Problem, load_plan, load_problem, plan
-from ssm_planner.plans import FASTER, NOT_IN_PATH, TRADED
+from ssm_planner.plans import (
+    HEAT_OBJECTIVE_ALLOWANCE,
+    LIMITS_IGNORED_BY_TOPPRA,
+    TOO_FAST_DIFFERENCE,
+)
 from ssm_planner.problem import Dwell, Free, Robot
 from ssm_planner.problem.value import unchecked_copy
-from ssm_planner.trajectory import Trajectory, hold, join
+from ssm_planner.trajectory import Trajectory, join_sections, rest_coefficients
 from ssm_planner.verification.second_opinion import second_opinions, shortest_path_duration
 from tests.campaign.opinions import judged, weakened, with_friction
 from tests.support.cases import drawn
@@ -38,15 +42,15 @@ def assert_agreement(made: Plan) -> int:
     result = judged(made)
     assert result.passed, result.reason
     margins = {limit.name: limit.margin for limit in result.certificate.limits}  # type: ignore[union-attr]
-    slowed = any(margins.get(name, 1.0) < 0.01 for name in NOT_IN_PATH)
-    traded = TRADED * (made.problem.objective == "time then heat")
+    slowed = any(margins.get(name, 1.0) < 0.01 for name in LIMITS_IGNORED_BY_TOPPRA)
+    traded = HEAT_OBJECTIVE_ALLOWANCE * (made.problem.objective == "time then heat")
     moving = [phase for phase in result.phases if phase.solver and phase.toppra_duration]
     for phase in moving:
         assert phase.toppra_duration >= phase.lower_bound  # type: ignore[operator]
         assert phase.path_bound is not None
-        assert phase.lower_bound <= phase.path_bound <= (1 + FASTER) * phase.duration
+        assert phase.lower_bound <= phase.path_bound <= (1 + TOO_FAST_DIFFERENCE) * phase.duration
         slower = traded + (FREE_SLOWER if phase.branch is None else SLOWER)
-        assert phase.difference >= -FASTER
+        assert phase.difference >= -TOO_FAST_DIFFERENCE
         assert slowed or made.problem.task_limits.rates or phase.difference <= slower, phase
     assert not any("lower bound" in (phase.not_judged or "") for phase in result.phases)
     return len(moving)
@@ -123,8 +127,8 @@ def test_a_joint_without_a_drive_counts(distance: float) -> None:
 def test_rests_within_a_phase_keep_their_duration() -> None:
     problem = load_problem("tilt_insert")
     motion, expected = bang_bang(problem.robot, 2, 0.4)
-    rest = np.array([0.0, 0.7]), hold(motion.sample([1.5]).q[0])
-    both = join([("", motion.breaks, motion.coefficients), ("", *rest)])
+    rest = np.array([0.0, 0.7]), rest_coefficients(motion.sample([1.5]).q[0])
+    both = join_sections([("", motion.breaks, motion.coefficients), ("", *rest)])
     duration = shortest_path_duration(both, problem.robot, problem.task_limits, (0.0, 2.2)).duration
     assert duration == pytest.approx(expected + 0.7, rel=SLOW_ERROR)
 
@@ -189,4 +193,4 @@ def test_a_phase_that_takes_no_time_has_the_duration_0(tilt_insert: Problem) -> 
     assert second_opinions(made.motion, made.problem)[-1].duration == 0.0
     result = judged(made)
     assert result.passed
-    assert result.path_bound == pytest.approx(made.duration, rel=SLOWER + TRADED)
+    assert result.path_bound == pytest.approx(made.duration, rel=SLOWER + HEAT_OBJECTIVE_ALLOWANCE)

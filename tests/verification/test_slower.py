@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.plans import load_plan
@@ -44,7 +44,7 @@ def scan(plan, robot, factors):
     for factor in factors:
         slow = plan.motion.slower(factor)
         samples = slow.sample(np.linspace(slow.breaks[0], slow.breaks[-1], 2000))
-        way, away = directions(robot, samples, 1)
+        way, away = motion_directions(robot, samples, 1)
         torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
         found.append(np.nanmax(np.abs(np.nan_to_num(torque)), axis=0))
     return np.array(found)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.problem.limits import ContinuousTorque, MotorTorque
 from ssm_planner.problem.problem import TaskLimits
@@ -89,7 +89,7 @@ def test_torques_of_a_slower_motion_are_those_of_its_samples(robot: Robot) -> No
     body = RigidBody.from_robot(robot)
     for side, at in ((1, np.linspace(0.0, 2.0, 1501)), (-1, np.array([1.0, 2.0]))):
         samples = motion.sample(at, "right" if side > 0 else "left")
-        torque = motor_motion(robot, body, samples, *directions(robot, samples, side)).torque
+        torque = motor_motion(robot, body, samples, *motion_directions(robot, samples, side)).torque
         torque = np.nan_to_num(torque)
         assert np.all(peak[2] >= np.abs(torque).max(axis=0) - 1e-12)
         if side > 0:
@@ -114,7 +114,7 @@ def test_a_jump_of_acceleration_counts_on_both_its_sides(robot: Robot, last: boo
     peak, _ = slower._peak_and_rms_torques(motion, robot, np.array([1.0]), 0.0)
     samples = motion.sample(breaks[short + 1 : short + 2], "left")
     body = RigidBody.from_robot(robot)
-    torque = motor_motion(robot, body, samples, *directions(robot, samples, -1)).torque
+    torque = motor_motion(robot, body, samples, *motion_directions(robot, samples, -1)).torque
     assert peak[0, 0] == pytest.approx(abs(torque[0, 0]))
 
 

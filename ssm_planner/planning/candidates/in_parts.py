@@ -25,7 +25,7 @@ from ssm_planner.planning.retiming.paths import PolylinePath
 from ssm_planner.planning.search import find_fastest
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE
 from ssm_planner.problem import MotorTorque, unchecked_copy
-from ssm_planner.trajectory import join
+from ssm_planner.trajectory import join_sections
 from ssm_planner.typing import Array, record
 
 DISPLACEMENT_SHARES = (1.0, 0.5)
@@ -93,7 +93,9 @@ class InParts(FallbackCandidate):
             ):
                 return short_duration_reason(phase.motion.name, duration, needed)
             second = second.slower((duration - first.duration) / second.duration)
-        trajectory = join([("", motion.breaks, motion.coefficients) for motion in (first, second)])
+        trajectory = join_sections(
+            [("", motion.breaks, motion.coefficients) for motion in (first, second)]
+        )
         motion = replace(
             second,
             breaks=trajectory.breaks,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.codegen.namespace import NUMPY
 from ssm_planner.elements.rows import joint_limits, limits_jerk
-from ssm_planner.kinematics import retina_row, tip_position
+from ssm_planner.kinematics import retina_constraint, tip_position
 from ssm_planner.planning.ocp.free_problem import FreeProblem
 from ssm_planner.planning.ocp.guesses import (
     KINEMATIC_LIMITS,
@@ -219,7 +219,7 @@ class _FreeProblemBuilder:
 
         def is_outside(q: Array) -> bool:
             """Return True if only the port of the eye allows the position of the tip at q (4,)."""
-            return bool(retina_row(NUMPY, eye, tip_position(mechanism, q[None])[0]) > 0)
+            return bool(retina_constraint(NUMPY, eye, tip_position(mechanism, q[None])[0]) > 0)
 
         return chain.divided_at_port(eye.port, is_outside, self.least_count)
 

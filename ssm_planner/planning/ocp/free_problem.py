@@ -29,7 +29,7 @@ from ssm_planner.elements.rows import (
     torque_row_names,
 )
 from ssm_planner.kinematics import (
-    retina_row,
+    retina_constraint,
     task_from_joints,
     task_of_joints,
     tip_position,
@@ -49,7 +49,7 @@ from ssm_planner.planning.ocp.segments import SegmentChain
 from ssm_planner.planning.phases import Phase, reversal_ranges
 from ssm_planner.planning.tolerances import EQUALITY_TOLERANCE, ROUNDING_TOLERANCE
 from ssm_planner.problem import TASK_COORDINATES, RetinaClearance, TaskRange, TaskRate
-from ssm_planner.trajectory import hermite
+from ssm_planner.trajectory import quintic_coefficients
 from ssm_planner.typing import Array, Indices, Mask, keyword_record
 
 MIN_LENGTH_UNIT = 0.05
@@ -289,7 +289,7 @@ class FreeProblem(OcpProblem):
             return 0.0
         in_eye = np.abs(self.chain.points[:, 3]) > self.phase.problem.eye.port + ROUNDING_TOLERANCE
         points = self.chain.points[self.chain.fixed.all(axis=1) & in_eye]
-        constraint_values = retina_row(
+        constraint_values = retina_constraint(
             NUMPY, self.phase.problem.eye, tip_position(self.phase.mechanism, points).T
         )
         return float(constraint_values.max(initial=0.0))
@@ -412,8 +412,8 @@ class FreeProblem(OcpProblem):
             np.vstack([pieces.u[1:], boundary.points[-1]]),
             np.vstack([pieces.v[1:], boundary.end_velocity]),
         )
-        coefficients = hermite(
-            breaks,
+        coefficients = quintic_coefficients(
+            np.diff(breaks),
             (joints(pieces.u, 0), joints(pieces.v, 1), joints(pieces.a0, 2)),
             (joints(next_states[0], 0), joints(next_states[1], 1), joints(pieces.a1, 2)),
         )

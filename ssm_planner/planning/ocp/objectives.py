@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import motorised
+from ssm_planner.dynamics import motorised_joints
 from ssm_planner.elements.element import Aim
 from ssm_planner.planning.ocp.nlp import Confirmation, NlpSolution, stretched
 from ssm_planner.planning.ocp.problem import OcpProblem
@@ -157,7 +157,7 @@ def _least_cost_motion(
             result = solve_to_tolerance(state, "time", duration=interval)
         return result.solution
     # Without motors there is no heat to reduce.
-    heated = objective != "time" and any(motorised(problem.complete_element.robot.joints))
+    heated = objective != "time" and any(motorised_joints(problem.complete_element.robot.joints))
     if not (heated or cooled):
         return None
     if solution.solver == "structured" and problem.has_free_borders:

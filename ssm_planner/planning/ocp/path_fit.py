@@ -10,7 +10,7 @@ import numpy as np
 
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.elements.straight_element import FIT_DEGREE
-from ssm_planner.kinematics import JACOBIANS, tool_speed
+from ssm_planner.kinematics import SPEED_JACOBIANS, tool_speed
 from ssm_planner.planning.retiming.paths import JointPath
 from ssm_planner.typing import Array
 
@@ -59,7 +59,7 @@ def fit_path(path: JointPath, bodies: tuple[RigidBody, ...], low: Array, high: A
     speeds = np.column_stack(
         [
             tool_speed(speed_class, path.mechanism, samples.q, samples.dq)
-            for speed_class in JACOBIANS
+            for speed_class in SPEED_JACOBIANS
         ]
     )
     curves = np.hstack([samples.dq, *(matrix for matrices in loads for matrix in matrices), speeds])

@@ -52,7 +52,7 @@ from ssm_planner.problem import (
     Robot,
     ToolLimit,
 )
-from ssm_planner.trajectory import hermite
+from ssm_planner.trajectory import quintic_coefficients
 from ssm_planner.typing import Array, keyword_record
 
 MIN_ELEMENTS = 84
@@ -385,7 +385,7 @@ def joint_polynomials(
         _joint_motion_at(path, elements, shares + offset, end_speed)
         for offset in (0.0, 1.0 / subdivision)
     ]
-    return breaks, hermite(breaks, ends[0], ends[1])
+    return breaks, quintic_coefficients(np.diff(breaks), ends[0], ends[1])
 
 
 def _joint_motion_at(

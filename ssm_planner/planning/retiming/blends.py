@@ -31,7 +31,7 @@ from ssm_planner.planning.retiming.paths import (
     joint_starts,
 )
 from ssm_planner.planning.tolerances import PATH_SAMPLES, ROUNDING_TOLERANCE
-from ssm_planner.trajectory import quintics
+from ssm_planner.trajectory import quintic_coefficients
 from ssm_planner.typing import Array, Mask, record
 
 MIN_SLOPE_RATIO = 0.05
@@ -111,7 +111,9 @@ class BlendedPath(JointPath):
         starts, ends = self.breaks[1:-1:2], self.breaks[2:-1:2]
         leaving = [self._on_piece(k, starts[[k]]) for k in range(len(starts))]
         joining = [self._on_piece(k + 1, ends[[k]]) for k in range(len(ends))]
-        return quintics(ends - starts, tuple(np.hstack(leaving)), tuple(np.hstack(joining)))
+        return quintic_coefficients(
+            ends - starts, tuple(np.hstack(leaving)), tuple(np.hstack(joining))
+        )
 
     def sample(self, s: Array) -> PathSamples:
         """Evaluate the joint positions q (n, 4), and their derivatives q' and q'' by s, at s (n,)."""

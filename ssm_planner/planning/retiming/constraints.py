@@ -22,9 +22,9 @@ from ssm_planner.dynamics import (
     RigidBody,
     breakaway_coefficient,
     friction_coefficient,
-    friction_of,
     motor_torque_rows,
     output_effort,
+    required_friction,
 )
 from ssm_planner.elements.rows import joint_limits
 from ssm_planner.kinematics import Mechanism, task_rates, tool_speed
@@ -211,7 +211,7 @@ class PathLimits:
         static_start : bool
             True if friction is static where the joint starts from rest.
         """
-        friction = friction_of(drive)
+        friction = required_friction(drive)
         w = drive.ratio * np.abs(self.samples.dq[:, i]) * np.sqrt(speed_squared)
         static = self.starts[:, i] & static_start
         moving = friction_coefficient(friction, w)

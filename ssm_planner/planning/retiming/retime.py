@@ -25,7 +25,7 @@ from ssm_planner.planning.tolerances import (
     ROUNDING_TOLERANCE,
 )
 from ssm_planner.problem import Robot, TaskLimits, TipSpeed
-from ssm_planner.trajectory import Samples, Trajectory, hermite
+from ssm_planner.trajectory import Samples, Trajectory, quintic_coefficients
 from ssm_planner.typing import Array, Indices, record
 
 UNIFORM_WEIGHT = 0.1
@@ -223,7 +223,7 @@ def retimed_trajectory(path: MotionPath, retiming: Retiming) -> Trajectory:
     breaks = _passing_times(old_time, rate_squared)
     starts = states(motion.sample(old_time[:-1], "right"), rate_squared[:-1])
     ends = states(motion.sample(old_time[1:], "left"), rate_squared[1:])
-    return Trajectory(breaks, hermite(breaks, starts, ends), ())
+    return Trajectory(breaks, quintic_coefficients(np.diff(breaks), starts, ends), ())
 
 
 def _repeat_passes(

@@ -305,18 +305,23 @@ def _draw_bands(axes: "Axes", drive: "Drive", w: Array, load: float, with_labels
     with_labels : bool
         Add the bands to the legend.
     """
-    from ssm_planner.dynamics import friction_of
-    from ssm_planner.identification import Motion, band_of, departure, map_torque
+    from ssm_planner.dynamics import required_friction
+    from ssm_planner.identification import (
+        RecordedMotion,
+        law_correction,
+        map_torque,
+        prediction_band,
+    )
 
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     if friction.posterior is None:
         return
     without_ripple = replace(friction.posterior, forwards=None, backwards=None)
     smooth = replace(drive, friction=replace(friction, posterior=without_ripple))
-    motion = Motion(np.arange(len(w), dtype=float), w, np.zeros(len(w)), np.sign(w), ())
-    tau = map_torque(drive, w, load) + departure(drive, motion, load)
+    motion = RecordedMotion(np.arange(len(w), dtype=float), w, np.zeros(len(w)), np.sign(w), ())
+    tau = map_torque(drive, w, load) + law_correction(drive, motion, load)
     for variant, alpha, content in ((drive, 0.18, "samples"), (smooth, 0.35, "means")):
-        band = band_of(variant, motion, tau, load)
+        band = prediction_band(variant, motion, tau, load)
         if band is not None:
             axes.fill_between(
                 RPM * w,

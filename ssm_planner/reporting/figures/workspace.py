@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ssm_planner.display import minus
+from ssm_planner.display import use_minus_signs
 from ssm_planner.kinematics import (
     DesignRegion,
     Mechanism,
@@ -91,7 +91,7 @@ def axes_figure(mechanism: Mechanism) -> "Figure":
         axes.plot(*line, color=COLOURS[k], linestyle=LINE_DASHES[k], linewidth=1.6)
         axes.text(*(1.3 * axis), name, color=COLOURS[k], **CENTRED_TEXT)
     alpha, beta = np.degrees((mechanism.alpha, mechanism.beta))
-    tilt = minus(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
+    tilt = use_minus_signs(f"φ = {np.degrees(mechanism.home_tilt):.2f}°")
     label: Keywords = {"va": "center", "fontsize": FONT_SIZE - 1}
     angles = ((0, 1, 0.8, f"α = {alpha:.2f}°"), (1, 2, 0.7, f"β = {beta:.2f}°"), (0, 2, 0.25, tilt))
     for i, j, radius, name in angles:
@@ -161,7 +161,7 @@ def theta2_figure(mechanism: Mechanism) -> "Figure":
     tilt = _dense_tilts(mechanism)
     for k, branch in enumerate((1, -1)):
         theta2 = theta2_from_tilt(mechanism, tilt, branch)
-        label = minus(f"branch {branch:+d}")
+        label = use_minus_signs(f"branch {branch:+d}")
         if branch == mechanism.home_branch:
             label += " (home)"
         axes.plot(
@@ -246,7 +246,9 @@ def design_region_figure(
         label = f"as given: ({alpha:.4g}°, {beta:.4g}°)"
         axes.plot([alpha], [beta], "x", color="black", markersize=11, label=label, zorder=4)
     low, high = np.degrees(region.tilt_range)
-    axes.set_title(minus(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=FONT_SIZE)
+    axes.set_title(
+        use_minus_signs(f"(α, β) that reach tilt {low:.4g}° to {high:.4g}°"), fontsize=FONT_SIZE
+    )
     axes.set(xlim=(0.0, 180.0), ylim=(0.0, 180.0), aspect="equal")
     ticks = range(0, 181, 30)
     axes.set(xticks=ticks, yticks=ticks)
@@ -306,7 +308,7 @@ def _draw_section(axes: Any, mechanism: Mechanism) -> None:
         axes.plot(*ray(tilt), color="black", linewidth=0.7)
         # Next to ω1 the label would overlap its arrow.
         height = -1.16 * np.sin(tilt) if abs(np.sin(tilt)) > 0.15 else 0.17
-        text = minus(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
+        text = use_minus_signs(f"{round(float(np.degrees(tilt)), 2) + 0.0:.2f}°")
         axes.text(1.3 * np.cos(tilt), height, text, **CENTRED_TEXT)
     home = ray(mechanism.home_tilt)
     axes.plot(*home, color="black", linewidth=1.2, linestyle="--", label="home")

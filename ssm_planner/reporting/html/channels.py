@@ -29,17 +29,17 @@ from ssm_planner.problem import (
     TipSpeed,
 )
 from ssm_planner.sizing import (
-    FIGURES,
+    THERMAL_DATA,
     Conditions,
     Cycle,
     JointLoad,
     ThermalModel,
-    missing,
-    pause_of,
+    missing_data,
+    pause_after_motion,
     steady_state,
     torque_split,
 )
-from ssm_planner.sizing.joint_load import INSTANTS
+from ssm_planner.sizing.joint_load import MOST_INSTANTS
 from ssm_planner.trajectory import Samples
 from ssm_planner.typing import Array, Arrays
 
@@ -95,7 +95,7 @@ def sample_channels(plan: Plan, t: Array) -> Arrays:
             curves[f"split{i}_{name}"] = torque
         for name, values in curves.items():
             channels[name] = np.interp(t, selected.t - load.t[0], values)
-    return channels | _temperature_channels(loads, t, pause_of(plan.problem))
+    return channels | _temperature_channels(loads, t, pause_after_motion(plan.problem))
 
 
 def encode_channels(channels: Arrays) -> dict[str, str]:
@@ -177,11 +177,11 @@ def _temperature_channels(loads: Sequence[JointLoad], t: Array, pause: float) ->
     """
     channels = {}
     for load in loads:
-        if load.motor is None or missing(load.motor, *FIGURES):
+        if load.motor is None or missing_data(load.motor, *THERMAL_DATA):
             continue
         # At most INSTANTS of the many instants of a long motion determine the temperatures.
         end = len(load.t) - 1
-        step = math.ceil(len(load.t) / INSTANTS)
+        step = math.ceil(len(load.t) / MOST_INSTANTS)
         selected = load.subset(np.append(np.arange(0, end, step), end))
         cycle = Cycle.from_torque(selected.t, selected.torque(), pause)
         state = steady_state(ThermalModel.from_motor(load.motor, Conditions().ambient), cycle)

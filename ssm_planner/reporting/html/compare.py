@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.display import NOTHING, number, percent, signed
+from ssm_planner.display import MISSING_VALUE, format_number, format_percent, format_signed
 from ssm_planner.plans import Plan
 from ssm_planner.reporting.figures.style import COLOURS
 from ssm_planner.reporting.html.channels import encode_channels, sample_channels, time_grid
@@ -130,7 +130,12 @@ def _limits_table(certificate_a: Certificate | None, certificate_b: Certificate 
         b = margins_b.get(key)
         change = None if a is None or b is None else b - a
         smallest = min(margin for margin in (a, b) if margin is not None)
-        rows.append((smallest, key + (percent(a, 4), percent(b, 4), percent(change, 4))))
+        rows.append(
+            (
+                smallest,
+                key + (format_percent(a, 4), format_percent(b, 4), format_percent(change, 4)),
+            )
+        )
     cells = [row for _, row in sorted(rows)]
     return Table("limit, joint, margin A, margin B, change", cells, (2, 3, 4))
 
@@ -154,7 +159,9 @@ def _motors_table(plans: tuple[Plan, Plan]) -> Table:
     for joint in sorted(requirements_a.keys() | requirements_b.keys()):
         a = requirements_a.get(joint, {})
         b = requirements_b.get(joint, {})
-        motors = " / ".join(dict.fromkeys([a.get("motor") or NOTHING, b.get("motor") or NOTHING]))
+        motors = " / ".join(
+            dict.fromkeys([a.get("motor") or MISSING_VALUE, b.get("motor") or MISSING_VALUE])
+        )
         for key, name, scale in (
             ("peak_torque", "peak torque mN·m", 1e3),
             ("rms_torque", "RMS torque mN·m", 1e3),
@@ -176,10 +183,10 @@ def _pair_cells(a: float | None, b: float | None, relative: bool = True) -> tupl
     relative : bool
         If true, the change is given in per cent of A, otherwise as a difference.
     """
-    change = NOTHING
+    change = MISSING_VALUE
     if a is not None and b is not None and (a or not relative):
-        change = percent(b / a - 1, 2) if relative else signed(b - a, 2)
-    return number(a, 5), number(b, 5), change
+        change = format_percent(b / a - 1, 2) if relative else format_signed(b - a, 2)
+    return format_number(a, 5), format_number(b, 5), change
 
 
 def _merge_panels(panels: Sequence[list[Panel]]) -> list[Panel]:

@@ -10,7 +10,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ssm_planner.display import environment, render_template
+from ssm_planner.display import jinja_environment, render_template
 from ssm_planner.publishing import replacing_result
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def render_page(template: str, data: Any, **content: Any) -> str:
 @cache
 def template_environment() -> "Environment":
     """Return the template environment of the pages, which escapes every value."""
-    pages = environment(PACKAGE, escape=True)
+    pages = jinja_environment(PACKAGE, escape=True)
     pages.globals.update(asset=_read_asset, libraries=EMBEDDED_LIBRARIES)
     return pages
 

@@ -10,8 +10,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from ssm_planner.display import number
-from ssm_planner.identification import runs
+from ssm_planner.display import format_number
+from ssm_planner.identification import true_runs
 from ssm_planner.plans import Plan
 from ssm_planner.problem import (
     JOINTS,
@@ -36,12 +36,12 @@ from ssm_planner.problem import (
 from ssm_planner.reporting.figures.style import display_unit_of
 from ssm_planner.reporting.html.channels import ZERO_CELSIUS, plotted_speeds
 from ssm_planner.sizing import (
-    FIGURES,
-    PARTS,
+    THERMAL_DATA,
+    TORQUE_COMPONENTS,
     Conditions,
     available_torque,
     continuous_torque,
-    missing,
+    missing_data,
 )
 from ssm_planner.typing import Array, Arrays, JsonObject, Mask, Range
 from ssm_planner.units import RPM
@@ -283,7 +283,7 @@ def _merged_runs(t: Array, active: Mask) -> list[Range]:
         Values at these instants.
     """
     intervals: list[Range] = []
-    for first_index, end_index in runs(active):
+    for first_index, end_index in true_runs(active):
         start, end = float(t[first_index]), float(t[end_index - 1])
         if intervals and start - intervals[-1][1] < MAX_MERGED_GAP:
             start = intervals.pop()[0]
@@ -305,7 +305,9 @@ def limit_rows(limits: TaskLimits) -> list[tuple[str, str, str, str]]:
     for limit in sorted(limits.all_limits, key=lambda limit: not isinstance(limit, TaskRange)):
         low = limit.low if isinstance(limit, TaskRange) or limit.is_floor else -np.inf
         unit, scale = display_unit_of(limit.unit)
-        ends = [number(scale * end, 6) if np.isfinite(end) else "" for end in (low, limit.high)]
+        ends = [
+            format_number(scale * end, 6) if np.isfinite(end) else "" for end in (low, limit.high)
+        ]
         rows.append((limit.name + radii.get(limit.name, ""), ends[0], ends[1], unit))
     return rows
 
@@ -327,7 +329,7 @@ def missing_temperature_reasons(channels: Arrays, motors: dict[int, Motor]) -> I
     """
     for i, motor in motors.items():
         if f"winding{i}" not in channels:
-            missing_values = missing(motor, *FIGURES)
+            missing_values = missing_data(motor, *THERMAL_DATA)
             reason = "the motor overheats without reaching a steady state"
             if missing_values:
                 reason = f"the motor file lacks {', '.join(missing_values)}"
@@ -439,9 +441,10 @@ def torque_part_panels(channels: Arrays) -> Iterator[Panel]:
         Sampled quantities by name.
     """
     for i, joint in enumerate(JOINTS):
-        if f"split{i}_{PARTS[0]}" in channels:
+        if f"split{i}_{TORQUE_COMPONENTS[0]}" in channels:
             series = [
-                (f"split{i}_{name}", name.replace("_", " "), k) for k, name in enumerate(PARTS)
+                (f"split{i}_{name}", name.replace("_", " "), k)
+                for k, name in enumerate(TORQUE_COMPONENTS)
             ]
             yield new_panel("Parts of the motor torque", f"Torque split: {joint}", "N·m", series)
 

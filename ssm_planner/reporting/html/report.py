@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.display import NOTHING, format_fixed, number
+from ssm_planner.display import MISSING_VALUE, format_fixed, format_number
 from ssm_planner.plans import PhaseSummary, Plan
 from ssm_planner.problem import (
     JUMP_NAMES,
@@ -266,10 +266,10 @@ def _coordinate_clauses(phase: PhaseSummary) -> Iterator[str]:
         if change <= COORDINATE_TOLERANCE:
             continue
         if name == "depth":
-            yield f"{'inserts' if end > start else 'withdraws'} {number(1e3 * change, 3)} mm"
+            yield f"{'inserts' if end > start else 'withdraws'} {format_number(1e3 * change, 3)} mm"
         else:
-            start_angle = number(math.degrees(start), 4)
-            end_angle = number(math.degrees(end), 4)
+            start_angle = format_number(math.degrees(start), 4)
+            end_angle = format_number(math.degrees(end), 4)
             yield f"{name}s {start_angle}° → {end_angle}°"
 
 
@@ -460,7 +460,7 @@ def _target_text(motion: JsonObject) -> str:
     texts = []
     for name, value in values.items():
         unit, scale = display_unit("m" if name in LENGTH_COORDINATES else "rad", "°")
-        texts.append(f"{name} {number(scale * value, 6)} {unit}")
+        texts.append(f"{name} {format_number(scale * value, 6)} {unit}")
     return ", ".join(texts)
 
 
@@ -471,7 +471,7 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
 
     def shown(value: float) -> str:
         """Format a value in the display unit."""
-        return number(scale * value, 6)
+        return format_number(scale * value, 6)
 
     return (
         joint.name,
@@ -479,7 +479,7 @@ def _joint_row(joint: Joint) -> tuple[str, ...]:
         f"{shown(low)} … {shown(high)} {unit}",
         f"{shown(joint.velocity)} {unit}/s",
         f"{shown(joint.acceleration)} {unit}/s²",
-        NOTHING if joint.jerk is None else f"{shown(joint.jerk)} {unit}/s³",
-        NOTHING if joint.drive is None else joint.drive.name,
-        NOTHING if joint.motor is None else joint.motor.name,
+        MISSING_VALUE if joint.jerk is None else f"{shown(joint.jerk)} {unit}/s³",
+        MISSING_VALUE if joint.drive is None else joint.drive.name,
+        MISSING_VALUE if joint.motor is None else joint.motor.name,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ssm_planner.display import number
+from ssm_planner.display import format_number
 from ssm_planner.kinematics import Mechanism, tip_position
 from ssm_planner.plans import Plan
 from ssm_planner.problem import JOINTS, MotorTorque
@@ -74,7 +74,7 @@ def simulation_page(plan: Plan, result: SimulationResult) -> str:
         plan=plan,
         marks=marks,
         notes=result.notes,
-        tip=number(1e3 * result.tip_error, 4),
+        tip=format_number(1e3 * result.tip_error, 4),
         loss=f"{standstill} (power lost at {float(losses.time[losses.worst]):.3f} s)",
         tables=simulation_tables(result),
     )

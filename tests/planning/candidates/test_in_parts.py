@@ -10,7 +10,7 @@ import pytest
 
 from ssm_planner.dynamics import RigidBody
 from ssm_planner.dynamics.friction import breakaway_coefficient, friction_coefficient
-from ssm_planner.dynamics.transmission import breakaway_torque, friction_of
+from ssm_planner.dynamics.transmission import breakaway_torque, required_friction
 from ssm_planner.pipeline.run import plan
 from ssm_planner.planning.feasibility import feasible_phases
 from ssm_planner.problem.motion import Free, Joints, Task
@@ -27,7 +27,7 @@ def needed(robot: Robot, start: Array, end: Array) -> Array:
         sign = np.sign(end[i] - start[i])
         if joint.drive is None or sign == 0:
             continue
-        friction = friction_of(joint.drive)
+        friction = required_friction(joint.drive)
         coefficients = breakaway_coefficient(friction), friction_coefficient(friction, 0.0)
         for load, mu in zip(gravity[:, i], coefficients, strict=True):
             torque = breakaway_torque(joint.drive, np.array([load]), sign, np.asarray(mu))

@@ -13,7 +13,7 @@ import pytest
 from scipy.optimize import linprog
 
 from ssm_planner.cli import main
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.errors import ProblemError
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -280,7 +280,7 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
     q, qd = np.tile(state.q, (400, 1)), np.tile(state.qd, (400, 1))
     samples = Samples(np.zeros(400), q, qd, qdd, np.zeros((400, 4)))
     torque = motor_motion(
-        robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)
+        robot, RigidBody.from_robot(robot), samples, *motion_directions(robot, samples, 1)
     ).torque
     i = int(np.nanargmax(np.abs(torque).min(axis=0)))
     least = float((np.sign(qd[0, i]) * torque[:, i]).min())

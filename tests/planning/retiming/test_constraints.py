@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ssm_planner.dynamics.motors import directions, motor_motion
+from ssm_planner.dynamics.motors import motion_directions, motor_motion
 from ssm_planner.dynamics.rigid_body import RigidBody
 from ssm_planner.kinematics.forward import tip_position
 from ssm_planner.kinematics.mechanism import Mechanism
@@ -105,7 +105,7 @@ def test_torque_rows_bound_the_motor_model(path: PolylinePath, robot: Robot, u: 
     q = START + GRID[:, None] * WAY
     qd, qdd = np.tile(np.sqrt(x) * WAY, (9, 1)), np.tile(u * WAY, (9, 1))
     samples = Samples(GRID, q, qd, qdd, np.zeros_like(q))
-    way, away = directions(robot, samples, 1)
+    way, away = motion_directions(robot, samples, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
     count = 8
     for i, joint in enumerate(robot.joints):
@@ -142,7 +142,7 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
         qd = np.tile(np.sqrt(x) * WAY * way, (9, 1))
         samples = Samples(GRID, at, qd, 0 * at, 0 * at)
         torque = motor_motion(
-            robot, RigidBody.from_robot(robot), samples, *directions(robot, samples, 1)
+            robot, RigidBody.from_robot(robot), samples, *motion_directions(robot, samples, 1)
         ).torque
         count = 8
         for i, joint in enumerate(robot.joints):

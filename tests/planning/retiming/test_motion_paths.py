@@ -15,7 +15,7 @@ from ssm_planner.planning.retiming.retime import retime_motion, retimed_trajecto
 from ssm_planner.planning.tolerances import PATH_SAMPLES
 from ssm_planner.problem.problem import TaskLimits
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import Trajectory, hermite
+from ssm_planner.trajectory import Trajectory, quintic_coefficients
 
 START = np.array([0.3, 1.15, 0.1, -0.01])
 NONE = TaskLimits()
@@ -33,8 +33,12 @@ def slow_motion(mechanism: Mechanism, way: float) -> MotionPath:
     points = START + np.array([np.zeros(4), first, first + second])
     speed = np.array([[way / 2, 0.0, 0.0, 5e-4]])
     pieces = [
-        hermite(np.array([0.0, 1.0]), (points[:1], zero, zero), (points[1:2], speed, zero)),
-        hermite(np.array([0.0, 2.0]), (points[1:2], speed, zero), (points[2:], zero, zero)),
+        quintic_coefficients(
+            np.diff(np.array([0.0, 1.0])), (points[:1], zero, zero), (points[1:2], speed, zero)
+        ),
+        quintic_coefficients(
+            np.diff(np.array([0.0, 2.0])), (points[1:2], speed, zero), (points[2:], zero, zero)
+        ),
     ]
     motion = Trajectory(np.array([0.0, 1.0, 3.0]), np.concatenate(pieces), ())
     signs = np.array([[1.0, 0, 0, 1], [1, -1, 0, 1]])

@@ -18,7 +18,7 @@ from ssm_planner.planning.retiming.retime import retime, retime_motion
 from ssm_planner.problem.motion import Free, Task
 from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
-from ssm_planner.trajectory import join
+from ssm_planner.trajectory import join_sections
 from ssm_planner.verification.check import check
 
 Weaker = Callable[[Robot, float], Robot]
@@ -101,7 +101,7 @@ def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
     path = paths(tilt_insert)[0]
     phase = phase_along(path, tilt_insert, tilt_insert.robot)
     motion = solve_straight(phase, path, retime(path, tilt_insert.robot))
-    trajectory = join([("tilt", motion.breaks, motion.coefficients)])
+    trajectory = join_sections([("tilt", motion.breaks, motion.coefficients)])
     samples = trajectory.sample(np.linspace(0, trajectory.duration, 5000))
     task = task_from_joints(path.mechanism, samples.q)
     for k in (0, 2, 3):

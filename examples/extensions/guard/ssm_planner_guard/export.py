@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ssm_planner.codegen import c_literal
-from ssm_planner.display import environment, render_template
+from ssm_planner.display import jinja_environment, render_template
 from ssm_planner.formats.c import ROBOT_FILE, comment_safe_text, export_c
 from ssm_planner.plans import Plan
 from ssm_planner.typing import JsonObject
@@ -63,7 +63,7 @@ def c_guard(limits: Thresholds, remark: str, suffix: str = "") -> tuple[str, str
         "driven": [int(flag) for flag in driven],
         "tables": {name: [c_literal(x) for x in column] for name, column in arrays.items()},
     }
-    templates = environment("ssm_planner_guard", escape=False)
+    templates = jinja_environment("ssm_planner_guard", escape=False)
     return (
         render_template(templates, f"{FILE}.h", **values),
         render_template(templates, f"{FILE}.c", **values),

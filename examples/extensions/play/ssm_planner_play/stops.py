@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ssm_planner.dynamics import STILL
+from ssm_planner.dynamics import REST_FRACTION
 from ssm_planner.dynamics.robot_dynamics import motor_torque
 from ssm_planner.stopping import controlled_stops
 from ssm_planner.trajectory import Trajectory
@@ -108,7 +108,7 @@ def stop_samples(motion: Trajectory | None, early: float, period: float) -> Arra
 def _rows(program: Program, samples: Array) -> Rows:
     """Convert q, qd and qdd (n, 3, 4) to set points."""
     q, qd, qdd = samples[:, 0], samples[:, 1], samples[:, 2]
-    still = np.abs(qd) <= STILL * program.plan.robot.velocities
+    still = np.abs(qd) <= REST_FRACTION * program.plan.robot.velocities
     torque = motor_torque(program.plan.robot, q, np.where(still, 0.0, qd), qdd)
     indices = [axis.index for axis in program.axes]
     direction = np.array([axis.direction for axis in program.axes])

@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ssm_planner import ExportError, Format, Plan
-from ssm_planner.display import environment, render_template
+from ssm_planner.display import jinja_environment, render_template
 from ssm_planner.formats.ros2 import export_ros2
 from ssm_planner.formats.urdf import HARDWARE_PLUGIN, export_urdf
 from ssm_planner.publishing import one_line
@@ -101,7 +101,7 @@ def write(
         "controllers": controllers.name,
     }
     for template, place in FILES.items():
-        templates = environment("ssm_planner_ros2_control", escape=template.endswith(".xml"))
+        templates = jinja_environment("ssm_planner_ros2_control", escape=template.endswith(".xml"))
         (folder / place).parent.mkdir(exist_ok=True)
         (folder / place).write_text(render_template(templates, template, **values), "utf-8")
     return {**details, "notes": [*details["notes"], *NOTES]}
