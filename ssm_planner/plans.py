@@ -38,14 +38,14 @@ from ssm_planner.problem import (
     problem_from_plain,
     to_plain,
 )
-from ssm_planner.publishing import check_generation, file_name
+from ssm_planner.publishing import PLAN_FILE, check_generation, file_name
 from ssm_planner.representation import html_table
 from ssm_planner.sizing import (
     MotorRequirement,
     Sizing,
     TipError,
-    extrapolation,
-    pause_of,
+    extrapolation_notes,
+    pause_after_motion,
     size_motion,
     tip_error,
 )
@@ -68,10 +68,9 @@ if TYPE_CHECKING:  # the check reads plans and must not load the planner
 
     from ssm_planner.planning.reason import Reason
 
-FORMAT = "ssm_planner plan"
+PLAN_FORMAT = "ssm_planner plan"
 """Value of the key `format` of a plan.json."""
-VERSION = 1
-FILE = "plan.json"
+PLAN_VERSION = 1
 PLOT_RATE = 200.0
 """Samples per second of a plotted motion."""
 LARGEST_FILE = 2_000_000_000
@@ -82,7 +81,7 @@ FOLDER_WRITER = "ssm_planner.pipeline.folder:write_folder"
 A result folder contains pages and figures, whose modules depend on this one. `Plan.save` therefore
 finds the function by its name when a plan is saved, in any process.
 """
-UNITS = {
+PLAN_UNITS = {
     "time": "s",
     "q": ["rad", "rad", "rad", "m"],
     "coefficients": "q(t) = sum_k coefficients[piece][k][joint] * (t - breaks_s[piece])^k, in "
@@ -96,11 +95,13 @@ UNITS = {
 def software() -> dict[str, str]:
     """Return the versions of the programs that make a plan, by name."""
     versions = {"python": platform.python_version()}
-    return versions | {name: _version(name) for name in ("ssm-planner", "casadi", "numpy", "scipy")}
+    return versions | {
+        name: _package_version(name) for name in ("ssm-planner", "casadi", "numpy", "scipy")
+    }
 
 
 @cache
-def _version(package: str) -> str:
+def _package_version(package: str) -> str:
     """Return the version of an installed package, or "unknown"."""
     try:
         return metadata.version(package)
@@ -185,7 +186,9 @@ class PhaseSummary:
         """Convert the summary to JSON types. Fields that do not apply to this phase are omitted."""
         data = to_plain(asdict(self))
         return {
-            name: value for name, value in data.items() if value is not None or name not in OF_SOME
+            name: value
+            for name, value in data.items()
+            if value is not None or name not in OPTIONAL_PHASE_FIELDS
         }
 
     @property
@@ -212,7 +215,7 @@ class PhaseSummary:
             bound = max(bound, self.lower_bound)
         # If a motion is slower than its path allows, limits that toppra does not consider slow it
         # down, and toppra's sensitivities do not apply.
-        is_slowed = duration is None or self.duration > (1 + SLOWER) * duration
+        is_slowed = duration is None or self.duration > (1 + TOO_SLOW_DIFFERENCE) * duration
         return replace(
             self,
             toppra_duration=duration,
@@ -222,7 +225,7 @@ class PhaseSummary:
         )
 
 
-SUMMARY = (
+SUMMARY_FIELDS = (
     "status",
     "duration",
     "lower_bound",
@@ -234,7 +237,7 @@ SUMMARY = (
     "solve_time",
 )
 """Attributes of a plan with which its summary begins."""
-OF_SOME = (
+OPTIONAL_PHASE_FIELDS = (
     "reversal_multiplier",
     "corner_departure",
     "corner_reach",
@@ -251,21 +254,21 @@ OF_SOME = (
 They apply only to free motions, to phases with rounded corners or constant speed, or to plans that
 toppra judged.
 """
-FASTER = 1e-4
+TOO_FAST_DIFFERENCE = 1e-4
 """Relative difference to toppra's duration above which a motion is faster than its path allows."""
-SLOWER = 1e-3
+TOO_SLOW_DIFFERENCE = 1e-3
 """Relative difference to toppra's duration above which a motion is slower than necessary."""
-CHANGE = 1e-4
+SMALLEST_SENSITIVITY = 1e-4
 """Smallest sensitivity that is significant, as a share of the duration.
 
 The duration of a plan has about this accuracy.
 """
-TRADED = 1e-3
+HEAT_OBJECTIVE_ALLOWANCE = 1e-3
 """Share of the duration that the objective "time then heat" may add."""
-NOT_IN_PATH = ("continuous torque", "nut contact", "self-locking")
+LIMITS_IGNORED_BY_TOPPRA = ("continuous torque", "nut contact", "self-locking")
 """Names of limits that toppra does not consider."""
-BINDS = 0.01
-"""Relative margin below which a limit of `NOT_IN_PATH` can slow a motion down."""
+BINDING_MARGIN = 0.01
+"""Relative margin below which a limit of `LIMITS_IGNORED_BY_TOPPRA` can slow a motion down."""
 
 
 @record
@@ -394,7 +397,7 @@ class Plan:
     def _repr_html_(self) -> str:
         """Return the summary and the limits as HTML tables for notebooks."""
         limits = self.certificate._repr_html_() if self.certificate else ""
-        return html_table([get_attributes(self, SUMMARY)]) + limits
+        return html_table([get_attributes(self, SUMMARY_FIELDS)]) + limits
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw the joint positions over time with matplotlib, in deg and mm, and return the axes.
@@ -448,7 +451,7 @@ class Plan:
         results = {"sizing": self.sizing, "stops": self.stops}  # while the second process works
         opinions, proof = ask() or second_opinions_and_proofs(self.motion, self.problem)
         phases = map(PhaseSummary.with_opinion, self.phases, opinions)
-        versions = {**self.software, "toppra": _version("toppra")}
+        versions = {**self.software, "toppra": _package_version("toppra")}
         judged_plan = replace(self, phases=tuple(phases), software=versions, proof=proof)
         if judged_plan.disagreements:
             from ssm_planner.planning.reason import Reason
@@ -492,7 +495,7 @@ class Plan:
     def sensitivities(self) -> tuple[Sensitivity, ...] | None:
         """Changes of the duration with the limits, the largest first. None if a phase lacks them.
 
-        Changes below the share `CHANGE` of the duration are left out, because they are not
+        Changes below the share `SMALLEST_SENSITIVITY` of the duration are left out, because they are not
         significant.
         """
         changes: dict[tuple[str, str | None], float] = defaultdict(float)
@@ -501,7 +504,7 @@ class Plan:
                 return None
             for item in phase.sensitivities:
                 changes[item.limit, item.joint] += item.seconds_per_percent
-        smallest = CHANGE * (self.duration or 0.0)
+        smallest = SMALLEST_SENSITIVITY * (self.duration or 0.0)
         significant = [
             Sensitivity(limit, joint, change)
             for (limit, joint), change in changes.items()
@@ -544,7 +547,7 @@ class Plan:
         """Check of the robot's motors and gears at 25 °C with the problem's duty."""
         if self.trajectory is None:
             return None
-        return size_motion(self.trajectory, self.robot, pause_of(self.problem))
+        return size_motion(self.trajectory, self.robot, pause_after_motion(self.problem))
 
     @cached_property
     def stops(self) -> Stops | None:
@@ -614,8 +617,8 @@ class Plan:
             name, joint = key
             description = f"{name} of joint {joint}" if joint else name
             notes.append(
-                f"the plan was made for another limit: {description}: {_bounds(plan_bound)}; the "
-                f"robot given has {_bounds(robot_bound)}"
+                f"the plan was made for another limit: {description}: {_bounds_text(plan_bound)}; the "
+                f"robot given has {_bounds_text(robot_bound)}"
             )
         return tuple(notes)
 
@@ -631,14 +634,19 @@ class Plan:
             f"the cross-check failed: {phase.name} takes {phase.duration:.5f} s, and toppra finds "
             f"no motion of less than {phase.toppra_duration:.5f} s along its path"
             for phase in self.phases
-            if "toppra" in self.software and phase.difference < -FASTER
+            if "toppra" in self.software and phase.difference < -TOO_FAST_DIFFERENCE
         )
 
     def _slow_phases(self) -> list[str]:
         """Return remarks on phases for which toppra finds a shorter motion along the path."""
         limits = self.certificate.limits if self.certificate else ()
-        slowed = any(limit.name in NOT_IN_PATH and limit.margin < BINDS for limit in limits)
-        allowed = SLOWER + TRADED * (self.problem.objective == "time then heat")
+        slowed = any(
+            limit.name in LIMITS_IGNORED_BY_TOPPRA and limit.margin < BINDING_MARGIN
+            for limit in limits
+        )
+        allowed = TOO_SLOW_DIFFERENCE + HEAT_OBJECTIVE_ALLOWANCE * (
+            self.problem.objective == "time then heat"
+        )
         return [
             f"toppra finds a motion along the path of {phase.name} that is "
             f"{100 * phase.difference:.2f} % shorter"
@@ -649,7 +657,7 @@ class Plan:
     @property
     def path(self) -> Path:
         """File plan.json of a loaded plan, or the file that the command would write."""
-        return self.file or Path("results") / file_name(self.problem.name) / FILE
+        return self.file or Path("results") / file_name(self.problem.name) / PLAN_FILE
 
     @cached_property
     def sha256(self) -> str:
@@ -659,7 +667,7 @@ class Plan:
     def summary(self) -> JsonObject:
         """Return the content of the output of `plan --json`, in SI units and radians."""
         summary = {
-            **get_attributes(self, SUMMARY),
+            **get_attributes(self, SUMMARY_FIELDS),
             "cross_check": self.cross_check,
             "sensitivities": to_plain(self.sensitivities),
             "motors": [requirement.to_dict() for requirement in self.requirements],
@@ -691,9 +699,9 @@ class Plan:
         summary = self.summary()
         phases = summary.pop("phases")
         return {
-            "format": FORMAT,
-            "version": VERSION,
-            "units": UNITS,
+            "format": PLAN_FORMAT,
+            "version": PLAN_VERSION,
+            "units": PLAN_UNITS,
             "software": dict(self.software),
             **summary,
             "solve_time": None,
@@ -752,14 +760,14 @@ class Plan:
         `sha256` is the hash of the file, and `file` its name. Raises TrajectoryError or
         ProblemError if the content is invalid.
         """
-        document = _document(data, file)
-        problem = problem_from_plain(_mapping(document, "problem", file), file=str(file))
+        document = _check_document(data, file)
+        problem = problem_from_plain(_required_mapping(document, "problem", file), file=str(file))
         if document.get("trajectory") is None:
             raise TrajectoryError(
                 f"{file}: this plan has no trajectory (status: {document.get('status')})"
             )
         try:
-            trajectory = Trajectory.from_dict(_mapping(document, "trajectory", file))
+            trajectory = Trajectory.from_dict(_required_mapping(document, "trajectory", file))
             phases = convert_value(
                 tuple[PhaseSummary, ...], document.get("phases") or [], "phases", build=True
             )
@@ -840,7 +848,7 @@ def load_plan(path: str | Path) -> Plan:
     """
     path = Path(path)
     try:
-        file = path / FILE if path.is_dir() else path
+        file = path / PLAN_FILE if path.is_dir() else path
     except (OSError, ValueError) as error:
         raise TrajectoryError(f"{path}: cannot be read: {error}") from error
     with locked(file.parent):  # no other process may replace the results
@@ -862,24 +870,24 @@ def as_plan(motion: Plan | Trajectory | str | Path, robot: Robot | None = None) 
     return motion if isinstance(motion, Plan) else load_plan(motion)
 
 
-def _document(document: Any, path: Path) -> JsonObject:
+def _check_document(document: Any, path: Path) -> JsonObject:
     """Check that data are the content of a plan.json, and return them.
 
     Raises TrajectoryError unless the data have the format and version of this program.
     """
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise TrajectoryError(f"{path}: not a plan.json (its format key is not {FORMAT!r})")
-    if document.get("version") != VERSION:
+    if not isinstance(document, dict) or document.get("format") != PLAN_FORMAT:
+        raise TrajectoryError(f"{path}: not a plan.json (its format key is not {PLAN_FORMAT!r})")
+    if document.get("version") != PLAN_VERSION:
         raise TrajectoryError(
             f"{path}: plan.json of version {document.get('version')!r}; this program reads version "
-            f"{VERSION}"
+            f"{PLAN_VERSION}"
         )
-    if document.get("units", UNITS) != UNITS:
+    if document.get("units", PLAN_UNITS) != PLAN_UNITS:
         raise TrajectoryError(f"{path}: units are not those that this program writes")
     return document
 
 
-def _mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
+def _required_mapping(data: JsonObject, key: str, path: Path) -> JsonObject:
     """Return the mapping under a key. Raises TrajectoryError if it is missing."""
     value = data.get(key)
     if not isinstance(value, dict):
@@ -893,7 +901,7 @@ def _limits_of(robot: Robot) -> list[Limit]:
     return limits + list(robot.limits)
 
 
-def _bounds(limit: Limit | None) -> str:
+def _bounds_text(limit: Limit | None) -> str:
     """Describe the bounds of a limit, which is None for a robot without it."""
     return f"{limit.low:.6g} to {limit.high:.6g} {limit.unit}" if limit else "none"
 
@@ -999,4 +1007,4 @@ def _friction_notes(robot: Robot, requirement: MotorRequirement) -> list[str]:
             f"joint {requirement.joint}: a {drive.kind} drive does not lock itself: without power "
             "its load moves it"
         ]
-    return extrapolation(requirement.joint, drive, requirement.peak_speed)
+    return extrapolation_notes(requirement.joint, drive, requirement.peak_speed)
