@@ -495,8 +495,8 @@ class Plan:
     def sensitivities(self) -> tuple[Sensitivity, ...] | None:
         """Changes of the duration with the limits, the largest first. None if a phase lacks them.
 
-        Changes below the share `SMALLEST_SENSITIVITY` of the duration are left out, because they are not
-        significant.
+        Changes below the share `SMALLEST_SENSITIVITY` of the duration are left out, because
+        they are not significant.
         """
         changes: dict[tuple[str, str | None], float] = defaultdict(float)
         for phase in self.phases:
@@ -617,8 +617,8 @@ class Plan:
             name, joint = key
             description = f"{name} of joint {joint}" if joint else name
             notes.append(
-                f"the plan was made for another limit: {description}: {_bounds_text(plan_bound)}; the "
-                f"robot given has {_bounds_text(robot_bound)}"
+                f"the plan was made for another limit: {description}: {_bounds_text(plan_bound)}; "
+                f"the robot given has {_bounds_text(robot_bound)}"
             )
         return tuple(notes)
 

@@ -55,11 +55,25 @@ def stribeck_shape(law: str | Array, x: Expression) -> Expression:
 
 
 def friction_coefficient(friction: Friction, w: Expression) -> Expression:
-    """Return the kinetic friction coefficient μ(|w|) of the mesh.
+    """Compute the kinetic friction coefficient μ(w) of the mesh at a motor speed w.
 
-    The motor speed `w` in rad/s is an array or a CasADi expression. At w = 0 the result is the
-    limit for a moving drive, mu + mu_stribeck. For a drive that starts to move, use
-    `breakaway_coefficient`.
+        μ(w) = mu + mu_stribeck · s(|w| / stribeck_speed),
+
+    where s is the function of `stribeck_shape` for the law of the drive. A law without a
+    stribeck_speed has the constant coefficient mu.
+
+    Parameters
+    ----------
+    friction : Friction
+        Parameters of the friction law.
+    w : float, array or expression
+        Motor speed (rad/s). At w = 0, the result is the limit for a moving drive, mu + mu_stribeck.
+        For a drive that starts to move, use `breakaway_coefficient`.
+
+    Returns
+    -------
+    float, array or expression with the shape of w
+        Friction coefficients.
     """
     if friction.stribeck_speed is None:
         return friction.mu + 0.0 * w
@@ -78,10 +92,27 @@ def breakaway_coefficient(friction: Friction, w: Expression = 0.0) -> Expression
 def static_coefficient(
     friction: Friction, dwell: Expression, arrival: Expression | None = None
 ) -> Expression:
-    """Return the friction coefficient at breakaway after a rest of `dwell` seconds.
+    """Compute the friction coefficient at breakaway, which grows with the time at rest.
 
-    It rises from its value on arrival (by default mu) to mu_static as exp(−c / dwell). Without a
-    dwell constant c it rises at once. The arguments are arrays or CasADi expressions.
+        μ_s(t_d) = μ_a + (mu_static − μ_a) · exp(−c / t_d),
+
+    where t_d is the time at rest, μ_a the coefficient on arrival, and c the dwell constant of the
+    drive (Mablekos-Alexiou, da Cruz and Bergeles, 2021). Without a dwell constant, the coefficient
+    is mu_static after any rest.
+
+    Parameters
+    ----------
+    friction : Friction
+        Parameters of the friction law.
+    dwell : float, array or expression
+        Time t_d at rest (s).
+    arrival : optional
+        Friction coefficient μ_a when the motion ended. The default is mu.
+
+    Returns
+    -------
+    float, array or expression
+        Friction coefficients between μ_a and mu_static.
     """
     start = friction.mu if arrival is None else arrival
     xp = namespace_of(dwell, start)
@@ -91,9 +122,24 @@ def static_coefficient(
 
 
 def delayed_speed(friction: Friction, time: ArrayLike, w: ArrayLike) -> Array:
-    """Return the speed (samples,) that determines the friction, which the frictional memory delays.
+    """Compute the speed that determines the friction of a drive with frictional memory.
 
-    `time` (samples,) contains increasing times in s, and `w` (samples,) the motor speeds in rad/s.
+    Friction follows a change of the speed after a delay. The result at a time t is therefore the
+    speed at the time t − memory, which is interpolated linearly.
+
+    Parameters
+    ----------
+    friction : Friction
+        Parameters of the friction law. `memory` is the delay (s).
+    time : (samples,) array
+        Increasing times (s).
+    w : (samples,) array
+        Motor speeds (rad/s).
+
+    Returns
+    -------
+    (samples,) array
+        Delayed motor speeds (rad/s).
     """
     time = np.asarray(time, dtype=float)
     w = np.asarray(w, dtype=float)

@@ -269,18 +269,60 @@ class RigidBody:
         return _latest_dynamics[2]
 
     def inverse_dynamics(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Return the joint efforts (n, 4) for q, qd and qdd (n, 4)."""
+        """Compute the joint efforts τ = M(q) q̈ + C(q, q̇) q̇ + g(q) of many samples.
+
+        M is the mass matrix, C q̇ the Coriolis and centrifugal effort, and g the effort of gravity.
+
+        Parameters
+        ----------
+        q, qd, qdd : (n, 4) array
+            Joint positions q, velocities q̇ and accelerations q̈ (rad, m and s).
+
+        Returns
+        -------
+        (n, 4) array
+            Efforts τ (N·m, and N for the sliding joint).
+        """
         return call(self._inverse_dynamics, q, qd, qdd)[0]
 
     def gravity_load(self, q: Array) -> Array:
-        """Return the efforts (n, 4) that hold the robot still at q (n, 4)."""
+        """Compute the efforts g(q) that hold the robot at rest against gravity.
+
+        Parameters
+        ----------
+        q : (n, 4) array
+            Joint positions (rad and m).
+
+        Returns
+        -------
+        (n, 4) array
+            Efforts (N·m, and N for the sliding joint).
+        """
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero)
 
     def path_load(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
-        """Return a, b and c (n, 4) of the efforts a s̈ + b ṡ² + c along a path q(s).
+        """Compute the coefficients of the joint efforts along a path q(s).
 
-        `dq` and `ddq` (n, 4) are the derivatives of q with respect to s.
+        With q̇ = q' ṡ and q̈ = q' s̈ + q'' ṡ², where ' is the derivative with respect to s, the
+        efforts are
+
+            τ = a s̈ + b ṡ² + c,   a = M q',   b = M q'' + C(q, q') q',   c = g(q)
+
+        (Bobrow, Dubowsky and Gibson, Time-Optimal Control of Robotic Manipulators Along Specified
+        Paths, 1985). TOPP-RA needs the efforts in this form.
+
+        Parameters
+        ----------
+        q : (n, 4) array
+            Joint positions on the path (rad and m).
+        dq, ddq : (n, 4) array
+            First and second derivatives q' and q'' with respect to s.
+
+        Returns
+        -------
+        a, b, c : (n, 4) arrays
+            Coefficients.
         """
         a, b, c = call(self._path_load, q, dq, ddq)
         return a, b, c

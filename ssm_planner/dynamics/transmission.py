@@ -37,17 +37,52 @@ from ssm_planner.typing import Array, Expression, record
 
 
 def friction_angle(drive: Drive, mu: Expression) -> Array:
-    """Return the equivalent friction angle φ = atan(μ / cos θ_n) in rad, with the shape of mu."""
+    """Compute the friction angle φ = atan(μ / cos θ_n) of the mesh.
+
+    θ_n is the pressure angle of the thread in its normal section (`drive.pressure_angle`). A thread
+    with friction behaves like one without friction whose lead angle is larger by φ
+    (Mablekos-Alexiou, da Cruz and Bergeles, 2021).
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with a thread.
+    mu : float or array
+        Friction coefficient μ of the mesh.
+
+    Returns
+    -------
+    array with the shape of mu
+        Friction angles (rad).
+    """
     return np.arctan(np.asarray(mu) / np.cos(drive.pressure_angle))
 
 
 def mesh_coefficients(drive: Drive, mu: Expression) -> tuple[Expression, Expression]:
-    """Return γ·tan(λ + φ) and γ·tan(λ − φ), the motor torque per unit of output effort.
+    """Compute the motor torque per unit of output effort for an opposing and a driving load.
 
-    The first coefficient applies while the load opposes the motion, the second while the load
-    drives it. The second is negative if the mesh is self-locking. Both have the shape of mu, an
-    array or a CasADi expression, and are finite while λ + φ < 90°. The tangents of sums are
-    evaluated with tan φ = μ / cos θ_n.
+    The coefficients are γ·tan(λ + φ) while the load opposes the motion, and γ·tan(λ − φ) while the
+    load drives it. λ is the lead angle, φ the friction angle of `friction_angle`, and γ the lever
+    arm of the mesh, for example half of the diameter of a screw. The second coefficient is negative
+    if the mesh is self-locking (φ > λ). The tangents of sums are evaluated with tan φ = μ / cos
+    θ_n:
+
+        tan(λ ± φ) = (tan λ ± tan φ) / (1 ∓ tan λ tan φ).
+
+    Gear stages between motor and drive multiply the coefficients as the text at the top of this
+    module describes.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its geometry and gear stages.
+    mu : float, array or expression
+        Friction coefficient μ of the mesh. The result is finite while λ + φ < 90°.
+
+    Returns
+    -------
+    uphill, downhill : with the shape of mu
+        Coefficients for an opposing and for a driving load (N·m of the motor per N·m or N).
     """
     tan_lead = drive.lead_slope
     tan_phi = mu * drive.wedging
@@ -80,10 +115,28 @@ def output_effort(
     qdd: Expression,
     direction: Expression = None,
 ) -> Expression:
-    """Return the effort F that the mesh carries, N·m (worm) or N (screw).
+    """Compute the effort that the mesh carries on the output side.
 
-    F = τ_rigid + J_out·qdd + b_oc·sgn(qd) + b_ov·qd. `direction` (±1) replaces sgn(qd) at
-    standstill.
+        F = τ_rigid + J_out·q̈ + b_oc·sgn(q̇) + b_ov·q̇
+
+    (Mablekos-Alexiou, da Cruz and Bergeles, 2021.) J_out is the inertia of the output side of the
+    drive, and b_oc and b_ov are the Coulomb and the viscous friction of its bearings.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    tau_rigid : float, array or expression
+        Effort τ_rigid of the rigid bodies, gravity and external loads (N·m or N).
+    qd, qdd : float, array or expression
+        Velocity q̇ and acceleration q̈ of the joint (rad or m, and s).
+    direction : optional
+        Value ±1 that replaces sgn(q̇) for a joint at standstill.
+
+    Returns
+    -------
+    float, array or expression
+        Effort F (N·m for a revolute joint, N for a sliding one).
     """
     sign = namespace_of(qd).sign(qd) if direction is None else direction
     friction = required_friction(drive)
@@ -220,10 +273,11 @@ def holding_torque(drive: Drive, tau_rigid: Expression, mu: Expression | None = 
 
 
 def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return the two margins of self-locking, which are positive for a self-locking mesh.
+    """Compute by how much a mesh exceeds the condition of self-locking.
 
-    They are μ − cos θ_n·tan λ and φ − λ with the pressure angle θ_n, the lead angle λ and the
-    friction angle φ.
+    A mesh is self-locking if its friction angle φ exceeds the lead angle λ, which is equivalent to
+    μ > cos θ_n·tan λ with the friction coefficient μ and the pressure angle θ_n. The two margins
+    are μ − cos θ_n·tan λ and φ − λ. Both are positive for a self-locking mesh.
 
     Parameters
     ----------
@@ -235,7 +289,7 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
     Returns
     -------
     coefficient_margin, angle_margin : arrays with the shape of mu
-        Margin of the coefficient, and margin of the angle in rad.
+        Margin of the coefficient (dimensionless), and margin of the angle (rad).
     """
     mu = required_friction(drive).mu if mu is None else mu
     coefficient_margin = mu - np.cos(drive.pressure_angle) * np.tan(drive.lead_angle)
@@ -244,11 +298,25 @@ def self_locking_margin(drive: Drive, mu: ArrayLike | None = None) -> tuple[Arra
 
 
 def nut_contact_force(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
-    """Return the smallest contact force of both half nuts of an antibacklash screw, N.
+    """Compute the smaller contact force of the two half nuts of an antibacklash screw.
 
-    The main nut carries P − F and the second nut P + m₂·qdd. If a force is ≤ 0, contact is lost and
-    the torque law does not hold. The result is infinite for other drives. The output effort `F` is
-    in N and the motor acceleration `wd` in rad/s². Their shapes broadcast.
+    With the preload P, the effort F and the mass m₂ and acceleration q̈ of the second nut, the main
+    nut carries P − F and the second nut P + m₂·q̈. If a force is ≤ 0, this nut loses contact, and
+    the torque law does not hold.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its preload and the mass of the second nut.
+    F : array_like
+        Output effort (N), see `output_effort`.
+    wd : array_like
+        Motor acceleration (rad/s²). Its shape and that of F broadcast.
+
+    Returns
+    -------
+    array
+        Contact forces (N). They are infinite for a drive with one nut.
     """
     F = np.asarray(F, dtype=float)
     if not drive.two_nuts:
@@ -260,10 +328,29 @@ def nut_contact_force(drive: Drive, F: ArrayLike, wd: ArrayLike) -> Array:
 def effective_inertia(
     drive: Drive, mu: Expression | None = None, direction: Expression = 1
 ) -> tuple[Expression, Expression]:
-    """Return the inertia at the motor shaft, kg·m², for an opposing and for a driving load.
+    """Compute the inertia at the motor shaft for an opposing and for a driving load.
 
-    It is J_in + γ·tan(λ ± φ)·J_out / ratio, with the shape of mu, which is by default the kinetic
-    coefficient. An antibacklash screw has two nuts, so its inertia depends on the direction (±1).
+    The torque law is piecewise linear in the motor acceleration, and its slopes are
+
+        J_in + γ·tan(λ + φ)·J_out / ratio   while the load opposes the motion,
+        J_in + γ·tan(λ − φ)·J_out / ratio   while the load drives it,
+
+    with the inertia J_in of the motor side, the inertia J_out of the output side, and the
+    coefficients of `mesh_coefficients`. The slopes of an antibacklash screw include its second nut.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction.
+    mu : optional
+        Friction coefficient of the mesh. The default is the kinetic coefficient.
+    direction : optional
+        Direction of motion, ±1. It matters only for a drive with two nuts.
+
+    Returns
+    -------
+    opposing, driving : with the shape of mu
+        Inertias (kg·m²). The second one may be negative.
     """
     rows = motor_torque_rows(drive, direction, mu)
     output = drive.output_inertia / drive.ratio

@@ -1,9 +1,9 @@
 """Element model of a free motion, in which the solver chooses the path of the joints.
 
 The coordinates of an element are those of the moving joints, u = (q − q0)/d, with the position q0
-of the joint at the start of the motion and a unit of length d > 0. The state x = (u, u̇, ü) contains
-all four joints, (12,), in scaled time. Every joint keeps its direction within an element, so the
-friction law is exact.
+of the joint at the start of the motion and a unit of length d > 0. The state x = (u, u̇, ü)
+contains all four joints, (12,), in scaled time. Every joint keeps its direction within an element,
+so the friction law is exact.
 """
 
 import pickle

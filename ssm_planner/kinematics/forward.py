@@ -34,21 +34,29 @@ Temporary arrays then stay in the cache, and BLAS starts no threads.
 
 
 def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
-    """Compute the tool pose by forward kinematics (paper, eq. 2).
+    """Compute the tool poses for joint positions (paper, eq. 2).
+
+    With the rotations e^{ω̂_i θ_i} about the axes ω_i of joints i = 1, 2, 3 and the position θ4 of
+    the sliding joint, the product of exponentials gives
+
+        R = e^{ω̂1 θ1} e^{ω̂2 θ2} e^{ω̂3 θ3} R_0
+        p = θ4 e^{ω̂1 θ1} e^{ω̂2 θ2} ω3,
+
+    where R_0 is the orientation of the tool at q = 0. The origin is the remote centre of motion.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Axes and tool frame.
-    q : (n, 4)
-        Joint positions, rad and m.
+        Axes ω1, ω2 and ω3, and the orientation R_0 (`tool_home`).
+    q : (n, 4) array
+        Joint positions θ1 to θ4 (rad, rad, rad and m).
 
     Returns
     -------
-    R : (n, 3, 3)
+    R : (n, 3, 3) array
         Rotations from the tool frame to the base frame.
-    p : (n, 3)
-        Tip positions in the base frame, m.
+    p : (n, 3) array
+        Tip positions in the base frame (m).
 
     Raises
     ------
@@ -71,17 +79,45 @@ def forward(mechanism: Mechanism, q: ArrayLike) -> tuple[Array, Array]:
 
 
 def tip_position(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the position p (n, 3) of the tool tip in the base frame, m, for joints q (n, 4)."""
+    """Return the positions of the tool tip for joint positions (paper, eq. 2).
+
+    They are p of `forward`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (n, 4) array
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    (n, 3) array
+        Tip positions in the base frame (m).
+    """
     return forward(mechanism, q)[1]
 
 
 def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
-    """Return the space Jacobian (n, 6, 4) for joint positions q (n, 4), rad and m.
+    """Compute the space Jacobian of the tool (Murray, Li and Sastry, 1994, eq. 3.54).
 
-    Column i is the twist (v, ω) of joint i in the base frame: ω is the angular velocity of the
-    tool, and v is the velocity of the point of the tool that is at the origin, both for unit
-    velocity of the joint. In the notation of Murray, Li and Sastry (eq. 3.54), it is Ad(e^{ξ̂1θ1} …
-    e^{ξ̂(i−1)θ(i−1)}) ξ_i.
+    Column i is the twist (v, ω) of the tool in the base frame for unit velocity of joint i. ω is
+    the angular velocity of the tool, and v is the velocity of the point of the tool that coincides
+    with the origin. With a2 = e^{ω̂1 θ1} ω2 and the tool axis a3 = e^{ω̂1 θ1} e^{ω̂2 θ2} ω3, the
+    columns are (0, ω1), (0, a2), (0, a3) and (a3, 0), because the three revolute axes pass through
+    the origin.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (n, 4) array
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    (n, 6, 4) array
+        Jacobians. Rows 0 to 2 belong to v and rows 3 to 5 to ω.
     """
     q = check_rows("q", q, 4)
     jacobians = np.empty((len(q), 24))
@@ -95,7 +131,18 @@ def space_jacobian(mechanism: Mechanism, q: ArrayLike) -> Array:
 
 
 def _trigonometric_terms(angle: Array) -> Array:
-    """Return the rows 1, cos θ and sin θ (3, n) for n angles θ in rad."""
+    """Return the terms 1, cos θ and sin θ in which a rotation about one axis is linear.
+
+    Parameters
+    ----------
+    angle : (n,) array
+        Angles θ (rad).
+
+    Returns
+    -------
+    (3, n) array
+        Rows of ones, cosines and sines.
+    """
     terms = np.empty((3, len(angle)))
     terms[0] = 1.0
     np.cos(angle, out=terms[1])
@@ -104,7 +151,20 @@ def _trigonometric_terms(angle: Array) -> Array:
 
 
 def _term_products(a: Array, b: Array) -> Array:
-    """Return the products of each row of `a` with each row of `b`, (rows of a · rows of b, n)."""
+    """Return the product of each row of `a` with each row of `b`.
+
+    Parameters
+    ----------
+    a : (k, n) array
+        Terms of one joint, or products of the terms of several joints.
+    b : (m, n) array
+        Terms of another joint.
+
+    Returns
+    -------
+    (k · m, n) array
+        Products. Row i · m + j is a[i] · b[j].
+    """
     return (a[:, np.newaxis] * b[np.newaxis]).reshape(len(a) * len(b), -1)
 
 
@@ -153,9 +213,23 @@ def _space_jacobian_terms(mechanism: Mechanism) -> Array:
 
 
 def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, casadi.SX]":
-    """Return the tool pose (R (3, 3), p (3, 1)) in CasADi for joints q (4, 1) (paper, eq. 2).
+    """Return the tool pose for one configuration as CasADi expressions (paper, eq. 2).
 
-    R rotates from the tool frame to the base frame, and p is the tip position in m.
+    The equations are those of `forward`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Axes and tool frame.
+    q : (4, 1) expression
+        Joint positions (rad and m).
+
+    Returns
+    -------
+    R : (3, 3) expression
+        Rotation from the tool frame to the base frame.
+    p : (3, 1) expression
+        Tip position in the base frame (m).
     """
     rotation_1 = rotation_symbolic(mechanism.omega1, q[0])
     rotation_12 = rotation_1 @ rotation_symbolic(mechanism.omega2, q[1])
@@ -166,7 +240,10 @@ def forward_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "tuple[casadi.SX, 
 
 
 def tip_position_symbolic(mechanism: Mechanism, q: "casadi.SX") -> "casadi.SX":
-    """Return the tip position (3, 1) in the base frame, m, in CasADi for joints q (4, 1)."""
+    """Return the tip position of `forward_symbolic` in the base frame (m), (3, 1), in CasADi.
+
+    `q` (4, 1) contains the joint positions (rad and m).
+    """
     return forward_symbolic(mechanism, q)[1]
 
 

@@ -277,10 +277,21 @@ class Mechanism:
 
 
 def tilt_magnitudes(alpha: float, beta: float) -> Range:
-    """Return the smallest and the largest magnitude of the tilt in [0, π] rad (paper, eq. 9).
+    """Compute the smallest and the largest magnitude of the tilt (paper, eq. 9).
 
-    They are |α − β| and α + β, or 2π − (α + β) if the sum exceeds π. `alpha` and `beta` are in [0,
-    π] rad. If one of them is 0 or π, both results are equal.
+    The smallest magnitude is |α − β|, and the largest is α + β, or 2π − (α + β) if the sum exceeds
+    π.
+
+    Parameters
+    ----------
+    alpha, beta : float
+        Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3, in [0,
+        π] (rad). If one of them is 0 or π, the tilt is constant, and both results are equal.
+
+    Returns
+    -------
+    (float, float)
+        Smallest and largest magnitude in [0, π] (rad).
     """
     return abs(alpha - beta), min(alpha + beta, 2.0 * math.pi - (alpha + beta))
 
@@ -354,9 +365,19 @@ def _check_tool_home(value: ArrayLike, omega3: Array) -> Array:
 
 
 def _angle_between(a: Array, b: Array) -> float:
-    """Return the angle between two unit vectors (3,) in rad.
+    """Compute the angle between two unit vectors a and b, 2 atan2(|a − b|, |a + b|).
 
-    Unlike acos, the formula stays accurate near 0 and π.
+    Unlike acos(a · b), this formula stays accurate near 0 and π.
+
+    Parameters
+    ----------
+    a, b : (3,) array
+        Unit vectors.
+
+    Returns
+    -------
+    float
+        Angle in [0, π] (rad).
     """
     return 2.0 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
 
@@ -390,9 +411,31 @@ def _third_axis(alpha: float, beta: float, tilt: float) -> Array:
 
 
 def tilt_magnitude(xp: Namespace, alpha: Any, beta: Any, x: Any) -> Any:
-    """Return |φ| in [0, π] for x = θ2 − δ (paper, eq. 4).
+    """Compute the magnitude |φ| of the tilt from the position of joint 2 (paper, eq. 4).
 
-    The formula is accurate at both ends of the range, where acos would lose half of the digits.
+    |φ| is the side of a spherical triangle with the other sides α and β and the angle |x| between
+    these two sides. The paper's equation cos φ = cos(α − β) cos²(x/2) + cos(α + β) sin²(x/2) is
+    evaluated with half angles,
+
+        sin²(φ/2) = sin²((α − β)/2) cos²(x/2) + sin²((α + β)/2) sin²(x/2)
+        cos²(φ/2) = cos²((α − β)/2) cos²(x/2) + cos²((α + β)/2) sin²(x/2)
+        |φ| = 2 atan2(sin(φ/2), cos(φ/2)).
+
+    This form is accurate at both ends of the range, where acos would lose half of the digits.
+
+    Parameters
+    ----------
+    xp : Namespace
+        Elementary functions of NumPy or CasADi.
+    alpha, beta : float or array
+        Angles α between the axes of joints 1 and 2, and β between those of joints 2 and 3 (rad).
+    x : array or expression
+        Angle x = θ2 − δ (rad), where δ is `Mechanism.delta`.
+
+    Returns
+    -------
+    array or expression with the shape of x
+        Magnitudes in [0, π] (rad).
     """
     c = xp.cos(x / 2.0)
     s = xp.sin(x / 2.0)
@@ -438,18 +481,30 @@ def elbow_half_angle_squares(
 
 
 def azimuths(xp: Namespace, alpha: Any, beta: Any, c: Any, s: Any) -> tuple[Any, Any]:
-    """Return the azimuths (ζ, η) in rad of the tool axis about ω1 and of ω1 about the tool axis.
+    """Compute the azimuths ζ of the tool axis about ω1, and η of ω1 about the tool axis.
 
-    Both are defined at the top of this module. They are continuous on a branch.
+    With x = θ2 − δ, c = cos(x/2) and s = sin(x/2),
+
+        ζ = atan2(−2 sin β s c, sin(α − β) c² + sin(α + β) s²)
+        η = atan2(−2 sin α s c, sin(α − β) c² − sin(α + β) s²).
+
+    These are atan2(Q, P) and atan2(F, E) of the text at the top of this module, which derives them
+    from the spherical triangle of ω1, ω2 and the tool axis. Both azimuths are continuous on a
+    branch.
 
     Parameters
     ----------
     xp : Namespace
         Elementary functions of NumPy or CasADi.
     alpha, beta : float or array
-        Angles α and β, rad.
+        Angles α and β (rad).
     c, s : array or expression
-        cos(x/2) and sin(x/2) with x = θ2 − δ. A common positive factor does not change the result.
+        cos(x/2) and sin(x/2). A common positive factor does not change the result.
+
+    Returns
+    -------
+    zeta, eta : array or expression
+        Azimuths ζ and η (rad).
     """
     minus = xp.sin(alpha - beta) * (c * c)
     plus = xp.sin(alpha + beta) * (s * s)

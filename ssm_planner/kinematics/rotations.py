@@ -1,7 +1,13 @@
-"""Compute rotations by Rodrigues' formula in NumPy and CasADi, and check array arguments.
+"""Compute rotation matrices by Rodrigues' formula, and check array arguments.
 
-An error of a check names the argument, its shape and the required shape. Source: Murray, Li,
-Sastry, A Mathematical Introduction to Robotic Manipulation, eq. 2.14.
+The rotation by an angle θ about a unit vector ω is, by Rodrigues' formula (Murray, Li and Sastry, A
+Mathematical Introduction to Robotic Manipulation, 1994, eq. 2.14),
+
+    e^{ω̂θ} = 1 + ω̂ sin θ + ω̂² (1 − cos θ),
+
+where ω̂ is the matrix of the cross product, ω̂ a = ω × a. `rotation` evaluates the formula with
+NumPy, and `rotation_symbolic` with CasADi. `check_rows` and `check_finite` check the array
+arguments of all functions of this package. Their messages name the argument and its shape.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -17,7 +23,20 @@ if TYPE_CHECKING:
 
 
 def cross_product_matrix(omega: ArrayLike) -> Array:
-    """Return the matrix ω̂ (..., 3, 3) of the cross product: ω̂ a = ω × a, for ω (..., 3)."""
+    """Return the skew-symmetric matrix ω̂ of the cross product: ω̂ a = ω × a for every vector a.
+
+    Source: Murray, Li and Sastry, 1994, chapter 2.
+
+    Parameters
+    ----------
+    omega : (..., 3) array
+        Vectors ω.
+
+    Returns
+    -------
+    (..., 3, 3) array
+        One matrix for each vector.
+    """
     omega = np.asarray(omega, dtype=float)
     x = omega[..., 0]
     y = omega[..., 1]
@@ -28,9 +47,23 @@ def cross_product_matrix(omega: ArrayLike) -> Array:
 
 
 def rodrigues_terms(omega: ArrayLike) -> Array:
-    """Return the constant matrices E (3, 3, 3) of the rotations about a unit vector ω (3,).
+    """Return the three constant matrices in Rodrigues' formula for one axis.
 
-    The rotation by θ is e^{ω̂θ} = E[0] + cos θ E[1] + sin θ E[2].
+    Because ω̂² = ω ωᵀ − 1 for a unit vector ω, the rotation by an angle θ is
+
+        e^{ω̂θ} = ω ωᵀ + cos θ (1 − ω ωᵀ) + sin θ ω̂.
+
+    Functions that need many rotations about one axis multiply these matrices by (1, cos θ, sin θ).
+
+    Parameters
+    ----------
+    omega : (3,) array
+        Unit vector ω of the axis.
+
+    Returns
+    -------
+    (3, 3, 3) array
+        The matrices ω ωᵀ, 1 − ω ωᵀ and ω̂.
     """
     omega = np.asarray(omega, dtype=float)
     projection = np.outer(omega, omega)
@@ -38,21 +71,43 @@ def rodrigues_terms(omega: ArrayLike) -> Array:
 
 
 def rotation(omega: ArrayLike, angle: ArrayLike) -> Array:
-    """Return the rotation matrices (..., 3, 3) about a unit axis (3,) by angles (...) in rad."""
+    """Compute rotation matrices about one axis by Rodrigues' formula.
+
+    See the equation of `rodrigues_terms`.
+
+    Parameters
+    ----------
+    omega : (3,) array
+        Unit vector of the axis.
+    angle : (...) array
+        Angles (rad).
+
+    Returns
+    -------
+    (..., 3, 3) array
+        One rotation matrix for each angle.
+    """
     angle = np.asarray(angle, dtype=float)
     monomials = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=-1)
     return np.tensordot(monomials, rodrigues_terms(omega), axes=1)
 
 
 def rotation_symbolic(omega: Any, angle: Any) -> "casadi.SX":
-    """Return the rotation matrix (3, 3) about a unit axis in CasADi.
+    """Return the rotation matrix about one axis as a CasADi expression.
+
+    It has the equation of `rodrigues_terms`.
 
     Parameters
     ----------
     omega : (3,) array or (3, 1) expression
-        Unit axis.
+        Unit vector of the axis.
     angle : float or expression
-        Angle, rad.
+        Angle (rad).
+
+    Returns
+    -------
+    (3, 3) expression
+        Rotation matrix.
     """
     import casadi
 
