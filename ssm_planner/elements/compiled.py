@@ -19,14 +19,14 @@ import numpy as np
 
 from ssm_planner.codegen import Layout, call
 from ssm_planner.dynamics import (
-    axes_frames,
+    axis_frames,
     breakaway_coefficient,
-    friction_of,
-    load_figures,
+    joints_without_motor,
+    load_parameters,
     mesh_coefficients,
-    motorised,
-    motorless,
-    of_efficiencies,
+    motorised_joints,
+    required_friction,
+    thread_from_efficiencies,
 )
 from ssm_planner.elements.element import (
     COLLOCATION_POINTS,
@@ -39,7 +39,7 @@ from ssm_planner.elements.rows import MOTORLESS_COST_WEIGHT, actuations_by_load
 from ssm_planner.elements.straight_element import FIT_DEGREE, StraightElement
 from ssm_planner.errors import ProblemError
 from ssm_planner.interior.problem import ElementGroup
-from ssm_planner.kinematics import JACOBIANS, Mechanism, lens_limit
+from ssm_planner.kinematics import SPEED_JACOBIANS, Mechanism, smallest_lens_ratio
 from ssm_planner.native.library import load
 from ssm_planner.problem import FRICTION_LAWS, Drive, Eye, MotorTorque, TipSpeed
 from ssm_planner.typing import Array, Arrays, record
@@ -47,17 +47,17 @@ from ssm_planner.typing import Array, Arrays, record
 MECHANISM_LAYOUT = Layout(
     omega2=2, omega3=2, alpha=1, beta=1, delta=1, side=1, spin_offset=1, insertion_sign=1, offset=1
 )
-"""Numbers that describe the kinematics in C, in the base frame of `rigid_body.axes_frames`.
+"""Numbers that describe the kinematics in C, in the base frame of `rigid_body.axis_frames`.
 
 `omega2` and `omega3` are the x and z components of the axes of joints 2 and 3. The following
 numbers are the fields of `Mechanism` with the same names. `offset` is the offset of the angle θ2 of
-joint 2 that `axes_frames` returns.
+joint 2 that `axis_frames` returns.
 """
 EYE_LAYOUT = Layout(centre=3, radius=1, clearance=1, port=1, lens_centre=3, lens_frame=9)
-"""Numbers that describe the eye in C, in the base frame of `rigid_body.axes_frames`.
+"""Numbers that describe the eye in C, in the base frame of `rigid_body.axis_frames`.
 
 `lens_frame` contains the columns of the rotation matrix of the lens. Each column is divided by the
-semi-axis of the lens in its direction, and by the result of `lens_limit`.
+semi-axis of the lens in its direction, and by the result of `smallest_lens_ratio`.
 """
 DRIVE_LAYOUT = Layout(
     ratio=1,
@@ -299,7 +299,7 @@ def _parameter_arrays(
     if element.aim == "cooling":
         weights = packed[slices["cooling"]][joints]
     elif element.aim == "effort":
-        is_motorless = np.isin(joints, motorless(element.robot.joints))
+        is_motorless = np.isin(joints, joints_without_motor(element.robot.joints))
         limits = packed[slices["acceleration"]][joints[is_motorless]]
         weights[is_motorless] = MOTORLESS_COST_WEIGHT / limits**2
     fits = [np.broadcast_to(values, (count, values.shape[-1])) for values in fit_parameters]
@@ -379,7 +379,9 @@ def _element_inputs(element: ElementModel, location: Location) -> _ElementInputs
 def _free_motion_arrays(element: FreeElement) -> dict[str, Any]:
     """Return the arrays of `_ElementsStruct` that differ for free motions, by name."""
     mechanism, eye = _mechanism_and_eye_values(element.mechanism, element.eye)
-    load = [load_figures(load.geometry, load.bodies, load.gravity) for load in element.robot.loads]
+    load = [
+        load_parameters(load.geometry, load.bodies, load.gravity) for load in element.robot.loads
+    ]
     return {"moving": element.moving, "load": load, "mechanism": mechanism, "eye": eye}
 
 
@@ -432,10 +434,12 @@ def _cost_arrays(element: ElementModel | None) -> tuple[Array, Array]:
     if element is None or element.aim == "time":
         return np.zeros((0, 2), dtype=int), np.zeros((0, DRIVE_LAYOUT.size))
     joints = element.robot.joints
-    laws = [(i, _law_index(drive)) for i, drive, _ in motorised(joints)]
-    drives = [_drive_values(drive, motor.nominal_torque) for _, drive, motor in motorised(joints)]
+    laws = [(i, _law_index(drive)) for i, drive, _ in motorised_joints(joints)]
+    drives = [
+        _drive_values(drive, motor.nominal_torque) for _, drive, motor in motorised_joints(joints)
+    ]
     if element.aim == "effort":
-        other_joints = list(motorless(joints))
+        other_joints = list(joints_without_motor(joints))
         # Law 0 has one mesh and a constant friction coefficient.
         laws += [(i, 0) for i in other_joints]
         drives += [ACCELERATION_DRIVE] * len(other_joints)
@@ -474,7 +478,7 @@ def compiled_library() -> ctypes.CDLL | None:
     It cannot if it does not exist, or if another package has added a tool speed, which the C code
     does not contain.
     """
-    return load() if list(JACOBIANS) == [TipSpeed] else None
+    return load() if list(SPEED_JACOBIANS) == [TipSpeed] else None
 
 
 def native_elements(
@@ -692,7 +696,7 @@ def _law_index(drive: Drive) -> int:
 
     The functions are sorted by `TORQUE_LAWS`, then by `FRICTION_LAWS`.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
     return len(FRICTION_LAWS) * drive.two_nuts + FRICTION_LAWS.index(law)
 
@@ -714,7 +718,7 @@ def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False
     (DRIVE_LAYOUT.size,) array
         Numbers of the drive. The torque limit is 1, because it is a parameter of the model.
     """
-    friction = friction_of(drive)
+    friction = required_friction(drive)
     values = {name: getattr(drive, name) for name in DRIVE_LAYOUT.slices if hasattr(drive, name)}
     values |= {
         name: getattr(friction, name) for name in DRIVE_LAYOUT.slices if hasattr(friction, name)
@@ -754,15 +758,15 @@ def _equivalent_thread_values(drive: Drive, mu: float) -> dict[str, float]:
     uphill, downhill = mesh_coefficients(drive, mu)
     if downhill <= 0:
         return {"gamma": drive.gamma * math.prod(stage.forwards for stage in drive.stages.values())}
-    if friction_of(drive).law != "coulomb":
+    if required_friction(drive).law != "coulomb":
         raise ProblemError(
             "a gearhead or belt before a thread that is not self-locking needs constant friction",
             file=drive.file,
             key="friction.law",
-            value=friction_of(drive).law,
+            value=required_friction(drive).law,
             allowed="coulomb",
         )
-    gamma, mu = of_efficiencies(1.0, 1.0 / uphill, downhill)
+    gamma, mu = thread_from_efficiencies(1.0, 1.0 / uphill, downhill)
     return {"gamma": gamma, "mu": mu, "lead_slope": 1.0, "wedging": 1.0}
 
 
@@ -771,7 +775,7 @@ def _mechanism_and_eye_values(mechanism: Mechanism, eye: Eye | None) -> tuple[Ar
 
     Without an eye or lens, the latter are not used, and their values do not matter.
     """
-    frames, angles, offset = axes_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
+    frames, angles, offset = axis_frames((mechanism.omega1, mechanism.omega2, mechanism.omega3))
     angle = sum(angles)
     data = MECHANISM_LAYOUT.pack(
         omega2=[np.sin(angles[0]), np.cos(angles[0])],
@@ -791,7 +795,7 @@ def _mechanism_and_eye_values(mechanism: Mechanism, eye: Eye | None) -> tuple[Ar
     base = frames[0].T
     if eye.lens is not None:
         lens_centre = eye.lens.centre
-        lens_frame = eye.lens.frame / eye.lens.semi_axes / lens_limit(eye)
+        lens_frame = eye.lens.frame / eye.lens.semi_axes / smallest_lens_ratio(eye)
     return data, EYE_LAYOUT.pack(
         centre=base @ eye.centre,
         radius=eye.radius,

@@ -469,10 +469,10 @@ def _check_end_velocity(phase: Phase, side: int) -> Iterator[Reason | None]:
 def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each joint that cannot change its velocity within the phase.
 
-    On a given path, a joint needs the acceleration |q̇₁² − q̇₀²| / (2 |Δq|), with the velocities q̇₀
-    and q̇₁ at both ends and the distance Δq that it covers. None is yielded if its limit suffices.
-    Without a given path, a joint may overshoot, for which it needs a part of its range
-    (`_check_stopping_ranges`).
+    On a given path, a joint needs the acceleration |q̇₁² − q̇₀²| / (2 |Δq|), with the
+    velocities q̇₀ and q̇₁ at both ends and the distance Δq that it covers. None is yielded if
+    its limit suffices. Without a given path, a joint may overshoot, for which it needs a part
+    of its range (`_check_stopping_ranges`).
     """
     if phase.path is None:
         yield from _check_stopping_ranges(phase)
@@ -501,9 +501,9 @@ def _check_velocity_change(phase: Phase) -> Iterator[Reason | None]:
 def _check_stopping_ranges(phase: Phase) -> Iterator[Reason | None]:
     """Yield a reason for each range that a joint must leave in order to stop or to start.
 
-    A joint that begins at the velocity q̇ covers at least q̇²/(2 q̈_max) until it stops, with its
-    largest acceleration q̈_max. It needs the same distance to reach a velocity at the end. The range
-    may also be that of tilt or depth, which depend on one joint alone.
+    A joint that begins at the velocity q̇ covers at least q̇²/(2 q̈_max) until it stops, with
+    its largest acceleration q̈_max. It needs the same distance to reach a velocity at the end.
+    The range may also be that of tilt or depth, which depend on one joint alone.
     """
     problem = phase.problem
     ranges = reversal_ranges(phase, phase.points)

@@ -20,7 +20,7 @@ from ssm_planner.interior.solve import (
     TOLERANCE_PER_BARRIER,
 )
 from ssm_planner.planning.ocp.nlp import NlpStructure
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import record
 
 Start = Literal["cold", "brief", "confirming"]
@@ -74,7 +74,7 @@ class ProgramSymbols:
     """u, u̇, ü at the start and ü at the end of every element as columns, (4 m, n)."""
     times: ca.MX
     """Durations of the blocks in scaled time, (b,)."""
-    cubic: Cubic
+    cubic: CubicPiece
     """The elements as cubics, (m, n) each."""
     z: ca.MX
     """Vectors z of the elements as columns: the rows of `x`, and the lengths h, (4 m + 1, n)."""
@@ -112,7 +112,7 @@ class ProgramSymbols:
         h = p.fractions.T * ca.horzcat(
             *(ca.repmat(times[i], 1, size) for i, size in enumerate(structure.block_sizes))
         )
-        cubic = Cubic(u, v, a0, a1, ca.repmat(h, m, 1))
+        cubic = CubicPiece(u, v, a0, a1, ca.repmat(h, m, 1))
         z = ca.vertcat(x, h)
         return cls(
             structure,

@@ -1,8 +1,8 @@
 """Mesh of a motion along a given path, that is, its division into intervals of time (elements).
 
 The mesh follows the motion of TOPP-RA along the same path, which is fast to compute. In this motion
-s̈ jumps where another limit becomes the binding one. The elements end at these instants, because the
-optimal motion switches near them, and a cubic cannot represent a jump of s̈ within an element.
+s̈ jumps where another limit becomes the binding one. The elements end at these instants, because
+the optimal motion switches near them, and a cubic cannot represent a jump of s̈ within an element.
 """
 
 import numpy as np
@@ -44,8 +44,8 @@ class Mesh:
     ) -> "Mesh":
         """Build a mesh for a motion of TOPP-RA.
 
-        If jerk is limited, every jump of s̈ needs time. The mesh then has an additional arc, a ramp,
-        behind every jump, as in the jerk-limited motion of a single joint.
+        If jerk is limited, every jump of s̈ needs time. The mesh then has an additional
+        arc, a ramp, behind every jump, as in the jerk-limited motion of a single joint.
 
         Parameters
         ----------

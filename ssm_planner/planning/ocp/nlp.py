@@ -20,7 +20,7 @@ import numpy as np
 
 from ssm_planner.interior.solve import State
 from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import Array, Indices, Mask, frozen, record
 
 Solver = Literal["structured", "Ipopt"]
@@ -353,8 +353,8 @@ class NlpSolution:
         return float(self.elements[:, -1].sum())
 
 
-def as_cubics(elements: Array) -> Cubic:
-    """Return the elements as cubic polynomials, in one `Cubic` with fields of shape (n, m).
+def as_cubics(elements: Array) -> CubicPiece:
+    """Return the elements as cubic polynomials, in one `CubicPiece` with fields of shape (n, m).
 
     Parameters
     ----------
@@ -362,7 +362,7 @@ def as_cubics(elements: Array) -> Cubic:
         u, u̇, ü at the start, ü at the end, and length of every element.
     """
     m = elements.shape[1] // 4
-    return Cubic(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
+    return CubicPiece(*np.hsplit(elements, [m, 2 * m, 3 * m, 4 * m]))
 
 
 def stretched(elements: Array, factor: float) -> Array:

@@ -14,7 +14,7 @@ from ssm_planner.planning.lower_bound import SCurve
 from ssm_planner.planning.ocp.mesh import MIN_ARC_SHARE
 from ssm_planner.planning.ocp.nlp import NlpStructure, divide_into_blocks
 from ssm_planner.planning.tolerances import ROUNDING_TOLERANCE
-from ssm_planner.trajectory import Cubic, Trajectory
+from ssm_planner.trajectory import CubicPiece, Trajectory
 from ssm_planner.typing import Array, Mask, record
 
 
@@ -22,8 +22,9 @@ from ssm_planner.typing import Array, Mask, record
 class SegmentGuess:
     """Initial guess of one segment of a free motion, with n elements (time intervals)."""
 
-    elements: Cubic
-    """q, q̇, q̈ at the start and q̈ at the end of the elements, (n, 4) each, and lengths (n, 1), s."""
+    elements: CubicPiece
+    """q, q̇, q̈ at the start and q̈ at the end of the elements, (n, 4) each, and lengths (n, 1), s.
+    """
     arcs: tuple[int, ...]
     """Number of elements of each arc, that is, between two consecutive switching points."""
 
@@ -42,7 +43,7 @@ class SegmentGuess:
         """
         starts, ends = motion.sample(instants[:-1]), motion.sample(instants[1:], side="left")
         lengths = np.diff(instants)[:, None]
-        return cls(Cubic(starts.q, starts.qd, starts.qdd, ends.qdd, lengths), arcs)
+        return cls(CubicPiece(starts.q, starts.qd, starts.qdd, ends.qdd, lengths), arcs)
 
     @property
     def motion(self) -> Trajectory:
@@ -188,7 +189,7 @@ def sample_curves(
             qdd = curve.evaluate(middle)[2]
             half_jump = 0.5 * lengths * curve.jerk_at(middle)
             qdd_start[:, i], qdd_end[:, i] = qdd - half_jump, qdd + half_jump
-    return SegmentGuess(Cubic(q, qd, qdd_start, qdd_end, lengths[:, None]), arcs)
+    return SegmentGuess(CubicPiece(q, qd, qdd_start, qdd_end, lengths[:, None]), arcs)
 
 
 @record

@@ -356,9 +356,9 @@ def _via_equalities(structure: NlpStructure, data: NlpData) -> list[tuple[Any, A
 def _linear_rows(structure: NlpStructure, data: NlpData) -> tuple[Array, Array]:
     """Return the linear constraints A z ≤ b_k of the elements k.
 
-    They bound u̇ at the start and in the middle of an element, ü and jerk, and u where a coordinate
-    may reverse. The bounds of u̇ in the middle apply to the middle Bernstein coefficient, so that u̇
-    keeps them in the whole element.
+    They bound u̇ at the start and in the middle of an element, ü and jerk, and u where a
+    coordinate may reverse. The bounds of u̇ in the middle apply to the middle Bernstein
+    coefficient, so that u̇ keeps them in the whole element.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ from ssm_planner.planning.ocp.nlp import (
     NlpSolution,
     NlpStructure,
 )
-from ssm_planner.trajectory import Cubic
+from ssm_planner.trajectory import CubicPiece
 from ssm_planner.typing import Array, frozen
 
 SMOOTHING_WEIGHT = 3e-6
@@ -77,10 +77,11 @@ class Transcription:
             s.t.  u, u̇ continuous, ü too if jerk is limited;
                   bounds on u, u̇, ü, u⃛ and Σ T;  G(z_k) ≤ 1 − backoff
 
-        with w_s = `SMOOTHING_WEIGHT`, w_v = `BLOCK_VARIANCE_WEIGHT`, and the weights w_t and w_c in
-        `NlpData.weights`. z_k contains u, u̇, ü at the start, ü at the end, and length of element k.
-        The path constraints G and the cost L (heat or effort) follow from the element model.
-        Matrices have the shape (coordinates, elements), because CasADi maps functions over columns.
+        with w_s = `SMOOTHING_WEIGHT`, w_v = `BLOCK_VARIANCE_WEIGHT`, and the weights w_t
+        and w_c in `NlpData.weights`. z_k contains u, u̇, ü at the start, ü at the end, and
+        length of element k. The path constraints G and the cost L (heat or effort) follow
+        from the element model. Matrices have the shape (coordinates, elements), because
+        CasADi maps functions over columns.
 
         Parameters
         ----------
@@ -236,7 +237,7 @@ class Transcription:
         }
 
 
-def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any) -> ca.MX:
+def _regularisation(structure: NlpStructure, cubic: CubicPiece, times: ca.MX, p: Any) -> ca.MX:
     """Return the two terms of the objective that make the solution unique.
 
     They are 3 SMOOTHING_WEIGHT Σ ∫ r² dt with r = ü/limit, if the coordinates are joints, and
@@ -265,7 +266,7 @@ def _regularisation(structure: NlpStructure, cubic: Cubic, times: ca.MX, p: Any)
     return SMOOTHING_WEIGHT * smoothing + BLOCK_VARIANCE_WEIGHT * variance
 
 
-def _dynamics_constraints(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> ca.MX:
+def _dynamics_constraints(structure: NlpStructure, cubic: CubicPiece, end: ca.MX) -> ca.MX:
     """Return the differences of u and u̇ (and ü if jerk is limited) between neighbouring elements.
 
     The program requires that they are 0. The end of the last element is compared with the end of
@@ -294,7 +295,7 @@ def _dynamics_constraints(structure: NlpStructure, cubic: Cubic, end: ca.MX) -> 
 
 
 def _joint_limit_constraints(
-    structure: NlpStructure, cubic: Cubic, jerk: ca.MX
+    structure: NlpStructure, cubic: CubicPiece, jerk: ca.MX
 ) -> dict[str, ca.MX]:
     """Return the constraints of velocity and jerk, by name.
 
