@@ -20,7 +20,14 @@ import numpy as np
 from ssm_planner.errors import TrajectoryError
 from ssm_planner.formats.agreement import ExportContent
 from ssm_planner.problem import Robot, TaskLimits
-from ssm_planner.trajectory import BLOCK, DEGREE, Trajectory, blocks, cubics, quintics
+from ssm_planner.trajectory import (
+    DEGREE,
+    PIECES_PER_BLOCK,
+    Trajectory,
+    blocks,
+    cubic_coefficients,
+    quintic_coefficients,
+)
 from ssm_planner.typing import Array, Indices, Mask, record
 from ssm_planner.verification import Certificate, LimitCheck
 from ssm_planner.verification.check import check
@@ -166,7 +173,7 @@ def interpolate_points(points: Points, robot: Robot, notes: tuple[str, ...] = ()
     cubic = velocity[:-1] & velocity[1:]
     quintic = cubic & acceleration[:-1] & acceleration[1:]
     pieces: Any = _LazyCoefficients(points, cubic, quintic)
-    trajectory = Trajectory(points.t, pieces if n > BLOCK else pieces[:], ())
+    trajectory = Trajectory(points.t, pieces if n > PIECES_PER_BLOCK else pieces[:], ())
     straight = not cubic.all()
     resolution = None
     if straight:
@@ -230,7 +237,7 @@ def check_points(points: Points, robot: Robot) -> None:
     for name, values in columns:
         if values is None:
             continue
-        for block in blocks(n, BLOCK):
+        for block in blocks(n, PIECES_PER_BLOCK):
             finite = np.isfinite(values[block])
             if not finite.all():
                 k = block.start + int(np.argwhere(~finite)[0][0])
@@ -242,7 +249,7 @@ def check_points(points: Points, robot: Robot) -> None:
         raise TrajectoryError(
             f"{points.point_name(k)}: {fault}: {t[k]:.12g} s after {t[k - 1]:.12g} s"
         )
-    for block in blocks(n, BLOCK):
+    for block in blocks(n, PIECES_PER_BLOCK):
         check_magnitudes(points.q[block], robot, points.point_name, block.start)
     if points.qd is not None and points.has_qd is None:
         check_derivatives(t, points.q, points.qd, robot, ("positions", "velocities"))
@@ -290,10 +297,10 @@ class _LazyCoefficients:
         coefficients[:, 0] = starts[0]
         coefficients[:, 1] = (ends[0] - starts[0]) / length[:, None]
         if is_cubic.any():
-            curves = cubics(length, tuple(starts[:2]), tuple(ends[:2]))
+            curves = cubic_coefficients(length, tuple(starts[:2]), tuple(ends[:2]))
             coefficients[is_cubic] = curves[is_cubic]
         if is_quintic.any():
-            curves = quintics(length, tuple(starts), tuple(ends))
+            curves = quintic_coefficients(length, tuple(starts), tuple(ends))
             coefficients[is_quintic] = curves[is_quintic]
         return coefficients
 

@@ -82,7 +82,7 @@ def _parse_rotations(value: object) -> tuple[tuple[str, float | str], ...]:
         if axis not in ("x", "y", "z"):
             raise invalid_value(f"{item!r} does not start with x, y or z", allowed)
         follows = angle.strip().removeprefix("-") in ANGLE_NAMES
-        chain.append((axis, angle.strip() if follows else units.quantity(angle, "angle")))
+        chain.append((axis, angle.strip() if follows else units.parse_quantity(angle, "angle")))
     return tuple(chain)
 
 
@@ -104,7 +104,7 @@ _Density = Annotated[float, quantity_reader("density", POSITIVE)]
 _Side = Literal["positive", "negative"]
 _MOTOR_MASSES = tuple(f"motor {name}" for name in JOINTS)
 _MASS_READER = Reader(
-    lambda value: value if value in _MOTOR_MASSES else units.quantity(value, "mass"),
+    lambda value: value if value in _MOTOR_MASSES else units.parse_quantity(value, "mass"),
     {"type": "string"},
     ("mass",),
     f"or {', '.join(_MOTOR_MASSES)}",
@@ -682,13 +682,13 @@ def _body_from_parts(section: Section, model: Any, placement: _BodyPlacement) ->
         _solid_moments(section.sub("parts", i), model_part, placement)
         for i, model_part in enumerate(model.parts)
     ]
-    total = sum(solids, shapes.point(0.0, np.zeros(3)))
+    total = sum(solids, shapes.point_moments(0.0, np.zeros(3)))
     with locate_errors(section, {"inertia": ("parts",), "mass": ("parts",)}):
         body = Body(model.name, total.mass, total.com, total.inertia, placement.frame)
     return _check_gyration(section, body)
 
 
-def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> shapes.Moments:
+def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> shapes.MassMoments:
     """Compute the mass and its first and second moments of a part in the frame of the body.
 
     Parameters
@@ -724,7 +724,7 @@ def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> s
             (1 if side == "positive" else -1) * placement.axis(i)
             for i, side in enumerate(model.sides)
         )
-        return shapes.arc(
+        return shapes.arc_moments(
             start, end, model.radius, section=(model.width, model.height), density=model.density
         )
     if model.frame == "next" and is_last:
@@ -741,10 +741,10 @@ def _solid_moments(section: Section, model: Any, placement: _BodyPlacement) -> s
             raise section.error(
                 "the rod has no length", "end", allowed="a different point than start"
             )
-        return shapes.rod(start, end, model.diameter, model.density).rotated(turn)
+        return shapes.rod_moments(start, end, model.diameter, model.density).rotated(turn)
     mass = _part_mass(section, model, placement.joints)
     size = np.array(model.size) if isinstance(model, BoxModel) else np.zeros(3)
-    return shapes.box(mass, np.array(model.at), size).rotated(turn)
+    return shapes.box_moments(mass, np.array(model.at), size).rotated(turn)
 
 
 def _part_mass(section: Section, model: Any, joints: Sequence[Joint]) -> float:

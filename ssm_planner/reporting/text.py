@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ssm_planner.display import NOTHING, columns, format_fixed, number, percent, plain_words, signed
+from ssm_planner.display import (
+    MISSING_VALUE,
+    format_fixed,
+    format_number,
+    format_percent,
+    format_signed,
+    plain_words,
+    terminal_width,
+)
 from ssm_planner.problem import (
     JOINTS,
     JUMP_NAMES,
@@ -25,7 +33,14 @@ from ssm_planner.problem import (
     RetinaClearance,
     SelfLocking,
 )
-from ssm_planner.sizing import PARTS, JointSizing, MotorRequirement, MotorVerdict, Sizing, WhatIf
+from ssm_planner.sizing import (
+    TORQUE_COMPONENTS,
+    JointSizing,
+    MotorRequirement,
+    MotorVerdict,
+    Sizing,
+    WhatIf,
+)
 from ssm_planner.typing import JsonObject, frozen
 from ssm_planner.units import RPM, display_unit
 from ssm_planner.verification import LimitCheck
@@ -104,7 +119,7 @@ class Table:
         list of str
             Lines without spaces at their ends.
         """
-        limit = columns() if width is None else width
+        limit = terminal_width() if width is None else width
         widths = self._widths(limit)
         indices = list(range(len(widths)))
         # Two spaces separate the columns.
@@ -216,14 +231,14 @@ def limit_cells(
     is_distinct = abs(excess) > 1e-5 * abs(limit.limit) + 1e-9
     # A permitted value above the limit, or a forbidden value below it, shows a lower limit.
     is_floor = limit.name in LOWER_BOUND_LIMITS or (is_distinct and (excess > 0) == limit.passed)
-    worst_text = number(scale * limit.worst, digits)
-    bound = f"{'≥' if is_floor else '≤'} {number(scale * limit.limit, digits)}"
-    return limit.name, limit.joint or "", worst_text, bound, unit, percent(limit.margin, 4)
+    worst_text = format_number(scale * limit.worst, digits)
+    bound = f"{'≥' if is_floor else '≤'} {format_number(scale * limit.limit, digits)}"
+    return limit.name, limit.joint or "", worst_text, bound, unit, format_percent(limit.margin, 4)
 
 
 def _format_in_milli(value: float) -> str:
     """Format a thousandfold value, such as a torque in mN·m, with four significant digits."""
-    return number(1e3 * value, 4)
+    return format_number(1e3 * value, 4)
 
 
 def limits_table(limits: Iterable[LimitCheck]) -> Table:
@@ -262,7 +277,7 @@ def sensitivities_table(plan: "Plan") -> Table:
         saved = -item.seconds_per_percent
         saved_text = format_fixed(1e3 * saved, 2)
         percentage = format_fixed(100 * saved / plan.motion.duration, 3)
-        rows.append((item.limit, item.joint or NOTHING, saved_text, percentage))
+        rows.append((item.limit, item.joint or MISSING_VALUE, saved_text, percentage))
     return Table("limit, joint, saved ms for +1 %, share %", rows, (2, 3))
 
 
@@ -272,8 +287,8 @@ def tip_error_table(plan: "Plan") -> Table:
     for source in plan.tip_error.sources if plan.tip_error else ():
         joint = next(joint for joint in plan.robot.joints if joint.name == source.joint)
         unit, scale = display_unit(joint.unit)
-        error = f"{number(scale * source.error, 3)} {unit}"
-        rows.append((source.joint, source.name, error, number(1e3 * source.tip, 3)))
+        error = f"{format_number(scale * source.error, 3)} {unit}"
+        rows.append((source.joint, source.name, error, format_number(1e3 * source.tip, 3)))
     return Table("joint, error, at the joint, at the tip mm", rows, (2, 3))
 
 
@@ -291,7 +306,7 @@ def candidates_table(plan: "Plan") -> Table:
             estimate = format_fixed(candidate["estimate"], 4)
             duration = format_fixed(candidate["duration"], 4)
             cells = (candidate["kind"], bound, estimate, duration, candidate["outcome"])
-            rows.append((name or NOTHING,) + cells)
+            rows.append((name or MISSING_VALUE,) + cells)
     return Table("phase, candidate, bound s, estimate s, duration s, outcome", rows, (2, 3, 4))
 
 
@@ -322,7 +337,9 @@ def joints_table(plan: "Plan") -> Table:
     rows = []
     for joint, (start, end) in zip(plan.problem.robot.joints, ends.T, strict=True):
         unit, scale = display_unit(joint.unit)
-        rows.append((joint.name, number(scale * start, 5), number(scale * end, 5), unit))
+        rows.append(
+            (joint.name, format_number(scale * start, 5), format_number(scale * end, 5), unit)
+        )
     return Table("joint, from, to, unit", rows, (1, 2))
 
 
@@ -336,8 +353,8 @@ def motors_table(requirements: Iterable[MotorRequirement]) -> Table:
     for requirement in requirements:
         motor = requirement.motor
         name = "no motor given"
-        placeholders = NOTHING
-        peak = rms = speed = NOTHING
+        placeholders = MISSING_VALUE
+        peak = rms = speed = MISSING_VALUE
         if motor is not None:
             name = motor.name
             placeholders = str(len(motor.placeholders) or "none")
@@ -445,7 +462,7 @@ def answer_lines(plan: "Plan", folder: Path | None = None) -> Iterator[str]:
         if limit is not None:
             name, joint, worst_text, allowed, unit, _ = limit_cells(limit, digits=4)
             owner = f" of {joint}" if joint else ""
-            margin = percent(limit.margin)
+            margin = format_percent(limit.margin)
             value = f"{worst_text} {unit}".rstrip()
             yield f"closest  {name}{owner}: {value} ({allowed}), margin {margin}"
     if plan.sizing is not None:
@@ -477,7 +494,7 @@ def rates_text(rates: Mapping[str, float]) -> str:
     for name, rate in rates.items():
         unit, scale = display_unit("m" if name == "depth" else "rad")
         if rate:
-            texts.append(f"{name} {number(scale * rate, 4)} {unit}/s")
+            texts.append(f"{name} {format_number(scale * rate, 4)} {unit}/s")
     return ", ".join(texts)
 
 
@@ -591,8 +608,8 @@ def proof_table(proofs: Sequence["Proof"]) -> Table:
         (
             proof.name,
             proof.joint or "",
-            *(number(value, 10) for value in (proof.low, proof.high, proof.limit)),
-            number(proof.time, 6),
+            *(format_number(value, 10) for value in (proof.low, proof.high, proof.limit)),
+            format_number(proof.time, 6),
             proof.verdict,
         )
         for proof in proofs
@@ -636,7 +653,7 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
         yield f"proven       no motion along this path is more than {share:.3f} % shorter"
     if plan.tip_error is not None and plan.tip_error.bound is not None:
         source = plan.tip_error.sources[0]
-        bound = number(1e3 * plan.tip_error.bound, 3)
+        bound = format_number(1e3 * plan.tip_error.bound, 3)
         yield (
             f"tip error    {bound} mm or less with 99 % probability; the largest source is the "
             f"{source.name} of {source.joint}"
@@ -644,7 +661,7 @@ def cross_check_lines(plan: "Plan") -> Iterator[str]:
     if plan.sensitivities:
         rows = sensitivities_table(plan).rows[:MAX_SENSITIVITIES]
         savings = ", ".join(f"{limit} of {joint} {saved} ms" for limit, joint, saved, _ in rows)
-        yield f"faster       +1 % of a limit saves: {savings}".replace(f" of {NOTHING}", "")
+        yield f"faster       +1 % of a limit saves: {savings}".replace(f" of {MISSING_VALUE}", "")
     for reason in dict.fromkeys(phase.not_judged for phase in plan.phases if phase.not_judged):
         names = ", ".join(phase.name for phase in plan.phases if phase.not_judged == reason)
         yield f"cross-check  none of {names}: {reason}"
@@ -783,7 +800,7 @@ def _failed_checks(sizing: SizingObject) -> list[str]:
         if gear["adequate"] is False:
             failed.setdefault((gear["joint"], gear["binds"]), gear["margins"][gear["binds"]])
     return [
-        f"{joint}: {plain_words(name)} {percent(margin)}"
+        f"{joint}: {plain_words(name)} {format_percent(margin)}"
         for (joint, name), margin in failed.items()
     ]
 
@@ -864,10 +881,10 @@ def selection_lines(selection: Sequence[JsonObject]) -> Iterator[str]:
         for pair in joint["best"]:
             binds = pair["binds"]
             row = [pair["motor"], pair["gear"], VERDICT_LABELS[pair["adequate"]]]
-            row += [plain_words(binds or NOTHING), percent(pair["margins"].get(binds))]
+            row += [plain_words(binds or MISSING_VALUE), format_percent(pair["margins"].get(binds))]
             for key in ("mass", "gearhead_mass", "length", "inertia_ratio", "energy_to_bus"):
                 scale = 1.0 if key == "inertia_ratio" else 1e3
-                row.append(NOTHING if pair[key] is None else number(scale * pair[key]))
+                row.append(MISSING_VALUE if pair[key] is None else format_number(scale * pair[key]))
             rows.append(row)
             for name, needs in pair["not_checked"].items():
                 missing.add(f"{plain_words(name)}: {needs}")
@@ -901,11 +918,11 @@ def _requirements_table(sizing: Sizing) -> Table:
                 peak,
                 rms,
                 _format_in_milli(requirement.mean_torque),
-                number(RPM * requirement.peak_speed, 4),
-                number(requirement.peak_acceleration, 4),
-                number(requirement.peak_power, 4),
-                number(requirement.mean_power, 4),
-                number(requirement.joule_power),
+                format_number(RPM * requirement.peak_speed, 4),
+                format_number(requirement.peak_acceleration, 4),
+                format_number(requirement.peak_power, 4),
+                format_number(requirement.mean_power, 4),
+                format_number(requirement.joule_power),
             )
         )
     return Table(head, rows, range(1, 9))
@@ -921,8 +938,11 @@ def _torque_parts_table(sizing: Sizing) -> Table:
     for joint in sizing.joints:
         torques = joint.requirement.split.at_peak
         sign = math.copysign(1e3, sum(torques.values()))
-        rows.append([joint.load.joint] + [signed(sign * torques[name], 4) for name in PARTS])
-    header = ["joint"] + [plain_words(name) for name in PARTS]
+        rows.append(
+            [joint.load.joint]
+            + [format_signed(sign * torques[name], 4) for name in TORQUE_COMPONENTS]
+        )
+    header = ["joint"] + [plain_words(name) for name in TORQUE_COMPONENTS]
     return Table(header, rows, range(1, len(header)))
 
 
@@ -942,9 +962,9 @@ def _candidate_lines(sizing: Sizing) -> list[str]:
         prefix = "or " if verdict in sizing.alternatives else ""
         mark = " *" if verdict.motor.placeholder else ""
         row = [verdict.joint, f"{prefix}{verdict.motor.name}{mark}"]
-        row += [VERDICT_LABELS[verdict.adequate], plain_words(verdict.binds or NOTHING)]
-        row += [percent(by_name[name]) for name in MOTOR_MARGINS]
-        row += [percent(min(gear_margins, default=None)), _winding_temperature(verdict)]
+        row += [VERDICT_LABELS[verdict.adequate], plain_words(verdict.binds or MISSING_VALUE)]
+        row += [format_percent(by_name[name]) for name in MOTOR_MARGINS]
+        row += [format_percent(min(gear_margins, default=None)), _winding_temperature(verdict)]
         rows.append(row)
     lines = Table(head, rows, range(2, len(head))).lines()
     if any(verdict.motor.placeholder for verdict in sizing.verdicts):
@@ -955,7 +975,7 @@ def _candidate_lines(sizing: Sizing) -> list[str]:
 def _winding_temperature(verdict: MotorVerdict) -> str:
     """Format the largest temperature of the winding in °C."""
     if verdict.heat is None:
-        return NOTHING
+        return MISSING_VALUE
     hottest = verdict.heat.winding
     return "no steady state" if hottest is None else f"{hottest - KELVIN:.0f} °C"
 
@@ -965,7 +985,7 @@ def _gears_table(sizing: Sizing) -> Table:
     rows = []
     for joint in sizing.joints:
         margins = [
-            f"{plain_words(check.name)} {percent(check.margin)}"
+            f"{plain_words(check.name)} {format_percent(check.margin)}"
             for check in joint.gear
             if check.margin is not None
         ]

@@ -18,9 +18,9 @@ import numpy as np
 from ssm_planner.dynamics import (
     RigidBody,
     drive_torque,
-    drive_with,
-    motorised,
-    spread_of,
+    drive_with_values,
+    friction_spread,
+    motorised_joints,
     with_payload,
 )
 from ssm_planner.errors import ProblemError
@@ -74,11 +74,11 @@ def worst_case_torques(
     masses = sorted({0.0, *(limits.payload or ())})
     motion = _SampledMotion(trajectory, robot, masses)
     quantities: list[LimitedQuantity] = []
-    for i, drive, _ in motorised(robot.joints):
+    for i, drive, _ in motorised_joints(robot.joints):
         joint = robot.joints[i]
         parameter_sets = {} if drive.friction is None else {"mu": np.array([drive.friction.mu])}
         if limits.friction is not None:
-            uncertain = spread_of(drive).within(limits.friction)
+            uncertain = friction_spread(drive).within(limits.friction)
             if not uncertain:
                 raise ProblemError(
                     f"the friction of {drive.name} (joint {joint.name}) has no uncertainty",
@@ -97,7 +97,7 @@ def worst_case_torques(
             descriptions = [", ".join(texts)] if limits.friction else []
             if limits.payload:
                 descriptions.append(f"payload {1e3 * mass:g} g")
-            case = WorstCase(drive_with(drive, values), mass, "; ".join(descriptions))
+            case = WorstCase(drive_with_values(drive, values), mass, "; ".join(descriptions))
             quantities.append(LimitedQuantity(joint.limit(MotorTorque), i, case=case))
     return quantities
 
@@ -251,7 +251,7 @@ class _SampledMotion:
         tables = []
         for block in blocks(set_count, block_size):
             columns = {name: column[block, None] for name, column in parameter_sets.items()}
-            torque = self.torque(i, drive_with(drive, columns), load, instants)
+            torque = self.torque(i, drive_with_values(drive, columns), load, instants)
             mean_square = np.square(torque).mean(axis=1)
             tables.append(np.stack([torque.max(axis=1), -torque.min(axis=1), mean_square], axis=1))
         return {(int(k), load) for k in np.argmax(np.concatenate(tables), axis=0)}

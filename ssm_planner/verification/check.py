@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssm_planner.dynamics import self_locking_margin, spread_of
+from ssm_planner.dynamics import friction_spread, self_locking_margin
 from ssm_planner.kinematics import Mechanism
 from ssm_planner.problem import (
     END_VELOCITY_NAMES,
@@ -29,7 +29,7 @@ from ssm_planner.problem import (
     SelfLocking,
     TaskLimits,
 )
-from ssm_planner.trajectory import BLOCK, Trajectory, blocks
+from ssm_planner.trajectory import PIECES_PER_BLOCK, Trajectory, blocks
 from ssm_planner.typing import Array, Indices
 from ssm_planner.verification.cases import worst_case_torques
 from ssm_planner.verification.certificate import (
@@ -228,7 +228,7 @@ def _check_table_dynamics(
     unjudged : list of Unjudged
         The limits that the points do not determine, with reasons.
     """
-    index_blocks = blocks(len(trajectory.breaks) - 1, BLOCK)
+    index_blocks = blocks(len(trajectory.breaks) - 1, PIECES_PER_BLOCK)
     curved = [trajectory.pieces(block)[:, 2:].any(axis=(1, 2)) for block in index_blocks]
     smooth = np.flatnonzero(np.concatenate(curved))
     bands: list[LimitCheck] = []
@@ -331,7 +331,7 @@ def _check_self_locking(robot: Robot, confidence: float | None) -> list[LimitChe
         mu = limit.friction
         case = None
         if confidence is not None:
-            coefficients = spread_of(drive).within(confidence).get("mu")
+            coefficients = friction_spread(drive).within(confidence).get("mu")
             if coefficients is not None and coefficients.min() < mu:
                 mu = float(coefficients.min())
                 case = f"mu {mu:.4g}"

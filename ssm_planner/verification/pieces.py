@@ -14,7 +14,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from ssm_planner.dynamics import STILL
+from ssm_planner.dynamics import REST_FRACTION
 from ssm_planner.problem import Robot
 from ssm_planner.trajectory import DEGREE, Trajectory, blocks
 from ssm_planner.typing import Array, Indices, Mask, record
@@ -179,9 +179,9 @@ def _build_piece_block(start: Array, length: Array, coefficients: Array) -> Piec
 def rest_speeds(robot: Robot) -> Array:
     """Return the speeds (4,) in rad/s and m/s up to which the joints count as being at rest.
 
-    They are the share `STILL` of the velocity limits, which covers rounding errors.
+    They are the share `REST_FRACTION` of the velocity limits, which covers rounding errors.
     """
-    return robot.velocities * STILL
+    return robot.velocities * REST_FRACTION
 
 
 def _evaluate_polynomials(powers: Array, s: Array, result: Array | None = None) -> Array:
