@@ -241,8 +241,8 @@ def test_folders_that_a_killed_process_left_are_removed(
     monkeypatch.setattr(atomic, "ABANDONED_AGE", 0.0)
     with atomic.locked(left):
         # the lock is of an open file: another process is needed to see it held
-        code = "import pathlib, sys; from ssm_planner import atomic; atomic.SWEPT_AFTER = 0.0\n"
-        code += "atomic._sweep(pathlib.Path(sys.argv[1]), '.out-')"
+        code = "import pathlib, sys; from ssm_planner import atomic; atomic.ABANDONED_AGE = 0.0\n"
+        code += "atomic._remove_abandoned(pathlib.Path(sys.argv[1]), '.out-')"
         subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
         assert left.exists(), "its process lives"
     atomic._remove_abandoned(tmp_path, ".out-")

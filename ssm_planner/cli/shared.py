@@ -53,7 +53,7 @@ def quantity_argument(kind: str) -> Callable[[str], float]:
     Parameters
     ----------
     kind : str
-        Kind of quantity, a key of units.KINDS such as "length".
+        Kind of quantity, a key of units.QUANTITY_KINDS such as "length".
 
     Returns
     -------
@@ -94,10 +94,10 @@ def rate_argument(text: str) -> float:
 ARGUMENTS = Path(__file__).with_name("arguments.csv")
 """Table of the arguments of all commands.
 
-The column `kind` states the type of the value: a key of `VALUE_TYPES` or of units.KINDS, "flag",
-the allowed words with "|" between them, or the object that contains them as `module:name`. The
-column `number` contains the number of values in the form of argparse, "append" or "required". At
-most one argument of a group can be used.
+The column `kind` states the type of the value: a key of `VALUE_TYPES` or of `units.QUANTITY_KINDS`,
+"flag", the allowed words with "|" between them, or the object that contains them as `module:name`.
+The column `number` contains the number of values in the form of argparse, "append" or "required".
+At most one argument of a group can be used.
 """
 VALUE_TYPES: dict[str, Callable[[str], Any]] = {
     "path": Path,
@@ -163,7 +163,7 @@ def parse_quantity(option: str, text: str, kind: str, whole: str | None = None) 
     text : str
         The quantity with its unit.
     kind : str
-        Kind of quantity, a key of units.KINDS.
+        Kind of quantity, a key of units.QUANTITY_KINDS.
     whole : str, optional
         Complete value of the option, for messages. The default is `text`.
 

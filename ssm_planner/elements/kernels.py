@@ -252,7 +252,7 @@ def _posture_rows(inputs: Symbols, y: ca.SX) -> dict[str, list[ca.SX]]:
         Symbols "mechanism", "eye" and "limits" of the numbers in `MECHANISM_LAYOUT`, `EYE_LAYOUT`
         and `FreeElement.layout`.
     y : (12,) casadi.SX
-        Joint positions, velocities and accelerations, in the frames of `rigid_body.axes_frames`.
+        Joint positions, velocities and accelerations, in the frames of `rigid_body.axis_frames`.
     """
     xp = casadi_namespace()
     q, qd, _ = _split_state(y)

@@ -41,7 +41,9 @@ MOTOR_COLUMNS = {"weight": "mass", "chart_max_torque": "max_torque"}
 The torque at the end of a chart is not a rating, and its source states this.
 """
 SIZE_COLUMNS = {"mass": "mass", "length": "length"}
-"""Columns of the mass and the length of an entry, with the kind of their quantity in `units.KINDS`.
+"""Columns of the mass and the length of an entry.
+
+Each has the kind of its quantity, a key of `units.QUANTITY_KINDS`.
 """
 TEXT_COLUMNS = {"name", "order_number"}
 """Columns that contain texts even if their cells consist of digits."""

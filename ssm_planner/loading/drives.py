@@ -474,7 +474,8 @@ def _efficiency_fields(
     """Return the fields of a Drive whose file states efficiencies instead of friction.
 
     The friction law of this package needs a thread. The fields therefore describe the thread whose
-    efficiencies in both directions equal the stated ones (dynamics/transmission.of_efficiencies).
+    efficiencies in both directions equal the stated ones
+    (dynamics/transmission.thread_from_efficiencies).
 
     Parameters
     ----------

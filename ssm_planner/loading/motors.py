@@ -38,7 +38,7 @@ def _comparison_figure(quantity_kind: str, description: str) -> Any:
     Parameters
     ----------
     quantity_kind : str
-        Kind of quantity, a key of units.KINDS.
+        Kind of quantity, a key of units.QUANTITY_KINDS.
     description : str
         Meaning of the figure.
     """

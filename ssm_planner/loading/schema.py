@@ -186,7 +186,7 @@ class Reader:
     json_schema: JsonObject
     """JSON schema of the value in the file."""
     kinds: tuple[str, ...] = ()
-    """Kinds of quantities of the components, which are keys of units.KINDS."""
+    """Kinds of quantities of the components, which are keys of units.QUANTITY_KINDS."""
     allowed: str = ""
     """Allowed values in addition to the unit."""
 
@@ -234,7 +234,7 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
     Parameters
     ----------
     unit_kind : str
-        Kind of quantity, a key of units.KINDS.
+        Kind of quantity, a key of units.QUANTITY_KINDS.
     bound : Bound
         Bounds of the value in SI units.
     integer : bool
@@ -259,13 +259,16 @@ def quantity_reader(unit_kind: str, bound: Bound = UNBOUNDED, integer: bool = Fa
 def positive_type(unit_kind: str) -> Any:
     """Return the type of a quantity above zero, for a key of a model.
 
-    `unit_kind` is the kind of quantity, a key of units.KINDS.
+    `unit_kind` is the kind of quantity, a key of units.QUANTITY_KINDS.
     """
     return Annotated[Any, quantity_reader(unit_kind, POSITIVE)]
 
 
 def interval_reader(unit_kind: str) -> Reader:
-    """Build the reader of an interval `[lower, upper]`. `unit_kind` is a key of units.KINDS."""
+    """Build the reader of an interval `[lower, upper]`.
+
+    `unit_kind` is a key of units.QUANTITY_KINDS.
+    """
     schema = {"type": "array", "items": _quantity_schema(unit_kind), "minItems": 2, "maxItems": 2}
     return Reader(
         lambda value: units.parse_interval(value, unit_kind), schema, (unit_kind,), "[lower, upper]"

@@ -182,7 +182,7 @@ DriveKind = str
 EFFICIENCY_LEAD_ANGLE = math.radians(45)
 """Lead angle of the thread that represents a drive with efficiencies.
 
-See dynamics/transmission.of_efficiencies.
+See dynamics/transmission.thread_from_efficiencies.
 """
 ScrewEnds = Literal["fixed-free", "supported-supported", "fixed-supported", "fixed-fixed"]
 """Bearings at the two ends of a screw."""

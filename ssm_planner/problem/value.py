@@ -3,7 +3,7 @@
 A value is a frozen dataclass that derives from `Value`. Its constructor checks it, and it never
 changes. Two values with the same content are equal. The type annotations of the fields state the
 allowed values of each field, and the method `_check` rejects fields that contradict each other.
-A text in an annotation is the physical quantity, a key of `units.KINDS` such as "torque".
+A text in an annotation is the physical quantity, a key of `units.QUANTITY_KINDS` such as "torque".
 Lists become tuples. Arrays are copied and made read-only.
 """
 
@@ -229,8 +229,8 @@ def unit_kind(quantity: str, slides: bool = False) -> str:
     Parameters
     ----------
     quantity : str
-        Key of `units.KINDS`, or two of them, for revolute and prismatic joints, such as "angle or
-        length".
+        Key of `units.QUANTITY_KINDS`, or two of them, for revolute and prismatic joints, such as
+        "angle or length".
     slides : bool
         True for a prismatic joint.
     """
