@@ -216,7 +216,11 @@ def progress_reporter(message: str = "") -> Progress:
     is_terminal = sys.stderr.isatty()
 
     def report(step: Step) -> None:
-        """Print a step, unless the previous report of the same count is too recent."""
+        """Print a step and the estimated remaining time.
+
+        Steps of a long series are left out if less than `REPORT_INTERVAL` seconds have passed since
+        the previous line, except the first few and the last step.
+        """
         nonlocal last_report, first_done, series_start
         now = time.perf_counter()
         estimate = ""

@@ -694,11 +694,13 @@ _INTEGER_ARRAYS = ("moving", "undriven", "slots", "actuation", "cost")
 def _law_index(drive: Drive) -> int:
     """Return the index of the C function for the torque law and the friction law of a drive.
 
-    The functions are sorted by `TORQUE_LAWS`, then by `FRICTION_LAWS`.
+    The functions are sorted by `TORQUE_LAWS`, then by `FRICTION_LAWS`. Only screws with two nuts
+    have the second torque law.
     """
     friction = required_friction(drive)
     law = "coulomb" if friction.stribeck_speed is None else friction.law
-    return len(FRICTION_LAWS) * drive.two_nuts + FRICTION_LAWS.index(law)
+    torque_law = int(drive.two_nuts)
+    return len(FRICTION_LAWS) * torque_law + FRICTION_LAWS.index(law)
 
 
 def _drive_values(drive: Drive, nominal: float = 1.0, *, breakaway: bool = False) -> Array:

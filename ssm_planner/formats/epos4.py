@@ -230,7 +230,10 @@ class Setpoints:
         return replace(reading, checks=tuple(checks))
 
     def rounded_joint_values(self) -> tuple[Array, Array, dict[int, Offsets]]:
-        """Convert the integers of the streams back to quantities of the joints.
+        """Convert the integers that the drives receive back to quantities of the joints.
+
+        The drives receive positions in encoder increments, and offsets of velocity and torque,
+        which they add as feed-forward. Rounding to integers changes all of them.
 
         Returns
         -------
@@ -570,7 +573,11 @@ def increments_per_unit(axes: Mapping[str, Axis], name: str) -> float:
 
 
 def _column_names(joint: Joint, driven: bool) -> tuple[str, ...]:
-    """Return the columns of a joint's file besides the time: its stream, or its position.
+    """Return the names of the columns after the time in the file of one joint.
+
+    The file of a joint with a drive contains the set points of the mode "cyclic synchronous
+    position" (CSP): position, velocity offset and torque offset. The file of a joint without a
+    drive contains only its position.
 
     Parameters
     ----------

@@ -491,7 +491,11 @@ class _RowFit:
         return lowest, highest
 
     def rows(self, round_to_units: bool) -> tuple[Array, Array]:
-        """Solve the linear program, and return the rows of the joint.
+        """Return the rows of the table for one joint, fitted so that the drive keeps all limits.
+
+        The drive interpolates the rows by cubic polynomials. A linear program moves positions and
+        velocities of the rows as little as possible so that these polynomials stay within the
+        bounds of velocity and acceleration.
 
         Parameters
         ----------

@@ -424,11 +424,22 @@ def _pool_parameter_sets(possible: PossibleLaws, slow: Array) -> Arrays:
 
 
 def _draw_sets(pooled: Arrays) -> Arrays:
-    """Draw `POSTERIOR_DRAWS` equally likely parameter sets from a weighted table, as columns
-    (draws,) by name.
+    """Draw `POSTERIOR_DRAWS` equally likely friction parameter sets from weighted ones.
 
-    The method is systematic resampling. Sets of the Coulomb law have no Stribeck speed. They get
-    one of the other laws, which does not affect them.
+    The method is systematic resampling. A parameter set of the Coulomb law has no Stribeck speed,
+    but the table needs a number. Such a set receives the Stribeck speed of a set of another law.
+    The Coulomb law ignores this number.
+
+    Parameters
+    ----------
+    pooled : dict of (sets,) arrays
+        The weighted parameter sets of all friction laws: one column for each parameter, and the
+        weights. NaN marks a parameter that the law of a set does not have.
+
+    Returns
+    -------
+    dict of (POSTERIOR_DRAWS,) arrays
+        Columns of the drawn sets by name, without weights and without parameters of the session.
     """
     cumulative = np.cumsum(pooled[WEIGHT_COLUMN])
     indices = np.searchsorted(

@@ -383,10 +383,19 @@ def _dwell_motions(section: Section, duration: float) -> Iterator[Motion]:
 
 
 def _scan_motions(section: Section, model: Any) -> Iterator[Motion]:
-    """Yield the scan of the retina that the value of a key describes.
+    """Build the motion of the key `scan`, which visits a pattern of spots on the retina.
 
-    The parameters are those of `_straight_motions`. Raises ProblemError if the diameters of a
-    triple ring do not increase.
+    Parameters
+    ----------
+    section : Section
+        Value of the key in the problem file, for messages.
+    model : pydantic model
+        The same value with checked types.
+
+    Raises
+    ------
+    ProblemError
+        If the diameters of a triple ring do not increase.
     """
     low, middle, high = model.diameters
     if not 0 < low < middle < high:
@@ -556,9 +565,10 @@ def key_locations(field: str, place: KeyPath, value: Any) -> dict[str, KeyPath]:
 
 
 def stated_coordinates(model: Any) -> dict[str, float]:
-    """Return the task coordinates or rates that a section of a file states, by name.
+    """Return the task coordinates, or the rates of them, that a section of a file states.
 
-    Missing coordinates and a spin that the planner chooses are absent.
+    The result has no entry for a coordinate that the section omits, and none for the spin if the
+    section leaves its value to the planner (`spin: free`).
 
     Parameters
     ----------

@@ -140,7 +140,11 @@ def _check_figures(section: Section, values: Mapping[str, float]) -> None:
 
 
 def check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[str]) -> None:
-    """Raise ProblemError if figures violate a rule such as those of `PLAUSIBILITY_RULES`.
+    """Raise ProblemError if the figures of a datasheet contradict each other.
+
+    A rule states a product of powers of figures that must lie between two limits. For example, the
+    product of torque constant and speed constant of a motor is about 1 in SI units. The message
+    states the values that the first figure of the rule may have, given the others.
 
     Parameters
     ----------
@@ -150,8 +154,9 @@ def check_rule(section: Section, figures: Mapping[str, float], rule: Sequence[st
         Figures in SI units by key. NaN stands for a figure that is not stated, so that its rules
         are not violated.
     rule : sequence of str
-        Cells of a row of the rules: figure, product, lower and upper limit of the product, scale,
-        and description of a violation.
+        One row of the table of rules, such as `PLAUSIBILITY_RULES`: the figure that the message
+        names, the product (for example "nominal_voltage torque_constant^-1"), its lower and upper
+        limit, a scale for the message, and the description of a violation.
     """
     figure, product_text, *numbers, fault = rule
     factors = (factor.partition("^") for factor in product_text.split())

@@ -94,14 +94,18 @@ def with_corners(problem: Problem, robot: Robot) -> Robot:
 
 
 def _bounding_drives_of_joint(joint: Joint, share: float | None) -> tuple[Drive | None, ...]:
-    """Return drives that bound the motor torque of a joint in a range of friction.
+    """Return the drives whose friction requires the most and the least motor torque of a joint.
+
+    The friction of the drive is uncertain. The planner plans with these drives instead of all
+    possible ones, because their torques enclose the torque of every drive in the range.
 
     Parameters
     ----------
     joint : Joint
         The joint with its drive and motor.
     share : float or None
-        Share of the equally likely friction parameters that the range contains. None: no range.
+        Confidence level of the range of friction: the fraction of the equally likely parameter
+        sets that the range contains, between 0 and 1. None if the problem states no range.
 
     Returns
     -------

@@ -104,7 +104,7 @@ def check_motor_torque(phase: Phase, path: JointPath, samples: int = 0) -> Reaso
     phase : Phase
         The phase.
     path : JointPath
-        Its path.
+        Path of the phase, or a path that stands for a free motion between the same points.
     samples : int
         Number of evenly spaced points. With 0, only the knots are tested.
     """

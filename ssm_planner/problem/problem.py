@@ -702,9 +702,12 @@ class Problem(Value, Limited):
             )
 
     def _check_for_toppra(self) -> None:
-        """Raise ProblemError if TOPP-RA must time a motion but does not support it.
+        """Raise ProblemError if only TOPP-RA can plan a motion, and if it cannot keep a request.
 
-        TOPP-RA does not support durations, minimal effort or jerk limits.
+        TOPP-RA computes the fastest timing along a given path. It supports neither limits on the
+        jerk, nor a requested duration, nor the objective "effort". It plans all motions of the
+        planner `toppra`, and for every planner the motions at constant speed, tables of points, and
+        splines through many points.
         """
         requests = [f"a jerk limit of joint {name}" for name in self.robot.jerk_limited]
         if self.duration is not None or self.objective == "effort":
@@ -722,7 +725,7 @@ class Problem(Value, Limited):
                     "planner", f"TOPP-RA does not support {requests[0]}", allowed
                 )
         for i, entry in enumerate(self.motion):
-            unsupported = [*requests, *["a duration"] * (entry.duration is not None)]
+            unsupported = requests + (["a duration"] if entry.duration is not None else [])
             if not unsupported or not isinstance(entry, Follow):
                 continue
             reason = f"only TOPP-RA can time it, and does not support {unsupported[0]}"

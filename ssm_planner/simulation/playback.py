@@ -293,8 +293,9 @@ class ControlledArm(ArmPlant):
     def play(self, state: Array, command: Commands, offsets: Array, friction: Array) -> Playback:
         """Simulate the arm while its controllers execute commands.
 
-        The periods are simulated in chunks of equal length. If one period of a chunk needs half
-        steps (`half_step_periods`), the whole chunk is simulated with half steps.
+        The periods are simulated in chunks of equal length. If the integration of one period of a
+        chunk needs half the usual time step (see `half_step_periods`), all periods of the chunk are
+        integrated with half the time step.
 
         Parameters
         ----------

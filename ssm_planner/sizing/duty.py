@@ -52,7 +52,27 @@ def _stroke_timing(distance: float, velocity: float, acceleration: float) -> Arr
 
 
 def _stroke_coefficients(start: Array, joint: int, times: Array, acceleration: float) -> Array:
-    """Return the polynomial coefficients (pieces, 6, 4) of one stroke from rest to rest."""
+    """Return the polynomials of one stroke, that is, a motion of one joint from rest to rest.
+
+    The joint accelerates uniformly, moves at constant velocity if there is a third piece, and
+    brakes uniformly.
+
+    Parameters
+    ----------
+    start : (4,) array
+        Joint positions at the start of the stroke, rad and m.
+    joint : int
+        Index of the joint that moves.
+    times : (2,) or (3,) array
+        Durations of the pieces, s.
+    acceleration : float
+        Acceleration in the first piece, rad/s² or m/s². Its sign is that of the stroke.
+
+    Returns
+    -------
+    (pieces, 6, 4) array
+        Coefficients of each piece in ascending powers of the time since its start.
+    """
     signs = (1.0, -1.0) if len(times) == 2 else (1.0, 0.0, -1.0)
     coefficients = np.zeros((len(times), DEGREE + 1, len(start)))
     coefficients[:, 0] = start

@@ -314,10 +314,12 @@ def _listed_contents(section: Section, key: str) -> JsonObject:
 def _check_selection(
     section: Section, vary: Sequence[Variable], selected: Sequence[Choice]
 ) -> None:
-    """Check that the search varies something, and that parts and paces are valid.
+    """Check the entries of a study file that select a motor or a gear instead of searching it.
 
-    Only motors and gears can be selected by rank. A pace must be at least 1, and it only has an
-    effect if a part is selected.
+    For such an entry, each candidate receives the best part of a catalogue, ranked for instance by
+    mass, that suffices for its motion. At least one other entry must be searched. Only motors and
+    gears can be selected. The pace, a factor by which the motions may be slowed for the selection,
+    must be at least 1, and it has an effect only if a part is selected.
 
     Parameters
     ----------
@@ -326,7 +328,7 @@ def _check_selection(
     vary : sequence of Variable
         All variables.
     selected : sequence of Choice
-        Those among them whose entries are selected by rank.
+        The variables whose part is selected by rank.
 
     Raises
     ------

@@ -152,7 +152,9 @@ class _SpeedRecorder:
         self._time = float(breaks[-1])
 
     def finish(self, velocity: Array) -> None:
-        """Add the jump at the end of the motion. Call this method after the last piece.
+        """Add the velocity jump at the end of the motion. Call this method after the last piece.
+
+        It is the jump from the velocity of the last piece to the declared velocity.
 
         Parameters
         ----------

@@ -163,12 +163,20 @@ class InTurn(InParts):
 def _split_phase(phase: Phase, between: Array) -> tuple[Phase, Phase]:
     """Split a phase into two parts with a rest between them.
 
+    The first part has no target of its own, and ends at rest. The second part ends as the phase
+    does.
+
     Parameters
     ----------
     phase : Phase
-        A free phase between two points.
+        A phase whose motion is free, so that its path may pass any position.
     between : (4,) array
-        Joint positions at the rest, rad and m.
+        Joint positions at the rest between the parts, rad and m.
+
+    Returns
+    -------
+    tuple of two Phase
+        The parts in the order of time.
     """
     start, end = phase.points
     first = phase.from_rest(np.stack([start, between]), to_end=False)

@@ -56,10 +56,12 @@ class Reversing(PhaseCandidate):
                 yield cls(planner, direct.motion)
 
     def _reverse_beside_points(self) -> PlannedPhase | Reason:
-        """Return a motion on which joints reverse beside the via points.
+        """Return a motion on which joints reverse just before or after the via points.
 
-        A joint then passes a point at speed and reverses beyond it, or takes a run-up to the next
-        point. The result is `NO_SAVING` if the motion does not save a share of `MIN_SAVING`.
+        Without such a reversal, a joint that reverses at a via point must stop there. With it, the
+        joint passes the point at speed and reverses beyond it, or takes a run-up to the next point.
+        The result is `NO_SAVING` unless the motion is shorter than the motion without these
+        reversals by at least the fraction `MIN_SAVING` of its duration.
         """
         borders = suggest_via_velocities(self.planner.phase)
         if borders is None:

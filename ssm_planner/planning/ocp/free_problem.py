@@ -239,9 +239,11 @@ class FreeProblem(OcpProblem):
 
     @cached_property
     def _parameters(self) -> Array:
-        """Second parameter vector of the element model, in the order of `FreeElement.layout`.
+        """Pack the constants of the problem into the parameter vector of the element functions.
 
-        It contains the units of the program, and the limits of joints, tool and task coordinates.
+        The compiled functions of one element receive this vector in addition to the friction
+        parameters. It contains the start position, the scaling units of the unknowns, and the
+        limits of joints, tool and task coordinates, in the order of `FreeElement.layout`.
         """
         problem = self.phase.problem
         ranges = np.array(

@@ -404,15 +404,21 @@ def divide_elements(elements: Array, counts: Indices) -> Array:
 
 
 def divide_into_blocks(arcs: Sequence[int]) -> tuple[int, ...]:
-    """Return the numbers of elements of the blocks that make up a sequence of arcs.
+    """Divide arcs with many elements into blocks, and return the number of elements of each block.
 
-    An arc is the time between two switching points. A block is an arc, or a part of it with at most
-    `MAX_BLOCK_ELEMENTS` elements. Both lie in the order of time.
+    An arc is the part of a motion between two switching points. The duration of a block is an
+    unknown of the program, and the elements of the block share it in a fixed proportion. A long arc
+    becomes several blocks with at most `MAX_BLOCK_ELEMENTS` elements each.
 
     Parameters
     ----------
     arcs : sequence of int
-        Number of elements of each arc.
+        Number of elements of each arc, in the order of time.
+
+    Returns
+    -------
+    tuple of int
+        Number of elements of each block, in the order of time.
     """
     blocks: list[int] = []
     for count in arcs:

@@ -146,7 +146,10 @@ class OcpProblem(ABC):
         )
 
     def with_single_block(self, lengths: Array) -> "OcpProblem":
-        """Return the problem with the total duration as its only unknown time.
+        """Return the problem with all elements in one block.
+
+        The elements of a block have durations in fixed proportions, so the total duration is then
+        the only unknown time of the problem.
 
         Parameters
         ----------

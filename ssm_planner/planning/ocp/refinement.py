@@ -165,14 +165,17 @@ class RefinementState:
         )
 
     def with_backoff(self, solution: NlpSolution, increase: Array) -> "RefinementState":
-        """Return the state for a solve with lower bounds, which starts at a solution.
+        """Return the state for the next solve, with tighter bounds on the path constraints.
+
+        A path constraint can exceed its limit between collocation points. The next solve then
+        requires a distance from the limit, the backoff, at the points of these elements.
 
         Parameters
         ----------
         solution : NlpSolution
             Solution at which the next solve starts, with its multipliers.
         increase : (n, r) array
-            Amount by which the bound of each path constraint is lowered in each element.
+            Amount to add to the backoff of each of r path constraints in each of n elements.
         """
         return replace(self, backoff=self.backoff + increase, warm=solution)
 

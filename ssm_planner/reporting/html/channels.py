@@ -116,10 +116,11 @@ def plotted_speeds(limits: TaskLimits) -> list[type[SpeedLimit]]:
 
 
 def _tool_channels(mechanism: Mechanism, samples: Samples, limits: TaskLimits) -> Arrays:
-    """Return the channels of the tool.
+    """Compute the quantities of the tool that the report plots over time.
 
-    They contain the task coordinates, their limited rates, the tip position, the tool speeds and
-    the clearances in the eye.
+    They are the task coordinates, the rates of those coordinates whose rate is limited, the tip
+    position, the tool speeds, and the clearances in the eye. Each is one channel of the report,
+    that is, one named series of values.
 
     Parameters
     ----------
