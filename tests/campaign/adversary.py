@@ -1,7 +1,8 @@
-"""Motions that climb towards what `check` calls kept although an independent oracle finds it violated.
+"""Search for motions that `check` accepts although an independent oracle finds a violated limit.
 
-Each case is one file that is written, read and checked. A case fails if `check` says that every limit is kept
-and tests/support/oracle.py finds a value that exceeds a limit by more than ALLOWED.
+Each case writes one file, reads it and checks it. A case fails if `check` reports that every limit
+is kept while tests/support/oracle.py finds a value that exceeds a limit by more than ALLOWED. The
+search is a hill climb: it changes the files that come closest to such a failure.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ from .rows import ROBOT, Count, Hang, Row, watchdog
 
 Array = np.ndarray
 ALLOWED = 1e-3 + 1e-5
-"""Excess of a limit that is no failure, as a share of it: 0.1 %, and rounding."""
+"""Excess over a limit, relative to the limit, that is tolerated: 0.1 % plus rounding."""
 KEEP = 4
-"""Cases that are kept for each limit, from which others are made."""
+"""Number of cases kept for each limit. New cases are made from the kept ones."""
 FRESH = 0.08
-"""Share of cases that begin again from a healthy motion."""
+"""Fraction of the cases that start from the healthy motion again."""
 AIMED = 0.3
-"""Share of cases that make a motion just so fast that it meets a limit."""
+"""Fraction of the cases that scale the speed of a motion so that it just meets a limit."""
 TEMPO = 1.2
-"""Range of the logarithm of the speed of a motion."""
+"""Width of the interval from which the logarithm of a speed factor is drawn."""
 ORDERS = {
     "velocity": 1,
     "motor speed": 1,
@@ -46,23 +47,28 @@ ORDERS = {
     "steps of velocity": 2,
     "jerk": 3,
 }
-"""By which power of the speed a limited quantity grows."""
+"""Power of the speed with which each limited quantity grows."""
 HIDDEN = 1e-7
-"""Difference of the oracle and `check` that is more than rounding, as a share of a limit."""
+"""Smallest relative excess by which the oracle exceeds `check` beyond rounding."""
 MOST_GENES = 6
 MOST_ROWS = 250
 MOST_PIECES = 260
 SLACKS = (1e-3, 0.3)
-"""Shares by which torque, tilt range and tip speed exceed what the healthy motion needs."""
+"""Smallest and largest relative margin of torque, tilt range and tip speed over the healthy motion.
+"""
 DYNAMIC = ("acceleration", "motor torque", "continuous torque", "jerk", "nut contact")
-"""Limits that straight lines leave open, as with --allow-unjudged."""
+"""Limits that `check --allow-unjudged` leaves unjudged on straight lines."""
 SPEEDS = (1.0, 0.98, 0.9, 0.8, 0.65, 0.5, 0.35)
-"""Shares of the speed at which a healthy motion is tried."""
+"""Speed factors at which a healthy motion is tried, one after the other."""
 TENS = 10.0
 
 
 class Gene(NamedTuple):
-    """A change of a motion or of its table: its kind, and numbers from 0 to 1 that its function reads."""
+    """A change of a motion or of its table.
+
+    `kind` names the function that makes the change. `u` holds the numbers from 0 to 1 that this
+    function reads.
+    """
 
     kind: str
     u: tuple[float, ...]
@@ -72,14 +78,14 @@ Genes = tuple[Gene, ...]
 
 
 class Motion(NamedTuple):
-    """Pieces of a motion: breaks (m + 1,) and coefficients (m, 6, 4)."""
+    """The pieces of a motion: breaks (m + 1,) in s and coefficients (m, 6, 4)."""
 
     breaks: Array
     coefficients: Array
 
 
 class Table(NamedTuple):
-    """Rows (n, 4) of a motion; NaN where a row leaves a quantity out."""
+    """Rows of a motion: times (n,) and states (n, 4). NaN marks a quantity that a row omits."""
 
     t: Array
     q: Array
@@ -88,16 +94,18 @@ class Table(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What `check` says of a file, and what the oracle says of the motion."""
+    """The verdict of `check` on a file, and the excesses that the oracle finds in the motion."""
 
     verdict: str
     excess: float
-    """Over the worst limit, by `check`."""
+    """Relative excess over the worst limit according to `check`."""
     found: dict[oracle.Key, float]
     checked: dict[oracle.Key, float]
-    """Excess over each limit by `check`."""
+    """Relative excess over each limit according to `check`."""
     smooth: bool
-    """No straight lines, of whose speed `check` takes off what rounding explains."""
+    """False if the motion contains straight lines, whose speed `check` reduces by the effect of
+    rounding.
+    """
 
     @property
     def worst(self) -> tuple[oracle.Key, float]:
@@ -105,14 +113,14 @@ class Outcome(NamedTuple):
 
     @property
     def fault(self) -> str | None:
-        """What was missed."""
+        """Return a description of the violation that `check` misses, or None."""
         (name, joint), excess = self.worst
         missed = self.verdict == "kept" and excess > ALLOWED
         return f"{name} of {joint}: {excess:.3e} too large, but kept" if missed else None
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """A sixth of the count for each format: one climb each."""
+    """Run one climb for each of the six formats. Each climb gets a sixth of the count."""
     rows = []
     for number, form in enumerate(FORMS):
         counted = Count(f"adversary: {form}")
@@ -130,7 +138,9 @@ def shown(genes: Genes) -> str:
 
 
 class Climb:
-    """A small population of files of one format; the best ones of each limit are changed further."""
+    """A climb on files of one format. It keeps the best cases of each limit and changes them
+    further.
+    """
 
     def __init__(self, form: str, folder: Path, rng: np.random.Generator) -> None:
         self.form, self.folder, self.rng = form, folder, rng
@@ -141,7 +151,11 @@ class Climb:
         self.best: dict[str, list[tuple[float, Genes, float]]] = {}
 
     def healthy(self) -> Case:
-        """A case whose own file is not violated; slower than its plan where rows or rounding need it."""
+        """Return a case whose unchanged file violates no limit.
+
+        The motion is slowed down where the rows of the format, or its rounding, make this
+        necessary.
+        """
         while True:
             case = healthy_case(self.rng, self.form)
             for speed in SPEEDS:
@@ -152,7 +166,7 @@ class Climb:
                     return slower
 
     def step(self) -> tuple[Genes, str | None]:
-        """Make one file, check it, and keep it if it is among the best."""
+        """Write and check one file, and remember its genes if they are among the best."""
         genes = self.child()
         try:
             with watchdog():
@@ -167,9 +181,11 @@ class Climb:
         return genes, outcome and outcome.fault
 
     def remember(self, genes: Genes, outcome: Outcome) -> None:
-        """Keep the genes with the largest excess of any limit that is not called violated.
+        """Offer the genes for every limit, ranked by the excess that the oracle finds.
 
-        Also those with the largest difference of the oracle and `check`, at which a hole begins.
+        A violation that `check` reports lowers the rank. The genes are also ranked by the
+        difference between the oracle and `check`, because a growing difference precedes a missed
+        violation.
         """
         penalty = 10 * max(outcome.excess - 1e-6, 0.0) if outcome.verdict == "violated" else 0.0
         for key, excess in outcome.found.items():
@@ -179,12 +195,12 @@ class Climb:
                 self.offer(f"hidden {key[0]}", hidden, genes, excess)
 
     def offer(self, name: str, score: float, genes: Genes, excess: float) -> None:
-        """Keep genes if their score is among the best of this name."""
+        """Keep the genes if their score is among the best for this name."""
         ranked = [*self.best.get(name, []), (score, genes, excess)]
         self.best[name] = sorted(ranked, key=lambda entry: -entry[0])[:KEEP]
 
     def child(self) -> Genes:
-        """Change one of the best a little, or begin again."""
+        """Return a small change of one of the best cases, or a new random case."""
         rng = self.rng
         if not self.best or rng.random() < FRESH:
             return (random_gene(str(rng.choice(self.kinds)), rng),)
@@ -214,7 +230,9 @@ def random_gene(kind: str, rng: np.random.Generator) -> Gene:
 
 
 def aimed(genes: Genes, excess: float, order: int, rng: np.random.Generator) -> Genes:
-    """The motion as much faster that it exceeds a limit by a little, or keeps it only just."""
+    """Return the genes with the speed scaled so that the motion slightly exceeds or just keeps a
+    limit.
+    """
     goal = log(rng.random(), 1e-3, 1e-2) * (1 if rng.random() < 0.8 else -1)
     factor = ((1 + goal) / (1 + excess)) ** (1 / order)
     kept = list(genes)
@@ -225,7 +243,7 @@ def aimed(genes: Genes, excess: float, order: int, rng: np.random.Generator) -> 
 
 
 def nudged(gene: Gene, rng: np.random.Generator) -> Gene:
-    """The gene with one or two of its numbers changed, by little or much."""
+    """Return the gene with one or two of its numbers changed by a random amount."""
     u = np.array(gene.u)
     for k in rng.integers(6, size=int(rng.integers(1, 3))):
         u[k] += rng.normal() * TENS ** rng.uniform(-4, -0.5)
@@ -244,14 +262,14 @@ class Case(NamedTuple):
     ranges: dict[str, tuple[float, float]]
     tip: float
     targets: tuple[Array, ...]
-    """Joint positions to reach, if the motion is checked with its problem."""
+    """Joint positions to reach. Empty if the motion is checked without a problem."""
     counts: int
     """Increments per motor turn."""
 
 
 @lru_cache(maxsize=1)
 def _shipped() -> tuple[Any, tuple[Motion, ...]]:
-    """The robot, and planned motions: the shipped plan, and some of random problems."""
+    """Return the shipped robot, its shipped plan and plans of random problems."""
     from ssm_planner.loading.load import load_robot
     from ssm_planner.plans import load_plan
 
@@ -262,7 +280,7 @@ def _shipped() -> tuple[Any, tuple[Motion, ...]]:
 
 @lru_cache(maxsize=1)
 def random_plans(count: int = 3) -> tuple[Any, ...]:
-    """Motions of the planner between random positions of the shipped robot."""
+    """Return motions that the planner finds between random positions of the shipped robot."""
     from ssm_planner.loading.load import load_robot
     from ssm_planner.pipeline.run import plan
     from ssm_planner.problem import Free, Joints, Problem, unchecked_copy
@@ -276,12 +294,12 @@ def random_plans(count: int = 3) -> tuple[Any, ...]:
 
 
 def position(rng: np.random.Generator) -> Array:
-    """Joints well within the ranges of the shipped robot."""
+    """Return joint positions (4,) well within the ranges of the shipped robot."""
     return np.append(rng.uniform((-1, 0.7, -1), (1, 1.4, 1)), rng.uniform(-0.028, -0.002))
 
 
 def healthy_case(rng: np.random.Generator, form: str) -> Case:
-    """A motion near its limits, of a robot whose friction, jerk, torque and ranges vary."""
+    """Return a motion near its limits, with a robot of random friction, jerk, torque and ranges."""
     from ssm_planner.problem import TaskLimits, TaskRange, TipSpeed
     from tests.support.plans import smooth, trapezoids
 
@@ -322,7 +340,7 @@ def healthy_case(rng: np.random.Generator, form: str) -> Case:
 
 
 def varied(joint: Any, rng: np.random.Generator, jerk: bool) -> Any:
-    """The joint, in some cases with Stribeck friction or a jerk limit."""
+    """Return the joint, sometimes with Stribeck friction or a jerk limit."""
     from ssm_planner.problem import unchecked_copy
 
     drive = joint.drive
@@ -339,7 +357,7 @@ def varied(joint: Any, rng: np.random.Generator, jerk: bool) -> Any:
 
 
 def weaker(joint: Any, torque: float) -> Any:
-    """The joint with a motor of another largest torque."""
+    """Return the joint with a motor of the given peak torque in N·m."""
     from ssm_planner.problem import unchecked_copy
 
     nominal = min(joint.motor.nominal_torque, float(torque))
@@ -359,19 +377,22 @@ def pick(u: float, count: int) -> int:
 
 
 def bounds(robot: Any) -> Array:
-    """Velocity and acceleration limits, and lengths that count as 1 µrad and 1 µm, (3, 4)."""
+    """Return rows (3, 4): ones for positions, the velocity limits and the acceleration limits."""
     joints = robot.joints
     return np.array([np.ones(4), [j.velocity for j in joints], [j.acceleration for j in joints]])
 
 
 def tempo(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
-    """The whole motion faster or slower."""
+    """Play the whole motion faster or slower."""
     factor = np.exp((u[0] - 0.5) * (0.02 if u[1] < 0.5 else TEMPO))
     return faster(motion, 0, len(motion.breaks) - 1, factor)
 
 
 def stretch(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
-    """A part of the motion faster or slower: from rest to rest, or anywhere."""
+    """Play a part of the motion faster or slower.
+
+    The part lies between two pieces at rest, or between two arbitrary breaks.
+    """
     ends = [0, len(motion.breaks) - 1]
     if u[1] < 0.6:
         moving = np.abs(motion.coefficients[:, 1]).max(axis=1) > 1e-9
@@ -386,7 +407,7 @@ def stretch(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
 
 
 def faster(motion: Motion, first: int, last: int, factor: float) -> Motion:
-    """Pieces first … last − 1 at a multiple of their speed."""
+    """Play the pieces first … last − 1 faster by a factor."""
     lengths, coefficients = np.diff(motion.breaks), motion.coefficients.copy()
     lengths[first:last] /= factor
     coefficients[first:last] *= (factor ** np.arange(6))[:, None]
@@ -394,7 +415,7 @@ def faster(motion: Motion, first: int, last: int, factor: float) -> Motion:
 
 
 def cut(motion: Motion, piece: int, places: list[float]) -> Motion:
-    """Cut one piece at times since its start."""
+    """Cut one piece at the given times in s since its start."""
     from .violations import shifted
 
     parts = [shifted(motion.coefficients[piece], place) for place in (0.0, *places)]
@@ -408,7 +429,7 @@ def cut(motion: Motion, piece: int, places: list[float]) -> Motion:
 
 
 def place_in(motion: Motion, u: float, v: float, width: float) -> tuple[int, float, float]:
-    """A piece, and the start and width of a stretch within it."""
+    """Return a piece, and the start and width in s of an interval within it."""
     lengths = np.diff(motion.breaks)
     piece = pick(u, len(lengths))
     width = min(width, 0.9 * lengths[piece])
@@ -416,7 +437,7 @@ def place_in(motion: Motion, u: float, v: float, width: float) -> tuple[int, flo
 
 
 def pulse(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
-    """A pulse of 1 µs to 10 ms in one joint, or in all of them."""
+    """Add a pulse of 1 µs to 10 ms to one joint or to all joints."""
     piece, begin, width = place_in(motion, u[0], u[1], log(u[2], 1e-6, 1e-2))
     if width < 5e-7 or begin < 1e-9:
         return motion
@@ -433,11 +454,11 @@ def pulse(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
         if shape == 0:  # q + A s² (1 − s)²
             size = sign * 3 * amount * a * width**2 / 2
             part[2:5, joint] += size * np.array([1 / width**2, -2 / width**3, 1 / width**4])
-        elif shape == 1:  # q̇ + A s (1 − s)² …: acceleration at the start alone
+        elif shape == 1:  # q̇ + A s (1 − s)²: the acceleration jumps at the start only
             size = sign * 3 * amount * a * width**2
             part[2:4, joint] += size * np.array([1 / width**2 / 2, -1 / width**3 / 3])
             motion.coefficients[piece + 2 :, 0, joint] += size / 6
-        elif shape == 2:  # q̈ ± A, one half each
+        elif shape == 2:  # q̈ + A in the first half, q̈ − A in the second
             bend = sign * 3 * amount * a
             part[2, joint] += bend / 2
             second = motion.coefficients[piece + 2]
@@ -461,7 +482,7 @@ def pulse(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
 
 
 def dip(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
-    """A joint slows down towards standstill and speeds up again, within one piece."""
+    """Slow a joint down towards standstill and speed it up again within one piece."""
     piece, begin, width = place_in(motion, u[0], u[1], log(u[2], 1e-3, 0.5))
     if width < 1e-5:
         return motion
@@ -477,7 +498,7 @@ def dip(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
 
 
 def jump(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
-    """Position, velocity or acceleration jumps at one break, or at many of them."""
+    """Let position, velocity or acceleration jump at one break or at many breaks."""
     coefficients = motion.coefficients.copy()
     count = len(coefficients)
     joint, order, way = pick(u[1], 4), pick(u[2], 3), pick(u[4], 4)
@@ -514,7 +535,7 @@ def jump(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
 
 
 def divide(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
-    """Many tiny pieces in place of one, or of a short part of it."""
+    """Cut one piece, or a short part of it, into many tiny pieces."""
     count = min(int(log(u[1], 2, 200)), MOST_PIECES - len(motion.coefficients))
     if count < 2:
         return motion
@@ -536,7 +557,7 @@ MOTION_GENES: dict[str, Callable[[Case, Motion, tuple[float, ...]], Motion]] = {
 
 
 def state_of(motion: Motion, t: Array) -> Table:
-    """Rows of a motion at times (n,): just after a break."""
+    """Return rows of a motion at times (n,) in s. At a break, the piece that begins counts."""
     piece = np.clip(np.searchsorted(motion.breaks, t, side="right") - 1, 0, len(motion.breaks) - 2)
     local = t - motion.breaks[piece]
     rows, coefficients = [], motion.coefficients[piece]
@@ -548,7 +569,9 @@ def state_of(motion: Motion, t: Array) -> Table:
 
 
 def times_of(motion: Motion, gene: Gene | None) -> Array:
-    """When the rows are: at the breaks, at a rate, and near to each other."""
+    """Return the times of the rows in s: the breaks, uniform or jittered times, and times close
+    together.
+    """
     end = float(motion.breaks[-1])
     if gene is None:
         t = motion.breaks
@@ -568,7 +591,7 @@ def times_of(motion: Motion, gene: Gene | None) -> Array:
 
 
 def bump(case: Case, table: Table, u: tuple[float, ...]) -> Table:
-    """One number of one row changed."""
+    """Change one number in one row or in two rows."""
     order, joint, row = pick(u[2], 3), pick(u[1], 4), pick(u[0], len(table.t))
     largest = (1e-3, 1.0, 3.0)[order] * bounds(case.robot)[order, joint]
     values = [table.q.copy(), table.qd.copy(), table.qdd.copy()]
@@ -578,7 +601,7 @@ def bump(case: Case, table: Table, u: tuple[float, ...]) -> Table:
 
 
 def digits(case: Case, table: Table, u: tuple[float, ...]) -> Table:
-    """Fewer digits of one quantity, or of all of them."""
+    """Round one quantity, or all of them, to fewer digits."""
     places = int(3 + 13 * u[1])
     values = [
         np.round(x, places) if u[0] > 0.75 or pick(u[0] / 0.75, 3) == k else x
@@ -588,7 +611,7 @@ def digits(case: Case, table: Table, u: tuple[float, ...]) -> Table:
 
 
 def omit(case: Case, table: Table, u: tuple[float, ...]) -> Table:
-    """Velocities or accelerations left out of some rows."""
+    """Omit velocities or accelerations from some rows."""
     qd, qdd = table.qd.copy(), table.qdd.copy()
     first = pick(u[0], len(table.t))
     rows = slice(first, first + 1 + pick(u[1] ** 2, len(table.t)))
@@ -599,7 +622,7 @@ def omit(case: Case, table: Table, u: tuple[float, ...]) -> Table:
 
 
 def swap(case: Case, table: Table, u: tuple[float, ...]) -> Table:
-    """Two joints exchanged in one quantity, in all rows or in some."""
+    """Exchange two joints in one quantity, in all rows or in some of them."""
     values = [table.q.copy(), table.qd.copy(), table.qdd.copy()]
     first, last = sorted((pick(u[2], len(table.t)), pick(u[3], len(table.t))))
     rows = slice(None) if u[4] < 0.3 else slice(first, last + 1)
@@ -610,7 +633,7 @@ def swap(case: Case, table: Table, u: tuple[float, ...]) -> Table:
 
 
 def clock(case: Case, table: Table, u: tuple[float, ...]) -> Table:
-    """Time stamps that are uneven: moved by a share of the time between rows."""
+    """Shift the time stamps by a fraction of the time between the rows."""
     rng = np.random.default_rng(int(u[1] * 1e6))
     moved = table.t + rng.uniform(-0.45, 0.45, len(table.t)) * log(u[0], 1e-6, 1.0) * np.gradient(
         table.t
@@ -631,7 +654,10 @@ TABLE_GENES: dict[str, Callable[[Case, Table, tuple[float, ...]], Table] | None]
 
 
 def evaluate(case: Case, form: str, genes: Genes, folder: Path) -> Outcome | None:
-    """Write the file, check it, and judge it by the oracle. None for a file that is refused, or none at all."""
+    """Write the file, check it and judge the motion by the oracle.
+
+    Returns None if no file is written, or if reading or checking refuses the file.
+    """
     from ssm_planner.errors import SsmPlannerError
     from ssm_planner.problem import Free, Joints, Problem
     from ssm_planner.verification.visits import with_task_results
@@ -668,7 +694,7 @@ def evaluate(case: Case, form: str, genes: Genes, folder: Path) -> Outcome | Non
 
 
 def read(case: Case, form: str, path: Path) -> tuple[Any, Any, Any]:
-    """What the command `check` reads: motion, robot and limits."""
+    """Return the motion, the robot and the limits that the command `check` reads."""
     from ssm_planner.cli import check as command
     from ssm_planner.formats.read import read_trajectory
 
@@ -680,7 +706,7 @@ def read(case: Case, form: str, path: Path) -> tuple[Any, Any, Any]:
 
 
 def moved_targets(case: Case, genes: Genes) -> list[Array]:
-    """The targets of the problem, moved by about their tolerance."""
+    """Return the targets of the problem, moved by about their tolerance."""
     targets = [target.copy() for target in case.targets]
     for gene in genes:
         if gene.kind == "target" and targets:
@@ -689,11 +715,11 @@ def moved_targets(case: Case, genes: Genes) -> list[Array]:
 
 
 Written = tuple[Path, oracle.Played, dict[oracle.Key, float]] | None
-"""A file, the motion that its client plays, and limits of what it holds beside the motion."""
+"""A file, the motion that its client plays, and excesses over limits that only the file states."""
 
 
 def table_of(case: Case, motion: Motion, genes: Genes) -> Table:
-    """Rows of the motion with all changes of tables."""
+    """Return the rows of the motion with all changes of tables applied."""
     gene = next((gene for gene in genes if gene.kind == "times"), None)
     table = state_of(motion, times_of(motion, gene))
     table.qd[-1] = np.where(np.abs(table.qd[-1]) < 1e-9, 0.0, table.qd[-1])
@@ -705,13 +731,13 @@ def table_of(case: Case, motion: Motion, genes: Genes) -> Table:
 
 
 def columns_of(genes: Genes) -> int:
-    """How many quantities a table has: 1 to 3. Cubics are usual."""
+    """Return how many quantities a table has: 1 to 3. The usual number is 2, for cubics."""
     gene = next((gene for gene in genes if gene.kind in ("times", "digits")), None)
     return 2 if gene is None else (1, 2, 2, 3)[pick(gene.u[5], 4)]
 
 
 def write_plan_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
-    """A plan.json, with the certificate of another motion."""
+    """Write a plan.json. Its certificate belongs to another motion."""
     document = plan_document(case, folder)
     phases = [{"name": "move", "start_s": 0.0, "end_s": float(motion.breaks[-1])}]
     pieces = {"breaks_s": motion.breaks.tolist(), "coefficients": motion.coefficients.tolist()}
@@ -721,11 +747,14 @@ def write_plan_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> W
 
 
 _latest: list[Any] = [None, {}]
-"""Limits of the case whose plan.json was made last, and its document."""
+"""The limits of the case whose plan.json was made last, and that document."""
 
 
 def plan_document(case: Case, folder: Path) -> dict[str, Any]:
-    """The parts of a plan.json that stay the same in a climb, with the certificate of another motion."""
+    """Return the parts of a plan.json that stay the same in a climb.
+
+    Their certificate belongs to another motion.
+    """
     from tests.support.plans import smooth, write_plan
 
     if _latest[0] is not case.limits:
@@ -736,7 +765,10 @@ def plan_document(case: Case, folder: Path) -> dict[str, Any]:
 
 
 def write_csv_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
-    """A CSV with positions, and with velocities and accelerations if no row lacks them."""
+    """Write a CSV with positions.
+
+    Velocities and accelerations are added if no row lacks them.
+    """
     table = table_of(case, motion, genes)
     count = columns_of(genes)
     tables = list(table[1 : 1 + count])
@@ -757,7 +789,7 @@ def write_csv_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Wr
 
 
 def ticked(table: Table) -> Table:
-    """The table with times in whole nanoseconds."""
+    """Return the table with times rounded to whole nanoseconds."""
     ticks = np.round(table.t * 1e9)
     return table._replace(t=ticks / 1e9)
 
@@ -767,7 +799,10 @@ def lists_of(rows: Array) -> list[list[float]]:
 
 
 def message_of(case: Case, motion: Motion, genes: Genes) -> tuple[Table, dict[str, Any]] | None:
-    """A JointTrajectory as a document."""
+    """Return a table and its JointTrajectory message as a document.
+
+    Returns None if two rounded times coincide.
+    """
     table = ticked(table_of(case, motion, genes))
     if np.any(np.diff(table.t) <= 0):
         return None
@@ -793,21 +828,21 @@ def message_of(case: Case, motion: Motion, genes: Genes) -> tuple[Table, dict[st
 
 
 def write_yaml_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
-    """A JointTrajectory; JSON is YAML."""
+    """Write a JointTrajectory as JSON, which is valid YAML."""
     made = message_of(case, motion, genes)
     if made is None:
         return None
     table, document = made
     path = folder / "goal.yaml"
     text = json.dumps(document)
-    # YAML reads 1e-05 as a word
+    # YAML reads 1e-05 as a string
     text = re.sub(r"(?<![\d.])(-?\d+)e([+-]?\d+)", r"\1.0e\2", text)
     path.write_text(text)
     return path, oracle.through(*table), {}
 
 
 def write_bag_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
-    """A rosbag2 with the JointTrajectory alone."""
+    """Write a rosbag2 that contains only the JointTrajectory."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -845,7 +880,7 @@ def _store(kind: Any, get: Callable[[Any], Any]) -> Any:
 
 
 def sealed(folder: Path, manifest: dict[str, Any]) -> None:
-    """Write the manifest with the hashes of all files."""
+    """Write the manifest with fresh hashes of all files."""
     from ssm_planner.publishing import file_hashes
 
     (folder / "manifest.json").unlink(missing_ok=True)
@@ -877,7 +912,7 @@ def emptied(folder: Path) -> Path:
 
 
 def write_epos4_folder(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
-    """Streams of positions with the offsets of the motion; the manifest made again."""
+    """Write streams of positions with the offsets of the motion, and a matching manifest."""
     from ssm_planner.formats import epos4
     from ssm_planner.formats.epos4_setup import drive_axes
     from ssm_planner.problem import TaskLimits
@@ -923,12 +958,12 @@ def write_epos4_folder(case: Case, motion: Motion, genes: Genes, folder: Path) -
 
 
 def _same() -> np.random.Generator:
-    """Always the same numbers, for a healthy file."""
+    """Return a generator with a fixed seed for the times of a healthy file."""
     return np.random.default_rng(3)
 
 
 def write_pvt_folder(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
-    """Rows of whole milliseconds and increments; the manifest made again."""
+    """Write rows in whole milliseconds and increments, and a matching manifest."""
     from ssm_planner.formats import pvt
     from ssm_planner.formats.epos4_setup import drive_axes
     from ssm_planner.problem import TaskLimits

@@ -1,4 +1,8 @@
-"""Plans, exports and reports changed by hand: nowhere shown as certified."""
+"""Plans, exports and reports that are changed by hand must never be presented as certified.
+
+Changed export folders whose hashes match are compared with the motion that tests/support/oracle.py
+plays.
+"""
 
 from __future__ import annotations
 
@@ -33,12 +37,15 @@ JUDGED = (
     ("certificate",),
     ("problem", "robot"),
 )
-"""Parts of plan.json that a certificate is of, beside the limits of the task."""
+"""Parts of plan.json that the certificate covers, besides the limits of the task."""
 LIMITS = ("limits", "tip_speed", "rates", "eye", "start_rate", "end_rate")
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """A third of the count each: plans, shown and exported; export folders; the same with new hashes."""
+    """Run three kinds of cases with a third of the count each.
+
+    The kinds are changed plans, changed export folders, and changed export folders with new hashes.
+    """
     with tempfile.TemporaryDirectory() as name:
         return [
             _plans(Path(name), count // 3, random.Random(f"{seed} plans")),
@@ -66,13 +73,13 @@ def _plans(folder: Path, count: int, rng: random.Random) -> Row:
             continue
         path.write_text(json.dumps(document), encoding="utf-8")
         if _same(path, folder / "plan.json"):
-            continue  # what the robot itself allows less of is no change
+            continue  # the changed value is weaker than a limit of the robot and has no effect
         counted.add(_shown(path, place, page=counted.cases % 20 == 0))
     return counted.row
 
 
 def tampered(rng: random.Random, document: dict[str, Any]) -> str:
-    """Change one value that the certificate is of, in place; where it was."""
+    """Change one value in the document that the certificate covers, and return its path."""
     ways = [*JUDGED, *(("problem", key) for key in LIMITS)]
     place: Any = document
     path = list(rng.choice(ways))
@@ -112,7 +119,7 @@ def _change(rng: random.Random, place: Any, key: Any) -> None:
 
 
 def _same(path: Path, original: Path) -> bool:
-    """A plan that is the other one, however it is written."""
+    """Return whether two files describe the same plan."""
     from ssm_planner.errors import SsmPlannerError
     from ssm_planner.plans import load_plan
 
@@ -127,7 +134,7 @@ def _same(path: Path, original: Path) -> bool:
 
 
 def _shown(path: Path, place: str, page: bool) -> str | None:
-    """Where a changed plan is still shown as certified."""
+    """Return where a changed plan is still presented as certified, or None."""
     from ssm_planner.errors import SsmPlannerError
     from ssm_planner.formats.export import recheck_plan
     from ssm_planner.plans import load_plan
@@ -137,7 +144,7 @@ def _shown(path: Path, place: str, page: bool) -> str | None:
     try:
         plan = load_plan(path)
     except SsmPlannerError:
-        return None  # not a plan any more
+        return None  # the file is no longer a plan
     if plan.passed or plan.summary()["passed"]:
         return f"{place}: the plan passes"
     if verdict_marks(plan)[1][1] != "Not certified":
@@ -160,26 +167,27 @@ FORMS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("epos4", {"counts_per_turn": 4096, "rate": 100.0}),
     ("pvt", {}),
 )
-"""Formats with a motion, and the options of their exports."""
+"""Formats that contain a motion, and the options of their exports."""
 RESEALED: tuple[tuple[str, str, dict[str, Any]], ...] = (
     *((form, form, options) for form, options in FORMS),
     ("csv with stops", "csv", {"stops": 9}),
     ("epos4 with stops", "epos4", {"counts_per_turn": 4096, "rate": 100.0, "stops": 9}),
 )
-"""Exports that are changed with their hashes: a name, the format and its options."""
+"""Exports that are changed together with their hashes: a name, the format and its options."""
 UNREAD = {"file", "software", "speed", "warning"} | EXPLANATORY_KEYS
-"""Entries that explain, or that tell where the motion comes from; only a signature is of them."""
+"""Entries that explain, or that name the origin of the motion. Only a signature covers them."""
 ALLOWED = 1e-3 + 1e-5
-"""Excess of a limit that is no failure, as a share of it."""
+"""Excess over a limit, relative to the limit, that is tolerated."""
 SAME_MOTION = 1e-9
-"""rad or m; relative to the largest value, where a table has velocities."""
+"""Largest difference of positions, in rad or m, of two players of the same motion."""
 
 
 def resealed(folder: Path, count: int, seed: int, kinds: Counter[str] | None = None) -> list[Row]:
-    """Single changes of manifest, objects and tables, with hashes made again.
+    """Change one entry of a manifest, an object or a table, and renew the hashes.
 
-    Each is found, or harmless: nothing that a client interprets is different. A motion that differs
-    is harmless only if the independent oracle shows it: no limit is exceeded, no target missed.
+    Every change must be found or harmless. A change is harmless if no quantity differs that a
+    client interprets. A different motion is harmless only if the independent oracle finds that it
+    exceeds no limit and misses no target.
     """
     from ssm_planner.formats.export import export
     from ssm_planner.loading.load import load_robot
@@ -189,7 +197,8 @@ def resealed(folder: Path, count: int, seed: int, kinds: Counter[str] | None = N
     folder.mkdir()
     rows = []
     for name, form, options in RESEALED:
-        motion = smooth(robot) if name == "csv" else trapezoids(robot)  # rows at a rate miss jumps
+        # rows at a fixed rate do not show jumps
+        motion = smooth(robot) if name == "csv" else trapezoids(robot)
         plan = write_plan(folder / "plan.json", robot, motion)
         if name == "csv":
             options = {"rate": 50.0, "columns": ["q", "qd", "qdd", "torque", "counts"]}
@@ -212,7 +221,7 @@ def resealed(folder: Path, count: int, seed: int, kinds: Counter[str] | None = N
 
 
 def judged(folder: Path, robot: Robot) -> Reading | None:
-    """The motion of a folder, or None if the check does not accept it."""
+    """Return the motion of a folder, or None if the check does not accept it."""
     from ssm_planner.errors import SsmPlannerError
     from ssm_planner.formats.read import read_trajectory
     from ssm_planner.problem import TaskLimits
@@ -226,11 +235,12 @@ def judged(folder: Path, robot: Robot) -> Reading | None:
 
 
 def compared(original: Path, folder: Path, robot: Robot, reference: Reading | None) -> str:
-    """What became of a change.
+    """Return the outcome of a change.
 
-    It is found, or it is harmless: identical for every client; a feed-forward offset that the motor
-    law allows; or another motion that by an independent simulation keeps every limit and ends at
-    the target. Otherwise it is missed.
+    The change is found if the check refuses the folder. It is harmless if the folder is identical
+    for every client, or if only a feed-forward offset differs within the tolerance of the motor
+    law. It is also harmless if an independent simulation of the new motion keeps every limit and
+    ends at the target. Any other change is missed.
     """
     assert reference is not None
     reading = judged(folder, robot)
@@ -243,13 +253,13 @@ def compared(original: Path, folder: Path, robot: Robot, reference: Reading | No
         for place in (original, folder)
     )
     for document in (before, after):
-        # The check has compared plan and stretch with the motion. A missing rate is zero.
+        # The check has compared `plan` and `stretch` with the motion. A missing rate means zero.
         for key in ("files", "plan", "stretch"):
             document.pop(key, None)
         document |= {key: document.get(key, {}) for key in ("start_rate", "end_rate")}
     stops = [place / "stops.csv" for place in (original, folder)]
     if stops[0].exists() and reference.resolution is not None:
-        # summaries of a table that is played: no client reads them
+        # No client reads these summaries of a table that is played.
         for document in (before, after):
             for key in ("longest_s", "farthest_m"):
                 document["stops"].pop(key, None)
@@ -271,7 +281,11 @@ def compared(original: Path, folder: Path, robot: Robot, reference: Reading | No
 
 
 def farthest(motion: Trajectory, reference: Trajectory) -> float:
-    """The largest distance of two motions at equal times, as a multiple of the tolerance of a target."""
+    """Return the largest distance of two motions at equal times.
+
+    The distance is in units of the tolerance of a target. A difference of the durations adds 1000
+    per second.
+    """
     end = min(motion.breaks[-1], reference.breaks[-1])
     t = np.union1d(motion.breaks, reference.breaks)
     t = np.append(t, np.linspace(t[0], end, 2000))
@@ -281,7 +295,9 @@ def farthest(motion: Trajectory, reference: Trajectory) -> float:
 
 
 def harmless(original: Path, folder: Path, robot: Robot) -> bool:
-    """Whether the client of a changed folder keeps every limit and reaches the targets of the original."""
+    """Return whether the client of a changed folder keeps every limit and reaches the original
+    targets.
+    """
     before, motion = (played(place, robot) for place in (original, folder))
     found = oracle.violations(motion, robot, ranges=dict(robot.ranges))
     target = oracle.at(before, np.array([-1]), np.ones(1), 0)
@@ -292,7 +308,7 @@ def harmless(original: Path, folder: Path, robot: Robot) -> bool:
 
 
 def _close(*tables: Path) -> bool:
-    """Whether two tables have the same numbers up to their last digits."""
+    """Return whether two tables have the same numbers within rounding."""
     first, second = (np.loadtxt(path, delimiter=",", skiprows=1) for path in tables)
     return first.shape == second.shape and np.allclose(first, second, rtol=1e-9, atol=1e-11)
 
@@ -305,9 +321,10 @@ def _stops(path: Path) -> list[np.ndarray]:
 def harmless_stops(
     before: list[np.ndarray], after: list[np.ndarray], scales: np.ndarray, robot: Robot
 ) -> bool:
-    """Whether a controller that plays changed stops keeps position, speed and acceleration, and ends at rest.
+    """Return whether a controller that plays changed stops keeps its limits and ends at rest.
 
-    It begins where the motion is, and stays near the stops of the original.
+    The limits are those of position, speed and acceleration. The controller must begin at the
+    current state of the motion and stay near the stops of the original.
     """
     if len(before) != len(after):
         return False
@@ -347,14 +364,17 @@ def _ranges(q: np.ndarray, robot: Robot) -> Iterator[tuple[np.ndarray, tuple[flo
 
 
 def plays_alike(motion: oracle.Played, reference: Trajectory) -> bool:
-    """Whether the independent player of a folder, and its reader, have the same motion."""
+    """Return whether the independent player of a folder and its reader give the same motion."""
     dense = oracle.sampled(motion)
     q = reference.sample(dense.t.ravel(), clamp=True).q
     return bool(np.abs(q - dense.states[0].reshape(-1, 4)).max() < SAME_MOTION)
 
 
 def played(folder: Path, robot: Robot) -> oracle.Played:
-    """The motion that the client of an export folder plays, without the readers of the package."""
+    """Return the motion that the client of an export folder plays.
+
+    The function does not use the readers of the package.
+    """
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     kind = manifest["kind"]
     if kind == "csv":
@@ -397,7 +417,9 @@ def _different(before: Any, after: Any) -> bool:
 
 
 def change_folder(rng: random.Random, folder: Path) -> str:
-    """Change one entry of the manifest or one place of a file; where it was. The hashes are made again."""
+    """Change one entry of the manifest or one position in a file, renew the hashes, and return
+    where.
+    """
     path = folder / "manifest.json"
     manifest = json.loads(path.read_text(encoding="utf-8"))
     names = sorted(manifest["files"])
@@ -412,7 +434,7 @@ def change_folder(rng: random.Random, folder: Path) -> str:
 
 
 def _change_entry(rng: random.Random, manifest: dict[str, Any]) -> str:
-    """Change, remove or exchange an entry of the manifest."""
+    """Change, remove or exchange an entry of the manifest, and return its path."""
     while True:
         place: Any = manifest
         keys: list[Any] = []
@@ -437,7 +459,9 @@ def _change_entry(rng: random.Random, manifest: dict[str, Any]) -> str:
 
 
 def _change_file(rng: random.Random, folder: Path, name: str, names: list[str]) -> None:
-    """Change a number of a text or a bit of a bag; or remove a line or the file, or exchange two files."""
+    """Change a number of a text or a bit of a bag, remove a line or the file, or exchange two
+    files.
+    """
     file = folder / name
     way = rng.random()
     if way < 0.05:
@@ -465,7 +489,7 @@ def _change_file(rng: random.Random, folder: Path, name: str, names: list[str]) 
 
 
 def _other(rng: random.Random, number: str) -> str:
-    """Another number of the same kind."""
+    """Return another number of the same kind."""
     share = 10 ** rng.uniform(-6, 0.5) * rng.choice((-1, 1))
     if re.fullmatch(r"-?\d+", number):
         step = round(float(number) * share) or rng.choice((-1, 1))

@@ -1,7 +1,11 @@
-"""Oracles for the simulation of one drive: integrated adaptively with every change of state an event, and in fixed steps.
+"""Two oracles for the simulation of one drive.
 
-Sticking, the speed is exactly 0 until the torque passes breakaway; sliding, the exact law is solved for the
-acceleration, branch by branch and independently of dynamics/transmission.py. Frictional memory is left out.
+`simulate_drive` integrates adaptively and treats every change between sticking and sliding as an
+event. `simulate_drive_fixed` integrates in fixed steps.
+
+While the drive sticks, the speed is exactly 0 until the torque exceeds breakaway. While it slides,
+each branch of the exact law is solved for the acceleration, without the code of
+dynamics/transmission.py for the exact solution. Frictional memory is left out.
 """
 
 from __future__ import annotations
@@ -38,19 +42,22 @@ class Slip:
     """Acceleration of a sliding drive at one instant."""
 
     wd: float
-    """Motor acceleration, rad/s²; NaN where no motion satisfies the law."""
+    """Motor acceleration in rad/s². NaN where no motion satisfies the law."""
     effort: float
-    """F that the mesh carries, N·m or N."""
+    """Effort F that the mesh carries, in N·m or N."""
     outcome: Outcome
 
 
 def with_load(drive: Drive, load_inertia: float) -> Drive:
-    """The drive with the inertia of a load fixed to its output (kg·m² or kg)."""
+    """Return the drive with the inertia of a load (kg·m² or kg) fixed to its output."""
     return replace(drive, output_inertia=drive.output_inertia + load_inertia)
 
 
 def mesh_torque(drive: Drive, F: float, wd: float, direction: float, mu: float) -> float:
-    """Motor torque of the mesh alone, moving in `direction` (±1), by γ·tan(λ ± φ)·F = mean·F + direction·half·|F|."""
+    """Return the motor torque of the mesh alone for a motion in `direction` (±1).
+
+    The law γ·tan(λ ± φ)·F is written as mean·F + direction·half·|F|.
+    """
     up, down = mesh_coefficients(drive, mu)
     mean, half = 0.5 * (up + down), 0.5 * (up - down)
     if drive.kind != "antibacklash_screw":
@@ -66,7 +73,7 @@ def servo_torque(servo: Servo, error: float, integral: float) -> float:
 
 
 def servo_rate(servo: Servo, error: float, integral: float) -> float:
-    """d(integral)/dt: none in the direction that the limit cuts off."""
+    """Return the rate of the integral. It is 0 if the error pushes the torque beyond its limit."""
     wanted = servo.kp * error + integral
     return 0.0 if abs(wanted) > servo.limit and wanted * error > 0 else servo.ki * error
 
@@ -74,10 +81,11 @@ def servo_rate(servo: Servo, error: float, integral: float) -> float:
 def slip_acceleration(
     drive: Drive, tau: float, w: float, load: float, direction: int, mu: float
 ) -> Slip:
-    """Acceleration of a drive that moves (or starts to move) in `direction` (±1) under the motor torque tau, N·m.
+    """Return the acceleration of a drive that moves, or starts to move, in `direction` (±1).
 
-    load: effort on the output besides its inertia and friction; the inertia of the load belongs to the drive
-    (`with_load`). Solves motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction.
+    `tau` is the motor torque in N·m. `load` is the effort on the output without its inertia and
+    friction. The inertia of the load belongs to the drive (`with_load`). The function solves
+    motor_torque(F, w, wd) = tau with F = load + J_out·wd/ratio + friction.
     """
     f = required_friction(drive)
     effort = float(output_effort(drive, load, w / drive.ratio, 0.0, direction))
@@ -109,7 +117,9 @@ def slip_acceleration(
 
 
 def breaks_away(drive: Drive, tau: float, load: float, mu_static: float) -> int:
-    """Direction (±1) in which a drive at rest starts to move under the motor torque tau, 0 where it stays."""
+    """Return the direction (±1) in which a drive at rest starts under the torque tau. 0 means it
+    stays.
+    """
     if tau > breakaway_torque(drive, load, 1.0, mu_static):
         return 1
     if tau < breakaway_torque(drive, load, -1.0, mu_static):
@@ -120,7 +130,10 @@ def breaks_away(drive: Drive, tau: float, load: float, mu_static: float) -> int:
 def friction_power(
     drive: Drive, w: float, effort: float, direction: int, mu: float, wd: float = 0.0
 ) -> float:
-    """Power that mesh, bearings and output friction turn into heat, W, ≥ 0 in motion."""
+    """Return the power in W that mesh, bearings and output friction turn into heat.
+
+    The power is not negative in motion.
+    """
     f = required_friction(drive)
     qd = w / drive.ratio
     transmitted = effort * qd
@@ -138,28 +151,34 @@ _ANGLE, _SPEED, _INTEGRAL, _WORK, _LOSS = range(5)
 
 @dataclass(frozen=True, eq=False)
 class DriveMotion:
-    """A simulated motion, arrays (samples,); motor side, SI."""
+    """A simulated motion. All arrays are (samples,), on the motor side and in SI units."""
 
     time: Array
     angle: Array
     w: Array
     tau: Array
     state: Array
-    """−1, 0 or +1: sliding backwards, standing, sliding forwards."""
+    """Direction of sliding, −1 or +1, or 0 for a drive at rest."""
     work: Array
-    """Energy that the motor has put in since the start, J."""
+    """Energy in J that the motor has put in since the start."""
     dissipated: Array
     kinetic: Array
     potential: Array
-    """Of the constant load, J."""
+    """Potential energy of the constant load in J."""
     events: tuple[tuple[float, str], ...]
-    """(time, `stops` | `starts forwards` | `starts backwards` | `reverses`)."""
+    """Time in s and name of each event.
+
+    The names are `stops`, `starts forwards`, `starts backwards` and `reverses`.
+    """
     status: str
-    """`done`, or why the simulation ended early."""
+    """`done`, or the reason why the simulation ended early."""
 
     @property
     def energy_error(self) -> float:
-        """Largest |work − (kinetic + potential + dissipated)| over the largest energy that passed."""
+        """Return the largest error of the energy balance, relative to the largest energy.
+
+        The error is |work − (kinetic + potential + dissipated)|.
+        """
         stored = self.kinetic + self.potential
         error = self.work - (stored - stored[0]) - self.dissipated
         scale = max(
@@ -170,7 +189,7 @@ class DriveMotion:
 
 @dataclass
 class _Plant:
-    """Equations of one drive with a constant load under a servo."""
+    """The equations of one drive with a constant load and a servo."""
 
     drive: Drive
     servo: Servo
@@ -218,11 +237,14 @@ def simulate_drive(
     rtol: float = 1e-8,
     max_step: float = np.inf,
 ) -> DriveMotion:
-    """Integrate a drive adaptively, every stop and start found as an event.
+    """Integrate a drive adaptively and locate every stop and start as an event.
 
-    reference: motor speed wanted at a time (s), rad/s. load: constant effort on the output, N·m or N; load_inertia: kg·m²
-    or kg. speed: initial motor speed. Ends early, with a status that says why, where the rigid law has no unique motion
-    (`effective_inertia`) or events follow each other without end.
+    `reference` gives the wanted motor speed in rad/s at a time in s. `load` is a constant effort on
+    the output in N·m or N. `load_inertia` is in kg·m² or kg. `speed` is the initial motor speed in
+    rad/s.
+
+    The simulation ends early, with a status that states the reason, if the rigid law has no unique
+    motion (`effective_inertia`) or if the number of events exceeds its limit.
     """
     plant = _Plant(with_load(drive, load_inertia), servo, reference, load)
     x = np.zeros(5)
@@ -260,7 +282,7 @@ def _piece(
     rtol: float,
     max_step: float,
 ) -> tuple[Array, Array, int | None]:
-    """Integrate one state until it ends: (times, states, index of the event or None)."""
+    """Integrate until the state ends. Returns times, states and the index of the event or None."""
     from scipy.integrate import solve_ivp
 
     watched = _sliding_events() if state else _standing_events(plant, rest_since)
@@ -281,7 +303,7 @@ def _piece(
 
 def _sliding_events() -> list[Any]:
     def stops(t: float, x: Array, state: int) -> float:
-        # A drive that has just started is still at 0: only a return to 0 counts.
+        # A drive that has just started is still at speed 0. Only a return to 0 counts.
         return float(x[_SPEED] * state)
 
     stops.terminal, stops.direction = True, -1.0  # type: ignore[attr-defined]
@@ -307,7 +329,10 @@ def _standing_events(plant: _Plant, rest_since: float) -> list[Any]:
 def _next_state(
     plant: _Plant, t: float, x: Array, state: int, event: int
 ) -> tuple[int, float, str]:
-    """(new state, start of rest, name) after an event; x is corrected to an exact standstill."""
+    """Return the new state, the start of the rest and the name of the event.
+
+    The speed in `x` is set to exactly 0.
+    """
     x[_SPEED] = 0.0
     if state == 0:
         return (1, -np.inf, "starts forwards") if event == 0 else (-1, -np.inf, "starts backwards")
@@ -360,10 +385,13 @@ def simulate_drive_fixed(
     load: float = 0.0,
     load_inertia: float = 0.0,
 ) -> DriveMotion:
-    """Follow motor speeds `reference` (n,), one per control period (s), from rest; `steps` integration steps in each.
+    """Follow motor speeds `reference` (n,) in rad/s from rest, one speed per control period.
 
-    servo None: a motor without power. load: constant effort on the output, N·m or N; load_inertia: kg·m² or kg. The
-    load's inertia is rigidly coupled: the motion is meaningful where `effective_inertia` is positive on both sides.
+    Each `period` in s has `steps` integration steps. A `servo` of None stands for a motor without
+    power. `load` is a constant effort on the output in N·m or N. `load_inertia` is in kg·m² or kg.
+
+    The inertia of the load is rigidly coupled. The motion is therefore meaningful only where
+    `effective_inertia` is positive on both sides.
     """
     reference = np.asarray(reference, dtype=float)
     if reference.ndim != 1 or not len(reference):
@@ -402,7 +430,10 @@ def _status(drive: Drive, w: Array) -> str:
 def _period(
     drive: Drive, servo: Servo | None, load: float, period: float, steps: int
 ) -> ca.Function:
-    """(state, wanted speed) → (state after one control period, torque in it)."""
+    """Return the function of one control period.
+
+    It maps the state and the wanted speed to the state after the period and the torque in it.
+    """
     x, wanted = ca.SX.sym("x", 6), ca.SX.sym("wanted")
     angle, w, integral, rest, work, loss = ca.vertsplit(x)
     tau, integral = (

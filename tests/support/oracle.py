@@ -1,11 +1,14 @@
-"""An independent judge of motions in plain NumPy: it takes the numbers of a Robot and no code of the package.
+"""Independent judge of motions, used as the reference for the checks of the package.
 
-It plays the numbers of a file as the client of that file plays them: quintics, cubics or straight lines between
-rows, or the pieces of a plan. It evaluates the motion at many instants of every piece. A value that it finds is a
-value of the motion, so that a limit that it calls violated is violated. A larger value may lie between two instants.
+The oracle is plain NumPy. It takes the numbers of a Robot and calls no code of the package.
 
-The equations: Newton and Euler about the remote centre of motion, through which every axis passes, for the joint
-efforts; the friction law of worm and screw for the motors.
+The oracle plays the numbers of a file as the client of that file plays them: as quintics, cubics or
+straight lines between rows, or as the pieces of a plan. It evaluates the motion at many instants of
+every piece. Every value is a value of the motion, so a limit that the oracle calls violated is
+violated. A larger value may lie between two instants.
+
+The Newton–Euler equations about the remote centre of motion, through which every axis passes, give
+the joint efforts. The friction laws of worm and screw give the motor torques.
 """
 
 from __future__ import annotations
@@ -18,46 +21,49 @@ import numpy as np
 
 Array = np.ndarray
 Key = tuple[str, str | None]
-"""Name of a limit, and the joint."""
+"""Name of a limit, and name of the joint or None."""
 
 INSTANTS = 2400
-"""About as many instants of a motion are evaluated."""
+"""Approximate number of instants at which a motion is evaluated."""
 FEWEST, MOST = 8, 120
-"""Instants of one piece."""
+"""Smallest and largest number of instants in one piece."""
 AT_REST = 1e-9
-"""Share of the velocity limit up to which a joint stands still, and its drive holds it."""
+"""Speed, relative to its limit, below which a joint stands still and its drive holds it."""
 STEP = 1e-6
-"""Step of a position that no client can tell, rad or m; of a velocity: this share of its limit."""
+"""Step that no client notices: of positions in rad or m, of velocities relative to their limit."""
 WITH_STEPS = 1e-3
-"""Share of a limit by which steps may add to the rate of change."""
+"""Fraction of a limit by which steps may increase the rate of change."""
 TARGET = np.array([2e-4, 2e-4, 2e-4, 1e-5])
-"""Tolerance of a target: 0.01° and 10 µm."""
+"""Tolerance of a target: 0.2 mrad (about 0.01°) and 10 µm."""
 BISECTIONS = 45
 
 
 @dataclass(frozen=True)
 class Played:
-    """A motion of m pieces, each a polynomial in s from 0 to 1."""
+    """A motion of m pieces. Each piece is a polynomial in s from 0 to 1."""
 
     breaks: Array
-    """(m + 1,), s."""
+    """Breaks (m + 1,) in s."""
     powers: Array
-    """(m, 6, 4), rad and m."""
+    """Coefficients (m, 6, 4) of the powers of s, in rad and m."""
     curved: Array
     """Which pieces have an acceleration, (m,)."""
 
 
 def from_pieces(breaks: Array, coefficients: Array) -> Played:
-    """A plan: coefficients (m, 6, 4) of the time since the start of each piece."""
+    """Return the motion of a plan.
+
+    The coefficients (m, 6, 4) belong to the powers of the time since the start of each piece.
+    """
     powers = coefficients * (np.diff(breaks)[:, None] ** np.arange(6))[:, :, None]
     return Played(np.asarray(breaks), powers, np.ones(len(breaks) - 1, dtype=bool))
 
 
 def through(t: Array, q: Array, qd: Array | None = None, qdd: Array | None = None) -> Played:
-    """Rows (n, 4) of a table, NaN where they leave a quantity out.
+    """Return the motion through the rows (n, 4) of a table. NaN marks a quantity that a row omits.
 
-    Two rows with velocities are joined by a cubic, with accelerations too by a quintic, any others by a
-    straight line.
+    A cubic joins two rows with velocities. A quintic joins two rows that also have accelerations. A
+    straight line joins any other two rows.
     """
     none = np.full(q.shape, np.nan)
     qd, qdd = none if qd is None else qd, none if qdd is None else qdd
@@ -79,7 +85,9 @@ def through(t: Array, q: Array, qd: Array | None = None, qdd: Array | None = Non
 
 @lru_cache(maxsize=2)
 def _inverse(orders: int) -> Array:
-    """From the values and derivatives at s = 0 and 1 to the powers of s, (2 orders, 2 orders)."""
+    """Return the matrix (2 orders, 2 orders) from values and derivatives at s = 0 and 1 to powers
+    of s.
+    """
     size = 2 * orders
     rows = np.zeros((size, size))
     for order in range(orders):
@@ -92,18 +100,22 @@ def _inverse(orders: int) -> Array:
 
 @dataclass(frozen=True)
 class Dense:
-    """Values of a motion at k instants of each of m pieces: both ends, and every other one amid its neighbours."""
+    """Values of a motion at k instants of each of m pieces.
+
+    The instants include both ends of a piece. Every second instant lies midway between its
+    neighbours.
+    """
 
     s: Array
-    """(k,)."""
+    """Instants (k,) from 0 to 1."""
     t: Array
-    """(m, k), s."""
+    """Times (m, k) in s."""
     states: Array
-    """q, q̇ and q̈, (3, m, k, 4)."""
+    """Positions, velocities and accelerations (3, m, k, 4)."""
 
 
 def sampled(motion: Played) -> Dense:
-    """Sample the pieces, more densely towards their ends."""
+    """Sample the pieces. The instants are denser towards the ends of a piece."""
     count = int(np.clip(INSTANTS // len(motion.powers), FEWEST, MOST)) // 2
     s = (1 - np.cos(np.pi * np.arange(count + 1) / count)) / 2
     s = np.sort(np.append(s, (s[1:] + s[:-1]) / 2))
@@ -113,7 +125,7 @@ def sampled(motion: Played) -> Dense:
 
 
 def _values(motion: Played, s: Array, order: int) -> Array:
-    """A derivative (m, k, 4) at s (k,)."""
+    """Return a derivative (m, k, 4) of the motion at s (k,)."""
     powers = motion.powers
     for _ in range(order):
         powers = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None]
@@ -122,7 +134,7 @@ def _values(motion: Played, s: Array, order: int) -> Array:
 
 
 def at(motion: Played, piece: Array, s: Array, order: int) -> Array:
-    """A derivative (n, 4) at places s (n,) of pieces (n,)."""
+    """Return a derivative (n, 4) of the motion at s (n,) of the pieces (n,)."""
     powers = motion.powers[piece]
     for _ in range(order):
         powers = powers[:, 1:] * np.arange(1, powers.shape[1])[:, None]
@@ -134,7 +146,7 @@ def at(motion: Played, piece: Array, s: Array, order: int) -> Array:
 
 
 def _turn(axis: Array, angle: Array) -> Array:
-    """Rotations (n, 3, 3) about a unit vector."""
+    """Return rotations (n, 3, 3) by angles (n,) about a unit vector."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return (
@@ -145,7 +157,10 @@ def _turn(axis: Array, angle: Array) -> Array:
 
 
 def _moved(robot: Any, q: Array, qd: Array, qdd: Array) -> list[dict[str, Array]]:
-    """Rotation, axis, angular velocity and acceleration of the links that turn; of the fourth also its place."""
+    """Return rotation, axis, angular velocity and angular acceleration of each link.
+
+    The fourth link, which slides, also has a position, a velocity and an acceleration.
+    """
     axes = [np.asarray(axis) for axis in robot.geometry.axes]
     turned = np.broadcast_to(np.eye(3), (len(q), 3, 3))
     w, alpha, links = np.zeros((len(q), 3)), np.zeros((len(q), 3)), []
@@ -169,7 +184,10 @@ def _moved(robot: Any, q: Array, qd: Array, qdd: Array) -> list[dict[str, Array]
 
 
 def efforts(robot: Any, q: Array, qd: Array, qdd: Array) -> Array:
-    """Efforts of the joints (n, 4), N·m and N, that move the bodies: Newton and Euler, about the common point."""
+    """Return the joint efforts (n, 4), in N·m and N, that move the bodies.
+
+    The Newton–Euler equations are taken about the common point of all axes.
+    """
     links = _moved(robot, q, qd, qdd)
     gravity = np.asarray(robot.gravity)
     moment, result = np.zeros((len(q), 3)), np.zeros((len(q), 4))
@@ -196,7 +214,10 @@ def efforts(robot: Any, q: Array, qd: Array, qdd: Array) -> Array:
 
 
 def tilt(robot: Any, q: Array) -> Array:
-    """Signed angle (n,) from the first axis to the tool, on the side of the home position."""
+    """Return the signed angles (n,) from the first axis to the tool.
+
+    The angle is positive if the tool is on the same side as in the home position.
+    """
     home = np.asarray(robot.geometry.axes[2])
     tool = (_turn(robot.geometry.omega1, q[:, 0]) @ _turn(robot.geometry.omega2, q[:, 1])) @ home
     first = np.asarray(robot.geometry.omega1)
@@ -206,7 +227,7 @@ def tilt(robot: Any, q: Array) -> Array:
 
 
 def tip_speed(robot: Any, q: Array, qd: Array) -> Array:
-    """Speed of the tip (n,), m/s."""
+    """Return the speed of the tip (n,) in m/s."""
     return np.linalg.norm(_moved(robot, q, qd, np.zeros_like(q))[3]["v"], axis=1)
 
 
@@ -216,9 +237,10 @@ def tip_speed(robot: Any, q: Array, qd: Array) -> Array:
 def motor_torque(
     drive: Any, effort: Array, qd: Array, qdd: Array, way: Array, static: Array | bool = False
 ) -> Array:
-    """Torque (n,) of the motor of one joint that moves in the direction ±1, or that is held (0, no torque).
+    """Return the torque (n,) in N·m of the motor of one joint.
 
-    static: the joint starts, so that at least the friction of rest applies.
+    `way` is the direction ±1 of the motion, or 0 for a joint that is held and needs no torque.
+    `static` marks a joint that starts, for which the friction coefficient is at least that at rest.
     """
     friction = drive.friction
     assert not drive.preload, "one nut only"
@@ -237,13 +259,13 @@ def motor_torque(
 
 
 def directions(motion: Played, dense: Dense, velocity: Array) -> Array:
-    """Direction (m, k − 1, 4) between neighbouring instants; 0 for a joint that stands."""
+    """Return the directions (m, k − 1, 4) between neighbouring instants. A joint at rest has 0."""
     middle = _values(motion, (dense.s[1:] + dense.s[:-1]) / 2, 1)
     return np.sign(middle) * (np.abs(middle) > AT_REST * velocity)
 
 
 def _starts(motion: Played, ways: Array, s: Array, i: int, velocity: float) -> tuple[Array, ...]:
-    """(piece, s, direction) of every instant at which joint i begins to move, or turns back."""
+    """Return (piece, s, direction) of every instant at which joint i starts to move or reverses."""
     way = ways[:, :, i]
     before = np.concatenate([[0.0], way[:-1, -1]])
     slow = np.abs(at(motion, np.arange(len(way)), np.zeros(len(way)), 1)[:, i]) <= STEP * velocity
@@ -262,7 +284,11 @@ def _starts(motion: Played, ways: Array, s: Array, i: int, velocity: float) -> t
 
 
 def torques(motion: Played, dense: Dense, robot: Any) -> dict[int, tuple[Array, Array]]:
-    """Motor torques by joint: (m, k − 1, 2) just after and just before the instants, and (n,) at starts."""
+    """Return the motor torques in N·m by joint.
+
+    The first array (m, k − 1, 2) holds the torques just after one instant and just before the next.
+    The second array (n,) holds the torques at starts.
+    """
     velocity = np.array([joint.velocity for joint in robot.joints])
     ways = directions(motion, dense, velocity)
     q, qd, qdd = dense.states.reshape(3, -1, 4)
@@ -301,10 +327,11 @@ def violations(
     tip: float | None = None,
     pause: float | None = 0.0,
 ) -> dict[Key, float]:
-    """Excess over each limit as a share of it, by limit and joint; negative where it is kept.
+    """Return the relative excess over each limit by limit and joint. Kept limits have negative
+    values.
 
-    ranges: of the tilt, rad. tip: largest speed of the tip, m/s. pause: before the motion is done again, s;
-    None: once.
+    `ranges` holds the tilt range in rad. `tip` is the largest speed of the tip in m/s. `pause` is
+    the time in s before the motion is repeated. None stands for a motion that runs once.
     """
     dense = sampled(motion)
     q, qd, qdd = dense.states
@@ -347,7 +374,7 @@ def _of_motors(motion: Played, dense: Dense, robot: Any, pause: float | None) ->
     part = motion
     if (
         not motion.curved.all()
-    ):  # each piece by itself, for no joint starts where a straight one ends
+    ):  # each piece is judged separately, because no joint starts where a straight line ends
         keep = motion.curved
         h = np.diff(motion.breaks)[keep]
         part = Played(np.append(0.0, np.cumsum(h)), motion.powers[keep], keep[keep])
@@ -359,7 +386,8 @@ def _of_motors(motion: Played, dense: Dense, robot: Any, pause: float | None) ->
         peak = max(np.abs(moving).max(), np.abs(starting).max(initial=0.0))
         found["motor torque", name] = peak / motor.max_torque - 1
         if pause is not None and motion.curved.all():
-            left, right = np.moveaxis(moving**2, 2, 0)  # Simpson's rule, the middle from both sides
+            # Simpson's rule, with the middle value taken from both sides
+            left, right = np.moveaxis(moving**2, 2, 0)
             mean = (left[:, ::2] + 2 * right[:, ::2] + 2 * left[:, 1::2] + right[:, 1::2]) / 6
             rms = np.sqrt(mean @ np.diff(dense.s[::2]) @ h / (h.sum() + pause))
             found["continuous torque", name] = rms / motor.nominal_torque - 1
@@ -367,10 +395,11 @@ def _of_motors(motion: Played, dense: Dense, robot: Any, pause: float | None) ->
 
 
 def _steps(t: Array, values: Array, rate: float, step: float, outside: float | None) -> float:
-    """Excess of the mean rate of change over the worst stretch of time, beyond one step that counts for nothing.
+    """Return the relative excess of the mean rate of change over the worst interval of time.
 
-    outside: the value before and after the motion, if it is known. A motion that stays within the rate for any
-    stretch of time has no stretch whose change exceeds rate × time.
+    A change of one `step` is tolerated. `outside` is the value before and after the motion, if it
+    is known. A motion that keeps the rate at every time has no interval in which it changes by more
+    than rate × time.
     """
     t, values = t.ravel(), values.ravel()
     if outside is not None:
@@ -391,9 +420,10 @@ def _steps(t: Array, values: Array, rate: float, step: float, outside: float | N
 
 
 def missed(motion: Played, targets: list[Array]) -> float:
-    """How far the motion stays off joint positions that it reaches one after another, as a share of TARGET, less 1.
+    """Return how far a motion misses joint positions that it should reach in order.
 
-    It must end at the last one.
+    The result is the distance in units of TARGET, minus 1. The motion must end at the last
+    position.
     """
     q = sampled(motion).states[0].reshape(-1, 4)
     first, worst = 0, -1.0

@@ -1,7 +1,9 @@
-"""The Paden–Kahan subproblems of the paper for any axes: what the closed forms of inverse kinematics are compared with.
+"""Paden–Kahan subproblems of the paper for arbitrary axes, the reference for the inverse
+kinematics.
 
-All axes pass through the origin. They take vectors (..., 3) that broadcast and return least-squares solutions where there
-is no exact one; half-angle forms, so that they are exact where the triangle of the axes degenerates.
+All axes pass through the origin. The functions take vectors (..., 3) that broadcast. They return
+least-squares solutions where no exact solution exists. Half-angle forms keep them exact where the
+triangle of the axes degenerates.
 """
 
 from __future__ import annotations
@@ -19,10 +21,10 @@ TOUCHING = 1e-12
 
 
 def subproblem_1(omega: ArrayLike, p: ArrayLike, q: ArrayLike) -> Array:
-    """Rotation about one axis: the θ (...) in (−π, π] that minimises |e^{ω̂θ} p − q|.
+    """Return the rotation angle θ (...) in (−π, π] about one axis that minimises |e^{ω̂θ} p − q|.
 
-    θ = atan2(ωᵀ(p × q), pᵀq − (ωᵀp)(ωᵀq)). With p or q on the axis every θ does, and 0 is returned.
-    Source: Murray, Li, Sastry, §3.2, Subproblem 1.
+    θ = atan2(ωᵀ(p × q), pᵀq − (ωᵀp)(ωᵀq)). If p or q lies on the axis, every θ is a minimum and 0
+    is returned. Source: Murray, Li, Sastry, §3.2, Subproblem 1.
     """
     omega, p, q = _vectors(omega=omega, p=p, q=q)
     p_around = np.cross(omega, p)
@@ -35,15 +37,19 @@ def subproblem_1(omega: ArrayLike, p: ArrayLike, q: ArrayLike) -> Array:
 def subproblem_2(
     omega1: ArrayLike, omega2: ArrayLike, p: ArrayLike, q: ArrayLike
 ) -> tuple[Array, Array, NDArray[np.int_]]:
-    """Rotations about two subsequent axes: all (θ1, θ2) with e^{ω̂1θ1} e^{ω̂2θ2} p = q.
+    """Return all rotations (θ1, θ2) about two subsequent axes with e^{ω̂1θ1} e^{ω̂2θ2} p = q.
 
-    p turns on a circle about ω2, q on one about ω1; with the sides α = ∠(ω1, ω2), β = ∠(ω2, p), φ = ∠(ω1, q) of a
-    spherical triangle, θ2 = δ ± x and sin²(x/2) : cos²(x/2) =
-    sin((φ + α − β)/2) sin((φ − α + β)/2) : sin((α + β + φ)/2) sin((α + β − φ)/2);
+    The point p turns on a circle about ω2, and q turns on a circle about ω1. A spherical triangle
+    has the sides α = ∠(ω1, ω2), β = ∠(ω2, p) and φ = ∠(ω1, q). It gives θ2 = δ ± x with
+    sin²(x/2) : cos²(x/2) =
+    sin((φ + α − β)/2) sin((φ − α + β)/2) : sin((α + β + φ)/2) sin((α + β − φ)/2).
+
     Subproblem 1 then gives θ1. Only the directions of p and q matter.
-    Returns θ1 (..., 2), θ2 (..., 2), upper sign first, and the number of solutions (...): 2, 1 where the circles
-    touch, or 0 where they do not meet; then both entries turn p to the place nearest to q.
-    Source: Murray, Li, Sastry, §3.2, Subproblem 2.
+
+    The results are θ1 (..., 2) and θ2 (..., 2), with the upper sign first, and the number of
+    solutions (...). The number is 2, or 1 where the circles touch, or 0 where they do not meet.
+    With 0 solutions both entries turn p to the point nearest to q. Source: Murray, Li, Sastry,
+    §3.2, Subproblem 2.
     """
     omega1, omega2, p, q = _vectors(omega1=omega1, omega2=omega2, p=p, q=q)
     p, q = _directions("p", p), _directions("q", q)
@@ -64,12 +70,14 @@ def subproblem_2(
 def subproblem_3_prime(
     v: ArrayLike, p: ArrayLike, q: ArrayLike, delta: ArrayLike
 ) -> tuple[Array, NDArray[np.int_]]:
-    """Translation to a given distance: all θ with |q − (p + v θ)| = δ, for a unit v and δ ≥ 0.
+    """Return all translations θ with |q − (p + v θ)| = δ, for a unit vector v and δ ≥ 0.
 
-    With u = q − p: θ = uᵀv ± √((uᵀv)² + δ² − |u|²) (paper, eq. app-3), where the root is taken as
-    √((δ − h)(δ + h)) with the line's distance h = |u × v| from q.
-    Returns θ (..., 2), upper sign first, and the number of solutions (...): 2, 1 where the line touches the sphere, or
-    0; then both entries are uᵀv, the point of the line nearest to q.
+    With u = q − p the solution is θ = uᵀv ± √((uᵀv)² + δ² − |u|²) (paper, eq. app-3). The root is
+    computed as √((δ − h)(δ + h)), where h = |u × v| is the distance of the line from q.
+
+    The results are θ (..., 2), with the upper sign first, and the number of solutions (...). The
+    number is 2, or 1 where the line touches the sphere, or 0. With 0 solutions both entries are
+    uᵀv, the point of the line nearest to q.
     """
     v, p, q = _vectors(v=v, p=p, q=q)
     delta = np.asarray(delta, dtype=float)
@@ -117,7 +125,7 @@ def _angle(a: Array, b: Array) -> Array:
 
 
 def _rotate(omega: Array, theta: Array, vector: Array) -> Array:
-    """e^{ω̂θ} applied to a vector (Rodrigues)."""
+    """Return e^{ω̂θ} applied to a vector by the formula of Rodrigues."""
     along = np.sum(omega * vector, axis=-1, keepdims=True) * omega
     cosine, sine = np.cos(theta)[..., np.newaxis], np.sin(theta)[..., np.newaxis]
     turned: Array = along + cosine * (vector - along) + sine * np.cross(omega, vector)

@@ -1,8 +1,8 @@
 """Closed-form inverse kinematics of tool poses, an independent solution for tests and benchmarks.
 
-Paden–Kahan subproblem 3′ gives θ4, subproblem 2 gives θ1 and θ2, and subproblem 1 gives θ3 (paper, §II-C).
-`_solve_block` solves them in the frame (ω1, t, n), in which most terms are constants. The package itself plans in task
-coordinates (`kinematics/inverse.py`).
+Paden–Kahan subproblem 3′ gives θ4, subproblem 2 gives θ1 and θ2, and subproblem 1 gives θ3 (paper,
+§II-C). `_solve_block` solves them in the frame (ω1, t, n), in which most terms are constants. The
+package itself plans in task coordinates (`kinematics/inverse.py`).
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from ssm_planner.trajectory import blocks
 from ssm_planner.typing import Array
 
 ALIGNED = 1e-14
-"""Distance of two unit vectors below which it equals their angle within rounding."""
+"""Distance of two unit vectors below which the distance equals their angle within rounding."""
 LEVER = 1e-3
 """Tip error in m that weighs as much as an orientation error of 1 rad.
 
 The weight matters for targets whose tip and orientation contradict each other.
 """
 ROTATION_TOLERANCE = 1e-6
-"""Frobenius norm of the defect of a matrix that counts as a rotation."""
+"""Largest Frobenius norm of the defect of a matrix that counts as a rotation."""
 
 
 def inverse(
@@ -114,15 +114,15 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
     joints : (n, 2, 4)
     orientation_error, tip_error : (n,)
     """
-    # θ4: Subproblem 3′ (eq. 13). |θ4| = |p|, with the sign that the tool axis gives it
+    # θ4: Subproblem 3′ (eq. 13). |θ4| = |p|, and the tool axis gives the sign.
     u = _unit(_dot(p, z) * p + LEVER**2 * z)
     c2, s2 = _elbow(mech, u)
     theta4 = _dot(p, u)
     tip_error = np.sqrt(_square(p - theta4 * u))
     w, orientation_error = _carried_along(w, z, u)
 
-    # θ2: Subproblem 2 (eq. 14), e^{ω̂1θ1} e^{ω̂2θ2} ω3 = u. The triangle ω1, ω2, u gives x = ±(θ2 −
-    # δ)
+    # θ2: Subproblem 2 (eq. 14), e^{ω̂1θ1} e^{ω̂2θ2} ω3 = u.
+    # The triangle ω1, ω2, u gives x = ±(θ2 − δ).
     c = np.sqrt(c2)
     s = np.sqrt(s2)
     x = 2.0 * np.arctan2(s, c)
@@ -134,7 +134,7 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         np.add(mech.delta, branch * x, out=theta2)
         depth[:] = theta4
 
-        # θ1: from the azimuth of e^{ω̂2θ2} ω3 = cos φ ω1 + P t + Q n to that of u, both about ω1
+        # θ1: the angle about ω1 from e^{ω̂2θ2} ω3 = cos φ ω1 + P t + Q n to u.
         sin_branch = branch * sin_x
         on_n = -math.sin(mech.beta) * sin_branch
         cosine = on_t * u[1] + on_n * u[2]
@@ -144,16 +144,18 @@ def _solve_block(mech: Mechanism, w: Array, z: Array, p: Array) -> tuple[Array, 
         cosine[any_angle] = size[any_angle] = 1.0
         np.arctan2(sine, cosine, out=theta1)
 
-        # θ3: Subproblem 1 (eq. 15), e^{ω̂3θ3} p_3 = q_3 = e^{−ω̂2θ2} e^{−ω̂1θ1} w. First the part
-        # e^{−ω̂1θ1} w along t and n,
+        # θ3: Subproblem 1 (eq. 15), e^{ω̂3θ3} p_3 = q_3 = e^{−ω̂2θ2} e^{−ω̂1θ1} w. The first step
+        # computes the components of e^{−ω̂1θ1} w along t and n.
         cosine /= size
         sine /= size
         w_t = cosine * w[1] + sine * w[2]
         w_n = cosine * w[2] - sine * w[1]
-        # then in the frame of ω2, g = sin α ω1 − cos α t (which points from ω2 toward ω1) and n,
+        # The second step computes the components along ω2, g and n.
+        # The vector g = sin α ω1 − cos α t points from ω2 toward ω1.
         w_omega2 = math.cos(mech.alpha) * w[0] + math.sin(mech.alpha) * w_t
         w_g = math.sin(mech.alpha) * w[0] - math.cos(mech.alpha) * w_t
-        # then turned back by x about ω2: its part along p_3, and that along ω3 × p_3
+        # The third step rotates by −x about ω2.
+        # It gives the components along p_3 and along ω3 × p_3.
         pointing = (
             math.cos(mech.beta) * (cos_x * w_g - sin_branch * w_n) - math.sin(mech.beta) * w_omega2
         )
