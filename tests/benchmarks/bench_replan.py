@@ -1,11 +1,15 @@
-"""What a re-plan with changed numbers takes: CPU time of one thread, by part, against another checkout in turns.
+"""Measure the CPU time of one thread for planning a problem again with changed numbers.
 
-    python -m tests.benchmarks.bench_replan [--against FOLDER] [--rounds N] [--kinds KIND …] [--fast | --compiled]
+    python -m tests.benchmarks.bench_replan [--against FOLDER] [--rounds N] [--kinds KIND …]
+                                           [--fast | --compiled]
 
-FOLDER: the root of another checkout of this project, for example a git worktree of an earlier commit. Medians in ms; the
-first plan of every kind, which builds its programs, is not counted. --fast: as a `Replanner` plans with `planner: fast`, with
-what is compiled in the background compiled; a checkout that knows no such planner plans as it does. --compiled: the same
-compiled, with the planner of the problem.
+FOLDER is the root of another checkout of this project, for example a git worktree of an earlier
+commit. The two checkouts run in turns. The table shows medians in ms by part. The first plan of
+every kind builds its programs and is not counted.
+
+--fast plans with `planner: fast` as a `Replanner` does, with all background compilation finished. A
+checkout without this planner plans as it does by default. --compiled compiles the same code and
+keeps the planner of the problem.
 """
 
 from __future__ import annotations
@@ -35,13 +39,17 @@ PARTS = {
     ),
     "check": ("pipeline.run.check",),
 }
-"""Functions whose time, calls from one another counted once, makes up a part of `run.plan`; the solvers' is not outside."""
+"""Functions whose time makes up a part of `run.plan`.
+
+A call from one of these functions to another counts once. The part `outside` is the time of the
+plan without the solvers.
+"""
 JERK = 35.0
-"""rad/s³; a tenth of it in m/s³."""
+"""Jerk limit in rad/s³. A tenth of it is the limit in m/s³."""
 
 
 def problem_of(kind: str, turn: int) -> Any:
-    """The problem of a kind with the numbers of one turn."""
+    """Return the problem of a kind with the numbers of one turn."""
     from ssm_planner.loading.load import load_problem
     from tests.benchmarks.cases import (
         FREE_WEAK,
@@ -67,7 +75,7 @@ def problem_of(kind: str, turn: int) -> Any:
 
 
 def compiled() -> None:
-    """Compile what is compiled in the background, as far as a checkout has it."""
+    """Compile what is otherwise compiled in the background, as far as the checkout supports it."""
     with suppress(ImportError):
         from ssm_planner.planning.ocp.compiled import function_store
 
@@ -81,7 +89,7 @@ def compiled() -> None:
 
 
 def serve(fast: bool, compile_too: bool) -> None:
-    """Answer requests "kind turn", one in a line, with times in ms and the outcome as JSON."""
+    """Answer requests "kind turn", one per line, with times in ms and the outcome as JSON."""
     from importlib import import_module
 
     from ssm_planner.errors import ProblemError
@@ -109,7 +117,7 @@ def serve(fast: bool, compile_too: bool) -> None:
             for name in names:
                 module, _, attribute = f"ssm_planner.{name}".rpartition(".")
                 home = import_module(module)
-                if hasattr(home, attribute):  # an earlier checkout may have none
+                if hasattr(home, attribute):  # an earlier checkout may lack the function
                     stack.enter_context(
                         patch.object(home, attribute, timed(part, getattr(home, attribute)))
                     )
@@ -145,7 +153,7 @@ def serve(fast: bool, compile_too: bool) -> None:
 
 
 class Served:
-    """A checkout in a process of its own."""
+    """A checkout that runs in a process of its own."""
 
     def __init__(self, root: Path, options: list[str]) -> None:
         threads = {"OPENBLAS_NUM_THREADS": "1", "SSM_PLANNER_COMPILE": "1" if options else "0"}

@@ -1,6 +1,8 @@
-"""Studies: closed-form screening, what store and engine cost, workers, a large store, Dask; run it as a script.
+"""Measure studies: screening, overhead of store and workers, a large store, and Dask. Run it as a
+script.
 
-Ratios and rates of one run; the machine is said to be noisy, so each is the median of three.
+The figures are ratios and rates of one run. Because machines are noisy, the repeated measurements
+are medians of three.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ def median(run: Callable[[], float], times: int = 3) -> float:
 
 
 def screening(count: int = 40_000) -> float:
-    """Candidates per second of processor time, one process."""
+    """Return the number of candidates that one process screens per second of CPU time."""
     study = load_study(FILE)
     screens = Screens(study)
     designs = [
@@ -52,7 +54,7 @@ def screening(count: int = 40_000) -> float:
 
 
 def overhead(tasks: int = 60, seconds: float = 0.2) -> float:
-    """Share of the time that workers and store add to evaluations that take 0.2 s, two workers."""
+    """Return the relative time that store and two workers add to evaluations of 0.2 s."""
 
     def run() -> float:
         with (
@@ -60,7 +62,7 @@ def overhead(tasks: int = 60, seconds: float = 0.2) -> float:
             Store(Path(folder) / "s.sqlite") as store,
             Workers(2) as workers,
         ):
-            wait([workers.submit(abs, -1) for _ in range(4)])  # they have started
+            wait([workers.submit(abs, -1) for _ in range(4)])  # until the workers have started
             begin = time.perf_counter()
             store.add_candidates((i, str(i), {"x": str(i)}) for i in range(tasks))
             futures = [workers.submit(time.sleep, seconds) for _ in range(tasks)]
@@ -73,7 +75,7 @@ def overhead(tasks: int = 60, seconds: float = 0.2) -> float:
 
 
 class NoOp(Evaluation):
-    """Evaluates nothing."""
+    """Evaluation that does nothing and returns invented figures."""
 
     def __call__(self, number: int, design: Design) -> Candidate:
         figures = {"duration": 5.0 + number % 97, "motor_mass": 1.0 + number % 89}
@@ -81,7 +83,10 @@ class NoOp(Evaluation):
 
 
 def rate(executor: Executor, folder: Path, candidates: int = 20_000) -> float:
-    """Candidates per second of a study whose evaluations do nothing, from the first screened to the last stored."""
+    """Return the candidates per second of a study whose evaluations do nothing.
+
+    The time runs from the first screening to the last result in the store.
+    """
     run.Evaluation = NoOp
     study = replace(
         load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", candidates, 1)
@@ -98,14 +103,17 @@ def rate(executor: Executor, folder: Path, candidates: int = 20_000) -> float:
 
 
 def calls(executor: Executor, count: int = 2000) -> float:
-    """No-op calls per second, each a task of its own."""
+    """Return the number of calls per second that do nothing. Each call is a task of its own."""
     begin = time.perf_counter()
     wait([executor.submit(abs, -i) for i in range(count)])
     return count / (time.perf_counter() - begin)
 
 
 def resuming(folder: Path) -> tuple[float, float, float]:
-    """Seconds of processor time to go on with a store in which all is done, and to make its page; MB of page."""
+    """Return CPU times in s for a store in which all is done, and the size of its page in MB.
+
+    The first time is that of resuming the study, the second that of writing the page.
+    """
     study = replace(
         load_study(FILE), require=Requirements(), motions={}, search=Search("sobol", ROWS, 1)
     )
@@ -170,6 +178,6 @@ def main() -> None:
 
 if __name__ == "__main__":
     os.environ["PYTHONPATH"] = str(ROOT)
-    from tests.benchmarks import bench_studies  # by a name under which workers find it too
+    from tests.benchmarks import bench_studies  # import under a name that workers also find
 
     bench_studies.main()

@@ -1,4 +1,4 @@
-"""The motions that all ways plan, and how their numbers change from one solve to the next."""
+"""Motions that all programs plan, and the changes of their numbers from one solve to the next."""
 
 from __future__ import annotations
 
@@ -18,14 +18,18 @@ from tests.support.paths import ROOT
 
 PROBLEM = ROOT / "problems/tilt_insert.yaml"
 NO_MOTOR = 1e9
-"""Stands for the torque limit of a joint without motor."""
+"""Torque limit that stands for a joint without a motor."""
 WEAK, FREE_WEAK = 0.3, 0.35
-"""Shares of the motors' torque at which it binds in the straight and the free motion."""
+"""Factors on the motor torque at which it limits the straight and the free motion."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """Numbers of one solve: target tilt in degrees or further way of the joints, and a factor on the velocity limits."""
+    """Numbers of one solve.
+
+    They are the target tilt in degrees, an additional displacement of the joints, and a factor on
+    the velocity limits.
+    """
 
     tilt: float = -135.0
     joints: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
@@ -52,7 +56,7 @@ FREE = (
     Change(joints=(0.0, 0.03, 0.0, -0.003)),
     Change(joints=(0.02, 0.02, 0.02, 0.0), velocity=0.97),
 )
-"""The first is the first solve, the others are re-solves in this order."""
+"""Changes in the order of the solves. The first entry is the first solve."""
 FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
 
 
@@ -63,7 +67,7 @@ def shipped() -> Problem:
 
 
 def straight_problem(change: Change, torque: float = 1.0) -> Problem:
-    """The shipped problem's tilt, to another target."""
+    """Return the tilt motion of the shipped problem with another target."""
     problem = shipped()
     motion = dataclasses.replace(problem.motion[0], tilt=float(np.radians(change.tilt)))
     robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
@@ -71,7 +75,7 @@ def straight_problem(change: Change, torque: float = 1.0) -> Problem:
 
 
 def free_problem(change: Change, torque: float = 1.0) -> Problem:
-    """A motion of all four joints."""
+    """Return a problem with a free motion of all four joints."""
     problem = shipped()
     last = Joints(tuple(float(x) for x in np.add(LAST, change.joints)))  # type: ignore[arg-type]
     robot = with_limits(problem.robot, velocity=change.velocity, torque=torque)
@@ -88,7 +92,10 @@ def free_problem(change: Change, torque: float = 1.0) -> Problem:
 def with_limits(
     robot: Robot, velocity: float = 1.0, torque: float = 1.0, jerk: float | None = None
 ) -> Robot:
-    """The robot with scaled velocity limits and motors; jerk in rad/s³ for revolute joints, a tenth of it in m/s³."""
+    """Return the robot with scaled velocity limits and motors.
+
+    `jerk` is in rad/s³ for revolute joints. A tenth of it in m/s³ applies to the prismatic joint.
+    """
     joints = []
     for joint in robot.joints:
         motor = joint.motor
@@ -105,7 +112,9 @@ def with_limits(
 
 
 def limits_of(robot: Robot) -> Array:
-    """Velocity (motor speed counted), acceleration and torque of the joints, (12,)."""
+    """Return velocity, acceleration and torque limits (12,). The velocity also respects the motor
+    speed.
+    """
     velocity, acceleration, torque = [], [], []
     for joint in robot.joints:
         slowest = joint.velocity
@@ -118,7 +127,9 @@ def limits_of(robot: Robot) -> Array:
 
 
 def task_ends(problem: Problem) -> tuple[Array, Array]:
-    """Task coordinates (4,) at both ends of a problem with one motion in task coordinates."""
+    """Return the task coordinates (4,) at both ends of a problem with one motion in task
+    coordinates.
+    """
     start = np.array(
         [(problem.start.set_coordinates or {}).get(name, 0.0) for name in TASK_COORDINATES]
     )

@@ -1,12 +1,15 @@
-"""Which named problem changes when a numeric constant of the planner moves by a factor of two.
+"""Find a named problem that changes when a constant of the planner is doubled or halved.
 
     python -m tests.benchmarks.constants [--only NAME …] [--cpu] [--list] [-o FILE]
 
-Every constant at the level of a module in ROOMS is halved and doubled, in a process of its own whose import of that module
-is changed. The problems are planned until one of them changes: in its duration or outcome by more than GAP, or in its work
-(`Work`, which is the same on every machine) by more than a tenth. `--cpu` also compares CPU times, in alternating runs.
-The table goes to results/constants.md. `--only` measures the constants with these names, or of these modules, and replaces
-their rows.
+Every constant at the level of a module in ROOMS is halved and doubled. A separate process imports
+the module with the changed constant. The problems are planned until one of them changes. A change
+counts if the duration differs by more than GAP, if the outcome differs, or if the work differs by
+more than a tenth. `Work` is the same on every machine. `--cpu` also compares CPU times in
+alternating runs.
+
+The table goes to results/constants.md. `--only` measures the constants with these names, or of
+these modules, and replaces their rows.
 """
 
 from __future__ import annotations
@@ -34,9 +37,9 @@ ROOMS = ("planning", "pipeline", "elements", "interior")
 TABLE = ROOT / "results/constants.md"
 GAP = 1e-4
 WORK = 0.1
-"""Changes of a duration and of work that count, as shares."""
+"""Smallest relative changes of a duration and of work that count."""
 LEAST_WORK = 0.05
-"""Work and CPU time, s, that count at least, so that a small problem does not decide."""
+"""Work, and CPU time in s, that is added on both sides so that a small problem does not decide."""
 REPEATS = 3
 """Pairs of runs that confirm a change of CPU time."""
 FACTORS = (2.0, 0.5)
@@ -53,7 +56,7 @@ NAMES = [
 ]
 """Names of the problems: a shipped problem, or a kind and a seed, and how it is planned.
 
-The problems that are planned soon and change easily come first.
+Problems that are planned quickly and change easily come first.
 """
 
 
@@ -124,7 +127,7 @@ def moved(value: Any, factor: float) -> Any:
 
 
 class Moving(importlib.machinery.SourceFileLoader):
-    """Loads a module in which one constant is moved right after its assignment."""
+    """Loader of a module in which one constant is changed right after its assignment."""
 
     constant, factor = "", 1.0
 
@@ -141,7 +144,7 @@ class Moving(importlib.machinery.SourceFileLoader):
 
 
 class Finder:
-    """Finds the module with the moved constant before the usual finders do."""
+    """Finder of the module with the changed constant. It precedes the usual finders."""
 
     def __init__(self, module: str) -> None:
         self.module = module
@@ -158,7 +161,7 @@ class Finder:
 
 
 def problem_of(name: str) -> tuple[Any, bool]:
-    """Return a named problem, and whether relaxations are looked for."""
+    """Return a named problem, and whether the planner searches for relaxations."""
     from ssm_planner.loading.load import load_problem
     from ssm_planner.problem.value import unchecked_copy
     from tests.benchmarks.direction_free import coupled
@@ -180,7 +183,10 @@ def problem_of(name: str) -> tuple[Any, bool]:
 
 
 def measured(name: str) -> tuple[float, str, float, float]:
-    """Plan a problem: its duration (0 without a motion), the outcome, work and CPU time."""
+    """Plan a problem and return duration, outcome, work and CPU time in s.
+
+    The duration is 0 without a motion.
+    """
     from ssm_planner.pipeline import run
     from ssm_planner.planning.work import Work
 
@@ -291,7 +297,7 @@ def confirmed_share(constant: Constant, factor: float, name: str) -> float:
 
 
 def row(constant: Constant, base: dict[str, list[Any]], *, cpu: bool) -> list[str]:
-    """Measure one constant."""
+    """Return the row of one constant from its measurements."""
     effects = (effect(constant, factor, base, cpu=cpu) for factor in FACTORS)
     found = next((each for each in effects if each is not None), ("both ways", "none", "–"))
     short = constant.value if len(constant.value) <= 40 else constant.value[:37] + "…"

@@ -1,10 +1,11 @@
-"""How much shorter than the planner's a free motion can be: against a program that knows no directions.
-
+"""Compare free motions of the planner with a program that does not know the directions of motion.
     python -m tests.benchmarks.direction_free [COUNT] [STARTS]
 
-Its own transcription: cubic elements of equal length, limits at four points of each, friction smoothed by tanh(q̇/ε), no
-static friction, no signs; Ipopt from straight lines and from random bumps. References of weak motors are a little shorter
-than static friction allows. Continuous torque is no limit of either.
+The reference has its own transcription with cubic elements of equal length and limits at four
+points of each element. It smooths friction by tanh(q̇/ε), has no static friction and assumes no
+signs of the speeds. Ipopt starts from straight lines and from random bumps. With weak motors the
+reference is slightly shorter than static friction allows. Neither program limits the continuous
+torque.
 """
 
 from __future__ import annotations
@@ -31,15 +32,18 @@ from tests.support.paths import ROOT
 
 ELEMENTS, POINTS = 48, (0.0, 1 / 3, 2 / 3, 1.0)
 STANDS = np.array([0.01, 0.01, 0.01, 2e-4])
-"""ε of the smoothed friction, rad/s and m/s."""
+"""Speed ε of the smoothed friction in rad/s and m/s."""
 SMOOTHING = 1e-6
 NEVER_WARM = 1.0
-"""Nominal torque, N·m."""
+"""Nominal torque in N·m that no motion exceeds."""
 IPOPT = {"print_level": 0, "sb": "yes", "max_iter": 600, "tol": 1e-7, "linear_solver": "mumps"}
 
 
 def coupled(base: Problem, seed: int) -> Problem:
-    """A random free motion under a limit of the tip's speed (even seeds), or with weak motors (odd ones)."""
+    """Return a random free motion.
+
+    Even seeds limit the speed of the tip, and odd seeds have weak motors.
+    """
     rng = np.random.default_rng(seed)
 
     def point() -> dict[str, float]:
@@ -77,7 +81,9 @@ def coupled(base: Problem, seed: int) -> Problem:
 
 
 def rows_of(problem: Problem, mechanism: Mechanism) -> ca.Function:
-    """(q, q̇, q̈) → rows ≤ 1: tip speed, motor torque with smoothed friction."""
+    """Return the function (q, q̇, q̈) → rows ≤ 1 of tip speed and motor torque with smoothed
+    friction.
+    """
     q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
     rows = []
     for limit in problem.speeds:
@@ -92,7 +98,7 @@ def rows_of(problem: Problem, mechanism: Mechanism) -> ca.Function:
 
 
 def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
-    """The shortest motion that Ipopt finds from so many starts, s."""
+    """Return the duration in s of the shortest motion that Ipopt finds from `starts` starts."""
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     phase = feasible_phases(problem)[0][0]
     first, last = phase.points

@@ -1,7 +1,8 @@
-"""What a study survives: killed workers, driver and scheduler, a full disk. Run it as a script; Dask where it is installed.
+"""Interrupt studies by killing workers, the driver or the scheduler.
 
-Every case ends with the table of an undisturbed run, byte for byte, and counts the evaluations: none is lost, none that was
-in the store is done again.
+Run this module as a script. It includes Dask where it is installed. Every case must end with
+exactly the table of an undisturbed run. The number of evaluations shows that none is lost and that
+none in the store is repeated.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from tests.support.paths import ROOT
 FILE = ROOT / "problems" / "studies" / "vitreoretinal.yaml"
 POINTS = 48
 EVERY = 5.0
-"""Seconds between kills."""
+"""Time in s between kills."""
 DASK = (
     [sys.executable, "-m", "distributed.cli.dask_scheduler"],
     [sys.executable, "-m", "distributed.cli.dask_worker"],
@@ -45,14 +46,17 @@ DRIVER = (
 
 
 def problem() -> Study:
-    """The shipped study with tilt-and-insert alone and few points: half a minute."""
+    """Return the shipped study with the motion tilt_insert only and few points.
+
+    It takes half a minute.
+    """
     of = load_study(FILE)
     motions = {"tilt_insert": {**of.motions["tilt_insert"], "planner": "toppra"}}
     return replace(of, motions=motions, search=Search("sobol", POINTS, 1))
 
 
 class Counting(Executor):
-    """Another executor, with the number of evaluations submitted to it."""
+    """Executor that counts the evaluations submitted to another executor."""
 
     def __init__(self, inner: Executor) -> None:
         self.inner, self.count = inner, 0
@@ -63,7 +67,7 @@ class Counting(Executor):
 
 
 def driver(folder: str, address: str = "") -> None:
-    """A run in a process of its own, to be killed."""
+    """Run the study in a separate process that a test kills."""
     if not address:
         study(problem(), folder, workers=2)
         return
@@ -79,7 +83,7 @@ def started(folder: Path, address: str = "") -> subprocess.Popen[bytes]:
 
 @contextmanager
 def killing(pids: Callable[[], list[int]]) -> Iterator[list[int]]:
-    """Kill −9 one of these processes every five seconds; yields those killed."""
+    """Kill one of the processes every five seconds, and yield the list of killed ones."""
     over, killed = threading.Event(), []
 
     def kill() -> None:
@@ -109,7 +113,7 @@ def children(pid: int) -> list[int]:
 def cluster(
     count: int, port: int
 ) -> Iterator[tuple[str, subprocess.Popen[bytes], list[subprocess.Popen[bytes]]]]:
-    """A scheduler and workers, each under a nanny that replaces it: processes of their own."""
+    """Start a scheduler and workers in separate processes. A nanny replaces a worker that ends."""
     quiet: dict[str, Any] = {
         "stdout": subprocess.DEVNULL,
         "stderr": subprocess.DEVNULL,
@@ -144,7 +148,7 @@ def free_port() -> int:
 
 
 def done(folder: Path) -> int:
-    """Candidates that are done, whatever came of them, in a store that nobody writes."""
+    """Return the number of finished candidates in a store that no process writes."""
     with Store(folder / "study.sqlite") as store:
         return sum(row.state != "waiting" for row in store.rows() if row.number >= 0)
 

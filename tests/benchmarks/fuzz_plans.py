@@ -1,9 +1,11 @@
-"""Random problems over random robots: how they end, which are slow, and whether the unsolved ones could be solved.
-
+"""Plan random problems over random robots, and judge how they end, their times and the unsolved
+ones.
     python -m tests.benchmarks.fuzz_plans [--count 1000] [--first 20000] [--processes 1]
 
-Asked: each ends in a certificate or a named reason; of those that a finer mesh or another guess solves at least 99 % are
-solved; none takes over 10 s of process time. Exit status 1 where that is missed.
+Every problem must end with a certificate or a named reason. A problem is solvable if the planner, a
+finer mesh or another guess solves it, and the planner must solve at least 99 % of the solvable
+ones. No problem may take more than 10 s of process time. The exit status is 1 if one of these
+conditions fails.
 """
 
 from __future__ import annotations
@@ -42,16 +44,24 @@ CERTAIN = {
     "lens clearance",
     "self-locking",
 }
-"""Reasons that follow from the places alone: no solver is involved."""
+"""Reasons that follow from the given positions alone, without a solver."""
 SHORTER = 1.02
-"""A duration asked for that is shorter than the fastest motion found by more than this factor is too short."""
+"""Factor between the fastest motion found and the requested duration.
+
+Above this factor, the requested duration is certainly too short.
+"""
 OTHERWISE = ((3, 1.0), (2, 3.0), (1, 1.5))
-"""Second looks: times as many elements, the guess stretched by this factor."""
+"""Settings of further attempts: factor on the number of elements, and factor that stretches the
+guess.
+"""
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How one problem ended: "certified", the name of a reason, "refused" (bad input) or "crashed"."""
+    """Ending of one problem.
+
+    `how` is "certified", the name of a reason, "refused" (bad input) or "crashed".
+    """
 
     seed: int
     how: str
@@ -59,7 +69,7 @@ class Ending:
     faults: tuple[str, ...]
     words: str
     solvable: bool
-    """It was solved, or at least one second look solved it."""
+    """True if the planner or at least one further attempt solved the problem."""
 
     @property
     def solved(self) -> bool:
@@ -71,7 +81,7 @@ class Ending:
 
 
 def ending(seed: int) -> Ending:
-    """Plan one problem."""
+    """Plan one problem and return its ending."""
     problem = random_problem(load_problem(ROOT / "problems/tilt_insert.yaml"), seed)
     begin = time.process_time()
     try:
@@ -91,7 +101,7 @@ def ending(seed: int) -> Ending:
 
 
 def _certain(reason: Reason) -> bool:
-    """Another mesh or guess could not help."""
+    """Return whether another mesh or guess cannot help."""
     if (
         reason.constraint == "duration"
         and reason.required is not None
@@ -117,7 +127,7 @@ def _solved(problem: Any, finer: int, stretched: float) -> bool:
 
 @contextmanager
 def _otherwise(finer: int, stretched: float) -> Iterator[None]:
-    """Plans made within begin from a stretched guess on a finer mesh."""
+    """Plan with a finer mesh and a stretched guess within the context."""
     kept = free_ocp.find_fastest_motion
 
     def optimise(task: Any, start: Any, *arguments: Any, **named: Any) -> Any:
@@ -133,7 +143,7 @@ def _otherwise(finer: int, stretched: float) -> Iterator[None]:
 
 
 def lines(endings: Sequence[Ending]) -> list[str]:
-    """Counts, the slowest, and what went wrong."""
+    """Return lines with the counts, the slowest problems and the failures."""
     counts = Counter(e.how for e in endings)
     solved, solvable = counts["certified"], sum(e.solvable for e in endings)
     slowest = sorted(endings, key=lambda e: -e.seconds)

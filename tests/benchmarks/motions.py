@@ -1,4 +1,4 @@
-"""Motions of others as trajectories, so that one independent check judges all: what exceeds its limit, and by how much."""
+"""Motions of other programs as trajectories, so that one independent check judges all of them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SUBDIVISION = 4
 
 @contextmanager
 def meshed(straight: int, free: int) -> Iterator[None]:
-    """Plans made within have meshes of about so many elements for every motion."""
+    """Plan with about the given numbers of mesh elements within the context."""
     kept = {
         "solve_straight": (phase_planner.solve_straight, straight),
         "solve_free": (phase_planner.solve_free, free),
@@ -37,9 +37,10 @@ def meshed(straight: int, free: int) -> Iterator[None]:
 
 
 def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISION) -> Trajectory:
-    """Joint polynomials of a motion s(t) along a path, exact in q, q̇ and q̈ at both ends of every piece.
+    """Return the joint polynomials of a motion s(t) along a path.
 
-    elements (n, 5): s, ṡ, s̈ at the start, s̈ at the end, length in s; s̈ is linear in between.
+    They are exact in q, q̇ and q̈ at both ends of every piece. `elements` (n, 5) holds s, ṡ, s̈ at
+    the start, s̈ at the end, and the length in s of time. Within an element s̈ is linear.
     """
     share = np.arange(subdivision + 1) / subdivision
     s0, v0, a0, a1, h = (column[:, None] for column in elements.T)
@@ -48,7 +49,7 @@ def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISI
     speed, acceleration = v0 + t * (a0 + share * rise / 2), a0 + share * rise
     begins = np.concatenate([[0.0], np.cumsum(elements[:, 4])])
     breaks = np.append((begins[:-1, None] + t[:, :-1]).ravel(), begins[-1])
-    # neighbours share position and speed to the last digit
+    # Adjacent elements share exactly the same position and speed.
     s[:-1, -1], speed[:-1, -1] = s[1:, 0], speed[1:, 0]
     s[-1, -1], speed[-1, -1] = 1.0, 0.0
     ends = []
@@ -60,7 +61,7 @@ def along_path(path: StraightPath, elements: Array, subdivision: int = SUBDIVISI
 
 
 def of_joints(q: Array, qd: Array, first: Array, last: Array, lengths: Array) -> Trajectory:
-    """Joint polynomials from q, q̇ at the ends of elements, (n + 1, 4), and q̈ at both ends of each, (n, 4)."""
+    """Return joint polynomials from q, q̇ (n + 1, 4) and q̈ at both ends of each element (n, 4)."""
     breaks = np.concatenate([[0.0], np.cumsum(lengths)])
     return Trajectory(
         breaks,
@@ -70,12 +71,15 @@ def of_joints(q: Array, qd: Array, first: Array, last: Array, lengths: Array) ->
 
 
 def certificate(problem: Problem, trajectory: Trajectory) -> Certificate:
-    """The independent check at 10 kHz against the robot's own limits."""
+    """Return the result of the independent check against the limits of the robot."""
     return check(trajectory, problem.robot)
 
 
 def excess(found: Certificate, name: str | None = None) -> tuple[float, str]:
-    """Largest excess over a limit (of this name), as a share of it, and in words; 0 where all are kept."""
+    """Return the largest relative excess over a limit, and a text about it.
+
+    `name` selects one limit. The excess is 0 if all limits are kept.
+    """
     limits = [limit for limit in found.limits if name in (None, limit.name)]
     worst = min(limits, key=lambda limit: limit.margin)
     if worst.margin >= -1e-6:

@@ -1,4 +1,7 @@
-"""The same optimal control problem by this planner, CasADi's Opti and rockit: first solve, re-solve, result."""
+"""Compare this planner with CasADi's Opti and rockit on the same optimal control problem.
+
+The figures are the times of the first solve and of later solves, and the quality of the motion.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ EXPANDED = {OPTI_EXPANDED: OPTI, ROCKIT_EXPANDED: ROCKIT}
 WAYS = (OURS, FAST, ALONE, OPTI, OPTI_EXPANDED, ROCKIT, ROCKIT_EXPANDED)
 MOTIONS = ("straight", "straight, weak motors", "free, weak motors")
 COUNTS = {"straight": 72, "free": 40}
-"""Elements of the peers' meshes: this planner's default."""
+"""Number of elements in the meshes of the peers. It is the default of this planner."""
 GUESS = {"straight": 2.0, "free": 1.5}
 ASKED = {OPTI: 15.0, ROCKIT: 8.0}
 
@@ -68,7 +71,10 @@ NOTES = (
 
 @dataclass
 class FirstSolves:
-    """Seconds and iterations from the beginning of every optimisation to the structured solver's, while `watched`."""
+    """Recorder of the first structured solve of every optimisation.
+
+    It records time in s and iterations from the start of the optimisation to the end of that solve.
+    """
 
     begin: float | None = None
     found: list[tuple[float, int]] = field(default_factory=list)
@@ -100,14 +106,17 @@ class FirstSolves:
 
 @dataclass
 class Way:
-    """One program in one formulation: `solve` a change, then `trajectory` of what it found."""
+    """One program in one formulation.
+
+    `solve` solves a change, and `trajectory` returns the motion of the last solve.
+    """
 
     solve: Callable[[int], tuple[float, int]]
     trajectory: Callable[[], Trajectory]
 
 
 def problems(motion: str, planner: str = "optimal") -> list[Problem]:
-    """The problem of every change; the first is solved first."""
+    """Return the problem of every change. The first one is solved first."""
     if motion.startswith("straight"):
         found = [straight_problem(change, WEAK if "weak" in motion else 1.0) for change in STRAIGHT]
     else:
@@ -116,7 +125,7 @@ def problems(motion: str, planner: str = "optimal") -> list[Problem]:
 
 
 def make(name: str, motion: str) -> Way:
-    """A way to solve the problems of a motion; nothing is solved yet."""
+    """Return a program for the problems of a motion. Nothing is solved yet."""
     cases = problems(motion, "fast" if name == FAST else "optimal")
     if name in (OURS, FAST):
         return _ours(cases)
@@ -161,7 +170,10 @@ def _straight(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
 
 
 def straight_path(problem: Problem) -> Any:
-    """The path of a straight problem: the branch and whole turns of its joints are those of this planner."""
+    """Return the path that this planner chooses for a straight problem.
+
+    Its branch and the whole turns of its joints also hold for the peers.
+    """
     return plan_motion(problem).phases[0].phase.path
 
 
@@ -220,7 +232,7 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
         round_times, found = in_turns({name: again(name) for name in ways}, 1, first=k)
         with alone.driven():
             plan_motion(cases[k + 1])
-        del alone.found[k + 1 :]  # the first of every plan
+        del alone.found[k + 1 :]  # keep the first optimisation of every plan
         for name, way in ways.items():
             times[name] += round_times[name].values
             results[name] += found[name]
@@ -271,7 +283,7 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
 def _first_solves(
     names: list[str], motion: str, rounds: int
 ) -> tuple[dict[str, list[float]], dict[str, str]]:
-    """Seconds of each planner's first solves, and what went wrong where one cannot."""
+    """Return the times in s of the first solves of each planner, and the errors of failing ones."""
     seconds: dict[str, list[float]] = {name: [] for name in names}
     broken: dict[str, str] = {}
     for _ in range(rounds):
@@ -292,7 +304,7 @@ def _ask(section: Section, motion: str, name: str, theirs: Spread, ours: dict[st
 
 
 def first_solve(name: str, motion: str) -> tuple[float, str]:
-    """Seconds from nothing built to the first solution in a process of its own, imports not counted; and an error."""
+    """Return the time in s of a first solve in a new process, without imports, and any error."""
     command = [sys.executable, "-m", "tests.benchmarks.part_same_problem", name, motion]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=180)

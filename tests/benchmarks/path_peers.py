@@ -1,8 +1,10 @@
-"""The same path and limits given to toppra and copp-py, friction as their interfaces take it.
+"""Path parametrisation by toppra and copp-py with the same path, limits and friction as this
+planner.
 
-Both take inverse dynamics that are linear in (q̈, q̇²) and, for dry friction, one constant torque per joint against the
-motion. Here the constant of each motor is its bearing torque plus the mesh friction under a weight that it carries on the
-path; the rest of the mesh is its lead, without friction. Viscous friction has no place in either.
+Both programs take inverse dynamics that are linear in (q̈, q̇²). For dry friction they take one
+constant torque per joint that opposes the motion. This constant is the bearing torque of the motor
+plus the mesh friction under a weight that the joint carries on the path. The remaining mesh torque
+is that of the lead without friction. Neither program can represent viscous friction.
 """
 
 from __future__ import annotations
@@ -23,12 +25,15 @@ from tests.support.pinocchio_model import build
 
 POINTS = 1000
 UNLIMITED = 1.0
-"""Torque limit, N·m, of a joint whose inverse dynamics are left at zero because it has no motor."""
+"""Torque limit in N·m of a joint without a motor, whose inverse dynamics are zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class UserModel:
-    """What a user of a path parametrisation has: limits (4,), motor-side inverse dynamics, and a dry friction torque."""
+    """The model that a user gives to a path parametrisation.
+
+    It has limits (4,), inverse dynamics on the motor side and dry friction torques.
+    """
 
     velocity: Array
     acceleration: Array
@@ -43,7 +48,7 @@ class UserModel:
 
     @classmethod
     def of(cls, robot: Robot, path: StraightPath, largest: bool = False) -> UserModel:
-        """Friction under the mean weight along the path, or under the largest."""
+        """Build the model with friction under the mean or the largest weight along the path."""
         import pinocchio
 
         weight = RigidBody.from_robot(robot).gravity_load(path.sample(np.linspace(0, 1, 101)).q)
@@ -84,13 +89,16 @@ class UserModel:
         )
 
     def motor_torque(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Torque of a mesh without friction, (4,)."""
+        """Return the torque (4,) of a mesh without friction in N·m."""
         effort = self.pinocchio(*self.data, q, qd, qdd) + self.output_inertia * qdd
         return np.asarray(self.slope * effort + self.inertia * qdd)
 
 
 def toppra_speeds(path: StraightPath, user: UserModel, points: int = POINTS) -> tuple[Array, Array]:
-    """Grid s and ṡ by TOPP-RA with its own constraints, interpolation scheme; RuntimeError where it finds no motion."""
+    """Return the grid s and the speeds ṡ that TOPP-RA finds with its interpolation scheme.
+
+    Raises RuntimeError if TOPP-RA finds no motion.
+    """
     import toppra
     from toppra import constraint
     from toppra.interpolator import AbstractGeometricPath
@@ -131,7 +139,10 @@ def toppra_speeds(path: StraightPath, user: UserModel, points: int = POINTS) -> 
 def copp_robot(
     path: StraightPath, user: UserModel, points: int = POINTS
 ) -> tuple[Any, Array, Array]:
-    """copp-py's robot with path and limits on a grid; and ±(limits) on torque less friction along the motion."""
+    """Return copp-py's robot with path and limits, the grid and the joint positions on it.
+
+    The torque limits are ±limit minus the friction along the motion.
+    """
     import copp_py as copp
 
     grid = np.linspace(0, 1, points + 1)
@@ -152,7 +163,7 @@ def copp_robot(
 
 
 def copp_speeds(path: StraightPath, user: UserModel) -> tuple[Array, Array]:
-    """Grid s and ṡ by copp-py's reachability analysis."""
+    """Return the grid s and the speeds ṡ that copp-py's reachability analysis finds."""
     import copp_py as copp
 
     robot, grid, _ = copp_robot(path, user)
@@ -165,7 +176,10 @@ def copp_speeds(path: StraightPath, user: UserModel) -> tuple[Array, Array]:
 
 
 def copp_jerk_limited(path: StraightPath, user: UserModel, rounds: int = 2) -> Trajectory:
-    """copp-py's third-order cone program, linearised about its reachability analysis, then about its own answer."""
+    """Return the motion that copp-py's third-order cone program finds under jerk limits.
+
+    The program is linearised about the reachability analysis first, then about its own solution.
+    """
     import copp_py as copp
 
     robot, grid, _ = copp_robot(path, user)
@@ -188,7 +202,7 @@ def copp_jerk_limited(path: StraightPath, user: UserModel, rounds: int = 2) -> T
 
 
 def elements_of(s: Array, speed: Array) -> Array:
-    """Elements of constant s̈ between grid points, as `motions.along_path` takes them."""
+    """Return elements of constant s̈ between grid points, in the format of `motions.along_path`."""
     length = 2 * np.diff(s) / (speed[1:] + speed[:-1])
     acceleration = np.diff(speed**2) / (2 * np.diff(s))
     return np.column_stack([s[:-1], speed[:-1], acceleration, acceleration, length])

@@ -1,6 +1,7 @@
-"""Limits at one instant as expressions, the way a user of CasADi would write them: for the peers of this planner.
+"""Limits at one instant as CasADi expressions for the peers, written as a user of CasADi would.
 
-They use the equations of `model/` and nothing of `planning/`. Every row keeps its limit while it is ≤ 1.
+The expressions use the equations of the model and nothing of `planning/`. A row that is ≤ 1 keeps
+its limit.
 """
 
 from __future__ import annotations
@@ -17,17 +18,19 @@ from ssm_planner.kinematics.task import joints_from_task_symbolic
 from ssm_planner.problem.robot import Joint, Robot
 
 SOFT = 1e-3
-"""Smoothing of the braking side of the friction law, as a share of the torque limit."""
+"""Smoothing of the braking side of the friction law, relative to the torque limit."""
 LIMITS = 12
-"""Velocity, acceleration and motor torque of four joints, in this order."""
+"""Number of limits: velocity, acceleration and motor torque of four joints, in this order."""
 
 
 def straight_rows(
     robot: Robot, mechanism: Mechanism, branch: int, sigma: Sequence[float]
 ) -> ca.Function:
-    """(s, ṡ, s̈, start (4), end (4), limits (LIMITS)) → (rows, rows of breakaway) on the line from start to end.
+    """Return the function of the rows on the line from start to end in task coordinates.
 
-    Joints by symbolic inverse kinematics, their rates by the chain rule, loads by the rigid-body recursion.
+    It maps (s, ṡ, s̈, start (4), end (4), limits (LIMITS)) to the rows and to the rows of
+    breakaway. The joints follow from symbolic inverse kinematics, their rates from the chain rule,
+    and the loads from the rigid-body recursion.
     """
     s, speed, acceleration = (ca.SX.sym(name) for name in ("s", "speed", "acceleration"))
     start, end, limits = ca.SX.sym("start", 4), ca.SX.sym("end", 4), ca.SX.sym("limits", LIMITS)
@@ -45,7 +48,11 @@ def straight_rows(
 
 
 def free_rows(robot: Robot) -> ca.Function:
-    """(q, q̇, q̈, limits (LIMITS), directions (4)) → (torque rows, those of breakaway)."""
+    """Return the function of the torque rows of a free motion.
+
+    It maps (q, q̇, q̈, limits (LIMITS), directions (4)) to the torque rows and to those of
+    breakaway.
+    """
     q, qd, qdd, sigma = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "sigma"))
     limits = ca.SX.sym("limits", LIMITS)
     tau = RigidBody.from_robot(robot).symbolic(q, qd, qdd)
@@ -57,7 +64,7 @@ def free_rows(robot: Robot) -> ca.Function:
 
 
 def kinematic(qd: ca.SX, qdd: ca.SX, limits: ca.SX) -> list[ca.SX]:
-    """± velocity and ± acceleration of every joint."""
+    """Return rows for ± velocity and ± acceleration of every joint."""
     rows = []
     for i in range(4):
         rows += [
@@ -78,7 +85,11 @@ def motor(
     sigma: Sequence[ca.SX | float],
     at_rest: bool,
 ) -> list[ca.SX]:
-    """Motor torque of the driven joints, exact for the known direction of motion: two rows, and one for braking."""
+    """Return the rows of the motor torque of the driven joints.
+
+    The rows are exact for the known direction of motion. Every joint has two rows, and a third one
+    for braking.
+    """
     rows = []
     for i, joint in enumerate(joints):
         drive = joint.drive

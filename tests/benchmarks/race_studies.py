@@ -1,8 +1,10 @@
-"""Searches raced on the shipped study: hypervolume of duration and motor mass against evaluations, five seeds.
+"""Compare search methods on the shipped study by hypervolume against the number of evaluations.
 
-A candidate's figures are those of the planned candidates of results/study around it (the duration by inverse distance of the
-four nearest of its pace, the mass of the nearest), so that a race takes seconds; its reach is screened as in any study.
-With `--planned` every candidate is planned, over tilt-and-insert alone: 11 minutes on two busy cores.
+The hypervolume is that of duration and motor mass, over five seeds. The figures of a candidate are
+interpolated from the planned candidates of results/study, so that a comparison takes seconds. The
+duration is an inverse-distance mean of the four nearest candidates of the same pace, and the mass
+is that of the nearest. Every candidate is also screened for its reach. With `--planned` every
+candidate is planned on the motion tilt_insert only, which takes 11 minutes on two busy cores.
 """
 
 from __future__ import annotations
@@ -28,17 +30,19 @@ METHODS = ("sobol", "tpe", "nsga2")
 SEEDS = range(1, 6)
 COUNTS = (16, 32, 64, 128, 256)
 PLANNED = (16, 32, 48, 64)
-"""Counts where every candidate is planned."""
+"""Numbers of evaluations at which planned searches are compared."""
 WORST = (5.05, 0.24)
-"""s and kg: the published geometry's, a candidate that is no better counts for nothing."""
+"""Duration in s and mass in kg of the published geometry. Candidates that are not better do not
+count.
+"""
 BEST = (4.2, 0.2)
-"""s and kg: where the share of the hypervolume is 1."""
+"""Duration in s and mass in kg at which the fraction of the hypervolume is 1."""
 LARGER = 1.1
-"""Planned candidates count below so many times the published geometry's figures."""
+"""Factor of the published geometry's figures below which planned candidates count."""
 
 
 class Surface:
-    """What planning found, between the candidates that were planned."""
+    """Interpolation between the candidates that were planned."""
 
     def __init__(self, study: Study) -> None:
         self.study, self.screens = study, Screens(study)
@@ -49,7 +53,7 @@ class Surface:
         self.values = np.array([[float(row[name]) for name in study.minimise] for row in rows])
 
     def place(self, design: Design) -> Array:
-        """(2,), each from 0 to 1."""
+        """Return the position (2,) of a design. Each coordinate runs from 0 to 1."""
         spans = [variable for variable in self.study.vary if variable.path != PACE_PATH]
         return np.array(
             [(float(design[v.path].split()[0]) - v.low) / (v.high - v.low) for v in spans]
@@ -75,7 +79,7 @@ class Surface:
 
 
 class Planned:
-    """What planning finds, of each candidate once."""
+    """Planner of candidates. It plans every candidate once."""
 
     def __init__(self, study: Study, workers: Workers) -> None:
         self.study, self.screens = study, Screens(study)
@@ -83,7 +87,7 @@ class Planned:
         self._found: dict[tuple[str, ...], Candidate] = {}
 
     def rows(self, designs: list[Design], first: int) -> list[Candidate]:
-        """The candidates' rows, numbered from the first."""
+        """Return the rows of the candidates, numbered from `first`."""
         keys = [tuple(design.values()) for design in designs]
         asked = {}
         for key, design, fallen in zip(keys, designs, self.screens.reject(designs), strict=True):
@@ -98,7 +102,7 @@ class Planned:
 
 
 def run(surface: Surface | Planned, method: str, seed: int, points: int) -> list[Candidate]:
-    """The rows of one search in the order in which it asked for them."""
+    """Return the rows of one search in the order of its requests."""
     study = replace(surface.study, search=Search(method, points, seed))
     if not study.search.adaptive:
         return surface.rows(list(study.designs()), 0)
@@ -110,7 +114,7 @@ def run(surface: Surface | Planned, method: str, seed: int, points: int) -> list
 
 
 def hypervolume(rows: list[Candidate], names: tuple[str, ...], worst: tuple[float, float]) -> float:
-    """Of what a front dominates below `worst`."""
+    """Return the area that a front dominates below `worst`."""
     volume, last = 0.0, worst[1]
     for duration, mass in sorted(
         tuple(row.figures[name] for name in names) for row in pareto_front(rows, names)
@@ -127,7 +131,10 @@ def race(
     worst: tuple[float, float],
     whole: float | None,
 ) -> None:
-    """Print the table; whole: hypervolume of share 1, default that of all candidates of all runs."""
+    """Print the table.
+
+    `whole` is the hypervolume of fraction 1. By default it is that of all candidates of all runs.
+    """
     names = surface.study.minimise
     found = {}
     for method in METHODS:

@@ -1,7 +1,8 @@
-"""`python -m tests.campaign [--minutes N] [--full] [--seed N]`: every campaign, on two processes, and their tables.
+"""Run all campaigns on two processes and write their tables to results/campaign.md.
+    python -m tests.campaign [--minutes N] [--full] [--seed N]
 
-It writes results/campaign.md, a section for each campaign; those that are not run keep theirs. No times or dates in it.
-Exit status 1 where something failed.
+The file has one section for each campaign and contains no times or dates. Campaigns that do not run
+keep their sections. The exit status is 1 if a case failed.
 """
 
 from __future__ import annotations
@@ -20,9 +21,12 @@ from .rows import ROOT, Row, one
 HERE = Path(__file__).parent
 SHARED = {"__init__", "__main__", "rows"}
 SHARES = {"processes": 2.0}
-"""Of the time, where not 1."""
+"""Weights of the campaigns in the division of the time. The default is 1."""
 SLICE = {"processes": 8, "opinions": 4, "adversary": 300}
-"""Cases of one task, where not 100. Every campaign runs one task in each process at least."""
+"""Number of cases of one task. The default is 100.
+
+Every campaign runs at least one task in each process.
+"""
 FULL = {
     "adversary": 10_200,
     "healthy": 5_000,
@@ -32,7 +36,11 @@ FULL = {
     "processes": 560,
     "opinions": 400,
 }
-"""Cases with --full, a little above what is asked for: shares of the kinds are rounded down."""
+"""Number of cases with --full.
+
+The numbers are slightly above the required ones, because the fractions of the kinds are rounded
+down.
+"""
 WORKERS = 2
 OUT = ROOT / "results/campaign.md"
 HEAD = """# Campaign
@@ -63,7 +71,8 @@ def main(words: list[str] | None = None) -> int:
         failures += [row for row in rows if row.failures]
         publish(options.output, name, section(rows, options.seed))
     print(options.output.read_text(encoding="utf-8"), flush=True)
-    for row in failures:  # once more, where the end of a log is all that is read
+    # the failures are repeated, because readers often see only the end of a log
+    for row in failures:
         print(
             f"FAILED {row.kind}: {row.failures} of {row.cases}",
             *row.examples,
@@ -74,9 +83,10 @@ def main(words: list[str] | None = None) -> int:
 
 
 def campaign(name: str, seed: int, seconds: float | None, size: int) -> list[Row]:
-    """Slices of one module, of so many cases and each with a seed of its own, and their sums.
+    """Run tasks of `size` cases of one module, each with its own seed, and return the sums.
 
-    As many as the time allows, or FULL where there is none; at the least one for each process.
+    The number of tasks follows from the time, or from FULL if `seconds` is None. Every process runs
+    at least one task.
     """
     begin, started, cases = time.monotonic(), 0, 0
     sums: dict[str, Row] = {}
@@ -92,7 +102,7 @@ def campaign(name: str, seed: int, seconds: float | None, size: int) -> list[Row
             )
             if (left <= 0 and started >= WORKERS) or died > 2:
                 break
-            # a seed so far from the others that two campaigns share none
+            # The factor keeps the seeds of different campaigns apart.
             running.append(pool.submit(one, name, size, 100_000 * seed + started))
             started, cases = started + 1, cases + size
         if not running:
@@ -129,7 +139,7 @@ def campaign(name: str, seed: int, seconds: float | None, size: int) -> list[Row
 
 
 def publish(path: Path, name: str, text: str) -> None:
-    """Put a campaign's section into the file of results."""
+    """Put the section of a campaign into the file of results."""
     path.parent.mkdir(parents=True, exist_ok=True)
     old = path.read_text(encoding="utf-8") if path.is_file() else ""
     sections = dict(re.findall(r"^## (\w+)\n+(.*?)(?=^## |\Z)", old, re.S | re.M)) | {name: text}
@@ -138,7 +148,7 @@ def publish(path: Path, name: str, text: str) -> None:
 
 
 def section(rows: list[Row], seed: int) -> str:
-    """The results of one campaign as Markdown."""
+    """Return the results of one campaign as Markdown."""
     lines = [
         f"Seed {seed}.",
         "",

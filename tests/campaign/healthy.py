@@ -1,6 +1,6 @@
-"""Healthy files of every format: `check` reads each of them and calls no limit violated.
+"""`check` must read healthy files of every format and report no violation.
 
-A few motions are exported again and again: at other speeds, rates, counts per turn and columns.
+A few motions are exported repeatedly with other speeds, rates, counts per turn and columns.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from .adversary import random_plans
 from .rows import ROBOT, Count, Hang, Row, watchdog
 
 SHARES = {"csv": 0.45, "plan": 0.35, "epos4": 0.1, "ros2": 0.08, "pvt": 0.02}
-"""Of the cases. A PVT table is found by a search, which takes most of the time."""
+"""Fraction of the cases by format. A PVT table needs a search, which takes most of the time."""
 SEEDS = (0, 1, 2, 3, 5, 8)
-"""Of random problems that have a fast plan."""
+"""Seeds of random problems that have a fast plan."""
 PERIODS = (2, 4, 5, 8, 10, 16, 20, 25, 40, 50)
-"""Between setpoints, ms."""
+"""Time between setpoints in ms."""
 COUNTS = (512, 1024, 2000, 4096, 20000, 65536)
 """Increments per motor turn."""
 FINE = (4096, 20000, 65536)
-"""Fine enough for a PVT table or a stream at a high rate."""
+"""Increments per turn that are fine enough for a PVT table or a stream at a high rate."""
 TRIALS = 20
-"""Exports that are tried for a file: some options fit no motion, and the export says so."""
+"""Number of exports tried for one file. An export refuses options that do not fit the motion."""
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """The count, in shares of the formats."""
+    """Check `count` files, divided among the formats."""
     with tempfile.TemporaryDirectory() as name:
         healthy = Healthy(Path(name), np.random.default_rng(seed))
         for form, share in SHARES.items():
@@ -44,7 +44,10 @@ def run(count: int, seed: int) -> list[Row]:
 
 @lru_cache(maxsize=1)
 def plans() -> tuple[tuple[Any, Any, Any], ...]:
-    """Robot, motion and limits of the shipped plan, and of random ones of the shipped robot and of others."""
+    """Return robot, motion and limits of planned motions.
+
+    They are the shipped plan, and random plans of the shipped robot and of other robots.
+    """
     import ssm_planner as ssm
     from ssm_planner.pipeline.run import plan
     from ssm_planner.problem import unchecked_copy
@@ -59,13 +62,17 @@ def plans() -> tuple[tuple[Any, Any, Any], ...]:
         problem = unchecked_copy(random_problem(base, seed, most=2), planner="fast")
         result = plan(problem, relaxations=False)
         motors = [joint.motor for joint in result.robot.joints if joint.motor is not None]
-        if all(motor.nominal_torque <= motor.max_torque for motor in motors):  # as a file must say
+        # a robot file requires this
+        if all(motor.nominal_torque <= motor.max_torque for motor in motors):
             made.append((result.robot, result.motion, of_still(result.limits, at_ends=False)))
     return tuple(made)
 
 
 def of_still(limits: Any, at_ends: bool = True) -> Any:
-    """The limits without what a file of rows cannot keep: which motions there are. at_ends: at rest there."""
+    """Return the limits without those of the kinds of motions, which rows cannot keep.
+
+    `at_ends` also removes the rates at the start and the end.
+    """
     more = {"start_rate": {}, "end_rate": {}} if at_ends else {}
     return dataclasses.replace(limits, motion=(), **more)
 
@@ -78,7 +85,7 @@ class Healthy:
         self.rows = {form: Count(f"healthy: {form}") for form in SHARES}
 
     def case(self, form: str) -> None:
-        """One file."""
+        """Export and check one file."""
         from ssm_planner.errors import ExportError
 
         for _ in range(TRIALS):
@@ -90,7 +97,7 @@ class Healthy:
                 path = self.written(plan, form, target, options)
             except (
                 ExportError
-            ):  # no table or stream of this motion keeps the limits, which is no file
+            ):  # No table or stream of this motion keeps the limits, so there is no file.
                 continue
             fault = self.judged(plan, path)
             text = f"{plan.problem.name}, {plan.motion.duration:.6f} s, {options}: {fault}"
@@ -99,7 +106,10 @@ class Healthy:
         self.rows[form].add(f"no export with {TRIALS} sets of options")
 
     def plan(self) -> Any:
-        """A plan, or a simple move of the shipped robot, at its own speed or slower; it was written and read."""
+        """Return a plan that was written and read again.
+
+        It is a planned motion, possibly slowed down, or a simple move of the shipped robot.
+        """
         from tests.support.plans import NONE, of_task, read_back, smooth, trapezoids
 
         rng, made = self.rng, plans()
@@ -123,7 +133,7 @@ class Healthy:
         )
 
     def options(self, form: str) -> dict[str, Any]:
-        """Options of an export that are allowed for every motion."""
+        """Return random options of an export."""
         rng = self.rng
         counts = int(rng.choice(COUNTS))
         if form == "csv":
@@ -131,11 +141,9 @@ class Healthy:
             groups = list(
                 rng.permutation(["qd", "qdd", "qddd", "angle", "speed", "torque", "task"])
             )
-            if (
-                way < 0.35
-            ):  # the rows that the limits require; the columns decide how they are joined
+            if way < 0.35:  # only the rows that the limits require, joined as the columns allow
                 return {}
-            if way < 0.7:  # rows at a rate are joined by lines
+            if way < 0.7:  # rows at a rate, joined by straight lines
                 return {
                     "rate": float(np.exp(rng.uniform(np.log(5), np.log(1000)))),
                     "columns": ["q"],
@@ -181,7 +189,7 @@ class Healthy:
         return target
 
     def judged(self, plan: Any, path: Path) -> str | None:
-        """Why a healthy file is not accepted."""
+        """Return why a healthy file is not accepted, or None."""
         from ssm_planner.cli import check as command
         from ssm_planner.errors import SsmPlannerError
         from ssm_planner.formats.read import read_trajectory

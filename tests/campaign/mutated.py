@@ -1,4 +1,6 @@
-"""Mutated files of every kind that is read: no traceback, no hang, and a message that names the file."""
+"""Mutated files of every kind must not cause a traceback, a hang or a message without the file
+name.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +20,12 @@ from ssm_planner.publishing import sha256
 from .rows import ROBOT, ROOT, Count, Hang, Row, command, watchdog
 
 BOMBS = 0.05
-"""Share of the cases that are hostile whatever their kind."""
+"""Fraction of the cases that use a file which is hostile to every reader."""
 GROWTH = 0.85
-"""GB beyond what the process has held before; the program itself takes 0.15 GB, and 1 GB is allowed."""
+"""Memory in GB that the process may use beyond its earlier peak.
+
+The program itself uses 0.15 GB, and 1 GB is allowed in total.
+"""
 
 TOKENS = (
     "1e999", "-1e999", "1e-99999999999999999999", "1e99999999999999999999", "9" * 400, "-" + "9" * 5000, "2001-99-99",
@@ -48,7 +53,7 @@ search: {method: sobol, points: 64, seed: 1}
 
 
 def bombs() -> list[bytes]:
-    """Whole files that are hostile whatever their kind."""
+    """Return complete files that are hostile to every reader."""
     laughs = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n"
     laughs += "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 25))
     merges = "a0: &a0 {x: 1}\n" + "".join(
@@ -62,7 +67,10 @@ def bombs() -> list[bytes]:
 
 
 def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
-    """One to four changes: bytes flipped, cut, repeated, moved, numbers and words replaced by hostile ones."""
+    """Make one to four changes of the bytes.
+
+    A change flips, cuts or repeats bytes, or replaces words and numbers by hostile ones.
+    """
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
         at = rng.randrange(len(data) + 1)
         size = rng.choice((1, 1, 2, 8, 64, 1000))
@@ -87,12 +95,12 @@ def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
 
 
 def _peak() -> float:
-    """GB, the most that this process has held."""
+    """Return the peak memory of this process in GB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
 def _replaced_word(rng: random.Random, data: bytes, at: int) -> bytes:
-    """The word or number about a place becomes a hostile one."""
+    """Replace the word or number at a position by a hostile one."""
     stops = b" \n,:;[]{}\"'\t"
     first, last = at, at
     while first > 0 and data[first - 1] not in stops and at - first < 60:
@@ -103,7 +111,7 @@ def _replaced_word(rng: random.Random, data: bytes, at: int) -> bytes:
 
 
 def mutated_tree(rng: random.Random, text: str) -> bytes:
-    """A JSON document with one to three of its values replaced, removed, repeated or renamed."""
+    """Replace, remove, repeat or rename one to three values of a JSON document."""
     tree = json.loads(text)
     for _ in range(rng.choice((1, 1, 2, 3))):
         place: Any = tree
@@ -137,25 +145,27 @@ def _change(rng: random.Random, place: Any, key: Any) -> None:
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """About `count` mutated files, a share for every kind."""
+    """Check about `count` mutated files, with the same number for every kind."""
     with tempfile.TemporaryDirectory() as folder:
         return Kinds(Path(folder)).run(count, seed)
 
 
 class Kind(NamedTuple):
-    """Files of one kind, and who reads them."""
+    """Files of one kind, and the command or function that reads them."""
 
     name: str
     files: Sequence[Path]
     reader: Callable[[Path], Any]
-    """A path → words of a command; or what loads it in this process."""
+    """Function from a path to the words of a command, or function that loads the file in this
+    process.
+    """
     tree: bool = False
-    """JSON whose values are changed, and not its bytes."""
+    """True if values of the JSON are changed instead of bytes."""
     loads: bool = False
 
 
 class Kinds:
-    """The files that are mutated, and the command or function that reads each kind."""
+    """The files to mutate, and the command or function that reads each kind."""
 
     def __init__(self, folder: Path) -> None:
         from ssm_planner.formats.export import export
@@ -215,7 +225,7 @@ class Kinds:
         ]  # fmt: skip
 
     def run(self, count: int, seed: int) -> list[Row]:
-        """A share of the count for every kind."""
+        """Check an equal number of mutated files for every kind."""
         rows, hostile = [], bombs()
         for number, kind in enumerate(self.kinds):
             rng, counted = random.Random(f"{seed} {number}"), Count(kind.name)
@@ -233,7 +243,7 @@ class Kinds:
         return rows
 
     def fault(self, kind: Kind, file: Path, content: bytes) -> str | None:
-        """What is wrong with the answer to a mutated file."""
+        """Return what is wrong with the answer to a mutated file, or None."""
         shipped = self.folder not in file.parents
         path = self.folder / f"mutated{file.suffix}" if shipped else file
         original = None if shipped else file.read_bytes()
@@ -253,13 +263,13 @@ class Kinds:
             return f"the message does not name the file: {err[-200:]}"
         largest = _peak()
         if largest - self.before > GROWTH and not self.large:
-            self.large = True  # of the process: it never shrinks
+            self.large = True  # the peak memory of the process never decreases
             return f"{largest:.2f} GB of memory: {content[:80]!r}"
         return None
 
 
 def _recordings(folder: Path) -> tuple[Path, Path]:
-    """A recording with named columns, and one as an EPOS recorder exports it."""
+    """Write a recording with named columns and one in the format of an EPOS recorder."""
     time = [0.002 * k for k in range(300)]
     rows = [
         f"{t:.3f},{100 + math.sin(9 * t):.4f},{0.01 + 0.001 * math.sin(5 * t):.6f}" for t in time
@@ -278,7 +288,7 @@ def _recordings(folder: Path) -> tuple[Path, Path]:
 
 
 def _study(folder: Path) -> tuple[Path, Path, Path]:
-    """A study, its catalogue, and a store of three candidates."""
+    """Write a study, its catalogue and a store of three candidates."""
     from ssm_planner.studies.store import Candidate, Store
 
     catalogue, study, store = folder / "motors.csv", folder / "study.yaml", folder / "store.sqlite"
@@ -298,7 +308,7 @@ def _study(folder: Path) -> tuple[Path, Path, Path]:
 def _read_store(path: Path) -> None:
     from ssm_planner.studies.store import Store
 
-    for suffix in ("-wal", "-shm"):  # of the file that was here before
+    for suffix in ("-wal", "-shm"):  # files that belong to the previous store
         path.with_name(path.name + suffix).unlink(missing_ok=True)
     with Store(path) as store:
         store.rows()
@@ -311,7 +321,7 @@ def _load(reader: Callable[[Path], Any], path: Path) -> str | None:
         with watchdog():
             reader(path)
     except SsmPlannerError as error:
-        # a fault of a file that this one names is said of that file
+        # The message may name a file to which this one refers, if the fault is in that file.
         return (
             None
             if ".yaml" in str(error) or path.name in str(error)

@@ -1,4 +1,8 @@
-"""Opinions on random plans: no false disagreement, close bounds, and every underestimated friction is noticed."""
+"""Second opinions on random plans.
+
+Toppra and the lower bound must not contradict a correct plan, and their durations must be close to
+it. A planner that underestimates friction must be noticed.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +20,12 @@ from tests.support.random_problems import random_problem
 from .rows import Count, Row
 
 GAP = 5e-4
-"""Largest share by which an optimal duration on a given path exceeds toppra's and the bound."""
+"""Largest relative excess of an optimal duration on a given path over toppra's and the bound."""
 ROUNDING = 1e-6
 ERROR = 0.01
-"""Share of the friction that a planner with an error does not see."""
+"""Fraction of the friction that a faulty planner ignores."""
 STRENGTHS = (0.82, 0.99)
-"""Torque of the motor, as a share of what the motion needs, so that torque limits the motion."""
+"""Torque of the motor relative to the need of the motion, so that torque limits the motion."""
 
 
 def run(count: int, seed: int) -> list[Row]:
@@ -59,7 +63,7 @@ def judged(made: Plan, robot: Robot | None = None) -> Plan:
 
 
 def disagreement(result: Plan) -> str | None:
-    """Return a false statement on a certified plan, or None."""
+    """Return a false statement about a certified plan, or None."""
     if not result.passed:
         return f"{result.problem.name}: {result.reason and result.reason.message}"
     for phase in result.phases:
@@ -92,7 +96,7 @@ def gap(result: Plan) -> str | None:
 
 
 def unnoticed(problem: Problem) -> str | None:
-    """Return the case if a planner with an error of friction is not contradicted, or None."""
+    """Return a description if a planner with a friction error is not contradicted, or None."""
     smooth = replace(problem, robot=with_friction(problem.robot, 1 - ERROR))
     made = plan(smooth, relaxations=False)
     if not made.passed:
@@ -107,7 +111,7 @@ def unnoticed(problem: Problem) -> str | None:
 
 
 def weakened(strength: float, joint: str = "tilt") -> Problem:
-    """Return the shipped problem with a motor whose largest torque is a share of the need."""
+    """Return the shipped problem with a motor whose largest torque is a fraction of the need."""
     made = load_plan(ROOT / "results/tilt_insert")
     needs = {requirement.joint: requirement.peak_torque for requirement in made.requirements}
     joints = tuple(
@@ -121,7 +125,7 @@ def weakened(strength: float, joint: str = "tilt") -> Problem:
 
 
 def with_friction(robot: Robot, factor: float) -> Robot:
-    """Return the robot with all friction coefficients times a factor."""
+    """Return the robot with all friction coefficients multiplied by a factor."""
     joints = []
     for joint in robot.joints:
         drive = joint.drive

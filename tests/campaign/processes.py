@@ -1,4 +1,8 @@
-"""Whole processes: killed, ended and interrupted at random instants, without room, without streams, two at once."""
+"""Processes that are killed, interrupted or obstructed leave consistent results and clear messages.
+
+The cases cover signals at random instants, files that cannot grow, closed streams, two writers at
+once, and hostile names.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +33,7 @@ from .rows import ROOT, Count, Row
 KINDS = ("plan", "report", "csv", "ros2")
 PATIENCE = 120.0
 ORPHANS = 2.0
-"""s after the end of a process in which its children have to end."""
+"""Time in s after the end of a process within which its children must end."""
 MARK = "SSM_PLANNER_CAMPAIGN"
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}
 NAMES = (
@@ -41,15 +45,15 @@ NAMES = (
 
 @dataclass(frozen=True)
 class Stage:
-    """What the cases share: two problems, and the results of each."""
+    """Two problems, their results and exports, which all cases share."""
 
     folder: Path
     problems: tuple[Path, Path]
     results: tuple[Path, Path]
     exports: dict[str, Path]
-    """Of the second results, by format."""
+    """Exports of the second results by format."""
     seconds: dict[str, float]
-    """How long each command takes here, when it is left alone."""
+    """Duration in s of each command on this machine when nothing disturbs it."""
 
     @classmethod
     def prepared(cls, folder: Path) -> Stage:
@@ -79,7 +83,7 @@ class Stage:
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """Of the count nine tenths are interruptions; the rest is shared by the other kinds."""
+    """Run all kinds of cases. Nine tenths of the count are interruptions."""
     with tempfile.TemporaryDirectory() as name:
         stage = Stage.prepared(Path(name))
         rows = [
@@ -103,7 +107,10 @@ def start(
     limit: int | None = None,
     streams: dict[str, Any] | None = None,
 ) -> subprocess.Popen[bytes]:
-    """The program in a process of its own; mark: found again in the environment of its children."""
+    """Start the program in a process of its own.
+
+    `mark` identifies the children of the process through their environment.
+    """
 
     def begin() -> None:
         if limit is not None:
@@ -123,14 +130,18 @@ def start(
 
 
 def interrupted(stage: Stage, count: int, number: signal.Signals, rng: random.Random) -> Row:
-    """Signals at instants spread over the whole run; half of them over its last third, where files are written."""
+    """Send signals at random instants of the run.
+
+    Every second instant lies in the last part of the run, where files are written.
+    """
     counted = Count(f"interruption, {number.name}")
     for k in range(count):
         case = stage.folder / "case"
         shutil.rmtree(case, ignore_errors=True)
         kind = rng.choice(KINDS)
         out, words, earlier = _command(stage, case, kind)
-        # over the whole run, and as often over its last third, where files are written
+        # Instants of odd cases cover the whole run. Instants of even cases cover its last part,
+        # where files are written.
         instant = stage.seconds[kind] * (rng.uniform(0.0, 1.1) if k % 2 else rng.uniform(0.6, 1.1))
         mark = f"{number.name}-{k}-{os.getpid()}"
         errors = case / "stderr"
@@ -154,7 +165,7 @@ def interrupted(stage: Stage, count: int, number: signal.Signals, rng: random.Ra
 
 
 def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict[str, str]]:
-    """(folder written to, words, what it holds before) of one case."""
+    """Return the output folder, the words of the command and the earlier content for one case."""
     out = case / "out"
     first, second = stage.results
     case.mkdir()
@@ -171,7 +182,7 @@ def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict
 
 
 def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
-    """What is wrong with the folder that a killed process leaves."""
+    """Return what is wrong with the folder that a killed process leaves, or None."""
     found = file_hashes(out)
     found = {name: sha for name, sha in found.items() if not name.startswith(".")}
     before = {name: sha for name, sha in earlier.items() if name != MANIFEST}
@@ -180,7 +191,7 @@ def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
     try:
         check_generation(out)
     except TrajectoryError:
-        return None  # a mixture, and noticed
+        return None  # the folder is a mixture, and the check notices it
     listed = json.loads((out / MANIFEST).read_text(encoding="utf-8"))["files"]
     return None if listed == found else f"a mixture that is not noticed: {sorted(found)}"
 
@@ -188,7 +199,10 @@ def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
 def _said(
     number: signal.Signals, status: int, said: str, out: Path, earlier: dict[str, str]
 ) -> str | None:
-    """What is wrong with the words, the status and the folder that a process leaves that was asked to end."""
+    """Return what is wrong after a process was asked to end, or None.
+
+    The function judges the messages, the exit status and the folder.
+    """
     begun = "] reading" in said
     if "Traceback" in said and begun:
         return f"traceback: {said[-300:]}"
@@ -211,7 +225,7 @@ def _said(
 
 
 def _orphans(mark: str) -> str | None:
-    """Processes with the mark in their environment that live too long."""
+    """Return a fault if processes with the mark in their environment live too long, or None."""
     end = time.monotonic() + ORPHANS
     while found := list(_marked(mark)):
         if time.monotonic() > end:
@@ -235,7 +249,7 @@ def _marked(mark: str) -> list[str]:
 
 
 def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
-    """No file can grow beyond some size: a message, status 2, and nothing changed."""
+    """Limit the size of files. The program must report this with status 2 and change nothing."""
     counted = Count("no room for a file")
     for k in range(count):
         case = stage.folder / "case"
@@ -254,7 +268,7 @@ def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
         if process.returncode == 0:
             fault = (
                 None if (check_generation(out) is None) else "not whole"
-            )  # nothing it writes is that large
+            )  # no file that it writes is that large
         elif process.returncode != 2 or "Traceback" in text or "cannot be written" not in text:
             fault = f"exit status {process.returncode}: {text[-300:]}"
         elif now != earlier:
@@ -264,7 +278,7 @@ def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
 
 
 def closed_streams(stage: Stage, count: int, rng: random.Random) -> Row:
-    """Standard streams that are closed, full or gone."""
+    """Run commands with standard streams that are closed, full or end early."""
     counted = Count("closed and full streams")
     for k in range(count):
         plan = str(stage.results[0] / "plan.json")
@@ -295,7 +309,10 @@ def closed_streams(stage: Stage, count: int, rng: random.Random) -> Row:
 
 
 def two_writers(stage: Stage, count: int, rng: random.Random) -> Row:
-    """Two plans into one folder at once: in the end it holds one of them, whole."""
+    """Write two plans into one folder at the same time.
+
+    The folder must finally hold one of them completely.
+    """
     counted = Count("two writers at once")
     for k in range(count):
         case = stage.folder / "case"
@@ -324,7 +341,7 @@ def two_writers(stage: Stage, count: int, rng: random.Random) -> Row:
 
 
 def hostile_folders(stage: Stage, count: int, rng: random.Random) -> Row:
-    """Names of problems that look like paths: results stay below the working directory."""
+    """Plan problems whose names look like paths. Results must stay below the working directory."""
     counted = Count("hostile names of problems")
     for _ in range(count):
         name = rng.choice(NAMES)
@@ -355,7 +372,7 @@ def hostile_folders(stage: Stage, count: int, rng: random.Random) -> Row:
 
 
 def hostile_texts(count: int, rng: random.Random) -> Row:
-    """Names of robots in what is exported: a name is never code, markup or a path."""
+    """Export robots with hostile names. A name must never become code, markup or a path."""
     import dataclasses
 
     counted = Count("hostile names of robots")

@@ -1,4 +1,6 @@
-"""What a campaign counts, and how commands are run in this process: captured, with a watchdog."""
+"""Counters of the campaigns, and commands that run in this process with captured output and a
+watchdog.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +20,18 @@ from unittest.mock import patch
 from tests.support.paths import ROOT
 
 LONGEST = 10
-"""s of the processor: what takes longer hangs."""
+"""CPU time in s above which a case hangs."""
 PATIENCE = 6
-"""Times as much on the clock, for what only waits; the machine may be busy otherwise."""
+"""Clock time at which a case hangs, as a multiple of the CPU time.
+
+The factor allows for cases that wait, and for a busy machine.
+"""
 EXAMPLES = 5
 ROBOT = ROOT / "problems/robots/vitreoretinal.yaml"
 
 
 class Row(NamedTuple):
-    """One line of the table of results."""
+    """One line in the table of results."""
 
     kind: str
     cases: int
@@ -35,18 +40,18 @@ class Row(NamedTuple):
 
 
 class Hang(BaseException):
-    """Something took longer than LONGEST."""
+    """Exception for a case that takes longer than LONGEST."""
 
 
 class Count:
-    """Counts the cases of one kind."""
+    """Counter of the cases of one kind."""
 
     def __init__(self, kind: str) -> None:
         self.kind, self.cases, self.failures = kind, 0, 0
         self.examples: list[str] = []
 
     def add(self, fault: str | None) -> None:
-        """One more case; fault: why it failed."""
+        """Add one case. `fault` is the reason why it failed, or None."""
         self.cases += 1
         if fault is not None:
             self.failures += 1
@@ -55,13 +60,15 @@ class Count:
 
     @property
     def row(self) -> Row:
-        """The line so far."""
+        """Return the line of the table so far."""
         return Row(self.kind, self.cases, self.failures, tuple(self.examples))
 
 
 @contextlib.contextmanager
 def watchdog(seconds: int = LONGEST) -> Iterator[None]:
-    """Raises Hang in the block after some seconds of the processor, or PATIENCE times as many on the clock."""
+    """Raise Hang in the block after some seconds of CPU time, or PATIENCE times as many of clock
+    time.
+    """
 
     def bark(number: int, frame: FrameType | None) -> None:
         raise Hang
@@ -83,7 +90,7 @@ def watchdog(seconds: int = LONGEST) -> Iterator[None]:
 
 @functools.cache
 def _read_once(read: Callable[[str | Path], Any]) -> Callable[[str | Path], Any]:
-    """A reader of robots that reads the shipped one once for all of the commands."""
+    """Return a reader of robots that reads the shipped robot only once."""
     shipped = functools.cache(lambda: read(ROBOT))
 
     @functools.wraps(read)
@@ -94,7 +101,10 @@ def _read_once(read: Callable[[str | Path], Any]) -> Callable[[str | Path], Any]
 
 
 def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, str | None]:
-    """(exit status, stdout, stderr, fault) of a command run in this process; fault: a hang, or its last traceback."""
+    """Run a command in this process and return exit status, stdout, stderr and fault.
+
+    The fault is a hang or the last traceback, or None.
+    """
     from ssm_planner.cli import main
     from ssm_planner.loading import load
 
@@ -116,7 +126,7 @@ def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, 
 
 
 def one(name: str, count: int, seed: int) -> tuple[list[Row], float]:
-    """A slice, and the seconds that it took."""
+    """Run one task of a campaign, and return its rows and its duration in s."""
     begin = time.monotonic()
     return importlib.import_module(f"{__package__}.{name}").run(
         count, seed

@@ -1,4 +1,7 @@
-"""Seeded violations of 0.001–1 % and 1–200 µs, all of which must be found, and healthy motions, all of which must pass."""
+"""Every seeded violation must be found, and every healthy motion must pass.
+
+The violations exceed a limit by 0.001–1 % and last 1–200 µs.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,20 @@ from .rows import ROBOT, Count, Row, command
 
 SMALLEST, LARGEST = 1e-5, 1e-2
 SPARE = 1e-6
-"""Of healthy motions."""
+"""Smallest relative margin of healthy motions."""
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """About 0.7 × count violations in pieces, CSV, bags and EPOS4 folders, and 0.3 × count healthy motions."""
+    """Run about 0.7 × count violations and 0.3 × count healthy motions.
+
+    The cases are pieces of motions, CSV files, bags and EPOS4 folders.
+    """
     with tempfile.TemporaryDirectory() as name:
         return Violations(Path(name), seed).run(count)
 
 
 class Violations:
-    """A motion near its limits, in every form that is read."""
+    """Cases made from one motion near its limits, in every format that is read."""
 
     def __init__(self, folder: Path, seed: int) -> None:
         from ssm_planner.loading.load import load_robot
@@ -38,7 +44,7 @@ class Violations:
         self.rows: dict[str, Count] = {}
 
     def run(self, count: int) -> list[Row]:
-        """A quarter of the count for every form."""
+        """Run the cases of every format with their fractions of the count."""
         self.pieces(count // 2)
         self.csv(count // 5)
         self.bags(max(count // 25, 3))
@@ -46,22 +52,25 @@ class Violations:
         return [each.row for each in self.rows.values()]
 
     def count(self, kind: str, fault: str | None) -> None:
-        """One more case."""
+        """Add one case of a kind."""
         self.rows.setdefault(kind, Count(kind)).add(fault)
 
     def excess(self) -> float:
-        """Share of a limit."""
+        """Return a random relative excess over a limit."""
         return float(10 ** self.rng.uniform(np.log10(SMALLEST), np.log10(LARGEST)))
 
     def acceleration(self, factor: float) -> Any:
-        """The robot with the acceleration limits times a factor."""
+        """Return the robot with all acceleration limits multiplied by a factor."""
         joints = tuple(
             dataclasses.replace(j, acceleration=j.acceleration * factor) for j in self.robot.joints
         )
         return dataclasses.replace(self.robot, joints=joints)
 
     def pieces(self, count: int) -> None:
-        """A pulse of acceleration of 1–200 µs in one joint, just beyond its limit; and just within it."""
+        """Check motions with an acceleration pulse of 1–200 µs in one joint.
+
+        The pulse lies just above its limit, or just below it.
+        """
         from ssm_planner.verification.check import check
 
         for k in range(count):
@@ -81,7 +90,10 @@ class Violations:
                 )
 
     def pulse(self, peak: float) -> tuple[Any, str]:
-        """The motion with q + A s² (1 − s)² added on a stretch, whose q̈ peaks at `peak` times the limit at its ends."""
+        """Return the motion with q + A s² (1 − s)² added on a short interval, and where it is.
+
+        At the ends of the interval q̈ peaks at `peak` times the limit.
+        """
         from ssm_planner.trajectory import Trajectory
 
         motion, rng = self.trajectory, self.rng
@@ -97,7 +109,8 @@ class Violations:
             limit, now = self.robot.joints[joint].acceleration, 2 * split[1][2, joint]
             sign = float(rng.choice((-1, 1)))
             size = (sign * peak * limit - now) * width**2 / 2
-            # between its ends the pulse is half as large the other way, and must keep the limit there
+            # Between its ends the pulse reaches half the value with the opposite sign. This value
+            # must keep the limit.
             if abs(now - size / width**2) < 0.99 * limit:
                 break
         split[1][2:5, joint] += size * np.array([1 / width**2, -2 / width**3, 1 / width**4])
@@ -108,15 +121,19 @@ class Violations:
         return Trajectory(times, np.concatenate(parts), motion.phases), where
 
     def table(self, ticks: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points of the motion, from which cubics make it again; two of them 1–200 µs apart. ticks: of time, s."""
+        """Return times, positions and velocities of points from which cubics restore the motion.
+
+        Two of the points are 1–200 µs apart. `ticks` is the resolution of time in s, or 0.
+        """
         breaks = self.trajectory.breaks
         more = np.sort(self.rng.uniform(*breaks[[0, -1]], 30))
-        # the breaks, where the acceleration jumps, and what is not too near to them or to each other
+        # The points include the breaks, where the acceleration jumps. Other points keep a distance
+        # from them and from each other.
         apart = np.abs(more[:, None] - breaks).min(axis=1) > 1e-3
         more = more[apart & np.append(True, np.diff(more) > 1e-3)]
         near = self.rng.choice(more) + 10 ** self.rng.uniform(-6, np.log10(2e-4))
         t = np.sort(np.append(np.concatenate([breaks, more]), near))
-        if ticks:  # as seconds and nanoseconds are put together again
+        if ticks:  # the sum of seconds and nanoseconds, as a reader computes it
             whole = np.round(t / ticks)
             t = whole // 1e9 + whole % 1e9 * ticks
         samples = self.trajectory.sample(t)
@@ -126,10 +143,13 @@ class Violations:
     def beyond(
         self, peak: float, ticks: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
-        """The table with one velocity changed, so that q̈ at the start of an interval is `peak` times its limit."""
+        """Return the table with one changed velocity, and where it is.
+
+        The change makes q̈ at the start of an interval reach `peak` times its limit.
+        """
         t, q, qd = self.table(ticks)
         k, joint = int(self.rng.integers(1, len(t) - 2)), int(self.rng.integers(4))
-        if self.rng.random() < 0.5:  # the shortest
+        if self.rng.random() < 0.5:  # the shortest interval
             k = int(np.argmin(np.diff(t)))
         h = t[k + 1] - t[k]
         limit, sign = self.robot.joints[joint].acceleration, float(self.rng.choice((-1, 1)))
@@ -140,7 +160,7 @@ class Violations:
         return t, q, qd, f"joint {joint} at {t[k]:.4f} s for {1e6 * h:.1f} µs"
 
     def csv(self, count: int) -> None:
-        """Rows with velocities."""
+        """Check CSV files whose rows contain velocities."""
         header = [
             *(f"q{i}_rad" for i in (1, 2, 3)),
             "q4_m",
@@ -162,7 +182,7 @@ class Violations:
             self.judge("CSV", path, healthy, f"{where}, {excess:.1e}")
 
     def judge(self, form: str, path: Path, healthy: bool, where: str) -> None:
-        """Check a file by the command."""
+        """Check a file with the command `check` and count the result."""
         status, out, err, fault = command("check", str(path), "--robot", str(ROBOT))
         if healthy:
             self.count(
@@ -182,7 +202,7 @@ class Violations:
             )
 
     def bags(self, count: int) -> None:
-        """The same points as a rosbag2."""
+        """Check the same points as a rosbag2."""
         from ssm_planner.formats.joint_trajectory import TrajectoryMessage
         from ssm_planner.formats.ros2 import write_bag
 
@@ -200,7 +220,11 @@ class Violations:
             self.judge("bags", folder, healthy, f"{where}, {excess:.1e}")
 
     def epos4(self, count: int) -> None:
-        """Streams: any number changed, told by its hash; offsets changed together with the hash, told by the motion."""
+        """Check EPOS4 folders with changed streams.
+
+        A change of any number must be found by its hash. A change of offsets together with the hash
+        must be found by the motion.
+        """
         from ssm_planner.formats.export import export
         from tests.support.plans import read_back
 
@@ -223,7 +247,7 @@ class Violations:
                     self.changed(folder, self.scaled, rehash=True)
 
     def changed(self, folder: Path, change: Callable[[list[list[str]]], str], rehash: bool) -> None:
-        """Check a folder with one of its streams changed."""
+        """Check a folder in which one of the streams is changed."""
         file = folder / f"{self.rng.choice(('roll', 'tilt', 'insertion'))}.csv"
         text, listed = (
             file.read_text(encoding="utf-8"),
@@ -254,7 +278,7 @@ class Violations:
         (folder / "manifest.json").write_text(listed, encoding="utf-8")
 
     def nudge(self, rows: list[list[str]]) -> str:
-        """One number 0.001–1 % larger or smaller, by one at least."""
+        """Change one number by 0.001–1 %, and by at least 1."""
         row, column = int(self.rng.integers(1, len(rows))), int(self.rng.integers(1, len(rows[0])))
         value = int(rows[row][column])
         step = max(round(abs(value) * self.excess()), 1) * int(self.rng.choice((-1, 1)))
@@ -262,7 +286,7 @@ class Violations:
         return f"row {row} column {column} by {step}"
 
     def scaled(self, rows: list[list[str]]) -> str:
-        """All offsets of one kind times a factor."""
+        """Multiply all offsets of one kind by a factor."""
         column = int(self.rng.integers(2, len(rows[0])))
         factor = (
             (50, 9, -1, 0)[int(self.rng.integers(4))]
@@ -270,14 +294,14 @@ class Violations:
             else (50, 9)[int(self.rng.integers(2))]
         )
         if max(abs(int(row[column])) for row in rows[1:]) < 20:
-            return ""  # nothing to scale
+            return ""  # all values are too small to scale
         for row in rows[1:]:
             row[column] = str(int(row[column]) * factor)
         return f"{rows[0][column]} × {factor}"
 
 
 def shifted(coefficients: np.ndarray, at: float) -> np.ndarray:
-    """Coefficients (6, 4) of the same polynomial in t − at."""
+    """Return the coefficients (6, 4) of the same polynomial in powers of t − at."""
     from math import comb
 
     powers = [

@@ -1,7 +1,8 @@
-"""Oracle for the simulation of the whole arm: adaptive, every stop and start of a drive found as an event.
+"""Reference for the simulation of the whole arm, which locates every stop and start of a drive.
 
-The equations of velocity_control.py with servos in continuous time, integrated to a tolerance: the reference that the
-fixed-step form is measured against, and some hundred times slower.
+It integrates the equations of velocity_control.py adaptively to a tolerance, with servos in
+continuous time. The fixed-step simulation is compared with it. The reference is some hundred times
+slower.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from tests.support.arm_motion import ArmMotion, arm_motion
 from tests.support.velocity_control import ArmSimulation
 
 Reference = Callable[[float], tuple[Array, Array, Array]]
-"""Time (s) → q, qd, qdd wanted, (4,) each."""
+"""Function from a time in s to the wanted q, qd and qdd, (4,) each."""
 
 _MOST_EVENTS = 20_000
 _STATE = 24
@@ -41,7 +42,10 @@ _WORK, _LOCKED_WORK, _FRICTION, _DAMPING = range(4)
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveMotion:
-    """The motion at the instants asked for, and what happened: (time, joint from 0, `stops` or `starts`)."""
+    """The motion at the requested instants, and its events.
+
+    An event is (time, joint from 0, `stops`, `starts` or `reverses`).
+    """
 
     motion: ArmMotion
     events: tuple[tuple[float, int, str], ...]
@@ -51,7 +55,7 @@ class AdaptiveMotion:
 def simulate_arm(
     arm: ArmSimulation, reference: Reference, times: Array, rtol: float = 1e-7
 ) -> AdaptiveMotion:
-    """Integrate the arm from rest at reference(times[0]) and sample it at `times` (n,), increasing."""
+    """Integrate the arm from rest at reference(times[0]) and sample it at increasing `times` (n,)."""
     from scipy.integrate import solve_ivp
 
     plant = _Arm(arm, reference)
@@ -100,7 +104,10 @@ def simulate_arm(
 
 
 class _Arm:
-    """Right-hand side and events; state (q, qd, motor angle, w, integral; 4 energies)."""
+    """Right-hand side and events of the arm.
+
+    The state is (q, qd, motor angle, w, integral; 4 energies).
+    """
 
     def __init__(self, arm: ArmSimulation, reference: Reference) -> None:
         self.arm, self.reference = arm, reference
@@ -162,7 +169,7 @@ class _Arm:
         return owners, watched
 
     def after_event(self, t: float, x: Array, k: int, mode: int) -> tuple[int, str]:
-        """(new mode, name); x is corrected to an exact standstill."""
+        """Return the new mode and the name of the event. The speed in `x` is set to exactly 0."""
         x[12 + k] = 0.0
         load, _ = self._load(k, x, 0)
         drive, tau = self.arm.drive(k), float(self.torques(t, x)[k])
@@ -191,7 +198,9 @@ class _Arm:
         return start
 
     def _load(self, k: int, x: Array, mode: int) -> tuple[float, float]:
-        """(effort of spring and damper on the drive's output, the damper's part)."""
+        """Return the effort of spring and damper on the output of the drive, and the part of the
+        damper.
+        """
         ratio, compliance = self.arm.drive(k).ratio, self.arm.compliance
         damper = compliance.damping[k] * ((x[12 + k] if mode else 0.0) / ratio - x[4 + k])
         return float(compliance.stiffness[k] * (x[8 + k] / ratio - x[k]) + damper), float(damper)

@@ -1,4 +1,4 @@
-"""Simulated motions of the arm with their energies, and whether the drives determine them."""
+"""Simulated motions of the arm with energies, and a test whether the drives determine them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ArmMotion:
 
 
 def arm_motion(plant: ArmPlant, time: Array, x: Array, tau: Array) -> ArmMotion:
-    """The motion with energies of states (n, 28) and torques (n, 4) at times (n,)."""
+    """Return the motion with energies from states (n, 28) and torques (n, 4) at times (n,)."""
     driven = list(plant.driven)
     kinetic, potential = energy(plant.body, x[:, Q], x[:, QD])
     for k in driven:
@@ -82,7 +82,10 @@ def arm_motion(plant: ArmPlant, time: Array, x: Array, tau: Array) -> ArmMotion:
 
 
 def always_unique(drive: Drive) -> bool:
-    """Whether every torque gives this drive exactly one motion: its effective inertia is positive at the most friction."""
+    """Return whether every torque gives this drive exactly one motion.
+
+    This holds if its effective inertia is positive at the largest friction.
+    """
     friction = breakaway_coefficient(required_friction(drive))
     return all(
         inertia > 0
@@ -92,7 +95,10 @@ def always_unique(drive: Drive) -> bool:
 
 
 def energy(body: RigidBody, q: Array, qd: Array) -> tuple[Array, Array]:
-    """The kinetic and the potential energy (n,) in J; the latter is zero for all masses at the remote centre."""
+    """Return the kinetic and the potential energy (n,) in J.
+
+    The potential energy is zero for all masses at the remote centre.
+    """
     kinetic = np.einsum("ni,nij,nj->n", qd, body.mass_matrix(q), qd) / 2
     joints = ca.SX.sym("q", 4)
     axes = (body.geometry.omega1, body.geometry.omega2, body.geometry.omega3)
@@ -109,7 +115,10 @@ def energy(body: RigidBody, q: Array, qd: Array) -> tuple[Array, Array]:
 
 
 def energy_error(motion: ArmMotion) -> float:
-    """Return the largest |work − (kinetic + potential + dissipated)| over the largest of these."""
+    """Return the largest error of the energy balance, relative to the largest of the energies.
+
+    The error is |work − (kinetic + potential + dissipated)|.
+    """
     stored = motion.kinetic + motion.potential
     lost = motion.friction_loss + motion.damping_loss
     error = motion.work - (stored - stored[0]) - lost

@@ -1,7 +1,7 @@
-"""Quantities of a plan.json at single instants in decimal arithmetic of 40 digits, by world-frame mechanics.
+"""Reference values of a plan.json at single instants in decimal arithmetic with 40 digits.
 
-It shares no code and no formulation with `examples/prove.py`: all vectors are in the base frame, the torque law has
-its tangents of sums, and angles follow from an arctangent.
+The module shares no code and no formulation with `examples/prove.py`. All vectors are in the base
+frame. The torque law uses tangents of sums, and angles follow from an arctangent.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Vector = list[D]
 
 
 def sine_and_cosine(x: D) -> tuple[D, D]:
-    """Series of x/2^10, then ten doublings."""
+    """Return sine and cosine of x by the series of x/2^10 and ten doublings of the angle."""
     z = x / 1024
     sine, cosine, term = D(0), D(0), D(1)
     for k in range(30):
@@ -33,7 +33,7 @@ def sine_and_cosine(x: D) -> tuple[D, D]:
 
 @cache
 def arctangent(x: D) -> D:
-    """The inverse of the tangent by Newton's method on sine and cosine."""
+    """Return the arctangent of x by Newton's method on sine and cosine."""
     y = D(math.atan(float(x)))
     for _ in range(4):
         sine, cosine = sine_and_cosine(y)
@@ -42,7 +42,7 @@ def arctangent(x: D) -> D:
 
 
 def angle_of(s: D, c: D) -> D:
-    """The angle in (−π, π] of (c, s)."""
+    """Return the angle of the point (c, s) in (−π, π]."""
     if c == 0 and s == 0:
         return D(0)
     half_turn = 4 * arctangent(D(1))
@@ -78,7 +78,7 @@ def normal(x: Vector) -> Vector:
 
 
 def turned(axis: Vector, angle: D, x: Vector) -> Vector:
-    """x cos + (1 − cos) a (a·x) + sin a×x."""
+    """Return x turned about the axis a by the angle: x cos + (1 − cos) a (a·x) + sin a×x."""
     sine, cosine = sine_and_cosine(angle)
     return add(
         times(cosine, x), times((1 - cosine) * dot(axis, x), axis), times(sine, cross(axis, x))
@@ -118,7 +118,7 @@ class Instant:
         ]
 
     def carried(self, x: Vector, joints: int) -> Vector:
-        """x turned by the first joints, the last of them first."""
+        """Return x turned by the first `joints` joints. The last of these joints turns first."""
         for k in reversed(range(joints)):
             x = turned(self.home[k], self.q[k], x)
         return x
@@ -129,7 +129,10 @@ class Instant:
         return x
 
     def efforts(self) -> Vector:
-        """τ_j = axis · moment of all bodies that joint j carries (D'Alembert), in the base frame."""
+        """Return the efforts of the joints by D'Alembert's principle in the base frame.
+
+        τ_j is the component along axis j of the moment of all bodies that joint j carries.
+        """
         gravity = vector(self.robot["gravity"])
         omega, alpha, moments, force = [D(0)] * 3, [D(0)] * 3, [], [D(0)] * 3
         for k, body in enumerate(self.robot["bodies"]):
@@ -168,7 +171,9 @@ class Instant:
         return [*result, dot(self.axes[2], force)]
 
     def motor_torque(self, j: int, load: D, sign: int, mu: D) -> D:
-        """The exact law, with the tangent of λ ± φ from sines and cosines of the sum."""
+        """Return the torque of the exact law. The tangent of λ ± φ comes from sine and cosine of
+        the sum.
+        """
         drive = self.robot["joints"][j]["drive"]
         law = drive["friction"]
         number = {
@@ -202,7 +207,7 @@ class Instant:
         return self.axes[2]
 
     def task(self) -> tuple[D, D]:
-        """Roll and tilt."""
+        """Return roll and tilt of the tool."""
         first, second, _ = self.home
         t = normal(add(second, times(-dot(first, second), first)))
         n = cross(first, t)

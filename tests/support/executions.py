@@ -1,4 +1,6 @@
-"""Executions of a plan as the recorders of its axes would show them, healthy and with seeded faults."""
+"""Executions of a plan as the recorders of its axes would show them, healthy and with seeded
+faults.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from ssm_planner.plans import Plan
 RPM = 2 * np.pi / 60
 COUNTS = 4096
 LEAD = 0.3
-"""s of rest before and after the motion."""
+"""Time of rest in s before and after the motion."""
 
 
 @dataclass
@@ -34,7 +36,7 @@ class Run:
 
 
 class Executions:
-    """Runs of one plan; each is a fresh copy that may be spoilt."""
+    """Generator of runs of one plan. Each run is a fresh copy that a test may change."""
 
     def __init__(self, plan: Plan, step: float = 1e-3, speed: float = 1.0) -> None:
         self.plan, self.step = plan, step
@@ -50,7 +52,10 @@ class Executions:
         self.duration = plan.motion.duration / speed
 
     def run(self, clock: Callable[[np.ndarray], np.ndarray] | None = None) -> Run:
-        """As planned; clock: planned time of every true time, by joint the same."""
+        """Return a run as planned.
+
+        `clock` maps the true time to the planned time and is the same for all joints.
+        """
         time = np.arange(0.0, self.duration + 2 * LEAD, self.step)
         t = time - LEAD if clock is None else clock(time - LEAD)
         run = Run({}, {}, {}, {})
@@ -62,7 +67,7 @@ class Executions:
         return run
 
     def follow(self, run: Run, name: str) -> None:
-        """The position that follows from the speed."""
+        """Replace the position of a joint by the integral of its speed."""
         step = np.diff(run.time[name]) * (run.w[name][1:] + run.w[name][:-1]) / 2
         start = run.q[name][0]
         run.q[name] = start + np.concatenate([[0.0], np.cumsum(step)]) / self.plans[name].ratio
@@ -70,7 +75,11 @@ class Executions:
     def measured(
         self, run: Run, rng: np.random.Generator, rpm: float = 2.0, torque: float = 0.01
     ) -> list[AxisRecording]:
-        """With noise (uniform ± rpm; torque normal, share of the axis's largest) and the recorder's rounding."""
+        """Return recordings with noise and the rounding of the recorder.
+
+        The noise of the speed is uniform within ± rpm. The noise of the torque is normal, relative
+        to the largest torque of the axis.
+        """
         found = []
         for name in self.names:
             nominal, ratio = self.joints[name].motor.nominal_torque, self.joints[name].drive.ratio
@@ -94,7 +103,11 @@ class Executions:
         return found
 
     def healthy(self, seed: int) -> list[AxisRecording]:
-        """Friction up to 15 % beside the plan's, a servo that lags by up to 2 ms, ±2 rpm of noise and more or less."""
+        """Return recordings of a healthy run.
+
+        Friction differs from the plan by up to 15 %. The servo lags by up to 2 ms. The speed has
+        noise of ±0.5 to ±3 rpm.
+        """
         rng = np.random.default_rng(seed)
         lag = rng.uniform(0, 2e-3)
         run = self.run(lambda t: t - lag)
@@ -103,7 +116,9 @@ class Executions:
         return self.measured(run, rng, rng.uniform(0.5, 3.0), rng.uniform(0.002, 0.03))
 
     def faulty(self, kind: str, seed: int) -> tuple[list[AxisRecording], str, str]:
-        """(recordings, verdict, kind of finding) that are right of one seeded fault."""
+        """Return the recordings with one seeded fault, the expected verdict and the expected
+        finding.
+        """
         rng = np.random.default_rng([sorted(FAULTS).index(kind), seed])
         run = self.run()
         joint = str(rng.choice(self.names))
@@ -116,18 +131,18 @@ class Executions:
 def decimated(
     recordings: Sequence[AxisRecording], factor: int, first: int = 0
 ) -> list[AxisRecording]:
-    """Every so many samples of each recording."""
+    """Return every `factor`-th sample of each recording."""
     return [taken(each, slice(first, None, factor)) for each in recordings]
 
 
 def taken(recording: AxisRecording, chosen: slice | np.ndarray) -> AxisRecording:
-    """Some samples of a recording."""
+    """Return the chosen samples of a recording."""
     channels = {name: getattr(recording, name) for name in ("time", "w", "tau", "q")}
     return replace(recording, **{k: v if v is None else v[chosen] for k, v in channels.items()})
 
 
 def write(it: Executions, measured: Sequence[AxisRecording], folder: Path) -> dict[str, Path]:
-    """As EPOS recorder exports, with a position channel; paths by joint."""
+    """Write EPOS recorder exports with a position channel, and return their paths by joint."""
     paths = {}
     for each in measured:
         joint = it.joints[each.joint]
@@ -150,7 +165,7 @@ def write(it: Executions, measured: Sequence[AxisRecording], folder: Path) -> di
 def clipped(
     it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
 ) -> None:
-    """The torque is cut off, and the speed sags while it is."""
+    """Limit the torque, and reduce the speed while the limit acts."""
     cut = rng.uniform(0.5, 0.8) * np.abs(run.tau[joint]).max()
     sag = np.abs(run.tau[joint]) > cut
     run.w[joint][sag] *= 1 - rng.uniform(0.1, 0.3)
@@ -181,7 +196,10 @@ def torque_low(
 def stall(
     it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
 ) -> None:
-    """The motor is blocked from some instant on and gives its largest torque until it is told to stop."""
+    """Block the motor from a random instant on.
+
+    The motor gives its largest torque until the motion is over.
+    """
     begin = int(rng.choice(moving[: int(0.9 * len(moving))]))
     sign = np.sign(run.w[joint][begin])
     end = int(np.flatnonzero(run.w[joint]).max())
@@ -193,7 +211,7 @@ def stall(
 def overspeed(
     it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
 ) -> None:
-    """Faster than the joint may be for 30 ms and more, while it moves at its limit."""
+    """Exceed the velocity limit of a joint for 30 ms to 100 ms while it moves at its limit."""
     fast = np.flatnonzero(np.abs(run.w[joint]) > 0.995 * it.plans[joint].peak)
     begin, length = int(rng.choice(fast[: len(fast) // 2])), round(rng.uniform(0.03, 0.1) / it.step)
     run.w[joint][begin : begin + length] *= 1 + rng.uniform(0.05, 0.15)
@@ -218,7 +236,7 @@ def lost_increments(
 
 
 def slow(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> Run:
-    """All of it is played slower: the clock is right."""
+    """Play the whole motion slower. The clock stays correct."""
     rate = 1 - rng.uniform(0.015, 0.04)
     run = it.run(lambda t: rate * t)
     for name in it.names:
@@ -271,11 +289,11 @@ FAULTS = {
     "missing samples": (missing, "held", "missing samples"),
     "truncated": (truncated, "cannot tell", "coverage"),
 }
-"""What spoils a run, and what is right of it: verdict, and kind of finding or name of the limit."""
+"""Function that changes a run, expected verdict, and expected finding or name of the limit."""
 
 
 def kinds(found) -> set[str]:
-    """Kinds of the findings and names of the limits that do not hold."""
+    """Return the kinds of the findings and the names of the limits that are not held."""
     names = {each.kind for each in found.findings}
     for axis in found:
         names |= {each.kind for each in axis.findings} | {

@@ -1,6 +1,6 @@
-"""Rules that hold for every test: a CPU budget, listed skips, working Ctrl-C, and a shuffled order on request.
+"""Pytest plugin with rules for every test: CPU budget, listed skips, Ctrl-C and random order.
 
-Options of pytest that this module adds:
+Options that this module adds:
 
     --cpu-budget SECONDS  fail a phase of a test without the mark `slow` that needs more CPU time
     --cpu-report FILE     write the CPU time of every test and of the collection as JSON
@@ -27,15 +27,18 @@ from tests.support.skips import is_listed
 
 SHOWN = 10
 REFERENCE = 0.10
-"""s of CPU that `yardstick` takes on the quiet core for which the budget is meant."""
+"""CPU time in s of `yardstick` on the idle core for which the budget is meant."""
 PATIENCE = 2.0
-"""Factor by which a test may exceed the scaled budget; caches that others fill slow tests unevenly."""
+"""Factor by which a test may exceed the scaled budget.
+
+The factor allows for caches, because the test that fills a cache takes longer.
+"""
 CPU = "cpu"
 PHASE = pytest.StashKey[tuple[float, float, float]]()
 
 
 def clocks() -> tuple[float, float, float]:
-    """Return the CPU time of this process, that of its children that have ended, and the time, s."""
+    """Return the CPU times of this process and of its ended children, and the clock time, in s."""
     own, children = (
         sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     )
@@ -48,10 +51,10 @@ def cpu() -> float:
 
 
 def cpu_since(begin: tuple[float, float, float]) -> float:
-    """Return the CPU time in s that a phase took which began at the given clocks.
+    """Return the CPU time in s of a phase that began at the given clocks.
 
     A child that an earlier test left counts when it ends. The children of this phase cannot have
-    taken more than all cores for its duration.
+    used more than all cores for its duration.
     """
     own, children, elapsed = (now - then for now, then in zip(clocks(), begin, strict=True))
     return own + min(children, elapsed * (os.cpu_count() or 1))
@@ -66,11 +69,11 @@ def yardstick() -> float:
 
 
 class Budget:
-    """Fails tests above a CPU budget.
+    """CPU budget of the tests.
 
-    A machine that is slower, or busy with other work, takes more CPU time for the same test. When
-    a test exceeds the budget, the yardstick is measured at once and scales the budget, so that
-    only a test which is too dear by a factor of PATIENCE on any machine fails.
+    A slower or busy machine takes more CPU time for the same test. When a test exceeds the budget,
+    the yardstick is measured at once and scales the budget. A test fails only if it exceeds the
+    scaled budget by the factor PATIENCE.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -93,15 +96,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    # nohup and shells in the background ignore SIGINT, and children inherit that: a test that
-    # interrupts a child must find the ordinary handler.
+    # nohup and background shells ignore SIGINT, and children inherit this. A test that interrupts a
+    # child needs the ordinary handler.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     config.pluginmanager.register(Rules(config), "project rules")
 
 
 class Rules:
-    """The rules of one session."""
+    """Hooks that apply the rules in one pytest session."""
 
     def __init__(self, config: pytest.Config) -> None:
         self.config = config
@@ -146,7 +149,7 @@ class Rules:
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         report = yield
         spent = cpu_since(item.stash[PHASE])
-        # pytest hands the list of the item to every report: each gets one of its own
+        # Pytest gives the same list to every report of an item. Each report gets a copy.
         report.user_properties = [*report.user_properties, (CPU, spent)]
         problem = ""
         if report.skipped and not hasattr(report, "wasxfail"):

@@ -1,4 +1,4 @@
-"""Seeded random problems over random robots, and what has to hold of whatever the planner makes of them."""
+"""Seeded random problems over random robots, and conditions that every plan of them must meet."""
 
 from __future__ import annotations
 
@@ -26,13 +26,16 @@ NAMED = {
     "motor torque", "position", "velocity", "acceleration", "duration", "direction", "retina clearance", "lens clearance",
     "continuous torque", "self-locking",
 }  # fmt: skip
-"""Constraints that a reason may name; all of them but the direction have a value required and one available."""
+"""Constraints that a reason may name."""
 DEPTH = (0.0, 0.03)
 Point = Callable[[], dict[str, float]]
 
 
 def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
-    """One to `most` motions; any angles, mounting, speeds, motors; now and then every other feature of a problem."""
+    """Return a problem with one to `most` motions.
+
+    Angles, mounting, speeds and motors are random. Other features of a problem occur occasionally.
+    """
     rng = np.random.default_rng(seed)
     mechanism = Mechanism.from_angles(rng.uniform(0.15, 1.4), rng.uniform(0.3, 2.6))
     robot = _robot(base.robot, mechanism, rng)
@@ -60,7 +63,7 @@ def random_problem(base: Problem, seed: int, most: int = 3) -> Problem:
         file=None,
     )
     if rng.random() < 0.2:
-        # from hardly possible to leisurely
+        # The duration ranges from hardly possible to slow.
         duration, fixed = (
             float(3 * 10 ** rng.uniform(-0.5, 1)),
             sum(motion.duration or 0.0 for motion in motions),
@@ -119,14 +122,16 @@ def _scan(at: dict[str, float], rng: np.random.Generator) -> Motion:
 
 
 def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
-    """An eye about the middle of what the tool reaches, with its lens on one side in half of the cases."""
+    """Return an eye around the middle of the workspace of the tool. In half of the cases it has a
+    lens.
+    """
     low, high = tilt_interval(mechanism)
     middle = inverse_task(mechanism, np.array([[0.0, (low + high) / 2, 0.0, 1.0]])).joints[0, 0]
     axis = tip_position(mechanism, middle[None, :])[0]
     radius = rng.uniform(0.0105, 0.013)
     side = np.cross(axis, rng.normal(size=3))
     side /= np.linalg.norm(side)
-    # the port beside the axis of the eye, as in surgery
+    # The port lies beside the axis of the eye, as in surgery.
     centre = radius * (np.cos(0.5) * axis + np.sin(0.5) * side)
     lens = None
     if rng.random() < 0.5:
@@ -152,7 +157,9 @@ def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
 
 
 def _with_end_rates(problem: Problem, rng: np.random.Generator) -> Problem:
-    """Boundary rates along the motion at either end, in one problem of ten."""
+    """Add rates along the motion at the start and at the end, each in about a tenth of the
+    problems.
+    """
     first, last = problem.motion[0], problem.motion[-1]
     if rng.random() < 0.1 and isinstance(first, Straight):
         way = {
@@ -214,7 +221,10 @@ def _joint(joint: Joint, jerk: bool, rng: np.random.Generator) -> Joint:
 
 
 def faults(problem: Problem, result: Plan) -> list[str]:
-    """What does not hold of a plan, in words; nothing where it is a motion as asked for, or a named reason."""
+    """Return the faults of a plan as texts.
+
+    A plan without faults is a motion as requested or has a named reason.
+    """
     if result.reason is not None:
         return _faults_of_reason(result.reason)
     if result.trajectory is None or result.certificate is None or not result.passed:
@@ -247,7 +257,7 @@ def _faults_of_reason(reason: Reason) -> list[str]:
 
 
 def _faults_of_ends(problem: Problem, result: Plan) -> list[str]:
-    """Whether the motion begins and ends where, and as fast as, the problem says."""
+    """Return faults if the motion does not start or end as the problem specifies."""
     trajectory: Any = result.trajectory
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     first = trajectory.sample(trajectory.breaks[:1])

@@ -1,8 +1,8 @@
-"""Recordings of the three test rigs: the real ones beside the project, or synthetic ones.
+"""Recordings of the three test rigs: real ones if they are beside the project, or synthetic ones.
 
 The synthetic recordings have the files, speeds, format and faults of the real ones. Their torque
-follows the friction law with the identified parameters, a ripple in phase with the motor angle,
-a scatter from file to file, and noise. Tests read them where the real ones are missing.
+follows the friction law with the identified parameters, a ripple in phase with the motor angle, a
+scatter from file to file, and noise. Tests read them where the real ones are missing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ EDITED = {"drive3_worm": ("1", "2", "n1")}
 SCATTER, RIPPLE, NOISE = 0.01, 0.08, 0.06
 """Standard deviations from file to file, of the ripple, and of single samples, as fractions."""
 TURNS = 12.0
-"""Motor turns in a recording, as far as its sampling period allows."""
+"""Number of motor turns in a recording, as far as its sampling period allows."""
 HEADER = """Date:;2020-07-06 12:00:00
 Firmware Version:;0x0120;0x6150;0x0000;0x0000
 EPOS Studio Version:;3.6.1.0
@@ -73,7 +73,10 @@ def _write(
     *,
     edited: bool = False,
 ) -> None:
-    """Write one recording. speeds: the recorded speed, and the one that determines the torque."""
+    """Write one recording.
+
+    `speeds` holds the recorded speed and the speed that determines the torque.
+    """
     rig, (w, smooth) = drive.rig, speeds
     assert rig is not None
     motion, load = RecordedMotion.from_speed(time, smooth), rig.F_payload + rig.load_offset

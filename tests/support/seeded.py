@@ -1,4 +1,7 @@
-"""Trajectories with one limit that is exceeded within one interval of samples only, judged by the model's own functions."""
+"""Trajectories that exceed one limit within one interval of samples only.
+
+The functions of the model itself compute the limited quantity.
+"""
 
 from __future__ import annotations
 
@@ -27,15 +30,15 @@ BENT = {
     "motor torque": 2, "roll rate": 1, "tilt rate": 1, "spin rate": 1, "insertion speed": 1, "retina clearance": 0,
     "lens clearance": 0,
 }  # fmt: skip
-"""Derivative of q that is bent in the middle of the interval."""
+"""Derivative of q that is changed in the middle of the interval, for each limit."""
 OVERALL = "continuous torque"
-"""Of the motion as a whole: nothing is bent."""
+"""Limit of the motion as a whole, for which no interval is changed."""
 KINDS = [*BENT, OVERALL]
 WHICH = {
     "tilt range": (1,), "tip speed": (0, 1), "roll rate": (0,), "tilt rate": (1,), "spin rate": (2,),
     "insertion speed": (3,), "retina clearance": (1, 3), "lens clearance": (0, 1),
 }  # fmt: skip
-"""Joints of which one is bent, for the limits of the task."""
+"""Candidate joints for the change, for limits of the task."""
 TASK_RATES = {
     "roll rate": "roll",
     "tilt rate": "tilt",
@@ -43,7 +46,9 @@ TASK_RATES = {
     "insertion speed": "depth",
 }
 RANGES = ("position", "tilt range")
-"""Limits whose excess is measured by the half width of a range; of the others by the limit itself."""
+"""Limits whose excess is relative to the half width of a range. For other limits it is relative to
+the limit.
+"""
 CENTRE = np.array([0.007, 0.0, -0.011])
 PLACE = np.array([0.002, 0.003, -0.006])
 SEMI_AXES = np.array([0.004, 0.003, 0.0015])
@@ -55,7 +60,9 @@ DENSE = 300
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A trajectory, the largest value of one limited quantity, and the interval of samples that holds it."""
+    """A trajectory with the largest value of one limited quantity and the interval that contains
+    it.
+    """
 
     trajectory: Trajectory
     robot: Robot
@@ -65,7 +72,10 @@ class Case:
     interval: tuple[float, float]
 
     def bounds(self, factor: float) -> tuple[float, float]:
-        """(low, high) such that the largest value is at `factor` times the limit, for a range by its half width."""
+        """Return (low, high) so that the largest value is `factor` times the limit.
+
+        For a range, the excess is relative to its half width.
+        """
         if self.limit[0] not in RANGES:
             return -self.largest / factor, self.largest / factor
         half = SCALE[max(self.joint, 0)]
@@ -73,7 +83,7 @@ class Case:
         return high - 2 * half, high
 
     def robot_with(self, factor: float) -> Robot:
-        """The robot with this limit there, all others loose."""
+        """Return the robot with this limit set by `factor` and all other limits loose."""
         name, (low, high) = self.limit[0], self.bounds(factor)
         joints = []
         for i, joint in enumerate(self.robot.joints):
@@ -99,7 +109,7 @@ class Case:
         return dataclasses.replace(self.robot, joints=tuple(joints))
 
     def task(self, factor: float) -> TaskLimits:
-        """The limits of the task with this one."""
+        """Return the task limits with this limit set by `factor`."""
         kind, bounds = self.limit[0], self.bounds(factor)
         limits = of_task(
             ranges={"tilt": bounds} if kind == "tilt range" else {},
@@ -107,13 +117,17 @@ class Case:
             rates={TASK_RATES[kind]: bounds[1]} if kind in TASK_RATES else {},
             eye=_eye(kind, bounds[1]) if kind.endswith("clearance") else None,
         )
-        # a stretch of a motion: neither starts nor ends at rest
+        # The motion is a section of a longer one. It neither starts nor ends at rest.
         return dataclasses.replace(limits, start_rate=None, end_rate=None)
 
 
 def _eye(kind: str, high: float) -> Eye:
-    """An eye in which the tip may be `high` from the centre, or the lens touches a shaft passing it at 1 / `high`."""
-    # no eye that a tool could enter, but one whose limits are met in the middle of an interval
+    """Return an eye whose limit is `high`.
+
+    For the retina the tip may be `high` from the centre. For the lens a passing shaft touches it at
+    1 / `high`.
+    """
+    # A tool could not enter this eye, but its limits are met in the middle of an interval.
     clearance = 1e-3
     any_eye = Eye(
         read_only_array(CENTRE, (3,)), float(np.linalg.norm(CENTRE)), clearance, port=2 * clearance
@@ -129,7 +143,10 @@ def _eye(kind: str, high: float) -> Eye:
 
 
 def seeded(rng: np.random.Generator, robot: Robot, kind: str) -> Case:
-    """A random motion; in the middle of one interval it is bent until a quantity has its peak there."""
+    """Return a random motion in which a quantity peaks in the middle of one interval.
+
+    The state in the middle of the interval is changed until the peak is large enough.
+    """
     if kind == OVERALL:
         return _overall(rng, robot)
     while True:
@@ -139,7 +156,7 @@ def seeded(rng: np.random.Generator, robot: Robot, kind: str) -> Case:
 
 
 def _overall(rng: np.random.Generator, robot: Robot) -> Case:
-    """A random motion and the root mean square of one motor's torque."""
+    """Return a random motion with the root mean square torque of one motor."""
     joint = int(rng.choice((0, 1, 3)))
     t, states = _samples(rng)
     trajectory = Trajectory(t, _quintics(t, _drifting(t, states)), ())
@@ -158,7 +175,10 @@ def _overall(rng: np.random.Generator, robot: Robot) -> Case:
 
 
 def _drifting(t: np.ndarray, states: list[np.ndarray]) -> list[np.ndarray]:
-    """The same motion without reversals, at which the torque jumps: a dense look takes such a place only roughly."""
+    """Return the states with a constant drift, so that no joint reverses.
+
+    The torque jumps at reversals, and dense sampling finds such a peak only approximately.
+    """
     drift = 1.5 * np.abs(states[1]).max(axis=0)
     return [states[0] + drift * t[:, None], states[1] + drift, states[2]]
 
@@ -197,7 +217,7 @@ def _bent(rng: np.random.Generator, robot: Robot, kind: str) -> Case | None:
 
 
 def _samples(rng: np.random.Generator) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Times and q, qd, qdd of a sum of sines."""
+    """Return times and q, qd, qdd of a sum of sines."""
     t = np.linspace(0.0, rng.uniform(0.3, 1.0), INTERVALS + 1)
     rate, phase = rng.uniform(1.0, 6.0, (2, 4)), rng.uniform(0, 2 * np.pi, (2, 4))
     angle = t[:, None, None] * rate + phase
@@ -218,7 +238,7 @@ def _quintics(t: np.ndarray, states: list[np.ndarray]) -> np.ndarray:
 def _with_middle(
     t: np.ndarray, states: list[np.ndarray], k: int, state: list[np.ndarray]
 ) -> Trajectory:
-    """The quintics through the samples and through one state in the middle of interval k."""
+    """Return the quintics through the samples and one state in the middle of interval k."""
     t = np.insert(t, k + 1, (t[k] + t[k + 1]) / 2)
     return Trajectory(
         t,
@@ -228,14 +248,14 @@ def _with_middle(
 
 
 def _stretch(trajectory: Trajectory, k: int) -> Trajectory:
-    """The two pieces of interval k."""
+    """Return the two pieces of interval k."""
     return Trajectory(
         trajectory.breaks[k : k + 3].copy(), trajectory.coefficients[k : k + 2].copy(), ()
     )
 
 
 def _values(trajectory: Trajectory, robot: Robot, kind: str, joint: int) -> np.ndarray:
-    """What the limit bounds from above, (pieces, DENSE)."""
+    """Return the values (pieces, DENSE) that the limit bounds from above."""
     count = len(trajectory.breaks) - 1
     piece = np.repeat(np.arange(count), DENSE)
     s = trajectory.sample_pieces(
@@ -280,6 +300,9 @@ def _motor(s: Samples, robot: Robot, kind: str, joint: int) -> np.ndarray:
 
 
 def tip_velocity(mechanism: Mechanism, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """Velocity of the tool tip, m/s, (n, 3): v + ω × p of the spatial velocity (v, ω) = J_s(q) qd; q, qd (n, 4)."""
+    """Return the velocity (n, 3) of the tool tip in m/s for q and qd (n, 4).
+
+    It is v + ω × p of the spatial velocity (v, ω) = J_s(q) qd.
+    """
     twist = np.einsum("nij,nj->ni", space_jacobian(mechanism, q), qd)
     return twist[:, :3] + np.cross(twist[:, 3:], tip_position(mechanism, q))

@@ -1,8 +1,9 @@
-"""A CiA 402 drive in cyclic synchronous position mode on a virtual CAN bus: its state machine, its limits, its faults.
+"""Simulated CiA 402 drive in cyclic synchronous position mode on a virtual CAN bus.
 
-Its PDOs are what a client maps by SDO. It takes a setpoint at every SYNC and refuses what a real drive refuses: a SYNC that
-does not come at the interpolation period, a target beyond the software limits, a step larger than the speed limit or the
-following-error window, a PDO of another length than its mapping.
+The simulation covers the state machine, the limits and the faults. A client maps the PDOs by SDO.
+The drive takes a setpoint at every SYNC. Like a real drive, it refuses a SYNC that does not come at
+the interpolation period, and a target beyond the software limits. It also refuses a step above the
+speed limit or the following-error window, and a PDO whose length differs from its mapping.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ HOMING, CSP = 6, 8
 PRESENT_POSITION = 37
 MILLI_RPM = 0xFDB44700
 WINDOW = 40
-"""SYNCs over which their period is judged."""
+"""Number of SYNCs over which their mean period is judged."""
 STATES = {
     "disabled": 0x0240,
     "ready": 0x0221,
@@ -66,7 +67,7 @@ DISABLED = 1 << 31
 
 
 def dictionary(node_id: int) -> canopen.ObjectDictionary:
-    """The object dictionary of the drive, built in code; nothing is mapped."""
+    """Return the object dictionary of the drive. No PDO is mapped."""
     od = canopen.ObjectDictionary()
     od.node_id = node_id
     for (index, sub), (name, kind, default) in VARIABLES.items():
@@ -98,7 +99,10 @@ def _record(od: canopen.ObjectDictionary, index: int, members: tuple[tuple[int, 
 
 
 class SimulatedDrive:
-    """One drive on a virtual bus; `position`: where it stands, increments; rated torque in µN·m."""
+    """One drive on a virtual bus.
+
+    `position` is the initial position in increments, and `rated_torque` is in µN·m.
+    """
 
     counts_per_turn = 4096
 
@@ -109,10 +113,12 @@ class SimulatedDrive:
         self.network.add_node(self.node)
         self.position, self.state, self.fault = position, "disabled", 0
         self.received: list[tuple[int, int, int]] = []
-        """(target position, velocity offset, torque offset) at every SYNC while enabled."""
+        """Target position, velocity offset and torque offset at every SYNC while the drive is
+        enabled.
+        """
         self.syncs: list[float] = []
         self.waiting: dict[int, bytes] = {}
-        """What synchronous PDOs brought since the last SYNC, by PDO."""
+        """Data of synchronous PDOs since the last SYNC, by number of the PDO."""
         self.homed = False
         self._put(0x6064, position)
         self._put(READ_ONLY, rated_torque)
@@ -138,7 +144,7 @@ class SimulatedDrive:
         ].encode_raw(value)
 
     def _mapped(self, communication: int, k: int) -> list[tuple[int, int]]:
-        """(index, bytes) of the objects of a PDO; none where it is disabled."""
+        """Return index and size in bytes of the objects in a PDO. A disabled PDO has none."""
         if self.value(communication + k, 1) & DISABLED:
             return []
         entries = [
@@ -175,7 +181,7 @@ class SimulatedDrive:
             self._report()
 
     def _control(self, word: int) -> None:
-        """Transitions of the CiA 402 state machine; homing starts by bit 4."""
+        """Apply the transitions of the CiA 402 state machine. Bit 4 starts homing."""
         if self.state == "fault":
             if word & 0x80:
                 self.state, self.fault = "disabled", 0
@@ -227,7 +233,7 @@ class SimulatedDrive:
         period = self.value(0x60C2, 1) * 10.0 ** self.value(0x60C2, 2)
         if len(self.syncs) > WINDOW:
             mean = (self.syncs[-1] - self.syncs[-1 - WINDOW]) / WINDOW
-            if not 0.5 < mean / period < 50:  # the host may stall, but does not run ahead
+            if not 0.5 < mean / period < 50:  # The host may stall, but it does not run ahead.
                 return PERIOD_FAULT
         if not self.value(0x607D, 1) <= target <= self.value(0x607D, 2):
             return LIMIT_FAULT

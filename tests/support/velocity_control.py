@@ -1,7 +1,7 @@
-"""Simulate the whole arm with velocity-controlled motors, as in the experiments of the paper.
+"""Simulation of the whole arm with velocity-controlled motors, as in the experiments of the paper.
 
-Joints without a drive follow their reference exactly. Several steps of the plant per control period, all periods in one
-call.
+Joints without a drive follow their reference exactly. Every control period has several steps of the
+plant. One call runs all periods.
 """
 
 from __future__ import annotations
@@ -28,30 +28,31 @@ from ssm_planner.typing import Array
 from tests.support.arm_motion import ArmMotion, arm_motion
 
 PERIOD = 1e-3
-"""Control period, s."""
+"""Control period in s."""
 
 _CHUNK = 100
 
 
 @dataclass(frozen=True)
 class Servo:
-    """tau = kp·e + integral, limited to ±limit, with e = w_reference − w and d(integral)/dt = ki·e.
+    """Gains of a servo with tau = kp·e + integral, limited to ±limit.
 
-    At the limit the integral does not grow further in the direction that is cut off.
+    The error is e = w_reference − w, and d(integral)/dt = ki·e. At the limit the integral does not
+    grow in the direction that is cut off.
     """
 
     kp: float
-    """N·m·s/rad."""
+    """Proportional gain in N·m·s/rad."""
     ki: float
-    """N·m/rad."""
+    """Integral gain in N·m/rad."""
     limit: float
-    """Largest torque, N·m: the current limit times the torque constant."""
+    """Largest torque in N·m: the current limit times the torque constant."""
 
 
 def servo_step(
     servo: Servo, error: ca.SX, integral: ca.SX, period: float, feedforward: ca.SX | float = 0.0
 ) -> tuple[ca.SX, ca.SX]:
-    """(torque, integral after the period) of a sampled servo, in CasADi."""
+    """Return the torque, and the integral after the period, of a sampled servo in CasADi."""
     wanted = servo.kp * error + integral + feedforward
     torque = ca.fmin(ca.fmax(wanted, -servo.limit), servo.limit)
     winds = ca.logic_and(torque != wanted, wanted * error > 0)
@@ -59,16 +60,17 @@ def servo_step(
 
 
 def servo_for(drive: Drive, limit: float, bandwidth: float = 800.0) -> Servo:
-    """PI gains for a velocity loop of the given bandwidth (rad/s) on the motor's own inertia, well damped.
+    """Return well-damped PI gains of a velocity loop on the inertia of the motor.
 
-    Sampled at 1 kHz, a bandwidth beyond 2000 rad/s is unstable; a slow loop lets a load-driven worm chatter.
+    `bandwidth` is in rad/s. At a sampling rate of 1 kHz, a bandwidth above 2000 rad/s is unstable.
+    A slow loop lets a load-driven worm chatter.
     """
     kp = bandwidth * drive.input_inertia
     return Servo(kp, 0.25 * bandwidth * kp, limit)
 
 
 class ArmSimulation(ArmPlant):
-    """The arm of a robot with its servos; built once, run on any number of references."""
+    """The arm of a robot with its servos. One instance can follow any number of references."""
 
     def __init__(
         self,
@@ -80,8 +82,12 @@ class ArmSimulation(ArmPlant):
         period: float = PERIOD,
         steps: int = 2,
     ) -> None:
-        """servos: one per joint, None for a motor without power; default one per driven joint, limited to the motor's
-        largest torque. position_gain: of an outer position loop on the motor angle, 1/s. steps: per control period.
+        """Build the simulation.
+
+        `servos` holds one servo per joint, or None for a motor without power. By default every
+        driven joint has a servo that is limited to the largest torque of its motor. `position_gain`
+        in 1/s belongs to an outer position loop on the motor angle. `steps` is the number of steps
+        per control period.
         """
         super().__init__(robot, compliance, period / steps)
         self.period, self.steps = period, steps
@@ -90,10 +96,11 @@ class ArmSimulation(ArmPlant):
         self._run = self._period_function().mapaccum("arm", _CHUNK)
 
     def run(self, q: Array, qd: Array, feedforward: Array | None = None) -> ArmMotion:
-        """Follow a reference given at the control instants, (n, 4) each; feedforward: motor torques (n, 4).
+        """Follow a reference with positions and speeds (n, 4) at the control instants.
 
-        Starts at q[0] at rest, every drive standing and its spring carrying the weight. Joints without a drive take the
-        speeds of qd, linear in between.
+        `feedforward` holds motor torques (n, 4). The arm starts at rest at q[0]. Every drive stands
+        still, and its spring carries the weight. Joints without a drive follow the speeds qd, with
+        linear interpolation.
         """
         columns = [
             np.asarray(c, dtype=float)
@@ -116,13 +123,20 @@ class ArmSimulation(ArmPlant):
         return arm_motion(self, time, state, np.hstack(torques)[:, : len(q)].T)
 
     def hold(self, q: Array, duration: float) -> ArmMotion:
-        """Stay at q (4,) for a time (s): with servos holding it, or without power if there are none."""
+        """Stay at q (4,) for a time in s.
+
+        Servos hold the position. Without servos the motors have no power.
+        """
         count = round(duration / self.period) + 1
         zero = np.zeros((count, 4))
         return self.run(np.tile(np.asarray(q, dtype=float), (count, 1)), zero)
 
     def _period_function(self) -> ca.Function:
-        """(state, reference) → (state after one control period, motor torques in it)."""
+        """Return the function of one control period.
+
+        It maps the state and the reference to the state after the period and the motor torques in
+        it.
+        """
         x, u = ca.SX.sym("x", STATE_SIZE), ca.SX.sym("u", 16)
         tau, integral = self._control(x, u[:4], u[4:8], u[8:12])
         y = ca.vertcat(x[: INTEGRAL.start], integral, x[REST], x[ENERGY])
