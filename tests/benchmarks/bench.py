@@ -1,16 +1,15 @@
-"""This planner beside others, in one run on one machine: writes results/benchmarks.md.
-
+"""Compare this planner with others in one run on one machine, and write results/benchmarks.md.
     python -m tests.benchmarks.bench [--quick] [--only PART …] [--recordings DIR] [-o FILE]
 
-Every part runs in a process of its own, so that neither memory nor a crash of one reaches another. Figures that miss what
-they have to reach are marked; exits with 1 where a part could not be run.
+Every part runs in a process of its own, so that neither the memory nor a crash of one part affects
+another. Figures that miss their targets are marked. The exit status is 1 if a part could not run.
 """
 
 from __future__ import annotations
 
 import os
 
-# one thread each: the ways are compared, not the machine's cores
+# Every program uses one thread, so that the number of cores has no effect.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
@@ -44,11 +43,11 @@ PARTS = (
 PEERS = ("rockit-meco", "toppra", "copp-py", "ruckig", "pin")
 PACKAGES = ("ssm-planner", "casadi", "numpy", "scipy", "matplotlib", *PEERS)
 LONGEST = 900.0
-"""Seconds after which a part is given up."""
+"""Time in s after which a part is stopped."""
 
 
 def run_part(name: str, quick: bool) -> tuple[Section, str]:
-    """A part in its own process: what it found, and why it found nothing."""
+    """Run a part in its own process, and return its section and the reason why it failed."""
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "section.json"
         command = [

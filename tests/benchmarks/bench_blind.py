@@ -1,10 +1,11 @@
-"""Recordings that a fit has not seen, over many splits of whole files: bands, peaks and errors, rig by rig.
-
+"""Measure predictions of recordings that the fit has not seen, over many splits of the files of
+each rig.
     python -m tests.benchmarks.bench_blind [SPLITS] [SEED] [rigs …]
 
-Of every rig: SPLITS random splits, each of a random number of files, then those that leave out the slowest and the
-fastest speeds and every second file. Prints all figures of each split, pooled over the splits and of the worst of
-them; exits with 1 where a figure is beyond ASKED.
+Every rig has SPLITS random splits, each with a random number of files. Further splits leave out the
+slowest speeds, the fastest speeds, or every second file. The program prints the figures of each
+split, of all splits together, and of the worst of them. The exit status is 1 if a figure of a rig
+over all splits misses ASKED.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ssm_planner.identification.recordings import Recording
 from tests.identification.test_blind import RIGS, predicted, recordings_of, split
 
 FEWEST, LEFT_OUT = 6, 4
-"""Files of a fit at least; speeds left out at either end."""
+"""Smallest number of files of a fit, and number of speeds left out at either end."""
 ASKED: dict[str, Callable[[float, str], bool]] = {
     "means": lambda share, _: share >= 0.90,
     "samples": lambda share, _: 0.90 <= share <= 0.98,
@@ -35,7 +36,7 @@ ASKED: dict[str, Callable[[float, str], bool]] = {
 def splits(
     steady: list[Recording], count: int, seed: int
 ) -> Iterator[tuple[str, list[Recording], list[Recording]]]:
-    """(name, files of the fit, others)."""
+    """Yield the name, the files of the fit and the other files of every split."""
     rng = np.random.default_rng(seed)
     for k in range(count):
         fitted = int(rng.integers(FEWEST, len(steady) - LEFT_OUT))
@@ -49,7 +50,7 @@ def splits(
 
 
 def figures(found: list[Prediction], moving: list[Prediction]) -> dict[str, float]:
-    """By the names of ASKED."""
+    """Return the figures by the names in ASKED."""
     beyond = [
         np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found
     ]

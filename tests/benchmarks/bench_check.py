@@ -1,8 +1,7 @@
-"""The check: its speed on a plan and on a million samples, and the whole of the seeded violations.
-
+"""Measure the speed of the check on a plan and on a million samples, and run all seeded violations.
     python -m tests.benchmarks.bench_check [--quick]
 
-Prints one table; exits with 1 if a figure misses what it must reach.
+The program prints one table. The exit status is 1 if a figure misses its target.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ HEADER = ",".join(
 
 
 def plan_time(repeats: int = 7) -> tuple[float, float]:
-    """(first, best) time of the check of the shipped plan, s."""
+    """Return the first and the shortest time in s of the check of the shipped plan."""
     plan = load_plan(ROOT / "results/tilt_insert/plan.json")
     times = []
     for _ in range(repeats):
@@ -44,7 +43,10 @@ def plan_time(repeats: int = 7) -> tuple[float, float]:
 
 
 def million(folder: Path, columns: int) -> tuple[float, float]:
-    """(seconds, MB) of `check` on a CSV of a million rows at 1 kHz with q (4), and qd (8), and qdd (12) columns."""
+    """Return time in s and memory in MB of `check` on a CSV of a million rows at 1 kHz.
+
+    The columns are q (4 columns), q and qd (8), or q, qd and qdd (12).
+    """
     rng = np.random.default_rng(1)
     t = np.arange(SAMPLES) * 1e-3
     rate, phase = rng.uniform(0.3, 0.8, (3, 4)), rng.uniform(0, 6, (3, 4))
@@ -88,7 +90,7 @@ def million(folder: Path, columns: int) -> tuple[float, float]:
 
 
 def violations(count: int) -> tuple[int, int, int]:
-    """(trajectories, violations missed or misnamed, violations invented) over all kinds of limits."""
+    """Return the numbers of trajectories, of missed or misnamed violations, and of false ones."""
     robot = load_robot(ROBOT)
     missed = invented = total = 0
     for kind in KINDS:

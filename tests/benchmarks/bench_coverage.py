@@ -1,9 +1,9 @@
-"""How often intervals called separable cover a known truth, law by law, over many fits of synthetic maps.
-
+"""Measure how often the intervals of separable parameters contain the true values.
     python -m tests.benchmarks.bench_coverage [FITS] [auto|given] [SEED] [ends of names of cases …]
 
-Prints one table, as far as it has come, after every TOLD rounds of one fit for each case; exits with 1 where a share is not
-within ASKED. Noise of each mean torque: 1 % of the range.
+The program fits many synthetic maps for every friction law. Each mean torque has noise of 1 % of
+the range. A table of the results so far follows every TOLD rounds of one fit per case. The exit
+status is 1 if a fraction is outside ASKED.
 """
 
 from __future__ import annotations

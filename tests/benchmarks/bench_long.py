@@ -1,7 +1,9 @@
-"""Time and memory of a long mission: `python -m tests.benchmarks.bench_long [PHASES]` (default 200).
+"""Measure time and memory of commands on a long mission.
 
-Every row is a command in a process of its own. The time is CPU time with that of its children, and the memory is the
-largest of any process.
+    python -m tests.benchmarks.bench_long [PHASES]
+
+The default is 200 phases. Every row is a command in a process of its own. The time is CPU time
+including that of the children, and the memory is the largest of any of its processes.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ MOTIONS = (
 
 
 def mission(count: int) -> str:
-    """The text of a problem with so many straight motions, from that of the shipped motion."""
+    """Return the text of a problem with `count` straight motions, based on the shipped problem."""
     text = (PROBLEMS / "tilt_insert.yaml").read_text(encoding="utf-8")
     before, _, rest = text.partition("motion:\n")
     after = rest[rest.index("limits:") :]
@@ -34,7 +36,7 @@ def mission(count: int) -> str:
 
 
 def measured(*words: object) -> tuple[float, float]:
-    """CPU time in s and largest memory in MB of a command."""
+    """Return CPU time in s and peak memory in MB of a command."""
     process = subprocess.Popen(
         [sys.executable, "-m", "ssm_planner", *map(str, words)],
         stdout=subprocess.DEVNULL,

@@ -1,10 +1,10 @@
-"""Planning time and duration of plans that hold for a range of friction and payload, beside the nominal plan.
-
+"""Compare plans for a range of friction and payload with the nominal plan.
     python -m tests.benchmarks.bench_robust [PROBLEM …]
 
-Processor time of the whole of `plan` (plan, check, and for a range the nominal plan for comparison) with programs built and
-no solutions kept: the median of some runs after a first one, taken in turns. Prints one table; exits with 1 where a ratio is
-above MOST.
+The figures are CPU time and duration. The CPU time is that of all of `plan`: the plan, its check,
+and for a range also the nominal plan. It is the median of some runs, taken in turns after a first
+run that builds the programs. No solutions are kept. The program prints one table. The exit status
+is 1 if a ratio exceeds MOST.
 """
 
 from __future__ import annotations
@@ -35,14 +35,17 @@ CASES = (
     ("laser_scan", "ranges", None),
     ("laser_scan", "ranges", 1.15),
 )
-"""Problem, what is known of its drives, and the largest torque of its motors in what the nominal motion takes."""
+"""Problem, description of its friction, and largest motor torque relative to the nominal motion.
+
+None keeps the motors as shipped.
+"""
 MOST = 2.5
-"""Times the nominal plan's processor time."""
+"""Largest CPU time relative to that of the nominal plan."""
 RUNS = 3
 
 
 def medians(problems: Mapping[str, Problem]) -> dict[str, tuple[float, Plan]]:
-    """Median processor time of some runs after a first one, s, and the plan."""
+    """Return the median CPU time in s after a first run, and the plan, by label."""
     times: dict[str, list[float]] = {label: [] for label in problems}
     made = {}
     for _ in range(RUNS + 1):

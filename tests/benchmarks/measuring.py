@@ -1,4 +1,7 @@
-"""Times of several ways to do one thing, taken in turns so that all see the same machine, and how they are written."""
+"""Times of several programs for the same task, and their text.
+
+The programs run in turns, so that all of them see the same state of the machine.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Spread:
-    """Values of the same thing measured several times."""
+    """Repeated measurements of the same quantity."""
 
     values: tuple[float, ...]
 
@@ -26,11 +29,11 @@ class Spread:
         return statistics.median(self.values)
 
     def over(self, other: Spread) -> Spread:
-        """Ratio to another, round by round."""
+        """Return the ratio to another series, round by round."""
         return Spread(tuple(a / b for a, b in zip(self.values, other.values, strict=True)))
 
     def seconds(self) -> str:
-        """Median and range in a unit that suits."""
+        """Return median and range in a suitable unit of time."""
         for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
             if self.median * scale >= 1 or unit == "µs":
                 break
@@ -40,7 +43,7 @@ class Spread:
         return f"{self.text('×')}"
 
     def text(self, unit: str = "", scale: float = 1.0) -> str:
-        """Median and, where there is one, the range."""
+        """Return the median and, for more than one value, the range."""
         gap = " " if unit else ""
         middle = f"{short(self.median * scale)}{gap}{unit}"
         if len(self.values) == 1:
@@ -49,7 +52,7 @@ class Spread:
 
 
 def short(value: float) -> str:
-    """Three significant digits, without an exponent where that is readable."""
+    """Return the number with three significant digits, if possible without an exponent."""
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         digits = 3 if abs(value) < 100 else len(f"{abs(value):.0f}")
         text = f"{value:.{digits}g}"
@@ -66,7 +69,7 @@ def timed(function: Callable[[], T]) -> tuple[float, T]:
 def in_turns(
     ways: Mapping[str, Callable[[int], T]], rounds: int, first: int = 0
 ) -> tuple[dict[str, Spread], dict[str, list[T]]]:
-    """Every way once in each round, given the round's number from `first` on: times and results by name."""
+    """Run every function once per round with the round's number; return times and results."""
     times: dict[str, list[float]] = {name: [] for name in ways}
     results: dict[str, list[T]] = {name: [] for name in ways}
     for i in range(first, first + rounds):

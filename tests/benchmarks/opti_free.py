@@ -1,4 +1,4 @@
-"""The free motion written in CasADi's Opti: cubic elements of all joints, torque rows at three points of each."""
+"""Free motion in CasADi's Opti with cubic elements of all joints, and torque rows at three points."""
 
 from __future__ import annotations
 
@@ -16,14 +16,19 @@ from tests.benchmarks.opti_straight import POINTS, ipopt
 from tests.benchmarks.peer_rows import LIMITS, free_rows
 
 SMOOTHING = 1e-6
-"""Weight of the accelerations, relative to their limits: without it the joints that do not bind are undetermined."""
+"""Weight of the accelerations relative to their limits.
+
+Without it, joints that do not limit the duration are undetermined.
+"""
 
 
 @dataclass
 class OptiFree:
-    """One transcription, all numbers being parameters. Every joint moves one way, so the friction law is exact.
+    """Transcription of the free motion with all numbers as parameters.
 
-    Variables: q, q̇ at the ends of the elements, q̈ at both ends of each; the duration. Elements of equal length.
+    Every joint moves in one direction only, so the friction law is exact. The variables are q, q̇
+    at the ends of the elements, q̈ at both ends of each element, and the duration. All elements
+    have the same length.
     """
 
     opti: ca.Opti
@@ -72,7 +77,10 @@ class OptiFree:
         return cls(opti, x, a, time, (first, last, limits, sigma), guess)
 
     def solve(self, first: Array, last: Array, limits: Array) -> tuple[float, int]:
-        """Duration and iterations; from the last solution, else from lines in time."""
+        """Return duration in s and iterations.
+
+        The guess is the last solution, or a line in time before the first solution.
+        """
         opti = self.opti
         for parameter, value in zip(
             self.parameters, (first, last, limits, np.sign(last - first)), strict=True
@@ -91,7 +99,7 @@ class OptiFree:
         return float(self.solved.value(self.time)), int(self.solved.stats()["iter_count"])
 
     def trajectory(self) -> Trajectory:
-        """The last solution."""
+        """Return the trajectory of the last solution."""
         x, a = (np.asarray(self.solved.value(v)).T for v in (self.x, self.a))
         return of_joints(
             x[:, :4],

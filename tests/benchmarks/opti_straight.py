@@ -1,4 +1,4 @@
-"""The straight motion written in CasADi's Opti: cubic elements of s(t), limits at three points of each."""
+"""Straight motion in CasADi's Opti: cubic elements of s(t), limits at three points of each."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ TOLERANCE = 1e-8
 
 @dataclass
 class OptiStraight:
-    """One transcription, all numbers being parameters: `solve` again with others.
+    """Transcription of the straight motion with all numbers as parameters.
 
-    Variables: s, ṡ at the ends of the elements, s̈ at both ends of each; the duration. Elements of equal length.
+    `solve` can be called again with other numbers. The variables are s, ṡ at the ends of the
+    elements, s̈ at both ends of each element, and the duration. All elements have the same length.
     """
 
     opti: ca.Opti
@@ -38,7 +39,9 @@ class OptiStraight:
     def build(
         cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float
     ) -> OptiStraight:
-        """path: its branch and the directions of its joints hold for all targets."""
+        """Build the program. The branch and the directions of the joints of `path` hold for all
+        targets.
+        """
         rows = straight_rows(robot, path.mechanism, path.branch, path.directions[1][0].tolist())
         opti = ca.Opti()
         x, a, time = opti.variable(2, count + 1), opti.variable(2, count), opti.variable()
@@ -70,7 +73,10 @@ class OptiStraight:
         return cls(opti, x, a, time, (start, end, limits), guess)
 
     def solve(self, start: Array, end: Array, limits: Array) -> tuple[float, int]:
-        """Duration and iterations; from the last solution, else from a line in time."""
+        """Return duration in s and iterations.
+
+        The guess is the last solution, or a line in time before the first solution.
+        """
         opti = self.opti
         for parameter, value in zip(self.parameters, (start, end, limits), strict=True):
             opti.set_value(parameter, value)
@@ -84,7 +90,7 @@ class OptiStraight:
         return float(self.solved.value(self.time)), int(self.solved.stats()["iter_count"])
 
     def trajectory(self, path: StraightPath) -> Trajectory:
-        """The last solution, along the path that it was solved for."""
+        """Return the trajectory of the last solution along the path for which it was solved."""
         x, a, time = (np.asarray(self.solved.value(v)) for v in (self.x, self.a, self.time))
         n = a.shape[1]
         return along_path(

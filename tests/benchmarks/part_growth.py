@@ -1,4 +1,6 @@
-"""How times grow: with the mesh, with the number of phases, with the instants of the check."""
+"""Measure how times grow with the mesh, with the number of phases and with the instants of the
+check.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,7 @@ def _meshes(
             if planned.trajectory is None:
                 raise RuntimeError(f"{name}, {count} elements: {planned.reason}")
             last[count] = account.iterations, planned.trajectory.duration
-            if k:  # the first round builds
+            if k:  # the first round builds the programs
                 plans[count].append(seconds)
                 each[count].append(account.seconds / max(account.iterations, 1))
     per_element = {
@@ -137,7 +139,7 @@ def _instants(section: Section, rates: tuple[float, ...], rounds: int) -> None:
 
 
 def phases(count: int) -> Problem:
-    """A problem of so many straight motions."""
+    """Return a problem with `count` straight motions."""
     problem = straight_problem(Change())
     targets = (
         {"tilt": np.radians(-120.0)},
@@ -151,7 +153,7 @@ def phases(count: int) -> Problem:
 
 @dataclasses.dataclass
 class Account:
-    """Time within solvers and their iterations."""
+    """Total time in s within solvers, and their iterations."""
 
     seconds: float = 0.0
     iterations: int = 0
@@ -159,7 +161,7 @@ class Account:
 
 @contextmanager
 def solver_account() -> Iterator[Account]:
-    """Times every call of a CasADi function whose statistics are read afterwards and name iterations."""
+    """Measure every call of a CasADi function whose statistics name iterations."""
     account, last = Account(), [0.0]
     call, stats = casadi.Function.__call__, casadi.Function.stats
 

@@ -1,4 +1,7 @@
-"""Identification of the three rigs: time, and error beside that of the published parameters."""
+"""Measure time and error of the identification of the three rigs.
+
+The error of the published parameters is the reference.
+"""
 
 from __future__ import annotations
 
@@ -127,7 +130,10 @@ def bam_error(file: Path) -> float:
 
 
 def published_errors(file: Path, folder: Path) -> tuple[float, list[float]]:
-    """NRMSD of the rig authors' parameters: over the map of figures, and of every start–stop recording that is here."""
+    """Return the NRMSD of the rig authors' parameters over the map of figures and per recording.
+
+    The list has one entry for every available start–stop recording.
+    """
     drive = published_drive(load_drive(file))
     rig = drive.rig
     assert rig is not None

@@ -1,4 +1,4 @@
-"""Inverse kinematics of poses: closed form in batch against Pinocchio's iteration."""
+"""Compare closed-form inverse kinematics of batches of poses with Pinocchio's iteration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A plan in a process of its own, with all output: CPU time against the imports alone, and memory."""
+"""Measure CPU time and memory of a plan with all its output in a fresh process, compared with
+imports alone.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,10 @@ LAUNCHER = (
     "print(spent.ru_utime + spent.ru_stime, spent.ru_maxrss)\n"
     "sys.exit(done.returncode)"
 )
-"""A small process between, for a process starts with the peak memory of the one that it was forked from."""
+"""Source of a small intermediate process.
+
+A process starts with the peak memory of the process that forked it, so the parent must be small.
+"""
 
 
 def run(quick: bool) -> Section:
@@ -74,7 +79,7 @@ def run(quick: bool) -> Section:
 
 
 def _process(command: list[str], environment: dict[str, str]) -> tuple[float, float]:
-    """CPU seconds and peak MB of a command that has to succeed."""
+    """Return CPU time in s and peak memory in MB of a command that must succeed."""
     done = subprocess.run(
         [sys.executable, "-c", LAUNCHER, *command],
         cwd=ROOT,

@@ -1,4 +1,4 @@
-"""Free rest-to-rest motions whose motors do not bind, by this planner and Ruckig."""
+"""Compare this planner with Ruckig on free rest-to-rest motions that the motors do not limit."""
 
 from __future__ import annotations
 

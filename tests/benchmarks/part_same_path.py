@@ -1,4 +1,7 @@
-"""The same path and limits by this planner, toppra and copp-py: time of motion, run time, and who keeps the limits."""
+"""Compare this planner with toppra and copp-py on the same path and limits.
+
+The figures are the duration, the run time and the largest excess over a limit.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +22,14 @@ from tests.benchmarks.section import Section
 
 JERK = 35.0
 TOLERANCE = 1e-6
-"""Share of a limit up to which it counts as kept."""
+"""Relative excess over a limit up to which the limit counts as kept."""
 SHARES = (("motors at full torque", 1.0), ("motors × 0.35", 0.35), (f"motors × {WEAK:g}", WEAK))
 EXACT = "TOPP-RA, exact friction (this project)"
 TOPPRA = {
     EXACT: "TOPP-RA as this project calls it",
     "toppra, friction at the mean weight": "toppra's own constraints",
 }
-"""Ways whose time of motion is the measure of ours where the motors do not bind."""
+"""Programs whose duration is the reference for this planner where the motors do not limit it."""
 INTRODUCTION = (
     "The shipped robot tilts from −85° to −135° along a straight line in task space, under velocity, acceleration and motor "
     "torque limits; the peers on 1 000 grid intervals. Users of toppra and copp-py pass dry friction as one constant torque "
@@ -99,7 +102,7 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
         try:
             way(0)
             able[name] = way
-        except Exception as error:  # noqa: BLE001 - whatever a peer raises is its answer
+        except Exception as error:  # noqa: BLE001 - any error of a peer is its result
             section.cannot.append((f"{name}, {title}", str(error).splitlines()[0]))
     times, results = in_turns(able, rounds)
     base = times["this planner"]

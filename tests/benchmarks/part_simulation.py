@@ -1,4 +1,4 @@
-"""Simulated, stopped, slowed and compared: what the program says of the shipped plans before a robot runs them."""
+"""Measure simulation, controlled stops, worst speeds and comparison of the shipped plans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Three ways to evaluate an element model over the mesh: interpreted and mapped, unrolled into one expression, compiled."""
+"""Compare three ways to evaluate an element model over the mesh: mapped, unrolled and compiled.
+
+A mapped function is interpreted once per element. An unrolled one is a single expression of the
+whole mesh.
+"""
 
 from __future__ import annotations
 

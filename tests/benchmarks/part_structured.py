@@ -1,4 +1,8 @@
-"""The structured solver: against Ipopt, Opti and rockit on the same programs, whole plans, and time by mesh; CPU time."""
+"""Measure CPU times of the structured solver.
+
+It is compared with Ipopt, Opti and rockit on the same programs, within whole plans, and on meshes
+of different sizes.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +42,12 @@ from tests.benchmarks.section import Section
 ROUNDS = 7
 PEERS = (OPTI_EXPANDED, ROCKIT_EXPANDED)
 FASTER, GROWTH = 30.0, 1.2
-"""Than one solve of either; times the time per iteration and element of the smallest mesh."""
+"""Smallest speed-up over one solve of either peer, and largest growth of the time per iteration and
+element.
+"""
 MESHES = (25, 100, 400, 1600)
 STEPS = 10
-"""Iterations whose time is taken on every mesh."""
+"""Number of iterations whose time is measured on every mesh."""
 
 
 def run(quick: bool) -> Section:
@@ -71,11 +77,11 @@ def run(quick: bool) -> Section:
 
 
 class _AskedError(Exception):
-    """The structured solver was asked; what it was given."""
+    """Exception that carries the arguments of the first call of the structured solver."""
 
 
 def _asked(problem: Problem) -> tuple[Any, ...]:
-    """What the structured solver is first given of a problem."""
+    """Return the arguments of the first call of the structured solver for a problem."""
 
     def ask(*given: Any, **_: Any) -> None:
         raise _AskedError(*given)
@@ -89,7 +95,10 @@ def _asked(problem: Problem) -> tuple[Any, ...]:
 
 
 def _against_peers(section: Section, motions: tuple[str, ...], rounds: int) -> None:
-    """One solve of each from its own guess: rows, mesh and tolerance are the same; setting parameters included."""
+    """Compare one solve of each program from its first guess.
+
+    Rows, mesh and tolerance are the same. The times include setting the parameters.
+    """
     section.say(
         "One solve with other numbers than the last, from the first guess; iterations in brackets."
     )
@@ -126,7 +135,7 @@ def _against_peers(section: Section, motions: tuple[str, ...], rounds: int) -> N
 
 
 def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
-    """Time of an iteration and element, with and without the functions of the elements."""
+    """Measure the time per iteration and element on meshes of different sizes."""
     section.say(
         f"CPU time of the first {STEPS} iterations of the straight motion, by iteration and element."
     )
@@ -217,7 +226,7 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
 
 
 def _times(ways: dict[str, Callable[[], Any]], rounds: int) -> dict[str, Spread]:
-    """CPU seconds of every way, in turns, nothing kept from the turn before."""
+    """Return the CPU times in s of every function. The functions run in turns."""
     values: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(rounds):
         for name, way in ways.items():

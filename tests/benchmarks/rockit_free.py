@@ -1,4 +1,4 @@
-"""The free motion written in rockit: q and q̇ as states, q̈ as a control of first order."""
+"""Free motion in rockit with the states q and q̇ and the first-order control q̈."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ from tests.benchmarks.peer_rows import LIMITS, free_rows
 
 @dataclass
 class RockitFree:
-    """One transcription by multiple shooting, all numbers being parameters; q̈ is continuous, linear in each interval."""
+    """Transcription of the free motion by multiple shooting with all numbers as parameters.
+
+    q̈ is continuous and linear in each interval.
+    """
 
     ocp: Any
     signals: tuple[Any, Any, Any]
@@ -60,7 +63,7 @@ class RockitFree:
         return cls(ocp, (q, qd, qdd), (first, last, limits, sigma))
 
     def solve(self, first: Array, last: Array, limits: Array) -> tuple[float, int]:
-        """Duration and iterations; every solve starts from lines in time."""
+        """Return duration in s and iterations. Every solve starts from lines in time."""
         for parameter, value in zip(
             self.parameters, (first, last, limits, np.sign(last - first)), strict=True
         ):
@@ -69,7 +72,7 @@ class RockitFree:
         return float(self.solved.value(self.ocp.T)), int(self.solved.stats["iter_count"])
 
     def trajectory(self) -> Trajectory:
-        """The last solution."""
+        """Return the trajectory of the last solution."""
         q, qd, qdd = (
             np.asarray(self.solved.sample(signal, grid="control")[1]) for signal in self.signals
         )

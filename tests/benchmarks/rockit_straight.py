@@ -1,4 +1,4 @@
-"""The straight motion written in rockit: s and ṡ as states, s̈ as a control of first order."""
+"""Straight motion in rockit with the states s and ṡ and the first-order control s̈."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from tests.benchmarks.peer_rows import LIMITS, straight_rows
 
 @dataclass
 class RockitStraight:
-    """One transcription by multiple shooting, all numbers being parameters; s̈ is continuous, linear in each interval."""
+    """Transcription of the straight motion by multiple shooting with all numbers as parameters.
+
+    s̈ is continuous and linear in each interval.
+    """
 
     ocp: Any
     signals: tuple[Any, Any, Any]
@@ -29,7 +32,9 @@ class RockitStraight:
     def build(
         cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float
     ) -> RockitStraight:
-        """path: its branch and the directions of its joints hold for all targets."""
+        """Build the program. The branch and the directions of the joints of `path` hold for all
+        targets.
+        """
         import rockit
 
         rows = straight_rows(robot, path.mechanism, path.branch, path.directions[1][0].tolist())
@@ -60,14 +65,18 @@ class RockitStraight:
         return cls(ocp, (s, speed, acceleration), (start, end, limits))
 
     def solve(self, start: Array, end: Array, limits: Array) -> tuple[float, int]:
-        """Duration and iterations; every solve starts from a line in time, as setting samples costs rockit more."""
+        """Return duration in s and iterations.
+
+        Every solve starts from a line in time, because setting samples of a solution costs rockit
+        more.
+        """
         for parameter, value in zip(self.parameters, (start, end, limits), strict=True):
             self.ocp.set_value(parameter, value)
         self.solved = self.ocp.solve()
         return float(self.solved.value(self.ocp.T)), int(self.solved.stats["iter_count"])
 
     def trajectory(self, path: StraightPath) -> Trajectory:
-        """The last solution, along the path that it was solved for."""
+        """Return the trajectory of the last solution along the path for which it was solved."""
         s, v, a = (
             np.asarray(self.solved.sample(signal, grid="control")[1]) for signal in self.signals
         )

@@ -1,4 +1,4 @@
-"""What a part of the benchmark found, as plain data, and how it is written."""
+"""Results of one part of the benchmark as plain data, and their Markdown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.benchmarks.measuring import Spread, short
 
 @dataclass(frozen=True)
 class Figure:
-    """A number that the project has to reach, beside what was found."""
+    """A target of the project and the measured value."""
 
     what: str
     asked: str
@@ -21,14 +21,17 @@ class Figure:
 
 @dataclass
 class Section:
-    """Paragraphs and tables in order; cannot: (who, why) for those that cannot do the task."""
+    """Paragraphs and tables in order.
+
+    `cannot` holds (name, reason) of programs that cannot do the task.
+    """
 
     title: str
     blocks: list[dict[str, Any]] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
     cannot: list[tuple[str, str]] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)
-    """Sentences: who is better at what, and by how much."""
+    """Sentences that name a program which is better, the task, and the factor."""
 
     def say(self, text: str) -> None:
         self.blocks.append({"text": text})
@@ -40,7 +43,7 @@ class Section:
         self.figures.append(Figure(what, asked, found, bool(reached)))
 
     def faster(self, who: str, what: str, ratio: Spread) -> None:
-        """Note a loss where the other's time over ours is below one."""
+        """Note that another program is faster if its time over ours is below one."""
         if ratio.median < 1:
             self.losses.append(
                 f"{who}: {short(1 / ratio.median)} × faster than this planner ({what})"
@@ -68,5 +71,5 @@ class Section:
 
 
 def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table in Markdown."""
+    """Return the lines of a table in Markdown."""
     return [f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows)]

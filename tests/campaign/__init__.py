@@ -1,1 +1,3 @@
-"""Seeded campaigns: hostile files, tampered results, seeded violations. `make campaign` runs them whole."""
+"""Seeded campaigns: hostile files, tampered results, seeded violations. `make campaign` runs all of
+them.
+"""

@@ -1,1 +1,1 @@
-"""Helpers that several rooms of tests share: oracles, seeded cases, and how a command is run."""
+"""Helpers of several test folders: oracles, seeded cases and runners of commands."""

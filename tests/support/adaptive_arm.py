@@ -55,7 +55,7 @@ class AdaptiveMotion:
 def simulate_arm(
     arm: ArmSimulation, reference: Reference, times: Array, rtol: float = 1e-7
 ) -> AdaptiveMotion:
-    """Integrate the arm from rest at reference(times[0]) and sample it at increasing `times` (n,)."""
+    """Integrate the arm from rest at reference(times[0]) and sample it at increasing times (n,)."""
     from scipy.integrate import solve_ivp
 
     plant = _Arm(arm, reference)

@@ -1,4 +1,4 @@
-"""Rows for the structured solver whose functions are CasADi's."""
+"""Group of rows for the structured solver with functions of CasADi."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many cases tests run: a part of them, or all of them with EVERY_CASE=1 in the environment."""
+"""Choice of the cases that tests run: some of them, or all with EVERY_CASE=1 in the environment."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Cases = TypeVar("Cases")
 Case = TypeVar("Case")
 EVERY_CASE = os.environ.get("EVERY_CASE") == "1"
 DRAW = os.environ.get("DRAW", "0")
-"""`.ci/run` sets it to the number of the commit, so every commit draws cases of its own."""
+"""Seed of the random choice. `.ci/run` sets it to the number of the commit."""
 
 
 def selected(part: Cases, *, every: Cases) -> Cases:
@@ -20,10 +20,10 @@ def selected(part: Cases, *, every: Cases) -> Cases:
 
 
 def drawn(count: int, cases: Sequence[Case], of: str = "") -> list[Case]:
-    """Return as many of the cases as asked for, in their order, or all with EVERY_CASE=1.
+    """Return `count` random cases in their order, or all of them with EVERY_CASE=1.
 
-    The same DRAW in the environment, and the same name `of` what the cases are for, draw the same
-    cases. They must be alike: a case that is the only one of its kind is not drawn but always run.
+    The variable DRAW of the environment and the purpose `of` are the seed. The cases must be alike.
+    A case that is the only one of its kind must not be drawn but always run.
     """
     if EVERY_CASE:
         return list(cases)

@@ -1,4 +1,4 @@
-"""How tests run the command line: in this process, or as a program of its own."""
+"""Run the command line from tests, in this process or in a process of its own."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tests.support.paths import ROOT
 
 
 def run(command: str, *words: object) -> int:
-    """Run a command without the outer skin of the command line: errors are raised.
+    """Run a command without the error handling of the program, and return the exit status.
 
-    Returns the exit status.
+    Errors are raised to the caller.
     """
     module = importlib.import_module(f"ssm_planner.cli.{COMMANDS[command][0]}")
     parser = argparse.ArgumentParser()
@@ -30,12 +30,12 @@ def run(command: str, *words: object) -> int:
 
 
 def environment(**changes: str) -> dict[str, str]:
-    """The environment of a child that imports this checkout, whatever its working directory."""
+    """Return the environment of a child that imports this checkout from any working directory."""
     return {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100", **changes}
 
 
 def python(*words: object, cwd: Path = ROOT, **options: Any) -> subprocess.CompletedProcess[str]:
-    """Run a Python that imports this checkout, and return what it printed and its status."""
+    """Run Python with this checkout importable, and return its output and exit status."""
     return subprocess.run(
         [sys.executable, *(str(word) for word in words)],
         cwd=cwd,

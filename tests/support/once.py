@@ -1,4 +1,4 @@
-"""Folders that take long to make: one worker makes them, and all workers of a run read them."""
+"""Folders that are slow to make. One worker makes them, and all workers of a test run read them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import pytest
 
 
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
-    """Return the folder of this name, which `make` has filled once in this run of the tests.
+    """Return the folder of this name, which `make` fills once in a test run.
 
-    Workers that ask for it meanwhile wait. If `make` raises, the next one that asks tries again.
+    Other workers wait meanwhile. If `make` raises an error, the next request calls it again.
     """
     base = factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:

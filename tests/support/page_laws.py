@@ -1,4 +1,6 @@
-"""Laws that every page keeps, as JavaScript evaluated inside it; each returns what breaks the law."""
+"""Conditions that every page must meet, as JavaScript that runs in the page and returns what breaks
+them.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,10 @@ OTHER_RULES = "{ rules: { 'color-contrast': { enabled: false } }, resultTypes: [
 
 
 def serious(page: Any, contrast: bool = True) -> list[str]:
-    """What axe-core finds on a page that is serious or critical, with its contrast in light and in dark if wanted."""
+    """Return the serious and critical findings of axe-core on a page.
+
+    With `contrast` they include the contrast in light and in dark mode.
+    """
     axe = pytest.importorskip(
         "axe_playwright_python",
         reason="axe-core is not installed (pip install axe-playwright-python)",

@@ -1,4 +1,4 @@
-"""What the tests of the document share."""
+"""Data that the tests of the document share."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from paper_reproduction.published import Inputs
 
 @dataclass(frozen=True)
 class Made:
-    """The document as computed and as written."""
+    """The computed document and its written files."""
 
     inputs: Inputs
     document: Document

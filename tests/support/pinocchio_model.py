@@ -1,4 +1,4 @@
-"""The mechanism built in Pinocchio from a robot's bodies: an independent implementation to compare with."""
+"""Independent reference model of the mechanism in Pinocchio, built from the bodies of a robot."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ssm_planner.problem.robot import Robot
 
 
 def build(robot: Robot):
-    """A Pinocchio model with the same base frame, joints and bodies."""
+    """Return a Pinocchio model with the same base frame, joints and bodies."""
     import pinocchio as pin
 
     model = pin.Model()

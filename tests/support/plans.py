@@ -1,4 +1,4 @@
-"""Plans made by hand, without the planner: trapezoids of velocity, and files that hold them."""
+"""Plans that are built without the planner: trapezoidal and smooth motions, and files with them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ssm_planner.verification.check import check
 START = np.array([0.3, 1.15, 0.1, 0.0])
 MOVES = (np.array([0.4, -0.5, -0.3, 0.0]), np.array([-0.1, 0.05, 0.2, -0.012]))
 SHARE = 0.97
-"""Of the velocity and acceleration limits that the slowest joint uses."""
+"""Fraction of the velocity and acceleration limits that the slowest joint uses."""
 NONE = TaskLimits()
 
 
@@ -33,7 +33,7 @@ def of_task(
     rates: Mapping[str, float] | None = None,
     eye: Eye | None = None,
 ) -> TaskLimits:
-    """Limits of the task by name in TASK."""
+    """Return limits of the task from ranges, the tip speed, rates and an eye."""
     limits: list[Limit] = [TaskRange(name, *ends) for name, ends in (ranges or {}).items()]
     limits += [TaskRate(name, rate) for name, rate in (rates or {}).items()]
     limits += [] if tip_speed is None else [TipSpeed(tip_speed)]
@@ -43,7 +43,10 @@ def of_task(
 def trapezoids(
     robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = SHARE
 ) -> Trajectory:
-    """One trapezoid after another, all joints in proportion, at a share of the limits; acceleration jumps at breaks."""
+    """Return one trapezoidal motion after another, with all joints in proportion.
+
+    `share` is the fraction of the limits that is used. The acceleration jumps at the breaks.
+    """
     velocity = np.array([joint.velocity for joint in robot.joints]) * share
     acceleration = np.array([joint.acceleration for joint in robot.joints]) * share
     q, time = START.copy(), 0.0
@@ -73,7 +76,7 @@ def trapezoids(
 
 
 def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0.9) -> Trajectory:
-    """Rest-to-rest quintics: acceleration without jumps."""
+    """Return rest-to-rest quintics, whose acceleration has no jumps."""
     velocity = np.array([joint.velocity for joint in robot.joints]) * share
     acceleration = np.array([joint.acceleration for joint in robot.joints]) * share
     q, breaks, pieces = START.copy(), [0.0], []
@@ -98,7 +101,9 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
 def write_plan(
     path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any
 ) -> Path:
-    """A plan.json of a trajectory with its certificate; changes: keys of the document to replace."""
+    """Write a plan.json of a trajectory with its certificate. `changes` replaces keys of the
+    document.
+    """
     first, last = (
         Joints(tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist()
     )
@@ -130,7 +135,7 @@ def read_back(path: Path, robot: Robot, trajectory: Trajectory, **more: Any) -> 
 
 
 def certified(plan: Plan) -> Plan:
-    """A plan changed in Python, checked anew."""
+    """Return a plan that was changed in Python with a new certificate."""
     return dataclasses.replace(
         plan, certificate=check(plan.motion, plan.robot, plan.limits, seal=True)
     )

@@ -1,4 +1,6 @@
-"""A short plan, and the import of the example packages `guard` and `play`."""
+"""Short plan for tests of the example packages `guard` and `play`, which this module makes
+importable.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Seeded random problems whose motions promise a path of the tip: lines, arcs, corners, a constant speed, the retina."""
+"""Seeded random problems whose motions prescribe a path of the tip.
+
+The paths are lines, arcs, blended corners, paths at constant speed, and paths along the retina.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,10 @@ from ssm_planner.units import deg, mm
 
 
 def path_problem(base: Problem, seed: int) -> Problem:
-    """Return a problem over the robot of the base, which needs an eye if the seed is a multiple of 4."""
+    """Return a random path problem for the robot of `base`.
+
+    If `base` has an eye and the seed is a multiple of 4, the path follows the retina.
+    """
     rng = np.random.default_rng(seed)
     if base.eye is not None and seed % 4 == 0:
         return _along_the_retina(base, rng)
@@ -39,7 +45,7 @@ def _tip(rng: np.random.Generator) -> np.ndarray:
 def _curve(
     tip: np.ndarray, rng: np.random.Generator, blend: float | None, speed: float | None
 ) -> Motion:
-    """A line, an arc of up to 300°, or a straight motion in task coordinates."""
+    """Return a line, an arc of up to 300°, or a straight motion in task coordinates."""
     kind = rng.choice(["line", "arc", "straight"]) if speed is None else rng.choice(["line", "arc"])
     if kind == "straight":
         task = {

@@ -57,7 +57,10 @@ def write_figures(path: str | Path, maps: dict[str, TorqueMap], source: str) -> 
 
 
 def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
-    """The torque–velocity map of a rig from a folder of its recordings; start–stop recordings are left aside."""
+    """Return the torque–velocity map of a rig from a folder of recordings.
+
+    Start–stop recordings are ignored.
+    """
     rig = load_drive(drive_path).rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
     found = read_recordings([recordings], nominal_torque=nominal, direction=direction)
@@ -67,7 +70,7 @@ def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the table: OUTPUT DRIVE=RECORDINGS …"""
+    """Write the table for the arguments OUTPUT DRIVE=RECORDINGS …, and return the exit status."""
     if len(arguments) < 2 or any("=" not in pair for pair in arguments[1:]):
         print(
             "usage: python -m tests.support.rig_figures OUTPUT DRIVE=RECORDINGS ...",

@@ -1,4 +1,4 @@
-"""Motions and machines to size."""
+"""Motions, drives and robots for tests of the sizing."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ COMPLETE = Motor(
 
 
 def random_trajectory(seed: int, duration: float = 3.0, pieces: int = 12) -> Trajectory:
-    """From rest to rest through random points: every joint turns back several times, also within pieces."""
+    """Return a random motion from rest to rest. Every joint reverses several times, also within
+    pieces.
+    """
     rng = np.random.default_rng(seed)
     breaks = np.linspace(0.0, duration, pieces + 1)
     scale = np.array([0.2, 0.17, 0.27, 0.006])
@@ -47,7 +49,11 @@ def random_trajectory(seed: int, duration: float = 3.0, pieces: int = 12) -> Tra
 
 
 def with_covariance(drive: Drive, relative: float = 0.08) -> Drive:
-    """Friction known to `relative`, μ and the output's friction traded off against each other."""
+    """Return the drive with uncertain friction of relative standard deviation `relative`.
+
+    μ is negatively correlated with the friction of the output, and so are the bearing torque and
+    its viscous part.
+    """
     friction = drive.friction
     sigma = {name: relative * getattr(friction, name) for name in ("b_c", "b_v", "mu", "b_oc")}
     tied = {("mu", "b_oc"): -0.6, ("b_c", "b_v"): -0.7}
@@ -62,7 +68,7 @@ def with_covariance(drive: Drive, relative: float = 0.08) -> Drive:
 
 
 def rated(drive: Drive) -> Drive:
-    """The drive with generous ratings of its gear."""
+    """Return the drive with generous ratings of its gear."""
     ratings = Ratings(
         continuous_output=50.0,
         peak_output=100.0,
@@ -76,14 +82,17 @@ def rated(drive: Drive) -> Drive:
 
 
 def equipped(robot: Robot, motor: Motor = COMPLETE, ratings: bool = True) -> Robot:
-    """The robot with a complete motor on every drive, friction with covariance, and generous gear ratings."""
+    """Return the robot with a complete motor on every drive.
+
+    Its friction has a covariance, and its gears have generous ratings.
+    """
     joints = []
     for joint in robot.joints:
         if joint.drive is None:
             joints.append(joint)
             continue
         drive = with_covariance(rated(joint.drive) if ratings else joint.drive, 0.03)
-        # the drive's input inertia counts the rotor in
+        # The input inertia of the drive includes the rotor.
         drive = replace(
             drive, input_inertia=max(drive.input_inertia, 1.25 * (motor.rotor_inertia or 0.0))
         )

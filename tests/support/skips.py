@@ -1,6 +1,6 @@
 """Reasons for which a test may be skipped, as regular expressions; `--listed-skips` fails others.
 
-Each line tells which machine lacks what. A test that needs nothing special has no place here.
+Each reason states what a machine lacks. A test without special requirements must not be skipped.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ LISTED = (
     r"no file system of 1 MB can be mounted here",
     r"no FIFOs on this system",
     r"signals as a terminal sends them",
-    r"pybullet",  # no wheels for newer Pythons
+    r"pybullet",  # newer Pythons have no wheels
     r"written by another CasADi",
-    r"rerun-sdk is not installed",  # too large for CI
+    r"rerun-sdk is not installed",  # the package is too large for CI
 )
 
 

@@ -1,4 +1,4 @@
-"""Compute the tilt of a mechanism from its second joint."""
+"""Tilt of a mechanism as a function of its second joint."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ from ssm_planner.typing import Array
 
 
 def tilt_from_theta2(mechanism: Mechanism, theta2: ArrayLike) -> Array:
-    """Return the tilt φ(θ2) on the home side, rad, with the shape of theta2."""
+    """Return the tilt φ(θ2) in rad on the home side, with the shape of theta2."""
     x = np.asarray(theta2, dtype=float) - mechanism.delta
     return np.asarray(mechanism.side * tilt_magnitude(NUMPY, mechanism.alpha, mechanism.beta, x))
