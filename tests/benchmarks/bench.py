@@ -1,4 +1,5 @@
 """Compare this planner with others in one run on one machine, and write results/benchmarks.md.
+
     python -m tests.benchmarks.bench [--quick] [--only PART …] [--recordings DIR] [-o FILE]
 
 Every part runs in a process of its own, so that neither the memory nor a crash of one part affects

@@ -1,5 +1,5 @@
-"""Measure predictions of recordings that the fit has not seen, over many splits of the files of
-each rig.
+"""Measure predictions of recordings that the fit has not seen, over many splits of the files.
+
     python -m tests.benchmarks.bench_blind [SPLITS] [SEED] [rigs …]
 
 Every rig has SPLITS random splits, each with a random number of files. Further splits leave out the

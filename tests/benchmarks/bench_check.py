@@ -1,4 +1,5 @@
 """Measure the speed of the check on a plan and on a million samples, and run all seeded violations.
+
     python -m tests.benchmarks.bench_check [--quick]
 
 The program prints one table. The exit status is 1 if a figure misses its target.

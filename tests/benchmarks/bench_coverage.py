@@ -1,4 +1,5 @@
 """Measure how often the intervals of separable parameters contain the true values.
+
     python -m tests.benchmarks.bench_coverage [FITS] [auto|given] [SEED] [ends of names of cases …]
 
 The program fits many synthetic maps for every friction law. Each mean torque has noise of 1 % of

@@ -1,5 +1,5 @@
-"""Measure batch kinematics on one core and compare it with Pinocchio's iterative inverse
-kinematics.
+"""Compare batch kinematics on one core with Pinocchio's iterative inverse kinematics.
+
     python -m tests.benchmarks.bench_kinematics
 
 The program prints one table. The exit status is 1 if a figure misses its target.

@@ -1,4 +1,5 @@
 """Compare plans for a range of friction and payload with the nominal plan.
+
     python -m tests.benchmarks.bench_robust [PROBLEM …]
 
 The figures are CPU time and duration. The CPU time is that of all of `plan`: the plan, its check,

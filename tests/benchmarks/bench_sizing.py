@@ -1,8 +1,8 @@
-"""Speed and accuracy of sizing on one core.
+"""Measure speed and accuracy of the sizing on one core.
 
     python -m tests.benchmarks.bench_sizing [PLAN]
 
-Prints one table; exits with 1 if a figure is not what it must be.
+The program prints one table. The exit status is 1 if a figure misses its target.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DRAWS = 10_000
 
 
 def best(function: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest time of some runs, s."""
+    """Return the shortest time in s of some runs."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -43,9 +43,10 @@ def best(function: Callable[[], object], repeats: int = 5) -> float:
 
 
 def repeated(model: ThermalModel, cycle: Cycle) -> tuple[float, float]:
-    """Peak winding temperature after 25 motor time constants cycle by cycle, and the time that takes, s.
+    """Return the peak winding temperature after 25 motor time constants, and the time taken in s.
 
-    Each cycle is solved exactly at once, so a simulation step by step would be slower still.
+    The function simulates cycle by cycle. Each cycle is solved exactly in one step, so a simulation
+    in many steps would be slower.
     """
     begin, start = time.perf_counter(), (model.ambient, model.ambient)
     for _ in range(int(25 * model.c_housing * model.r_housing_ambient / cycle.period)):

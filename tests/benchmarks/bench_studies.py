@@ -1,8 +1,7 @@
-"""Measure studies: screening, overhead of store and workers, a large store, and Dask. Run it as a
-script.
+"""Measure screening, overhead of store and workers, a large store, and Dask in studies.
 
-The figures are ratios and rates of one run. Because machines are noisy, the repeated measurements
-are medians of three.
+Run this module as a script. The figures are ratios and rates of one run. Because machines are
+noisy, the repeated measurements are medians of three.
 """
 
 from __future__ import annotations

@@ -112,9 +112,7 @@ def with_limits(
 
 
 def limits_of(robot: Robot) -> Array:
-    """Return velocity, acceleration and torque limits (12,). The velocity also respects the motor
-    speed.
-    """
+    """Return velocity, acceleration and torque limits (12,). Velocities respect the motor speed."""
     velocity, acceleration, torque = [], [], []
     for joint in robot.joints:
         slowest = joint.velocity
@@ -127,9 +125,7 @@ def limits_of(robot: Robot) -> Array:
 
 
 def task_ends(problem: Problem) -> tuple[Array, Array]:
-    """Return the task coordinates (4,) at both ends of a problem with one motion in task
-    coordinates.
-    """
+    """Return the task coordinates (4,) at start and end of a problem with one task motion."""
     start = np.array(
         [(problem.start.set_coordinates or {}).get(name, 0.0) for name in TASK_COORDINATES]
     )

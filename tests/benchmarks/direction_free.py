@@ -1,4 +1,5 @@
 """Compare free motions of the planner with a program that does not know the directions of motion.
+
     python -m tests.benchmarks.direction_free [COUNT] [STARTS]
 
 The reference has its own transcription with cubic elements of equal length and limits at four
@@ -81,8 +82,9 @@ def coupled(base: Problem, seed: int) -> Problem:
 
 
 def rows_of(problem: Problem, mechanism: Mechanism) -> ca.Function:
-    """Return the function (q, q̇, q̈) → rows ≤ 1 of tip speed and motor torque with smoothed
-    friction.
+    """Return the function from (q, q̇, q̈) to rows of tip speed and motor torque, which are ≤ 1.
+
+    The friction in the motor torque is smoothed.
     """
     q, qd, qdd = (ca.SX.sym(name, 4) for name in ("q", "qd", "qdd"))
     rows = []

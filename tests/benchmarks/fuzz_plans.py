@@ -1,5 +1,5 @@
-"""Plan random problems over random robots, and judge how they end, their times and the unsolved
-ones.
+"""Plan random problems over random robots, and judge their endings and their times.
+
     python -m tests.benchmarks.fuzz_plans [--count 1000] [--first 20000] [--processes 1]
 
 Every problem must end with a certificate or a named reason. A problem is solvable if the planner, a
@@ -51,9 +51,7 @@ SHORTER = 1.02
 Above this factor, the requested duration is certainly too short.
 """
 OTHERWISE = ((3, 1.0), (2, 3.0), (1, 1.5))
-"""Settings of further attempts: factor on the number of elements, and factor that stretches the
-guess.
-"""
+"""Factors on the number of elements and on the duration of the guess in further attempts."""
 
 
 @dataclass(frozen=True)

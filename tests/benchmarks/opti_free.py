@@ -1,4 +1,4 @@
-"""Free motion in CasADi's Opti with cubic elements of all joints, and torque rows at three points."""
+"""Free motion in CasADi's Opti: cubic elements of all joints, torque rows at three points."""
 
 from __future__ import annotations
 

@@ -39,9 +39,7 @@ class OptiStraight:
     def build(
         cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float
     ) -> OptiStraight:
-        """Build the program. The branch and the directions of the joints of `path` hold for all
-        targets.
-        """
+        """Build the program. Branch and joint directions of `path` hold for all targets."""
         rows = straight_rows(robot, path.mechanism, path.branch, path.directions[1][0].tolist())
         opti = ca.Opti()
         x, a, time = opti.variable(2, count + 1), opti.variable(2, count), opti.variable()

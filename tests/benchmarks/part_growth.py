@@ -1,6 +1,4 @@
-"""Measure how times grow with the mesh, with the number of phases and with the instants of the
-check.
-"""
+"""Measure the growth of times with the mesh, the number of phases and the instants of the check."""
 
 from __future__ import annotations
 

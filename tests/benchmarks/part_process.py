@@ -1,6 +1,4 @@
-"""Measure CPU time and memory of a plan with all its output in a fresh process, compared with
-imports alone.
-"""
+"""Compare CPU time and memory of a plan in a fresh process with those of the imports alone."""
 
 from __future__ import annotations
 

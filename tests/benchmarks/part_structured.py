@@ -42,9 +42,7 @@ from tests.benchmarks.section import Section
 ROUNDS = 7
 PEERS = (OPTI_EXPANDED, ROCKIT_EXPANDED)
 FASTER, GROWTH = 30.0, 1.2
-"""Smallest speed-up over one solve of either peer, and largest growth of the time per iteration and
-element.
-"""
+"""Smallest speed-up over a peer, and largest growth of the time per iteration and element."""
 MESHES = (25, 100, 400, 1600)
 STEPS = 10
 """Number of iterations whose time is measured on every mesh."""

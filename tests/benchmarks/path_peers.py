@@ -1,5 +1,4 @@
-"""Path parametrisation by toppra and copp-py with the same path, limits and friction as this
-planner.
+"""Path parametrisation by toppra and copp-py with the same path and limits as this planner.
 
 Both programs take inverse dynamics that are linear in (q̈, q̇²). For dry friction they take one
 constant torque per joint that opposes the motion. This constant is the bearing torque of the motor

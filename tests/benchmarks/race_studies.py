@@ -32,9 +32,7 @@ COUNTS = (16, 32, 64, 128, 256)
 PLANNED = (16, 32, 48, 64)
 """Numbers of evaluations at which planned searches are compared."""
 WORST = (5.05, 0.24)
-"""Duration in s and mass in kg of the published geometry. Candidates that are not better do not
-count.
-"""
+"""Duration in s and mass in kg of the published geometry. Only better candidates count."""
 BEST = (4.2, 0.2)
 """Duration in s and mass in kg at which the fraction of the hypervolume is 1."""
 LARGER = 1.1

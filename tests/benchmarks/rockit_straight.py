@@ -32,9 +32,7 @@ class RockitStraight:
     def build(
         cls, robot: Robot, path: StraightPath, count: int, options: dict[str, Any], guess: float
     ) -> RockitStraight:
-        """Build the program. The branch and the directions of the joints of `path` hold for all
-        targets.
-        """
+        """Build the program. Branch and joint directions of `path` hold for all targets."""
         import rockit
 
         rows = straight_rows(robot, path.mechanism, path.branch, path.directions[1][0].tolist())

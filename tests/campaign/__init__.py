@@ -1,3 +1,1 @@
-"""Seeded campaigns: hostile files, tampered results, seeded violations. `make campaign` runs all of
-them.
-"""
+"""Seeded campaigns of hostile files, tampered results and violations, run by `make campaign`."""

@@ -1,4 +1,5 @@
 """Run all campaigns on two processes and write their tables to results/campaign.md.
+
     python -m tests.campaign [--minutes N] [--full] [--seed N]
 
 The file has one section for each campaign and contains no times or dates. Campaigns that do not run

@@ -54,8 +54,7 @@ MOST_GENES = 6
 MOST_ROWS = 250
 MOST_PIECES = 260
 SLACKS = (1e-3, 0.3)
-"""Smallest and largest relative margin of torque, tilt range and tip speed over the healthy motion.
-"""
+"""Range of the relative margins of torque, tilt range and tip speed over the healthy motion."""
 DYNAMIC = ("acceleration", "motor torque", "continuous torque", "jerk", "nut contact")
 """Limits that `check --allow-unjudged` leaves unjudged on straight lines."""
 SPEEDS = (1.0, 0.98, 0.9, 0.8, 0.65, 0.5, 0.35)
@@ -103,8 +102,9 @@ class Outcome(NamedTuple):
     checked: dict[oracle.Key, float]
     """Relative excess over each limit according to `check`."""
     smooth: bool
-    """False if the motion contains straight lines, whose speed `check` reduces by the effect of
-    rounding.
+    """True if the motion has no straight lines.
+
+    On straight lines `check` subtracts from the speed the part that rounding explains.
     """
 
     @property
@@ -138,9 +138,7 @@ def shown(genes: Genes) -> str:
 
 
 class Climb:
-    """A climb on files of one format. It keeps the best cases of each limit and changes them
-    further.
-    """
+    """A climb on files of one format. It keeps and further changes the best cases of each limit."""
 
     def __init__(self, form: str, folder: Path, rng: np.random.Generator) -> None:
         self.form, self.folder, self.rng = form, folder, rng
@@ -230,9 +228,7 @@ def random_gene(kind: str, rng: np.random.Generator) -> Gene:
 
 
 def aimed(genes: Genes, excess: float, order: int, rng: np.random.Generator) -> Genes:
-    """Return the genes with the speed scaled so that the motion slightly exceeds or just keeps a
-    limit.
-    """
+    """Return the genes with a speed at which the motion slightly exceeds or just keeps a limit."""
     goal = log(rng.random(), 1e-3, 1e-2) * (1 if rng.random() < 0.8 else -1)
     factor = ((1 + goal) / (1 + excess)) ** (1 / order)
     kept = list(genes)
@@ -454,7 +450,7 @@ def pulse(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
         if shape == 0:  # q + A s² (1 − s)²
             size = sign * 3 * amount * a * width**2 / 2
             part[2:5, joint] += size * np.array([1 / width**2, -2 / width**3, 1 / width**4])
-        elif shape == 1:  # q̇ + A s (1 − s)²: the acceleration jumps at the start only
+        elif shape == 1:  # q̇ + A s (1 − s), the acceleration jumps at both ends
             size = sign * 3 * amount * a * width**2
             part[2:4, joint] += size * np.array([1 / width**2 / 2, -1 / width**3 / 3])
             motion.coefficients[piece + 2 :, 0, joint] += size / 6
@@ -569,8 +565,9 @@ def state_of(motion: Motion, t: Array) -> Table:
 
 
 def times_of(motion: Motion, gene: Gene | None) -> Array:
-    """Return the times of the rows in s: the breaks, uniform or jittered times, and times close
-    together.
+    """Return the times of the rows in s.
+
+    They are breaks, uniform or jittered times, and times close together.
     """
     end = float(motion.breaks[-1])
     if gene is None:

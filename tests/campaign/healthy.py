@@ -189,7 +189,7 @@ class Healthy:
         return target
 
     def judged(self, plan: Any, path: Path) -> str | None:
-        """Return why a healthy file is not accepted, or None."""
+        """Return the reason if a healthy file is not accepted, or None."""
         from ssm_planner.cli import check as command
         from ssm_planner.errors import SsmPlannerError
         from ssm_planner.formats.read import read_trajectory

@@ -1,6 +1,4 @@
-"""Mutated files of every kind must not cause a traceback, a hang or a message without the file
-name.
-"""
+"""Mutated files must cause no traceback, no hang and no message without the name of the file."""
 
 from __future__ import annotations
 
@@ -156,9 +154,7 @@ class Kind(NamedTuple):
     name: str
     files: Sequence[Path]
     reader: Callable[[Path], Any]
-    """Function from a path to the words of a command, or function that loads the file in this
-    process.
-    """
+    """Function from a path to the words of a command, or function that loads the file directly."""
     tree: bool = False
     """True if values of the JSON are changed instead of bytes."""
     loads: bool = False
@@ -243,7 +239,7 @@ class Kinds:
         return rows
 
     def fault(self, kind: Kind, file: Path, content: bytes) -> str | None:
-        """Return what is wrong with the answer to a mutated file, or None."""
+        """Return the fault in the answer to a mutated file, or None."""
         shipped = self.folder not in file.parents
         path = self.folder / f"mutated{file.suffix}" if shipped else file
         original = None if shipped else file.read_bytes()

@@ -182,7 +182,7 @@ def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict
 
 
 def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
-    """Return what is wrong with the folder that a killed process leaves, or None."""
+    """Return the fault of the folder that a killed process leaves, or None."""
     found = file_hashes(out)
     found = {name: sha for name, sha in found.items() if not name.startswith(".")}
     before = {name: sha for name, sha in earlier.items() if name != MANIFEST}
@@ -199,9 +199,9 @@ def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
 def _said(
     number: signal.Signals, status: int, said: str, out: Path, earlier: dict[str, str]
 ) -> str | None:
-    """Return what is wrong after a process was asked to end, or None.
+    """Return the fault of a process that was asked to end, or None.
 
-    The function judges the messages, the exit status and the folder.
+    The function judges its messages, its exit status and its folder.
     """
     begun = "] reading" in said
     if "Traceback" in said and begun:

@@ -1,6 +1,4 @@
-"""Counters of the campaigns, and commands that run in this process with captured output and a
-watchdog.
-"""
+"""Counters of the campaigns, and a runner of commands in this process with a watchdog."""
 
 from __future__ import annotations
 
@@ -66,8 +64,9 @@ class Count:
 
 @contextlib.contextmanager
 def watchdog(seconds: int = LONGEST) -> Iterator[None]:
-    """Raise Hang in the block after some seconds of CPU time, or PATIENCE times as many of clock
-    time.
+    """Raise Hang in the block after some seconds of CPU time.
+
+    Hang is also raised after PATIENCE times as many seconds of clock time.
     """
 
     def bark(number: int, frame: FrameType | None) -> None:

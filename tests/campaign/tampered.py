@@ -134,7 +134,7 @@ def _same(path: Path, original: Path) -> bool:
 
 
 def _shown(path: Path, place: str, page: bool) -> str | None:
-    """Return where a changed plan is still presented as certified, or None."""
+    """Return a description if a changed plan is still presented as certified, or None."""
     from ssm_planner.errors import SsmPlannerError
     from ssm_planner.formats.export import recheck_plan
     from ssm_planner.plans import load_plan
@@ -179,7 +179,10 @@ UNREAD = {"file", "software", "speed", "warning"} | EXPLANATORY_KEYS
 ALLOWED = 1e-3 + 1e-5
 """Excess over a limit, relative to the limit, that is tolerated."""
 SAME_MOTION = 1e-9
-"""Largest difference of positions, in rad or m, of two players of the same motion."""
+"""Largest difference at which two motions count as the same.
+
+`plays_alike` applies it to positions in rad or m, and `compared` to the result of `farthest`.
+"""
 
 
 def resealed(folder: Path, count: int, seed: int, kinds: Counter[str] | None = None) -> list[Row]:
@@ -295,9 +298,7 @@ def farthest(motion: Trajectory, reference: Trajectory) -> float:
 
 
 def harmless(original: Path, folder: Path, robot: Robot) -> bool:
-    """Return whether the client of a changed folder keeps every limit and reaches the original
-    targets.
-    """
+    """Return whether the client of a changed folder keeps all limits and reaches the targets."""
     before, motion = (played(place, robot) for place in (original, folder))
     found = oracle.violations(motion, robot, ranges=dict(robot.ranges))
     target = oracle.at(before, np.array([-1]), np.ones(1), 0)
@@ -417,9 +418,7 @@ def _different(before: Any, after: Any) -> bool:
 
 
 def change_folder(rng: random.Random, folder: Path) -> str:
-    """Change one entry of the manifest or one position in a file, renew the hashes, and return
-    where.
-    """
+    """Change one entry of the manifest or one file, renew the hashes, and name the change."""
     path = folder / "manifest.json"
     manifest = json.loads(path.read_text(encoding="utf-8"))
     names = sorted(manifest["files"])
@@ -459,9 +458,7 @@ def _change_entry(rng: random.Random, manifest: dict[str, Any]) -> str:
 
 
 def _change_file(rng: random.Random, folder: Path, name: str, names: list[str]) -> None:
-    """Change a number of a text or a bit of a bag, remove a line or the file, or exchange two
-    files.
-    """
+    """Change a number or a bit, remove a line or the file, or exchange two files."""
     file = folder / name
     way = rng.random()
     if way < 0.05:

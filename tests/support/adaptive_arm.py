@@ -198,9 +198,7 @@ class _Arm:
         return start
 
     def _load(self, k: int, x: Array, mode: int) -> tuple[float, float]:
-        """Return the effort of spring and damper on the output of the drive, and the part of the
-        damper.
-        """
+        """Return the effort of spring and damper on the output, and the part of the damper."""
         ratio, compliance = self.arm.drive(k).ratio, self.arm.compliance
         damper = compliance.damping[k] * ((x[12 + k] if mode else 0.0) / ratio - x[4 + k])
         return float(compliance.stiffness[k] * (x[8 + k] / ratio - x[k]) + damper), float(damper)

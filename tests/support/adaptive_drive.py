@@ -1,11 +1,11 @@
-"""Two oracles for the simulation of one drive.
+"""Two simulations of one drive, as references for the simulation of the package.
 
 `simulate_drive` integrates adaptively and treats every change between sticking and sliding as an
-event. `simulate_drive_fixed` integrates in fixed steps.
+event. While the drive sticks, the speed is exactly 0 until the torque exceeds breakaway. While it
+slides, the exact law is solved for the acceleration, branch by branch and independently of the
+solution in dynamics/transmission.py. Frictional memory is left out.
 
-While the drive sticks, the speed is exactly 0 until the torque exceeds breakaway. While it slides,
-each branch of the exact law is solved for the acceleration, without the code of
-dynamics/transmission.py for the exact solution. Frictional memory is left out.
+`simulate_drive_fixed` repeats the fixed step of the package.
 """
 
 from __future__ import annotations
@@ -117,9 +117,7 @@ def slip_acceleration(
 
 
 def breaks_away(drive: Drive, tau: float, load: float, mu_static: float) -> int:
-    """Return the direction (±1) in which a drive at rest starts under the torque tau. 0 means it
-    stays.
-    """
+    """Return the direction (±1) in which a drive at rest starts under the torque tau, or 0."""
     if tau > breakaway_torque(drive, load, 1.0, mu_static):
         return 1
     if tau < breakaway_torque(drive, load, -1.0, mu_static):

@@ -171,9 +171,7 @@ class Instant:
         return [*result, dot(self.axes[2], force)]
 
     def motor_torque(self, j: int, load: D, sign: int, mu: D) -> D:
-        """Return the torque of the exact law. The tangent of λ ± φ comes from sine and cosine of
-        the sum.
-        """
+        """Return the torque of the exact law, with the tangent of λ ± φ from sine and cosine."""
         drive = self.robot["joints"][j]["drive"]
         law = drive["friction"]
         number = {

@@ -1,6 +1,4 @@
-"""Executions of a plan as the recorders of its axes would show them, healthy and with seeded
-faults.
-"""
+"""Executions of a plan as recorders of its axes show them, healthy and with seeded faults."""
 
 from __future__ import annotations
 
@@ -116,9 +114,7 @@ class Executions:
         return self.measured(run, rng, rng.uniform(0.5, 3.0), rng.uniform(0.002, 0.03))
 
     def faulty(self, kind: str, seed: int) -> tuple[list[AxisRecording], str, str]:
-        """Return the recordings with one seeded fault, the expected verdict and the expected
-        finding.
-        """
+        """Return recordings with one seeded fault, and the expected verdict and finding."""
         rng = np.random.default_rng([sorted(FAULTS).index(kind), seed])
         run = self.run()
         joint = str(rng.choice(self.names))

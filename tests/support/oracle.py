@@ -85,9 +85,7 @@ def through(t: Array, q: Array, qd: Array | None = None, qdd: Array | None = Non
 
 @lru_cache(maxsize=2)
 def _inverse(orders: int) -> Array:
-    """Return the matrix (2 orders, 2 orders) from values and derivatives at s = 0 and 1 to powers
-    of s.
-    """
+    """Return the matrix (2 orders, 2 orders) from derivatives at s = 0 and 1 to powers of s."""
     size = 2 * orders
     rows = np.zeros((size, size))
     for order in range(orders):
@@ -327,11 +325,11 @@ def violations(
     tip: float | None = None,
     pause: float | None = 0.0,
 ) -> dict[Key, float]:
-    """Return the relative excess over each limit by limit and joint. Kept limits have negative
-    values.
+    """Return the relative excess over each limit by limit and joint.
 
-    `ranges` holds the tilt range in rad. `tip` is the largest speed of the tip in m/s. `pause` is
-    the time in s before the motion is repeated. None stands for a motion that runs once.
+    The excess of a kept limit is negative. `ranges` holds the tilt range in rad. `tip` is the
+    largest speed of the tip in m/s. `pause` is the time in s before the motion is repeated. None
+    stands for a motion that runs once.
     """
     dense = sampled(motion)
     q, qd, qdd = dense.states

@@ -1,5 +1,4 @@
-"""Paden–Kahan subproblems of the paper for arbitrary axes, the reference for the inverse
-kinematics.
+"""Paden–Kahan subproblems for arbitrary axes, the reference for the inverse kinematics.
 
 All axes pass through the origin. The functions take vectors (..., 3) that broadcast. They return
 least-squares solutions where no exact solution exists. Half-angle forms keep them exact where the

@@ -1,5 +1,6 @@
-"""Conditions that every page must meet, as JavaScript that runs in the page and returns what breaks
-them.
+"""Conditions that every page must meet.
+
+Each condition is JavaScript that runs in the page and returns the violations.
 """
 
 from __future__ import annotations

@@ -101,8 +101,9 @@ def smooth(robot: Robot, moves: tuple[np.ndarray, ...] = MOVES, share: float = 0
 def write_plan(
     path: Path, robot: Robot, trajectory: Trajectory, limits: TaskLimits = NONE, **changes: Any
 ) -> Path:
-    """Write a plan.json of a trajectory with its certificate. `changes` replaces keys of the
-    document.
+    """Write a plan.json of a trajectory with its certificate.
+
+    `changes` replaces keys of the document.
     """
     first, last = (
         Joints(tuple(q)) for q in trajectory.sample(trajectory.breaks[[0, -1]]).q.tolist()

@@ -1,5 +1,6 @@
-"""Short plan for tests of the example packages `guard` and `play`, which this module makes
-importable.
+"""Short plan for tests of the example packages `guard` and `play`.
+
+This module makes the two packages importable.
 """
 
 from __future__ import annotations

@@ -122,9 +122,7 @@ def _scan(at: dict[str, float], rng: np.random.Generator) -> Motion:
 
 
 def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
-    """Return an eye around the middle of the workspace of the tool. In half of the cases it has a
-    lens.
-    """
+    """Return an eye around the middle of the workspace. In half of the cases it has a lens."""
     low, high = tilt_interval(mechanism)
     middle = inverse_task(mechanism, np.array([[0.0, (low + high) / 2, 0.0, 1.0]])).joints[0, 0]
     axis = tip_position(mechanism, middle[None, :])[0]
@@ -157,9 +155,7 @@ def _eye(mechanism: Mechanism, rng: np.random.Generator) -> Eye:
 
 
 def _with_end_rates(problem: Problem, rng: np.random.Generator) -> Problem:
-    """Add rates along the motion at the start and at the end, each in about a tenth of the
-    problems.
-    """
+    """Add rates at the start and at the end, each with a probability of at most 0.1."""
     first, last = problem.motion[0], problem.motion[-1]
     if rng.random() < 0.1 and isinstance(first, Straight):
         way = {

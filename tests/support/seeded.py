@@ -46,9 +46,7 @@ TASK_RATES = {
     "insertion speed": "depth",
 }
 RANGES = ("position", "tilt range")
-"""Limits whose excess is relative to the half width of a range. For other limits it is relative to
-the limit.
-"""
+"""Limits whose excess is relative to the half width of a range instead of the limit."""
 CENTRE = np.array([0.007, 0.0, -0.011])
 PLACE = np.array([0.002, 0.003, -0.006])
 SEMI_AXES = np.array([0.004, 0.003, 0.0015])
@@ -60,9 +58,7 @@ DENSE = 300
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A trajectory with the largest value of one limited quantity and the interval that contains
-    it.
-    """
+    """A trajectory, the largest value of a limited quantity, and the interval that contains it."""
 
     trajectory: Trajectory
     robot: Robot

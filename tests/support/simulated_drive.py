@@ -113,9 +113,7 @@ class SimulatedDrive:
         self.network.add_node(self.node)
         self.position, self.state, self.fault = position, "disabled", 0
         self.received: list[tuple[int, int, int]] = []
-        """Target position, velocity offset and torque offset at every SYNC while the drive is
-        enabled.
-        """
+        """Target position, velocity offset and torque offset at every SYNC in state "enabled"."""
         self.syncs: list[float] = []
         self.waiting: dict[int, bytes] = {}
         """Data of synchronous PDOs since the last SYNC, by number of the PDO."""

@@ -31,9 +31,7 @@ COMPLETE = Motor(
 
 
 def random_trajectory(seed: int, duration: float = 3.0, pieces: int = 12) -> Trajectory:
-    """Return a random motion from rest to rest. Every joint reverses several times, also within
-    pieces.
-    """
+    """Return a random motion from rest to rest, in which every joint reverses several times."""
     rng = np.random.default_rng(seed)
     breaks = np.linspace(0.0, duration, pieces + 1)
     scale = np.array([0.2, 0.17, 0.27, 0.006])
