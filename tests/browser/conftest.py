@@ -1,4 +1,4 @@
-"""A headless Chromium and pages that note everything they say or fetch."""
+"""Fixtures that open pages in a headless Chromium and record every message and every request."""
 
 from __future__ import annotations
 
@@ -28,14 +28,17 @@ READY = "typeof SSM !== 'undefined' && Boolean(SSM.ready)"
 
 @dataclass
 class Visit:
-    """An open page with what it said and fetched."""
+    """An open page with the messages that it wrote and the addresses that it fetched."""
 
     page: Any
     said: list[str] = field(default_factory=list)
     fetched: list[str] = field(default_factory=list)
 
     def wait(self, condition: str, seconds: float = 20.0) -> None:
-        """Until a JavaScript expression is true (the page's policy forbids Playwright's own way of waiting)."""
+        """Wait until a JavaScript expression is true.
+
+        The content security policy of the page forbids the wait functions of Playwright.
+        """
         for _ in range(int(seconds / 0.02)):
             if self.page.evaluate(condition):
                 return
@@ -56,7 +59,7 @@ def chromium() -> str:
 
 @pytest.fixture(scope="session")
 def launch() -> Iterator[Callable[..., Any]]:
-    """Starts a browser with further flags."""
+    """Return a function that starts a browser with further flags."""
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="Playwright is not installed (pip install playwright)"
     )
@@ -73,14 +76,21 @@ def browser(launch: Callable[..., Any]) -> Iterator[Any]:
 
 
 def listen(opened: Visit, message: Any) -> None:
-    """Note what the page says, not what the driver says when Chromium copies a 3D view drawn in software."""
+    """Record a message of the page.
+
+    The graphics driver also writes messages when Chromium copies a 3D view that was drawn in
+    software. These are ignored.
+    """
     if "GL Driver Message" not in message.text:
         opened.said.append(f"{message.type}: {message.text}")
 
 
 @pytest.fixture
 def visit(browser: Any) -> Iterator[Callable[..., Visit]]:
-    """Opens an address at a width and waits until its scripts are ready."""
+    """Return a function that opens an address and waits until the scripts of the page are ready.
+
+    The width and height of the window are in pixels.
+    """
     pages = []
 
     # With reduced motion, pages do not play by themselves.
@@ -104,7 +114,7 @@ def visit(browser: Any) -> Iterator[Callable[..., Visit]]:
 
 @pytest.fixture(scope="session")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of the shipped plan."""
+    """Write the report of the shipped plan and return its path."""
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.report import write_report
 
@@ -113,7 +123,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped plan within an eye whose lens is turned, and with limits on rates."""
+    """Return the shipped plan inside an eye with a rotated lens, and with limits on rates."""
     from ssm_planner.kinematics.rotations import rotation
     from ssm_planner.loading.load import load_problem
     from ssm_planner.problem.serialization import to_plain
@@ -133,7 +143,7 @@ def in_eye(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def in_eye_report(in_eye: Path) -> Path:
-    """Its report."""
+    """Write the report of the plan inside an eye and return its path."""
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.report import write_report
 
@@ -142,7 +152,10 @@ def in_eye_report(in_eye: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def slower(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped plan in 1.25 times its time, with a name and a robot that are HTML."""
+    """Return the shipped plan stretched to 1.25 times its duration.
+
+    The names of its problem, phases and robot are HTML.
+    """
     document = copy.deepcopy(json.loads(PLAN.read_text(encoding="utf-8")))
     factor, trajectory = 1.25, document["trajectory"]
     trajectory["breaks_s"] = [factor * time for time in trajectory["breaks_s"]]
@@ -163,7 +176,7 @@ def slower(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def comparison(slower: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The shipped plan beside the slower one."""
+    """Write the comparison of the shipped plan with the slower one and return its path."""
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.compare import write_comparison
 
@@ -173,7 +186,7 @@ def comparison(slower: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def simulated() -> Any:
-    """The shipped plan with a joint that stalls, simulated."""
+    """Return the simulation of the shipped plan with a joint that stalls."""
     from ssm_planner.plans import load_plan
     from ssm_planner.simulation.simulate import Scenario, simulate
 
@@ -182,7 +195,7 @@ def simulated() -> Any:
 
 @pytest.fixture(scope="session")
 def simulation(simulated: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of that simulation."""
+    """Write the page of the simulation with a stalled joint and return its path."""
     from ssm_planner.plans import load_plan
     from ssm_planner.reporting.html.simulation import write_simulation_page
 
@@ -193,7 +206,10 @@ def simulation(simulated: Any, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 @pytest.fixture(scope="session")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page of the shipped study with candidates of drawn figures, a fourth of which fall out."""
+    """Write the page of the shipped study with random figures and return its path.
+
+    Every fourth candidate is infeasible.
+    """
     from ssm_planner.studies.page import write_study_page
     from ssm_planner.studies.store import Candidate, pareto_front
     from ssm_planner.studies.study_file import load_study

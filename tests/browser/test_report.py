@@ -1,4 +1,7 @@
-"""The report and the comparison in a real browser."""
+"""The report, the comparison and other pages are tested in a real browser.
+
+The values that a page shows are compared with those of the plan and of the kinematics.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ pytestmark = pytest.mark.slow
 Open = Callable[..., Visit]
 
 SITE = ROOT / "docs/_build/html"
-"""What `make docs` builds; CI builds it before the tests."""
+"""The folder that `make docs` builds. CI builds it before the tests."""
 
 
 def number(text: str) -> float:
@@ -40,7 +43,7 @@ def number(text: str) -> float:
 
 
 def clock(page: Any) -> float:
-    """The shown time, s."""
+    """Return the time that the player shows, in s."""
     return number(page.inner_text("#player .clock").split(" ")[0])
 
 
@@ -53,7 +56,10 @@ def test_opens_quietly_and_fetches_nothing(visit: Open, report: Path) -> None:
 
 
 def test_opens_in_time(visit: Open, report: Path) -> None:
-    """Aim: 1.5 s; a machine that runs other tests at the same time gets twice that."""
+    """The report is ready within 3 s in the best of three attempts.
+
+    The aim is 1.5 s. The factor of 2 allows for tests that run at the same time.
+    """
     times = [visit(report.as_uri()).page.evaluate("SSM.ready") for _ in range(3)]
     assert min(times) < 3000
 
@@ -99,7 +105,7 @@ def test_scrubbing_moves_the_mechanism(visit: Open, report: Path) -> None:
 def test_slow_drawing_lowers_the_resolution_and_says_so(
     visit: Open, report: Path, spacing: int, lowered: bool
 ) -> None:
-    """The times of the frames are given, so that a busy machine changes nothing."""
+    """The test sets the times of the frames, so that a busy machine does not change the result."""
     page = visit(report.as_uri()).page
     draw = """(spacing) => {
       let now = 0;
@@ -231,7 +237,10 @@ def test_a_simulated_arm_moves_beside_the_planned_one(
 
 
 def test_the_eye_is_drawn_and_can_be_looked_at(visit: Open, in_eye: Path, tmp_path: Path) -> None:
-    """Lens and retina as large, where and turned as the plan says, on both pages; without an eye no view of one."""
+    """Both pages draw the lens and the retina with the size, position and orientation of the plan.
+
+    Without an eye, the page offers no view of the eye.
+    """
     made = load_plan(PLAN)
     blind = replace(made, problem=replace(made.problem, eye=None))
     plain = visit(write_report(blind, tmp_path / "blind.html").as_uri()).page
@@ -346,7 +355,10 @@ def test_whether_the_motors_suffice_is_said_above_and_shown_below(
 
 
 def test_the_fold_says_what_happens_and_whether_it_may(visit: Open, report: Path) -> None:
-    """At 1280 × 800: verdict sentence, chips, mechanism and controls, without scrolling; what is not known unfolds."""
+    """At 1280 × 800, a reader sees the verdict, the mechanism and the controls without scrolling.
+
+    The list of what is not known is folded.
+    """
     page = visit(report.as_uri()).page
     assert page.inner_text(".lead").startswith("Tilts −85° → −135°, inserts 20 mm in 3.")
     assert "limited by the speed of joints 1, 2 and 4" in page.inner_text(".lead")
@@ -370,7 +382,10 @@ def test_the_fold_says_what_happens_and_whether_it_may(visit: Open, report: Path
 def test_the_fold_answers_how_long_checked_how_near_and_how_hot(
     visit: Open, in_eye: Path, in_eye_report: Path
 ) -> None:
-    """The cards and the motors are the plan's, and the eye fills at least 15 % of the scene."""
+    """The cards and the table of motors show the values of the plan.
+
+    The eye fills at least 15 % of the scene.
+    """
     page, plan = visit(in_eye_report.as_uri()).page, load_plan(in_eye)
     cards = page.locator(".cards")
     assert cards.bounding_box()["y"] + cards.bounding_box()["height"] <= 800
@@ -410,7 +425,10 @@ def test_a_link_leads_to_its_instant(visit: Open, report: Path) -> None:
 
 
 def test_a_link_restores_the_camera(visit: Open, in_eye_report: Path) -> None:
-    """Every corner of the eye is within a pixel of where the link was made; a wrong link does nothing."""
+    """A link shows four points of the eye within a pixel of where they were when it was made.
+
+    A wrong link does not move the camera.
+    """
     corners = """() => {
       const { camera, size: [width, height] } = SSM.scene;
       const { centre: [x, y, z], radius: r } = SSM.data().scene.eye;
@@ -519,7 +537,7 @@ def test_every_plot_says_its_values_at_the_cursor(visit: Open, report: Path) -> 
 
 
 def test_numbers_of_an_axis_keep_their_minus(visit: Open, simulation: Path) -> None:
-    """The vertical axis is at least as wide as its longest number."""
+    """The vertical axis is wide enough for each of four numbers and its margin."""
     page = visit(simulation.as_uri()).page
     assert (
         page.evaluate("""() => {
@@ -533,7 +551,7 @@ def test_numbers_of_an_axis_keep_their_minus(visit: Open, simulation: Path) -> N
 
 
 def test_hatching_stands_on_the_limit(visit: Open, report: Path) -> None:
-    """Every stroke of an active limit begins at that limit's value, whatever else is active there."""
+    """Every stroke that marks an active limit begins at the value of a limit of its plot."""
     page = visit(report.as_uri()).page
     page.locator("figure").first.scroll_into_view_if_needed()
     drawn = page.evaluate("""() => SSM.data().panels.filter((panel) => panel.active.length).map((panel) => {
@@ -618,7 +636,11 @@ def test_axe_finds_nothing_serious(browser: Any, request: pytest.FixtureRequest,
 
 
 def test_axe_finds_nothing_serious_on_the_site(browser: Any) -> None:
-    """The documents but for the longest; the colours of their theme on some, for they take longer than all else."""
+    """The tool axe reports nothing serious on the pages of the documentation.
+
+    The two longest pages are left out, and half of the others are drawn at random. The contrast of
+    colours is checked on four pages only, because that takes longer than all other checks.
+    """
     if not SITE.exists():
         pytest.skip("the site is not built (make docs)")
     page = browser.new_page(viewport={"width": 820, "height": 1000})
@@ -683,7 +705,10 @@ CLIPPED = """() => [...document.querySelectorAll("h1, h2, th, td, dt, dd, figcap
 def test_no_label_of_a_random_result_is_clipped(
     visit: Open, tilt_insert: Problem, tmp_path: Path
 ) -> None:
-    """The reports of random problems, among them one with an eye, fit at both widths."""
+    """The reports of random problems clip no label at either width.
+
+    One of the problems has an eye.
+    """
     with_eye = (27, 92, 99)
     for seed in (*drawn(2, range(6)), *drawn(1, with_eye)):
         result = plan(with_fast_planner(random_problem(tilt_insert, seed)), relaxations=False)
@@ -697,7 +722,7 @@ def test_no_label_of_a_random_result_is_clipped(
 
 
 def test_the_landing_page_is_short(browser: Any) -> None:
-    """It has a picture and a command, and leads on by what a reader wants to do."""
+    """The landing page is at most 1500 pixels high, and it shows a picture and a command."""
     if not SITE.exists():
         pytest.skip("the site is not built (make docs)")
     page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -720,7 +745,9 @@ def test_the_study_names_the_candidate_under_the_pointer(visit: Open, study: Pat
 
 
 def test_nothing_covers_the_tables(visit: Open, report: Path) -> None:
-    """The mechanism stays in view beside the plots, and must not lie on or behind the tables."""
+    """The mechanism stays visible beside the plots, but it never covers the tables or shows through
+    them.
+    """
     page = visit(report.as_uri(), width=1280, height=900).page
     covered = page.evaluate(
         """() => [...document.querySelectorAll(".tables td:first-child, .tables h2")].filter((cell) => {

@@ -1,4 +1,4 @@
-"""The local view in a real browser."""
+"""The local view is tested in a real browser."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def test_parts_change_the_plan_and_a_pinned_plan_stays(visit: Open, server: View
     assert opened.said == [] or all("400" in text for text in opened.said)
 
 
-# Settings as a reader sees them, and the request whose answer the page shows as current.
+# This function reads the settings from the page, and the text of the verdict that the page shows.
 SHOWN = """() => {
   const stale = document.getElementById("stale").style.visibility !== "hidden";
   const read = (name) => Number(document.getElementById(name).value);
@@ -153,7 +153,8 @@ SHOWN = """() => {
     alpha: read("alpha"), beta: read("beta"), payload: read("payload"), tilt: read("tilt"), low: read("low"),
     parts: Object.fromEntries([...parts].map(({ id, value }) => [id, value])) };
 }"""
-# Answers after a random delay, in the order of the requests; the message of a plan is its request.
+# This function replaces the planner by random answers that come after random delays. The message of
+# a plan repeats the request that it answers.
 STUB = """() => {
   const rest = window.fetch;
   const jobs = [];
@@ -174,7 +175,7 @@ STUB = """() => {
     return answer({ done: true, steps: [], message, relaxation: null, desk: null, plan: "x" });
   };
 }"""
-# One random interaction, as the browser tells the page of it.
+# This function performs one random interaction and sends the events that a browser would send.
 ACT = """() => {
   const draw = (list) => list[Math.floor(Math.random() * list.length)];
   const tell = (node, kind) => node.dispatchEvent(new Event(kind, { bubbles: true }));
@@ -200,7 +201,10 @@ ACT = """() => {
 
 
 def contradiction(shown: dict[str, Any]) -> str:
-    """What the shown verdict judged and the page no longer says, if it is not marked as stale."""
+    """Return which setting of the page differs from the request that the shown verdict answers.
+
+    The text is empty if all settings agree, or if the verdict is marked as stale.
+    """
     if shown["stale"] or not shown["text"].startswith("planned {"):
         return ""
     request = json.loads(shown["text"].removeprefix("planned "))
@@ -219,7 +223,10 @@ def contradiction(shown: dict[str, Any]) -> str:
 
 
 def test_no_verdict_is_stale_in_random_interactions(visit: Open, server: ViewServer) -> None:
-    """Random answers replace the planner. VIEW_INTERACTIONS=10000 takes about four minutes."""
+    """A verdict that is shown as current always belongs to the settings of the page.
+
+    Random answers replace the planner. A run with VIEW_INTERACTIONS=10000 takes about four minutes.
+    """
     rounds = int(os.environ.get("VIEW_INTERACTIONS", selected("300", every="700"))) // 20
     opened = visit(server.url)
     page = opened.page
@@ -248,7 +255,10 @@ def test_no_verdict_is_stale_in_random_interactions(visit: Open, server: ViewSer
 
 
 def test_curves_follow_a_slider(visit: Open, server: ViewServer) -> None:
-    """Real plans: each answer belongs to the slider as it stands."""
+    """After a change of a slider, the old verdict is stale at once, and a new plan follows.
+
+    The plans come from the real planner.
+    """
     opened = visit(server.url)
     page, draw = opened.page, random.Random(7)
     opened.wait(PLANNED, seconds=60)
@@ -296,7 +306,10 @@ def type_in(page: Any, field: str, text: str) -> None:
 
 
 def test_bad_entries_are_refused_beside_their_fields(visit: Open, server: ViewServer) -> None:
-    """Seeded entries: each a message at its field, in the unit of the field; what was valid stays in use."""
+    """A bad entry causes a message at its field, in the unit of the field.
+
+    The last valid value stays in use. The entries are random with a fixed seed.
+    """
     opened = visit(server.url)
     page, draw = opened.page, random.Random(19)
     for _ in range(selected(20, every=40)):
@@ -448,7 +461,10 @@ def test_axe_finds_nothing_serious(visit: Open, server: ViewServer, width: int) 
 
 
 def test_a_text_is_edited_in_place(visit: Open, server: ViewServer) -> None:
-    """A wrong line is refused beside the text; a right one plans, against the motion that is pinned."""
+    """A faulty text is refused beside its field.
+
+    A valid text is planned and compared with the motion that is pinned.
+    """
     opened = visit(server.url)
     page = opened.page
     time = pinned_time(opened)

@@ -1,1 +1,1 @@
-"""A measured gate: change one operation of the package at a time and see whether a test fails."""
+"""Change one operation of the package at a time and measure how often a test fails."""

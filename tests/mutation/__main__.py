@@ -1,9 +1,10 @@
-"""Measure how many mutants of each room its tests kill, and list the survivors.
+"""Measure how many mutants of each part of the package its tests kill, and list the survivors.
 
     python -m tests.mutation --count 300 --seed 1 --rooms verification,retiming
 
-Every room has a process of its own, two at a time. A mutant counts as equivalent when
-`equivalent.json` lists it with a reason; the list is checked by `test_mutation.py`.
+Each part is measured in a separate process, and two processes run at a time. A mutant counts as
+equivalent if `equivalent.json` lists it with a reason. The tests in `test_mutation.py` check this
+list.
 """
 
 from __future__ import annotations
@@ -32,20 +33,20 @@ ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("tests/test_plans.py", "tests/test_notebooks.py", "tests/formats/test_plan_file.py"),
     ),
 }
-"""Modules of each room, and the tests that answer for it."""
+"""Modules of each part of the package, and the tests that must kill its mutants."""
 
 Row = dict[str, Any]
 
 
 def equivalent() -> dict[tuple[str, str, str, str], str]:
-    """Reasons why mutants cannot be told from the original, by their keys."""
+    """Return the reasons why mutants are equivalent to the original, by the keys of the mutants."""
     entries = json.loads(EQUIVALENT.read_text(encoding="utf-8"))
     names = ("file", "function", "original", "mutated")
     return {tuple(entry[name] for name in names): entry["reason"] for entry in entries}  # type: ignore[misc]
 
 
 def _work(name: str, count: int, seed: int, output: Path) -> None:
-    """Measure one room in this process and append each outcome to a file."""
+    """Measure one part of the package in this process and append each outcome to a file."""
     from tests.mutation.running import Outcome, Room, measure, sample
 
     place, tests = ROOMS[name]
@@ -66,7 +67,10 @@ def _work(name: str, count: int, seed: int, output: Path) -> None:
 
 
 def _room(name: str, count: int, seed: int, folder: Path) -> tuple[list[Row], float]:
-    """Measure one room in a process of its own; return the outcomes and the CPU seconds."""
+    """Measure one part of the package in a new process.
+
+    Return the outcomes and the CPU time in s.
+    """
     output = folder / f"{name}.jsonl"
     command = [sys.executable, "-m", "tests.mutation", "--room", name, "--output", str(output)]
     command += ["--count", str(count), "--seed", str(seed)]
@@ -89,7 +93,7 @@ def _difference(row: Row) -> str:
 
 
 def report(rooms: dict[str, tuple[list[Row], float]], count: int, seed: int) -> str:
-    """Write the rates of the rooms and their survivors as Markdown."""
+    """Return the kill rates and the survivors of all parts as Markdown."""
     text = ["# Mutants", ""]
     text += [
         f"`make mutants MUTANTS='--count {count} --seed {seed}'` changed one operation of the",
@@ -114,7 +118,10 @@ def report(rooms: dict[str, tuple[list[Row], float]], count: int, seed: int) -> 
 
 
 def main() -> None:
-    """Measure the rooms and write the report, or work on one room for a process that does."""
+    """Measure the parts of the package and write the report.
+
+    With the option `--room`, measure only one part, as the child process of such a run does.
+    """
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
     parser.add_argument("--count", type=int, default=300, help="mutants of all rooms together")
     parser.add_argument("--seed", type=int, default=1)

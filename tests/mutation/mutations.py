@@ -1,7 +1,8 @@
-"""Enumerate the mutants of a module and swap one of them into the running process.
+"""Enumerate the mutants of a module and put one of them into the running process.
 
 A mutant replaces one node of the syntax tree of one function. Only the bodies and the defaults of
-functions are mutated: what a module computes while it is imported cannot be swapped afterwards.
+functions are mutated, because values that a module computes during its import cannot be replaced
+afterwards.
 """
 
 from __future__ import annotations
@@ -40,33 +41,36 @@ ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
 NAMES = {"min": "max", "minimum": "maximum", "argmin": "argmax", "floor": "ceil", "any": "all"}
 NAMES |= {other: name for name, other in NAMES.items()}
 SMALL = 1e-3
-"""Numbers below are tolerances: a quarter more is within what they were chosen by."""
+"""Numbers below this value are multiplied by 100, and other numbers by 1.25.
+
+Such small numbers are tolerances, and a change by a quarter could go unnoticed.
+"""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One changed node of one function, and how a person reads the change."""
+    """One changed node of one function, with the original and the changed text."""
 
     file: str
     function: str
     line: int
     lines: tuple[int, ...]
-    """Lines of the statement: a test that runs one of them covers the mutant."""
+    """Lines of the mutated statement. A test that runs one of these lines covers the mutant."""
     original: str
     mutated: str
     place: tuple[int, int, int]
-    """Numbers of the function in the module, of the node in the function, of the replacement."""
+    """Index of the function in the module, of the node in the function, and of the replacement."""
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """What names the mutant in the list of equivalent ones, whatever its line."""
+        """The key of the mutant in the list of equivalent mutants. It contains no line number."""
         return self.file, self.function, self.original, self.mutated
 
 
 def _functions(tree: ast.Module) -> list[tuple[str, Function]]:
-    """Functions of a module and methods of its classes with their qualified names."""
+    """Return the functions of a module and the methods of its classes with qualified names."""
     functions: list[tuple[str, Function]] = []
 
     def visit(body: list[ast.stmt], prefix: str) -> None:
@@ -92,7 +96,7 @@ def _constants(node: ast.Constant) -> Iterator[ast.expr]:
 
 
 def _expressions(node: ast.expr) -> Iterator[ast.expr]:
-    """Replacements of an expression."""
+    """Yield the replacements of an expression."""
     if isinstance(node, ast.Constant):
         yield from _constants(node)
     elif isinstance(node, ast.Compare):
@@ -123,7 +127,7 @@ def _conditional(node: ast.If | ast.While) -> Iterator[ast.stmt]:
 
 
 def _statements(node: ast.stmt) -> Iterator[ast.stmt]:
-    """Replacements of a statement."""
+    """Yield the replacements of a statement."""
     if isinstance(node, ast.If | ast.While) and not isinstance(node.test, ast.Constant):
         yield from _conditional(node)
     elif isinstance(node, ast.Return) and node.value is not None:
@@ -145,16 +149,16 @@ Site = tuple[ast.AST, str, int | None, ast.AST, ast.stmt]
 
 
 def _sites(function: Function) -> Iterator[Site]:
-    """Parent, field, index, node and enclosing statement of all nodes that may be mutated."""
+    """Yield (parent, field, index, node, enclosing statement) of each node that may be mutated."""
 
     def visit(parent: ast.AST, statement: ast.stmt) -> Iterator[Site]:
         for field, value in ast.iter_fields(parent):
             if field in ("annotation", "returns", "decorator_list", "format_spec", "msg"):
                 continue
             if isinstance(parent, ast.Raise) and field in ("exc", "cause"):
-                continue  # the words of a message
+                continue  # Messages are not mutated.
             if isinstance(parent, ast.keyword) and parent.arg == "strict":
-                continue  # an assertion about lengths, which hold
+                continue  # This only asserts equal lengths, and they are equal.
             for index, node in enumerate(value) if isinstance(value, list) else [(None, value)]:
                 if isinstance(node, ast.AST):
                     inner = node if isinstance(node, ast.stmt) else statement
@@ -181,15 +185,18 @@ def _put(site: Site, node: ast.AST) -> None:
 
 
 def _header(statement: ast.stmt) -> str:
-    """The first line of a statement that holds others, the whole of any other one."""
+    """Return the first line of a compound statement, or the whole text of another statement."""
     text = ast.unparse(statement)
-    if isinstance(statement, Function):  # its decorators stand above
+    if isinstance(statement, Function):  # Decorators come before the first line.
         return next(line for line in text.splitlines() if "def " in line)
     return text.splitlines()[0] if hasattr(statement, "body") else text
 
 
 def _lines(statement: ast.stmt, function: Function) -> tuple[int, ...]:
-    """Lines of a statement without the statements in it; of a default, of the whole function."""
+    """Return the lines of a statement without the statements in its body.
+
+    For a default of the function, return all lines of its body.
+    """
     if statement is function:
         return tuple(range(function.body[0].lineno, (function.end_lineno or 0) + 1))
     body = getattr(statement, "body", None)
@@ -198,7 +205,7 @@ def _lines(statement: ast.stmt, function: Function) -> tuple[int, ...]:
 
 
 def mutants(path: Path, file: str) -> list[Mutant]:
-    """Enumerate all mutants of a module in the order of their lines."""
+    """Return all mutants of a module in the order of their lines."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     result = []
     for number, (name, function) in enumerate(_functions(tree)):
@@ -226,21 +233,24 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def swap(path: Path, mutant: Mutant) -> int:
-    """Put the mutated code into all living functions that were made of the original; return how many."""
+    """Put the mutated code into every existing function that has the original code.
+
+    Return the number of these functions.
+    """
     tree = ast.parse(path.read_text(encoding="utf-8"))
     number, node, replacement = mutant.place
     name, function = _functions(tree)[number]
     site = list(_sites(function))[node]
     first = min([function.lineno, *(d.lineno for d in function.decorator_list)])
     changed = list(_replacements(site[3]))[replacement]
-    # Behind the end, unreachable: the free variables stay those of the original, or no function
-    # could take the code.
+    # A function only accepts code with the same free variables. The original body is therefore
+    # appended as unreachable code.
     whole = [each for each in function.body if not isinstance(each, ast.Global | ast.Nonlocal)]
     unreachable = ast.If(ast.Constant(False), copy.deepcopy(whole), [])
     _put(site, ast.copy_location(changed, site[3]))
     function.body.append(ast.copy_location(unreachable, function.body[-1]))
     compiled = compile(ast.fix_missing_locations(tree), str(path), "exec", dont_inherit=True)
-    every = reversed([*_codes(compiled)])  # of two with one name the first one counts
+    every = reversed([*_codes(compiled)])  # The first code of a name wins.
     codes = {(c.co_name, c.co_firstlineno): c for c in every}
     outer = codes[name.rpartition(".")[2], first]
     family = {(c.co_name, c.co_firstlineno): c for c in reversed([*_codes(outer)])}

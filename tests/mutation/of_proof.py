@@ -1,9 +1,10 @@
-"""Single-operator mutants of `examples/prove.py`: is each of them found by what the proof says of two plans?
+"""Mutate one operator of `examples/prove.py` at a time and compare its proofs of five plans.
 
     python -m tests.mutation.of_proof --count 300 --seed 1
 
-A mutant is found if it raises, or if a bound, a verdict or a name differs from that of the original by more than the
-enclosures permit. Mutants that only change how much rounding is allowed for cannot be found that way; they are listed.
+A mutant is found if it raises an error, or if a bound, a verdict or a name differs from that of the
+original by more than the enclosures permit. Mutants that only change the allowance for rounding
+cannot be found in this way. The program lists all survivors.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ SWAPS: dict[type[ast.AST], type[ast.AST]] = {
     ast.NotEq: ast.Eq,
 }
 SAME = 1e-7
-"""Relative difference of two bounds of the same value."""
+"""Relative difference up to which two bounds count as the same."""
 
 LONGEST = 5.0
 """CPU time in s after which a mutant counts as found."""
@@ -61,7 +62,7 @@ def is_swapped(node: ast.AST) -> bool:
 
 
 def operator_of(node: ast.AST) -> ast.AST | None:
-    """Return the operator of a node, or the first one of a comparison."""
+    """Return the operator of a node. A comparison returns its first operator."""
     return node.ops[0] if isinstance(node, ast.Compare) else getattr(node, "op", None)
 
 
@@ -79,7 +80,7 @@ def mutant(tree: ast.AST, number: int) -> tuple[int, str, str]:
 
 
 def load(source: str) -> types.ModuleType:
-    """The module of a source text."""
+    """Return the module that a source text defines."""
     module = types.ModuleType("mutant")
     exec(compile(source, "mutant", "exec"), vars(module))
     return module
@@ -87,7 +88,10 @@ def load(source: str) -> types.ModuleType:
 
 @cache
 def plans() -> tuple[dict[str, Any], ...]:
-    """Five plans that use every branch: Stribeck friction, a preloaded screw, holding by a motor, ranges, paths, cases."""
+    """Return five plans that together use every branch of the proof.
+
+    They contain Stribeck friction, a preloaded screw, holding by a motor, ranges, paths and cases.
+    """
     first, second = (
         json.loads((ROOT / f"results/{name}/plan.json").read_text(encoding="utf-8"))
         for name in ("eye_approach", "tilt_insert")
@@ -113,7 +117,11 @@ def plans() -> tuple[dict[str, Any], ...]:
 
 
 def bent_line() -> dict[str, Any]:
-    """A plan that begins in motion, whose problem then gets another target of its line, and another first rate."""
+    """Return a plan that begins in motion.
+
+    Its problem is changed after the planning: the line gets another target, and the start another
+    rate.
+    """
     task = ssm.Task(roll=0.0, tilt=-100 * ssm.deg, spin=0.0, depth=0.01)
     motion = (
         ssm.Free(ssm.Task(roll=5 * ssm.deg, tilt=-115 * ssm.deg, depth=0.012)),
@@ -129,14 +137,17 @@ def bent_line() -> dict[str, Any]:
         eye=None,
     )
     document: dict[str, Any] = json.loads(ssm.plan(problem).to_json())
-    target = {"roll": -0.2 - 2 * math.pi, "depth": 0.019}  # the turn does not count
+    target = {"roll": -0.2 - 2 * math.pi, "depth": 0.019}  # A full turn changes nothing.
     document["problem"]["motion"][1]["target"]["task"] |= target
     document["problem"]["start_rate"] |= {"roll": 0.06, "tilt": -0.12, "spin": 0.01, "depth": 0.003}
     return document
 
 
 def cut_corners() -> dict[str, Any]:
-    """A plan along a line, an arc and a great circle above the retina, whose problem then differs a little."""
+    """Return a plan along a line, an arc and a great circle above the retina.
+
+    Its problem is changed slightly after the planning.
+    """
     deg, mm = ssm.deg, ssm.mm
     eye = ssm.load_problem("eye_approach")
     tips = [ssm.Tip((x * mm, y * mm, z * mm), 0.0) for x, y, z in TIPS]
@@ -156,11 +167,11 @@ def cut_corners() -> dict[str, Any]:
 
 
 TIPS = ((6, -3, -13), (3, -4, -13), (2, -1, -13), (3, 2, -13), (5, 3, -13.5))
-"""Places of the tip, mm."""
+"""Positions of the tip, in mm."""
 
 
 def ranged() -> dict[str, Any]:
-    """A short motion with ranges of friction and payload."""
+    """Return a short motion with ranges of friction and payload."""
     plan = json.loads((ROOT / "results/tilt_insert/plan.json").read_text(encoding="utf-8"))
     motion, problem = plan["trajectory"], plan["problem"]
     middle = motion["breaks_s"].index(motion["phases"][0]["end_s"])
@@ -180,7 +191,10 @@ def ranged() -> dict[str, Any]:
 
 
 def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
-    """What a module says of both plans, and of parts that plans use little."""
+    """Return the claims of a module about all plans as tuples.
+
+    The tuples also contain results of functions that these plans seldom reach.
+    """
     found = [tuple(claim) for plan in plans() for claim in module.prove(plan)]
     zero = np.zeros(1)
     with np.errstate(all="ignore"):
@@ -199,13 +213,17 @@ def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
         loose = module.Model(np.array([[0.1, 2.0], [1.0, 0.1]]), np.array([0.3, 0.2]))
         for ends in (module.bounds(loose), module.heat(loose, [loose, loose * 0.5])):
             found.append(("loose", None, *map(float, np.ravel(ends)), ""))
-        for angle in (-0.4, 0.0, 0.4):  # the tool on either side of the plane of the joint axes
+        for angle in (-0.4, 0.0, 0.4):  # the tool on both sides of the axes' plane
             found.append(("side", None, *map(float, sides(module, angle)), ""))
     return found
 
 
 def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
-    """The sign of the tilt at home, with the third axis turned about the first one, and with the opposite axis."""
+    """Return the sign of the tilt at home for two directions of the third axis.
+
+    The first direction is the plan's axis turned about the first joint axis by `angle` in rad. The
+    second one is its opposite.
+    """
     plan = copy.deepcopy(plans()[1])
     geometry, found = plan["problem"]["robot"]["geometry"], []
     first, axis = (np.array(geometry[name]) for name in ("omega1", "omega3"))
@@ -220,7 +238,7 @@ def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
 
 
 def differs(one: list[tuple[Any, ...]], two: list[tuple[Any, ...]]) -> bool:
-    """Whether answers differ by more than the enclosures permit."""
+    """Return True if two lists of answers differ by more than the enclosures permit."""
     if len(one) != len(two):
         return True
     for a, b in zip(one, two, strict=True):

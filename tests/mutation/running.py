@@ -1,4 +1,7 @@
-"""Run the tests of a room against its mutants: collect once, trace once, fork for every mutant."""
+"""Run the tests of a part of the package against its mutants.
+
+The tests are collected once and traced once. A forked child runs them against each mutant.
+"""
 
 from __future__ import annotations
 
@@ -28,16 +31,17 @@ import pytest
 from tests.mutation.mutations import Mutant, mutants, swap
 
 LONGEST, BUDGET = 6.0, 12.0
-"""CPU seconds that one test may take with its fixtures, and those of all tests against one mutant.
+"""CPU time in s that one test may take with its fixtures, and that all tests may take for one
+mutant.
 
-Dearer tests find next to nothing more.
+Tests that take longer kill hardly any further mutants.
 """
 MEMORY = 8 << 30
 
 
 @dataclass(frozen=True)
 class Room:
-    """A part of the package and the tests that answer for it."""
+    """A part of the package and the tests that must kill its mutants."""
 
     name: str
     modules: tuple[Path, ...]
@@ -47,7 +51,9 @@ class Room:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the tests said of a mutant: killed by a test, or by nobody."""
+    """The result for one mutant. The killer is the test that failed, or None if the mutant
+    survived.
+    """
 
     mutant: Mutant
     killer: str | None
@@ -57,14 +63,14 @@ class Outcome:
 
 @dataclass
 class Trace:
-    """Lines of the room that ran, as (file, line), and the CPU seconds that it took."""
+    """Lines of the part that ran, as (file, line), and the CPU time in s that the run took."""
 
     lines: set[tuple[str, int]] = field(default_factory=set)
     seconds: float = 0.0
 
 
 def sample(room: Room, count: int, seed: int) -> list[Mutant]:
-    """Draw mutants of a room, the same ones for the same seed and the same text."""
+    """Draw mutants of a part. The same seed and the same sources give the same mutants."""
     files = [(path, path.relative_to(room.root).as_posix()) for path in room.modules]
     population = [mutant for path, file in files for mutant in mutants(path, file)]
     count = min(count, len(population))
@@ -73,7 +79,7 @@ def sample(room: Room, count: int, seed: int) -> list[Mutant]:
 
 
 class Gate:
-    """A plugin of pytest that runs mutants in place of the usual loop over the tests."""
+    """A pytest plugin that runs mutants instead of the usual loop over the tests."""
 
     def __init__(self, room: Room, drawn: list[Mutant], note: Callable[[Outcome], None]) -> None:
         self.room, self.drawn, self.note = room, drawn, note
@@ -82,7 +88,7 @@ class Gate:
         self.fixtures: dict[Any, Trace] = {}
         self.failed: str | None = None
 
-    # The pass that finds out which test runs which line
+    # These methods record which test runs which lines.
 
     @contextmanager
     def _traced(self, trace: Trace) -> Iterator[None]:
@@ -94,7 +100,7 @@ class Gate:
             spent = time.process_time() - start
             self.stack.pop()
             trace.seconds += spent
-            if self.stack:  # a fixture that another one asked for is not counted twice
+            if self.stack:  # The time of a nested fixture is not counted twice.
                 self.stack[-1].seconds -= spent
 
     def _global(self, frame: FrameType, event: str, argument: object) -> Any:
@@ -107,7 +113,7 @@ class Gate:
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_fixture_setup(self, fixturedef: Any) -> Iterator[None]:
-        """Record what a fixture runs by itself: all tests that use it cover it."""
+        """Record the lines that a fixture runs. Every test that uses the fixture covers them."""
         with self._traced(self.fixtures.setdefault(fixturedef, Trace()) if self.stack else Trace()):
             yield
 
@@ -117,7 +123,10 @@ class Gate:
             self.failed = report.nodeid
 
     def _trace(self, items: list[pytest.Item]) -> dict[str, Trace]:
-        """Run every test of a file once; leave out those that fail or take too long."""
+        """Run every test of a file once and return the traces by the names of the tests.
+
+        Tests that fail or take too long are left out.
+        """
 
         def stop(number: int, frame: object) -> None:
             raise TimeoutError(f"{LONGEST} s of CPU")
@@ -144,7 +153,7 @@ class Gate:
         return traces
 
     def _cached(self, path: Path, items: list[pytest.Item]) -> dict[str, Trace]:
-        """Trace the tests of one file, or read what an earlier run found for the same texts."""
+        """Trace the tests of one file, or read the traces of an earlier run of the same sources."""
         folders = path.relative_to(self.room.root).parents
         fixtures = [self.room.root / folder / "conftest.py" for folder in folders]
         texts = [path, *(f for f in fixtures if f.is_file()), *self.room.modules]
@@ -158,7 +167,7 @@ class Gate:
             store.write_bytes(pickle.dumps(traces))
         return pickle.loads(store.read_bytes()) or {}
 
-    # One child for every mutant
+    # These methods run one child process for each mutant.
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Trace each file in a child, then run the covering tests of each mutant in another."""
@@ -180,7 +189,10 @@ class Gate:
         return True
 
     def _covering(self, mutant: Mutant, traces: dict[str, Trace]) -> list[str]:
-        """Tests that run the mutated statement, about the cheapest first, files kept together."""
+        """Return the names of the tests that run the mutated statement.
+
+        They are ordered roughly by CPU time, and tests of the same file stay together.
+        """
         path = str(self.room.root / mutant.file)
         places = {(path, line) for line in mutant.lines}
         names = [name for name, trace in traces.items() if trace.lines & places]
@@ -202,8 +214,8 @@ class Gate:
             return None
         for item, following in zip(items, [*items[1:], None], strict=True):
             seconds = traces[item.nodeid].seconds
-            signal.setitimer(signal.ITIMER_PROF, 5 * seconds + 2)  # an endless loop
-            signal.setitimer(signal.ITIMER_REAL, 50 * seconds + 120)  # a deadlock
+            signal.setitimer(signal.ITIMER_PROF, 5 * seconds + 2)  # for an endless loop
+            signal.setitimer(signal.ITIMER_REAL, 50 * seconds + 120)  # for a deadlock
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
             if self.failed is not None:
                 return self.failed
@@ -215,14 +227,17 @@ def _order(name: str, seconds: float) -> tuple[int, str]:
 
 
 def _caches(files: set[str]) -> list[Any]:
-    """Caches of functions in modules of the room: a hit would hide what they run."""
+    """Return the caches of functions in the given modules.
+
+    A cache hit would hide the lines that the function runs.
+    """
     modules = [m for m in sys.modules.values() if getattr(m, "__file__", None) in files]
     values = [value for module in modules for value in vars(module).values()]
     return [value for value in values if hasattr(value, "cache_clear")]
 
 
 def _forked(work: Callable[[], Any]) -> tuple[Any, float, int]:
-    """Run in a child; return its result, the CPU seconds that it took, and its status."""
+    """Run a function in a child process. Return its result, its CPU time in s and its status."""
     reading, writing = os.pipe()
     child = os.fork()
     if not child:
@@ -246,7 +261,7 @@ def _forked(work: Callable[[], Any]) -> tuple[Any, float, int]:
 
 
 def measure(room: Room, drawn: list[Mutant], note: Callable[[Outcome], None]) -> None:
-    """Collect the tests of a room in this process and run them against mutants."""
+    """Collect the tests of a part in this process and run them against the mutants."""
     options = ["-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:terminal"]
     options += ["-o", "addopts=--strict-markers --import-mode=importlib"]
     options += ["-o", "markers=slow: a dear test", "-m", "not slow"]

@@ -1,4 +1,7 @@
-"""The gate itself: a toy module whose mutants' outcomes are known, and the list of equivalent ones."""
+"""The mutation measurement is tested on a toy module whose mutants have known outcomes.
+
+The list of equivalent mutants must match the package.
+"""
 
 from __future__ import annotations
 
@@ -74,7 +77,7 @@ print(json.dumps([[*o.mutant.key[1:], o.killer, o.covering] for o in rows]))
 
 @pytest.fixture(scope="module")
 def outcomes(tmp_path_factory: pytest.TempPathFactory) -> list[list[object]]:
-    """Function, original, mutated, killer and number of covering tests of all mutants of the toy."""
+    """Return (function, original, mutated, killer, number of covering tests) of each toy mutant."""
     folder = tmp_path_factory.mktemp("toy")
     (folder / "toy.py").write_text(MODULE, encoding="utf-8")
     (folder / "test_toy.py").write_text(TESTS, encoding="utf-8")
@@ -89,8 +92,8 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> list[list[object]]:
 def test_outcomes_of_the_toy_are_the_known_ones(outcomes: list[list[object]]) -> None:
     alive = {(row[1], row[2]) for row in outcomes if row[3] is None}
     assert alive == {
-        ("if x < low:", "if x <= low:"),  # equivalent: both sides return low
-        ("total = 0", "total = 1"),  # equivalent for n = 3
+        ("if x < low:", "if x <= low:"),  # Both sides return low, so it is equivalent.
+        ("total = 0", "total = 1"),  # It is equivalent for n = 3.
         ("total = 0", "total = -1"),
         ("return x * 2", "return x / 2"),
         ("return x * 2", "return x * 3"),
@@ -100,7 +103,7 @@ def test_outcomes_of_the_toy_are_the_known_ones(outcomes: list[list[object]]) ->
     covering = {row[0]: row[4] for row in outcomes}
     assert covering == {"clamp": 1, "unseen": 0, "Counter.count": 2, "Twice.count": 1}
     killers = {row[2]: row[3] for row in outcomes}
-    assert str(killers["total -= 1"]).startswith("signal")  # an endless loop
+    assert str(killers["total -= 1"]).startswith("signal")  # The mutant loops endlessly.
     assert str(killers["return max(x, high)"]).endswith("test_clamp")
     assert any("high=2.5" in str(row[2]) and row[3] for row in outcomes)
 

@@ -1,4 +1,4 @@
-"""Studies without planning: figures in closed form, an executor in this process, and changed stores."""
+"""Helpers of the studies' tests: figures in closed form, an executor, and changes of the store."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FILE = {
 
 
 def pids(workers: Workers) -> list[int]:
-    """Process identifiers of the running workers."""
+    """Return the process identifiers of the running workers."""
     processes = list(workers._processes.values())
     return [process.pid for process in processes if process.poll() is None]
 
@@ -39,7 +39,7 @@ def study(**changes):
 
 
 class Here(Executor):
-    """Evaluates at once in this process, and counts the candidates."""
+    """An executor that evaluates at once in this process and counts the candidates."""
 
     def __init__(self, *_) -> None:
         self.count = 0
@@ -52,7 +52,10 @@ class Here(Executor):
 
 
 def closed_form(factor: float = 1.0):
-    """A replacement of `Evaluation.__call__`: two figures that oppose each other."""
+    """Return a replacement of `Evaluation.__call__` with two figures in closed form.
+
+    One figure improves where the other one gets worse.
+    """
 
     def evaluate(self, number, design):
         alpha = float(design.get("geometry.alpha", "30 deg").split()[0])
@@ -65,7 +68,7 @@ def closed_form(factor: float = 1.0):
 
 @pytest.fixture
 def without_planning(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Candidates have figures in closed form, which this process computes."""
+    """Compute the figures of candidates in closed form and in this process, without planning."""
     monkeypatch.setattr(Evaluation, "__call__", closed_form())
     monkeypatch.setattr("ssm_planner.studies.run.Workers", Here)
     monkeypatch.setattr("ssm_planner.studies.run.write_study_figures", lambda *_: {})
@@ -73,14 +76,14 @@ def without_planning(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def execute(folder: Path, statement: str, *values: object) -> None:
-    """Change the store in a folder as another program can."""
+    """Execute an SQL statement on the store in a folder, as another program could."""
     connection = sqlite3.connect(folder / "study.sqlite", isolation_level=None)
     connection.execute(statement, values)
     connection.close()
 
 
 def forge(folder: Path, number: int, **columns: object) -> None:
-    """Change columns of a row, and compute its hash anew, as a deliberate forger does."""
+    """Change columns of a row and compute its hash again, as a deliberate forger would."""
     connection = sqlite3.connect(folder / "study.sqlite", isolation_level=None)
     names = ("state", "stage", "reason", "design", "figures")
     key, *contents = connection.execute(

@@ -1,4 +1,4 @@
-"""The audit finds every changed row of the front, every damaged row and every missing one."""
+"""An audit finds every changed row of the front, every damaged row and every missing row."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ DAMAGES = {
 
 @pytest.fixture
 def folder(tmp_path: Path, without_planning: None) -> Path:
-    """The results of a study, and its file."""
+    """Run a study, write its file beside the results, and return the folder of the results."""
     run_study(study(), tmp_path / "out")
     text = json.dumps({**FILE, "robot": "vitreoretinal"})
     (tmp_path / "study.yaml").write_text(text, encoding="utf-8")
@@ -52,7 +52,7 @@ def folder(tmp_path: Path, without_planning: None) -> Path:
 
 
 def statuses(folder: Path) -> list[int]:
-    """Exit statuses of the commands that read a store."""
+    """Return the exit statuses of the four commands that read a store."""
     file = str(folder.parent / "study.yaml")
     return [
         main(["study", *words, "-o", str(folder)])
@@ -66,7 +66,7 @@ def statuses(folder: Path) -> list[int]:
 
 
 def content(folder: Path) -> list[tuple[object, ...]]:
-    """All rows of a store."""
+    """Return all rows of the store in a folder."""
     with closing(sqlite3.connect(folder / "study.sqlite")) as connection:
         connection.text_factory = bytes
         return connection.execute("SELECT * FROM candidates").fetchall()
@@ -91,7 +91,10 @@ def test_the_random_rows_differ_between_audits(folder: Path) -> None:
 
 @pytest.mark.parametrize("factor", [1 + 1e-12, 1.001, 2.0, -1.0])
 def test_a_forged_figure_of_the_front_is_found(folder: Path, factor: float) -> None:
-    """With a new hash of the row: only planning again finds it, and a tolerance permits small ones."""
+    """A forged figure with a valid hash is found, because the audit plans the candidate again.
+
+    Differences within the tolerance pass.
+    """
     front = {row.number for row in run_study(study(), folder).front}
     number = random.choice(sorted(front))
     figures = figures_of(folder, number)
@@ -99,7 +102,7 @@ def test_a_forged_figure_of_the_front_is_found(folder: Path, factor: float) -> N
     forge(folder, number, figures=json.dumps(changed, sort_keys=True, separators=(",", ":")))
     (folder / "table.csv").unlink()
     result = audit_study(folder)
-    if number in result.planned:  # it may have left the front
+    if number in result.planned:  # It may have left the front.
         pair = f"{changed['peak_torque']} is stored, {figures['peak_torque']} is planned again"
         is_rounding = abs(factor - 1) < 1e-6
         texts = result.notes if is_rounding else result.faults
@@ -128,7 +131,7 @@ def test_a_false_figure_is_found_in_words(
         )
     table = (folder / "table.csv").read_bytes()
     is_figure = figure is None or (isinstance(figure, (int, float)) and abs(figure) < 1e300)
-    if hashed and is_figure:  # another number, which only an audit can find
+    if hashed and is_figure:  # Only an audit can find another number.
         assert not audit_study(folder).passed
         return
     compared = statuses(folder)
@@ -142,7 +145,10 @@ def test_a_false_figure_is_found_in_words(
 @pytest.mark.slow
 @pytest.mark.parametrize("column", DAMAGES)
 def test_every_damage_of_a_row_is_found_in_words(folder: Path, column: str) -> None:
-    """With and without a new hash, of the first row and of the study's own robot."""
+    """Every damage is found, with and without a new hash of the row.
+
+    The first row and the row of the study's robot are damaged.
+    """
     copy = folder.with_name("copy")
     for number in (0, -1):
         for value in DAMAGES[column]:
@@ -150,7 +156,7 @@ def test_every_damage_of_a_row_is_found_in_words(folder: Path, column: str) -> N
                 shutil.rmtree(copy, ignore_errors=True)
                 shutil.copytree(folder, copy)
                 row = "key = (SELECT key FROM numbers WHERE number = ?)"
-                with suppress(sqlite3.IntegrityError):  # the database refuses NULL
+                with suppress(sqlite3.IntegrityError):  # The database refuses NULL.
                     if hashed and column != "sha256":
                         forge(copy, number, **{column: value})
                     else:
@@ -232,7 +238,10 @@ def test_what_is_no_result_of_a_study_is_named(tmp_path: Path) -> None:
 def test_planned_studies_pass_and_their_forged_fronts_do_not(
     tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
 ) -> None:
-    """With selected motors and two motions, in worker processes."""
+    """A study with selected motors and two motions passes the audit.
+
+    The same study with a forged duration in its front fails.
+    """
     of = load_study("vitreoretinal")
     of = replace(of, search=replace(of.search, points=6))
     out = made_once(tmp_path_factory, "audited", partial(run_study, of, workers=1))

@@ -1,4 +1,4 @@
-"""Studies that would not fit into memory, and results that would be written elsewhere, are refused."""
+"""Studies that would not fit into memory are refused, and results are not written through links."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def test_a_file_with_too_many_candidates_is_named(
 
 @pytest.mark.parametrize("method", ["grid", "sobol"])
 def test_candidates_are_generated_when_they_are_needed(method: str) -> None:
-    """The first ones of 10⁷ (Sobol) and 9·10⁶ (grid) cost no more than those of a small study."""
+    """The first two of 10⁷ Sobol designs or 9·10⁶ grid designs take less than 3 MB of memory."""
     of = study()
     large = replace(of, search=Search(method, 10_000_000 if method == "sobol" else 3000))
-    first = list(islice(large.designs(), 2))  # libraries are loaded
+    first = list(islice(large.designs(), 2))  # The first call also loads libraries.
     tracemalloc.start()
     assert list(islice(large.designs(), 2)) == first
     peak = tracemalloc.get_traced_memory()[1]

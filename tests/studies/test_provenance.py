@@ -1,4 +1,7 @@
-"""Rows belong to a program and its inputs: they are never reused, shown or accepted for another one."""
+"""Rows of a study belong to one program and its inputs.
+
+They are never reused, shown or accepted for another program or other inputs.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ PROGRAM = provenance.describe_program()
 
 
 def set_program(monkeypatch: pytest.MonkeyPatch, **changes: str) -> dict[str, str]:
-    """Let another program run the study and its workers."""
+    """Pretend that another program runs the study and its workers, and return its description."""
     program = {**PROGRAM, **changes}
     for module in (provenance, run, evaluation):
         monkeypatch.setattr(module, "describe_program", lambda: program)
@@ -48,7 +51,7 @@ def set_program(monkeypatch: pytest.MonkeyPatch, **changes: str) -> dict[str, st
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the package."""
+    """Return the folder of a copy of the package."""
     folder = tmp_path_factory.mktemp("copy") / "ssm_planner"
     shutil.copytree(PACKAGE, folder, ignore=shutil.ignore_patterns("__pycache__"))
     return folder
@@ -60,7 +63,10 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_source_changes_the_program(
     name: str, copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A changed byte, another name and a missing file; the working folder has no influence."""
+    """A changed byte, another file name and a missing file each change the hash of the program.
+
+    The folder that contains the package does not change it.
+    """
     file = sorted(copy.glob(name))[0]
     content = file.read_bytes()
     before = provenance.describe_program.__wrapped__()
@@ -117,7 +123,10 @@ def test_every_input_changes_the_context_and_the_search_does_not() -> None:
 
 
 def test_a_table_of_a_motion_is_an_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Relative to its problem file, whatever the working folder; its content counts."""
+    """The path of a table is relative to its problem file, whatever the working folder is.
+
+    A change of the table is a change of the study.
+    """
     table = "tilt [deg]\n-85\n-100\n-110\n"
     (tmp_path / "points.csv").write_text(table, encoding="utf-8")
     start = "{roll: 0 deg, tilt: -85 deg, spin: 0 deg, depth: 0 mm}"
@@ -212,7 +221,7 @@ def test_a_larger_search_uses_the_rows_of_the_smaller_one(tmp_path: Path) -> Non
 
 
 class Elsewhere(Here):
-    """Workers of another program, from the answer number `after` on."""
+    """An executor whose workers run another program after the first `after` answers."""
 
     def __init__(self, change: dict[str, str], after: int) -> None:
         super().__init__()
@@ -233,7 +242,10 @@ class Elsewhere(Here):
 @pytest.mark.parametrize("after", [0, 3])
 @pytest.mark.parametrize("name", ["ssm_planner", "numpy", "compiled part", "another package"])
 def test_a_worker_with_another_program_is_refused(tmp_path: Path, name: str, after: int) -> None:
-    """Its results are not stored; those of the others are, and the study goes on without it."""
+    """Results of a worker with another program are not stored.
+
+    Earlier results of the right program are stored, and the next run continues from them.
+    """
     executor = Elsewhere({name: "0.0"}, after)
     with pytest.raises(StudyError, match=rf"a worker has another program .*{name} "):
         run_study(study(), tmp_path, executor=executor)
@@ -249,7 +261,7 @@ def test_a_worker_with_another_program_is_refused(tmp_path: Path, name: str, aft
 
 
 class Older(Here):
-    """Workers whose package lacks the function that describes the program."""
+    """An executor whose workers have an older package, which lacks the called function."""
 
     def submit(self, fn, /, *args, **kwargs):
         future = super().submit(fn, *args, **kwargs)
@@ -266,7 +278,7 @@ def test_a_worker_of_an_older_package_is_refused_in_words(tmp_path: Path) -> Non
 
 @pytest.fixture
 def changed(tmp_path: Path, copy: Path) -> Path:
-    """A folder with a package in which motions take twice as long."""
+    """Return a folder with a copy of the package in which motions take twice as long."""
     folder = tmp_path / "changed"
     shutil.copytree(copy, folder / "ssm_planner")
     (folder / "problems").symlink_to(PROBLEMS)
@@ -282,7 +294,7 @@ def changed(tmp_path: Path, copy: Path) -> Path:
 
 
 def command(package: Path, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    """Run the study by the package in a folder."""
+    """Run the study with a given package and write the results to a folder."""
     words = ["study", folder.parent / "study.yaml", "-o", folder, *options]
     return subprocess.run(
         [sys.executable, "-m", "ssm_planner", *words],
@@ -298,7 +310,7 @@ def command(package: Path, folder: Path, *options: str) -> subprocess.CompletedP
 def test_stale_rows_are_not_reused_after_a_change_of_the_code(
     tmp_path: Path, changed: Path
 ) -> None:
-    """The changed program gives the same table in the old folder as in a fresh one."""
+    """The changed program gives the same table in a used folder as in a new one."""
 
     def table(package: Path, name: str) -> tuple[str, str]:
         done = command(package, tmp_path / name, "--workers", "1")

@@ -1,4 +1,7 @@
-"""The store: rows by key, one writer, whole after a kill, clear words for what is no store."""
+"""The store keeps rows by their keys, admits one writer, and stays valid after a kill.
+
+A file that is no store is refused with its name.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,7 @@ def test_one_driver_at_a_time(tmp_path):
 
 
 def test_a_lock_that_is_given_back_at_once_is_waited_for(tmp_path: Path) -> None:
-    """As by a worker that a killed driver was starting."""
+    """A worker that a killed driver was starting can hold the lock for a moment."""
     path = tmp_path / "study.sqlite"
     with Store(path):
         pass

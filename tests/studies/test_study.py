@@ -1,4 +1,8 @@
-"""Studies: what varies comes into the robot, screens drop only what planning drops, results do not depend on who works."""
+"""Studies are tested from their files to their pages.
+
+Variations change the robot, and screens only reject candidates that cannot be planned. The results
+do not depend on the number and kind of workers.
+"""
 
 from __future__ import annotations
 
@@ -59,13 +63,15 @@ def study(**changes):
 
 @pytest.fixture(scope="session")
 def table(tmp_path_factory):
-    """The table that one worker writes for `study()`."""
+    """Return the bytes of the table that one worker writes for `study()`."""
     make = partial(run_study, study(), workers=1)
     return (made_once(tmp_path_factory, "study", make) / "table.csv").read_bytes()
 
 
 def test_what_varies_comes_into_the_robot_and_its_bodies_follow():
-    """The tool lies along the third axis, and each body's centre of mass keeps its place in its own frame."""
+    """A varied geometry turns the frame of each body, so that its z axis stays along the joint
+    axis.
+    """
     of = study()
     design = {"geometry.alpha": "35 deg", "geometry.home_tilt": "-110 deg"}
     ((_, problem),) = candidate_problems(of, design)
@@ -92,7 +98,7 @@ def test_designs_are_the_same_for_the_same_seed_and_fill_the_space():
     alphas = sorted(float(design["geometry.alpha"].split()[0]) for design in first)
     assert all(
         26 + 14 * i / 8 <= alpha <= 26 + 14 * (i + 1) / 8 for i, alpha in enumerate(alphas)
-    )  # (0, m, s)-net
+    )  # A Sobol sequence has one point in each interval.
     grid = list(replace(of, search=Search("grid", 3)).designs())
     assert len(grid) == len({tuple(design.items()) for design in grid}) == 9
 
@@ -112,7 +118,11 @@ def test_the_weight_on_the_screen_is_that_of_the_robot_built():
 
 
 def test_a_screen_drops_nothing_that_can_be_planned():
-    """Weak motors, so that static torque decides for some: every candidate that it drops has no plan either."""
+    """Every candidate that a screen rejects after the reach is also infeasible when it is
+    evaluated.
+
+    The motors are weak, so that the static torque decides for some candidates.
+    """
     weak = {
         "nominal_torque": "6 mN*m",
         "max_torque": "14.2 mN*m",
@@ -142,7 +152,7 @@ def test_two_workers_give_the_same_table_as_one_and_as_a_killed_run(tmp_path, ta
     assert table.count(b"\n") == 9
     run_study(of, tmp_path / "two", workers=2)
     assert (tmp_path / "two" / "table.csv").read_bytes() == table
-    # the driver kills itself when three results are stored, then the same call goes on
+    # The driver kills itself after three stored results. Then the same call continues the study.
     code = (
         "import os, signal, sys\n"
         "from ssm_planner.studies import run\n"
@@ -170,7 +180,7 @@ def test_two_workers_give_the_same_table_as_one_and_as_a_killed_run(tmp_path, ta
     result = run_study(load_study(file), tmp_path / "killed", workers=2)
     assert result.finished
     assert (tmp_path / "killed" / "table.csv").read_bytes() == table
-    # nothing is left: once more changes nothing
+    # All candidates are done, so another call changes nothing.
     run_study(load_study(file), tmp_path / "killed", workers=2)
     assert (tmp_path / "killed" / "table.csv").read_bytes() == table
 
@@ -191,7 +201,10 @@ def test_killed_workers_change_nothing(tmp_path, table):
 
 
 class Here(Executor):
-    """Evaluates at once; after `lost` calls every further one is cancelled, as a dead scheduler's are."""
+    """An executor that evaluates at once and cancels every call after the first `lost` ones.
+
+    An executor whose scheduler has died cancels calls in the same way.
+    """
 
     def __init__(self, lost: float = math.inf) -> None:
         self.left, self.count = lost, 0
@@ -226,7 +239,10 @@ def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
 
 
 class Deadly(Here):
-    """Loses every batch with candidate 40, as an engine whose workers it ends; keeps the sizes of the batches."""
+    """An executor that loses every batch with candidate 40, as if it had ended the workers.
+
+    It records the sizes of the batches.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -247,7 +263,7 @@ def test_a_batch_that_ends_its_workers_is_split_and_one_candidate_is_to_blame(
     monkeypatch.setattr(
         Evaluation, "__call__", lambda self, number, design: Candidate(number, "done", design)
     )
-    monkeypatch.setattr(driver, "BATCH_DURATION", 1e3)  # whatever the machine does, batches grow
+    monkeypatch.setattr(driver, "BATCH_DURATION", 1e3)  # batches grow on any machine
     monkeypatch.setattr(driver, "QUEUED_BATCHES_FOR_EXECUTOR", 1)
     deadly = Deadly()
     result = run_study(study(search={"points": 64, "seed": 3}), tmp_path, executor=deadly)
@@ -263,9 +279,9 @@ def test_a_batch_that_ends_its_workers_is_split_and_one_candidate_is_to_blame(
 def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_room(
     tmp_path, monkeypatch
 ):
-    """The file may grow by no page more: what SQLite says of a disk without room."""
+    """A limit on the pages of the database causes the error that SQLite reports on a full disk."""
     of = study(search={"points": 64, "seed": 3}, motions=["tilt_insert"])
-    many = replace(of, vary=(*of.vary, Varied("pace", 1.0, 2.0, "x" * 4000)))  # rows of a page each
+    many = replace(of, vary=(*of.vary, Varied("pace", 1.0, 2.0, "x" * 4000)))  # one page per row
     plain = Store._open_database
 
     def small(store):
@@ -293,7 +309,7 @@ def test_a_full_disk_stops_with_a_message_and_the_store_goes_on_when_there_is_ro
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A file system of 1 MB."""
+    """Mount a file system of 1 MB and return its path."""
     place = tmp_path / "disk"
     place.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)]
@@ -350,7 +366,7 @@ def test_a_catalogue_of_motors_becomes_choices_with_their_rotors_in_the_drive():
     }
     assert (
         np.ptp(list(rotors.values())) < 1e-12
-    )  # what is left of the drive does not depend on the motor
+    )  # The rest of the drive does not depend on the motor.
     assert all(joint.motor.mass > 0.01 for joint in base.values())
 
 
@@ -363,7 +379,7 @@ def test_a_motor_whose_rotor_is_no_inertia_falls_out_with_the_reason(inertia):
         "max_torque": "90 mN*m",
         "max_speed": "9000 rpm",
     }
-    with pytest.raises(ProblemError, match="rotor_inertia"):  # noqa: PT012 in the study, or in the candidate
+    with pytest.raises(ProblemError, match="rotor_inertia"):  # noqa: PT012 either may raise
         of = study(vary={"joints.roll.motor": {"choices": [{**motor, "rotor_inertia": inertia}]}})
         list(candidate_problems(of, next(of.designs())))
 
@@ -552,7 +568,11 @@ PARTS = {
 
 
 def with_friction_of_its_motor(robot, index):
-    """A motor of the catalogue adds k·I_0 to the friction of the drive, which another motor was identified with."""
+    """Return the robot with the friction k·I_0 of a motor added to the drive of joint `index`.
+
+    A study adds this friction when it takes a motor from a catalogue, because the drive was
+    identified with another motor.
+    """
     joints = list(robot.joints)
     drive, motor = joints[index].drive, joints[index].motor
     b_c = drive.friction.b_c + motor.torque_constant * motor.no_load_current
@@ -563,7 +583,10 @@ def with_friction_of_its_motor(robot, index):
 
 @pytest.mark.slow
 def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin():
-    """Against the one-by-one verdict of every motor on the demands of the plan: no lighter one has the margin."""
+    """No lighter motor of the catalogue has the required margin.
+
+    The reference judges each motor separately with `size_motion` on the motion of the plan.
+    """
     from ssm_planner.sizing.size import size_motion
     from ssm_planner.studies.evaluation import plan_candidate
 
@@ -575,7 +598,7 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
     assert made.passed
     assert made.duration == pytest.approx(
         row.figures["duration"], rel=1e-4
-    )  # the limits of these motors do not bind
+    )  # The limits of these motors are not active.
     for path in PARTS:
         variable = next(each for each in of.selected if each.path == path)
         joint = ("roll", "tilt").index(path.split(".")[1])
@@ -598,7 +621,7 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
 
     asked = [(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})]
     pickled = pickle.dumps(Evaluation(study()))
-    # Ipopt's programs are what takes memory
+    # Plan with Ipopt instead of the fast planner, because the programs of Ipopt take the memory.
     monkeypatch.setattr("ssm_planner.studies.evaluation.with_fast_planner", lambda problem: problem)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", math.inf)
     ((kept,), *_) = evaluate_batch(pickled, asked)
@@ -612,7 +635,10 @@ def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
 
 @pytest.mark.parametrize("rank", ["mass", "length"])
 def test_what_a_catalogue_states_of_gears_and_motors_counts_in_the_rank(tmp_path, rank):
-    """Two screws and two motors that differ in what is stated of them alone: the first by rank is taken, of each."""
+    """The selection takes the screw and the motor that come first by mass or length.
+
+    The two screws, and the two motors, differ only in their stated mass and length.
+    """
     light = "name,geometry.diameter [mm],geometry.lead [mm],mass [g],length [mm]\n"
     (tmp_path / "screws.csv").write_text(
         f"{light}heavy,4.8,1.4,90,80\nlight,4.8,1.4,20,30\n", encoding="utf-8"
@@ -657,7 +683,10 @@ def test_a_slower_pace_allows_lighter_motors_and_none_is_said():
 
 
 def test_a_margin_required_of_the_motors_is_kept_by_the_motion():
-    """A motor whose torque the fastest motion uses up: the motion is slower, and has the margin."""
+    """A required margin of the motors is kept by a slower motion.
+
+    The fastest motion without the margin uses the full torque of the motor.
+    """
     motor = {
         "name": "m",
         "source": "s",
@@ -709,7 +738,7 @@ def test_a_selection_that_cannot_be_is_named(change, words):
 
 
 def test_nothing_beats_a_robot_of_unknown_mass():
-    """The published motors' mass is not stated: which candidates are lighter is not known."""
+    """No candidate counts as lighter than a robot whose motors have no stated mass."""
     own = Candidate(-1, "done", {}, figures={"duration": 3.0, "motor_mass": None})
     row = Candidate(0, "done", {}, figures={"duration": 2.0, "motor_mass": 0.1})
     result = StudyResult(study(minimise=["duration", "motor_mass"]), (row,), Path(), True, own)

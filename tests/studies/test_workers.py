@@ -1,4 +1,4 @@
-"""Workers: every task is done once, whatever dies."""
+"""Worker processes do every task once, whichever of them are killed."""
 
 from __future__ import annotations
 

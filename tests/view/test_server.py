@@ -1,4 +1,7 @@
-"""The server of the local view: what it answers, and what it does not accept."""
+"""The server of the local view answers the requests of its page and refuses all others.
+
+Its answers are compared with the kinematics, with the planner and with `study`.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +58,10 @@ def server(tilt_insert: Problem) -> Iterator[ViewServer]:
 def send(
     server: ViewServer, method: str, path: str, body: Any = None, **headers: str | None
 ) -> tuple[int, str]:
-    """Status and text of an answer; headers replace those that the page sends, None leaves one out."""
+    """Send a request and return the status and the text of the answer.
+
+    Values in `headers` replace those that the page sends. None omits a header.
+    """
     connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=20)
     text = body if isinstance(body, (str, bytes)) else json.dumps(body)
     sent = {
@@ -86,7 +92,7 @@ def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
 
 
 def own_motion(server: ViewServer, **more: Any) -> dict[str, Any]:
-    """Request for the motion of the problem file."""
+    """Return the request to plan the motion of the problem file, with further entries `more`."""
     own = server.jobs.requested_page({}).robot_mechanism
     return {"alpha": own.alpha, "beta": own.beta, "own": True, **more}
 
@@ -331,7 +337,10 @@ def test_a_plan_that_ends_while_its_progress_is_told_is_told_whole_the_next_time
 def test_waypoints_and_dwells_are_planned_and_saved(
     server: ViewServer, tilt_insert: Problem, tmp_path: Path
 ) -> None:
-    """What is saved as YAML is the problem that is planned, and the plan can be had as plan.json."""
+    """The problem that is saved as YAML is the problem that is planned.
+
+    The plan can be downloaded as plan.json.
+    """
     own = Mechanism.from_geometry(tilt_insert.robot.geometry)
     request = {
         "alpha": own.alpha,
@@ -380,7 +389,7 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
     assert turned.name == "vitreoretinal with α 38°, β 104°"
     for body, known in zip(turned.bodies, original.bodies, strict=True):
         assert replace(body, frame=known.frame) == known
-    # the z axis of every body stays on its joint
+    # The z axis of each body stays along the axis of its joint.
     for body, axis in zip(turned.bodies, turned.geometry.axes, strict=True):
         assert body.frame[:, 2] == pytest.approx(axis, abs=1e-12)
     drawn = server.jobs.requested_page({}).ik({**request, "pose": request["motion"][0]["pose"]})[
@@ -421,7 +430,10 @@ def test_a_relaxation_can_be_planned(tmp_path: Path) -> None:
 
 
 def test_a_larger_share_of_a_relaxation_moves_the_limit_farther(tmp_path: Path) -> None:
-    """The server names the changes, and plans the chosen one with the limit at the named value."""
+    """The server lists changes of a limit with which the motion can be planned.
+
+    It plans the chosen change with the value of the limit that the list states.
+    """
     file = tmp_path / "close.yaml"
     text = (PROBLEMS / "eye_approach.yaml").read_text(encoding="utf-8")
     text = text.replace("-17.66 mm", "-18.4 mm").replace(
@@ -446,7 +458,7 @@ def test_a_larger_share_of_a_relaxation_moves_the_limit_farther(tmp_path: Path) 
 
 
 def without_files(value: Any) -> Any:
-    """JSON types of a value without the names of files and of the robot."""
+    """Return a value as plain data without file names, and with None in place of its name."""
 
     def cleaned(tree: Any) -> Any:
         if isinstance(tree, dict):
@@ -457,7 +469,7 @@ def without_files(value: Any) -> Any:
 
 
 def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) -> None:
-    """The page and `study` resolve the same design to the same robot."""
+    """The page and `study` build the same robot from the same design."""
     from ssm_planner.loading.files import section_from_data
     from ssm_planner.studies.evaluation import candidate_problems
     from ssm_planner.studies.study_file import study_from
@@ -511,7 +523,10 @@ def channel(desk: dict[str, Any], side: int, name: str) -> Any:
 
 
 def test_a_pinned_plan_is_compared_with_the_present_one(server: ViewServer) -> None:
-    """More friction takes more torque; both sides are what each plan alone would show."""
+    """The pinned plan and the present one appear side by side, and more friction takes more torque.
+
+    The pinned plan has the same duration as when it is shown alone.
+    """
     pinned = own_motion(server)
     request = own_motion(server, design={MU: 0.3}, pinned=pinned)
     desk = finished(server, ask(server, "/plan", request)["job"])["desk"]
@@ -593,7 +608,11 @@ def test_port_in_use_is_bad_input(server: ViewServer) -> None:
 
 
 def test_a_text_replaces_the_problem_and_names_its_faults(server: ViewServer) -> None:
-    """The page of an edited text has its values; the page before it and a pinned motion keep theirs."""
+    """An edited text gets a new page that has its values.
+
+    The earlier page and a pinned motion keep their values. A faulty text is refused with the line
+    of the fault.
+    """
     text = ask(server, "/yaml", own_motion(server))["text"]
     slow = text.replace("ratio:\n            value: 120", "ratio:\n            value: 90")
     slow = slow.replace("velocity: 65 deg/s", "velocity: 40 deg/s")
