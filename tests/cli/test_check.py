@@ -1,4 +1,4 @@
-"""`ssm-planner check`: where robot and limits come from, and what is printed of them."""
+"""`ssm-planner check` takes the robot and the limits from a plan, a problem or an option."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files to start from load as they stand; every key has a meaning; the schema accepts what the loader accepts."""
+"""New files load unchanged, every key has a meaning, and the schema agrees with the loader."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ssm_planner.templates import (
 from tests.support.paths import ROOT
 
 KEYS, SCHEMA = cache(file_keys), cache(schema)
-"""Both take long, and every test of a kind needs them."""
+"""Both functions take long, and several tests call them for the same kind of file."""
 LOADERS: dict[str, Callable[[Path], Any]] = {
     "problem": load.load_problem,
     "robot": load.load_robot,
@@ -68,7 +68,10 @@ def test_a_new_file_loads_as_it_stands(
 
 @pytest.mark.parametrize("kind", LOADERS)
 def test_a_comment_names_no_unit_beside_a_value_that_has_one(kind: str) -> None:
-    """Keys are described in SI in Python, but the values of a file have units of their own."""
+    """A comment in a file names no SI unit, because the value beside it has a unit of its own.
+
+    The docstrings in Python describe the keys in SI units.
+    """
     for key in KEYS(kind):
         if key.unit:
             assert not re.search(r", (rad|m|s|kg|N|V|A|K)\b[^ ,]*(\.|$)", key.description), key

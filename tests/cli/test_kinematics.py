@@ -1,4 +1,4 @@
-"""What the kinematic commands return: the contract of their JSON, on the shipped robot."""
+"""The kinematic commands and functions return the documented results for the shipped robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Command = Callable[..., dict[str, Any]]
 
 @pytest.fixture
 def workspace(capsys: pytest.CaptureFixture[str]) -> Command:
-    """What `workspace … --json` prints."""
+    """Return a function that runs `workspace … --json` and returns the printed object."""
 
     def run(*words: str | Path) -> dict[str, Any]:
         assert main(["workspace", *map(str, words), "--json"]) in (0, 1)
@@ -116,7 +116,7 @@ def test_ik_outside_the_workspace_says_by_how_much(robot):
     result = ik(robot, roll=0.1, tilt=math.radians(-145.0), depth=0.02).to_dict()
     excess = math.radians(145.0 - 139.77839335)
     assert not result["reachable"]
-    assert len(result["branches"]) == 1  # at the boundary the branches meet
+    assert len(result["branches"]) == 1  # The branches meet at the boundary.
     assert result["error"] == pytest.approx(
         {"orientation": excess, "tip": 0.02 * math.sin(excess)}, abs=1e-9
     )

@@ -1,4 +1,7 @@
-"""The command line as a user meets it: exit status, one message, files whole or untouched."""
+"""The command line reports errors with one message and the right exit status.
+
+Its output files are either complete or unchanged.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ Edit = Callable[[str], str]
 
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
-    """A copy of problems/ that a test may spoil."""
+    """Return a copy of problems/ that a test may change."""
     shutil.copytree(ROOT / "problems", tmp_path / "problems")
     return tmp_path
 
@@ -298,7 +301,10 @@ def test_requests_to_end(number: str, status: int, word: str, tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_nothing_in_the_working_directory_is_run(tmp_path: Path) -> None:
-    """Neither by the program nor by the processes that it starts, also as `python -m ssm_planner`."""
+    """Neither the program nor its child processes import a module from the working directory.
+
+    This also holds for `python -m ssm_planner`.
+    """
     here = tmp_path / "here"
     here.mkdir()
     for name in ("shutil", "numpy", "casadi", "matplotlib", "pickle", "hashlib", "sitecustomize"):
@@ -376,7 +382,11 @@ def test_joint_names_of_a_plan_are_no_paths(
 def test_a_signal_in_code_that_is_made_from_text_has_the_same_status(
     name: str, status: int, tmp_path: Path
 ) -> None:
-    """Dataclasses and many libraries call exec() when they load; CPython remembers an interruption within."""
+    """A signal inside exec() ends the command with the same status as anywhere else.
+
+    Dataclasses and many libraries call exec() while they load, and CPython then remembers the
+    interruption.
+    """
     (tmp_path / "begun.py").write_text(
         f"""
 import signal, sys
@@ -400,7 +410,11 @@ sys.exit(cli.main())
 def test_a_signal_where_the_interpreter_ignores_exceptions_ends_the_command(
     name: str, status: int, tmp_path: Path
 ) -> None:
-    """Imports release their locks in callbacks of weak references: what is raised there is lost, and printed."""
+    """A signal ends the command even where the interpreter ignores exceptions.
+
+    Imports release their locks in callbacks of weak references. The interpreter prints and drops an
+    exception that is raised in such a callback.
+    """
     (tmp_path / "begun.py").write_text(
         f"""
 import signal, sys, time, weakref

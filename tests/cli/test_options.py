@@ -71,7 +71,7 @@ def test_an_error_of_a_file_keeps_its_key(capsys: pytest.CaptureFixture[str], tm
 
 
 def test_every_row_of_the_table_belongs_to_a_command_and_can_be_used() -> None:
-    """A default in the table has the type of a value that a user types."""
+    """Every option belongs to a command, has a help text, and has a valid default."""
     with ARGUMENTS.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {name for row in rows for name in row["commands"].split()} == {*COMMANDS}

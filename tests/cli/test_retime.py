@@ -1,4 +1,7 @@
-"""Anyone's path timed again: never slower than in a file that kept the limits, and along the same curve."""
+"""`retime` follows the path of a given motion along the same curve.
+
+The new motion is never slower than a given motion that kept the limits.
+"""
 
 from __future__ import annotations
 
@@ -44,15 +47,15 @@ def retimed(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> dict[s
 def test_a_slowed_export_is_as_fast_again(
     tilt_insert: Problem, tmp_path: Path, kind: str, rate: float, speed: float
 ) -> None:
-    """At any rate, whatever the noise of the recorded points at rest."""
+    """A slowed export regains its original duration for each rate and format of the file."""
     original = load_plan(RESULTS / "tilt_insert")
     export(original, kind, tmp_path, speed=speed, rate=rate)
     again = retime(tmp_path / ("bag" if kind == "ros2" else "trajectory.csv"), tilt_insert.robot)
     assert again.passed
-    # The shipped plan is up to 0.1 % longer, in order to produce less heat.
+    # The shipped plan is up to 0.1 % longer, because it produces less heat.
     assert again.duration == pytest.approx(original.duration, rel=3e-3)
     assert len(again.phases) == 2
-    # every point of the new motion lies on the old path
+    # Every point of the new motion must lie on the old path.
     old = original.motion.sample(np.linspace(0.0, original.duration, 20_000)).q
     new = again.motion.sample(np.linspace(0.0, again.duration, 50)).q
     scale = [joint.velocity for joint in original.robot.joints]
@@ -147,7 +150,7 @@ def test_a_path_takes_neither_jerk_limits_nor_durations(tilt_insert: Problem) ->
 
 
 def test_arrays_are_retimed_like_a_file(tmp_path: Path) -> None:
-    """The public function times points, a trajectory and a file with the same path alike."""
+    """An array of points, a trajectory and a file with the same path give the same duration."""
     t = np.linspace(0.0, 2.0, 21)
     q = np.array([-0.9, 1.1, 0.3, 0.0]) + np.outer(t**2 * (3 - t), [0.1, -0.2, 0.05, -0.001])
     table = tmp_path / "path.csv"

@@ -1,4 +1,4 @@
-"""The command line writes the same bytes whichever kernels the environment asks for."""
+"""The command line writes the same bytes whichever numerical kernels the environment requests."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def planned(folder: Path, **environment: str) -> dict[str, bytes]:
-    """Plan the shipped problem in a new process and return its files by name."""
+    """Plan the shipped problem in a new process and return the contents of its files by name."""
     command = [sys.executable, "-m", "ssm_planner", "plan", "problems/tilt_insert.yaml", "-o"]
     outer = {k: v for k, v in os.environ.items() if not k.startswith(("OPENBLAS_", "NPY_"))}
     subprocess.run(
@@ -44,7 +44,7 @@ def test_kernels_and_threads_change_no_byte(tmp_path: Path) -> None:
     environments = {
         **selected({}, every={"Nehalem": nehalem, "Haswell": haswell}),
         "SkylakeX, no AVX2 in NumPy": {
-            "OPENBLAS_CORETYPE": "SkylakeX",  # would end a process on a CPU without AVX-512
+            "OPENBLAS_CORETYPE": "SkylakeX",  # It would fail without AVX-512.
             "NPY_DISABLE_CPU_FEATURES": "X86_V3",
         },
         "NumPy loads first": {
@@ -62,7 +62,10 @@ def test_kernels_and_threads_change_no_byte(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("hook", ["", "import numpy"])
 def test_the_command_line_fixes_the_kernels_before_numpy_loads(tmp_path: Path, hook: str) -> None:
-    """A plug-in beside the package reports which kernels NumPy and SciPy loaded."""
+    """The command line loads the fixed kernels although the environment requests others.
+
+    A module named argcomplete reports which kernels NumPy and SciPy loaded.
+    """
     (tmp_path / "sitecustomize.py").write_text(hook + "\n", encoding="utf-8")
     (tmp_path / "argcomplete.py").write_text(
         "import ctypes, glob, os, numpy, scipy.linalg\n"

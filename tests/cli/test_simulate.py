@@ -1,4 +1,7 @@
-"""The command `simulate`: its JSON, its files, its exit status, and one message for what cannot be played."""
+"""The command `simulate` prints JSON, writes files and returns an exit status.
+
+Bad input causes one message.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`size` from outside: JSON, exit status, files, bad input."""
+"""The command `size` prints JSON, writes files, returns an exit status and refuses bad input."""
 
 from __future__ import annotations
 
@@ -120,7 +120,8 @@ def test_candidates_for_all_joints_and_for_one(capsys: pytest.CaptureFixture[str
         ("tilt", "maxon EC-max"),
         ("tilt", "maxon ECX TO"),
     ]
-    # the rotor that joint 4's drive counts in is known, so there only ratings of the gear are open
+    # The drive of joint 4 states the inertia of its rotor, so that only ratings of the gear are
+    # missing.
     (insertion,) = [row for row in document["motors"] if row["joint"] == "insertion"]
     assert all(margin > 0 for margin in insertion["margins"].values() if margin is not None)
     assert all("ratings." in needs for needs in insertion["not_checked"].values())

@@ -1,4 +1,6 @@
-"""`check --speed`, `export --speed` and `export --stops`: what they print and write."""
+"""The options `check --speed`, `export --speed` and `export --stops` print and write what they
+should.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ SHIPPED = RESULTS / "tilt_insert" / "plan.json"
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
-    """The shipped plan, certified by today's program."""
+    """Return the shipped plan with a new certificate of the present program."""
     shipped = load_plan(SHIPPED)
     made = replace(
         shipped, certificate=check(shipped.motion, shipped.robot, shipped.limits, seal=True)
@@ -97,7 +99,8 @@ def test_the_family_of_stops_is_exported(plan: Plan, tmp_path: Path, to: str) ->
         assert stop[0, 1] == 0.0
         assert np.all(np.diff(stop[:, 1]) > 0)
         state = plan.motion.sample(begin)
-        # half an increment, and the distance moved within the rounding of the printed time
+        # Half an increment and the distance that is moved within the rounding of the printed time
+        # are allowed.
         allowed = 0.5 + 5.1e-7 * np.abs(state.qd[0] * scale) if to == "epos4" else 2e-6
         assert np.all(np.abs(stop[0, 2:] - state.q[0] * scale) <= allowed)
 

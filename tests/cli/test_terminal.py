@@ -1,4 +1,7 @@
-"""The terminal: what was meant, verdicts first, nothing beyond its width, colours only where they are shown."""
+"""Output for terminals shows verdicts, suggestions for mistyped words, and colours.
+
+No line is wider than the terminal, and colours appear only on terminals.
+"""
 
 from __future__ import annotations
 
@@ -251,7 +254,7 @@ LAST = {
     ),
     "study": (["study", STUDY, "-o", "out"], "vitreoretinal: 40 candidates: .* on the front"),
 }
-"""Commands with the words of their verdicts; a plan and its answers have their own test."""
+"""Commands with the text of their verdicts. Another test covers the command `plan`."""
 
 
 @pytest.mark.parametrize("name", LAST)
@@ -260,9 +263,10 @@ LAST = {
 def test_every_command_ends_with_its_verdict(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Within the last 24 lines, whatever the width, on a terminal and in a pipe.
+    """The verdict is in the last 24 lines at any width, on a terminal and in a pipe.
 
-    `check` and EVERY_CASE=1 try both widths with both; other commands, one width with each.
+    The command `check` and a run with EVERY_CASE=1 combine both widths with both kinds of output.
+    Other commands are tested with two of the four combinations.
     """
     words, verdict = LAST[name]
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,7 @@
-"""The film: as long as the motion, drawn where the kinematics says, and honest about a missing encoder."""
+"""The film lasts as long as the motion and shows the mechanism where the kinematics places it.
+
+A missing encoder is reported.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,8 @@ def test_the_lines_are_where_the_kinematics_says() -> None:
     np.testing.assert_allclose(tool[:, 0], fk(plan.robot, q).position @ PROJECTION.T, atol=1e-12)
     np.testing.assert_allclose(first[:, -1], second[:, 0], atol=1e-12)
     assert np.ptp(first[:, 0], axis=0).max() < 1e-12, "joint 1 stands still"
-    # The tool passes the port at the origin and the end of link 2, so both are parallel.
+    # The tool passes through the port at the origin and through the end of link 2, so that both
+    # lines are parallel.
     for line in (second[:, -1], tool[:, 0]):
         across = np.cross(np.c_[tool[:, 1] - tool[:, 0], 0 * q[:, 0]], np.c_[line, 0 * q[:, 0]])
         assert np.abs(across).max() < 1e-12
@@ -66,7 +70,10 @@ def test_a_missing_encoder_is_said(
 
 
 def test_the_encoder_gets_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A program called ffmpeg copies its input to its output."""
+    """The encoder receives the film.
+
+    A program named ffmpeg copies its input to its output in place of the encoder.
+    """
     program = tmp_path / "ffmpeg"
     code = "import shutil, sys; shutil.copy(sys.argv[sys.argv.index('-i') + 1], sys.argv[-1])"
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{code}" "$@"\n', encoding="utf-8")

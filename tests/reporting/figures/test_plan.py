@@ -1,4 +1,4 @@
-"""Names of phases and limits in figures, as they are drawn."""
+"""Figures of a plan show names of phases, limits and texts without overlaps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,10 @@ PLAN = RESULTS / "tilt_insert/plan.json"
 
 @pytest.mark.parametrize("count", [1, 5, 13, 62])
 def test_names_of_phases_never_collide(count: int) -> None:
-    """Names as wide as the text that matplotlib draws, none over its neighbour or beyond its phase."""
+    """No name of a phase overlaps the next one.
+
+    The widths are those of the texts that matplotlib draws.
+    """
     plan = load_plan(PLAN)
     draw = np.random.default_rng(count)
     edges = np.concatenate(([0.0], np.cumsum(draw.uniform(0.05, 1.0, count))))
@@ -54,7 +57,7 @@ def test_the_longest_name_that_fits() -> None:
 
 
 def test_limits_stand_in_the_figure_of_the_motion() -> None:
-    """The velocity limits that the legend names are lines at their values."""
+    """The figure of the motion shows the velocity limits of joint 1 as lines at their values."""
     plan = load_plan(PLAN)
     axes = motion_figure(plan.motion, plan.robot).axes[2]
     levels = {
@@ -68,7 +71,7 @@ def test_limits_stand_in_the_figure_of_the_motion() -> None:
 
 @pytest.mark.parametrize("name", list(NAMED_WIDTHS))
 def test_figures_of_a_width_are_that_wide_and_their_type_is_not_scaled(name: str) -> None:
-    """Every text within the figure, and no label, title or legend over another."""
+    """Every text lies within the figure, and no two texts overlap."""
     plan = load_plan(PLAN)
     requirements = motor_requirements(plan.motion, plan.robot)
     for figure in (

@@ -1,4 +1,6 @@
-"""Figures drawn by a second process are those drawn here, whatever happens to that process."""
+"""Figures that a second process draws equal those of this process, whatever happens to that
+process.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ def file() -> Plan:
 
 @pytest.fixture(scope="module")
 def plan(file: Plan) -> Plan:
-    """As much of a plan as figures need."""
+    """Return a plan with only the parts that figures need."""
 
     return Plan(file.problem, "solved", file.trajectory)
 
@@ -170,7 +172,7 @@ def test_ctrl_c_while_results_are_written_leaves_no_files_and_no_process(tmp_pat
 
 
 def still_there(pid: int) -> bool:
-    """Whether the process runs on for seconds."""
+    """Return True if a process still exists after 5 s."""
     for _ in range(50):
         try:
             os.kill(pid, 0)

@@ -1,4 +1,6 @@
-"""Figures show the numbers they claim to show; the recomputed table of tilt ranges."""
+"""Figures of the workspace show the computed numbers, and the table of tilt ranges can be
+recomputed.
+"""
 
 from __future__ import annotations
 

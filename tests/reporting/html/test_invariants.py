@@ -1,6 +1,6 @@
-"""What holds as data on the page of every result: random problems, with and without a motion.
+"""The data of each result's page keep their laws for random problems with and without a motion.
 
-RANDOM_RESULTS=200 tests 200 of them.
+RANDOM_RESULTS=200 tests 200 problems.
 """
 
 from __future__ import annotations
@@ -27,11 +27,15 @@ from tests.support.random_problems import random_problem
 
 COUNT = int(os.environ.get("RANDOM_RESULTS", "30"))
 GROUPS = 5
-"""The seeds are divided into so many tests, which can run side by side."""
+"""Number of tests into which the seeds are divided. These tests can run in parallel."""
 
 
 def check_panels(panels: list[dict[str, Any]], ends: list[float], step: float) -> None:
-    """A plot has a title and a unit, its curves have names, and activity ends with its motion."""
+    """Check that plots have titles and units, that curves have names, and that limits are only
+    active during the motion.
+
+    `ends` are the durations of the motions and `step` is a tolerance, both in s.
+    """
     for panel in panels:
         assert panel["title"]
         assert panel["unit"], panel["title"]
@@ -48,7 +52,7 @@ def check_panels(panels: list[dict[str, Any]], ends: list[float], step: float) -
 
 
 def check_channels(panels: list[dict[str, Any]], channels: dict[str, Array]) -> None:
-    """Every curve that a panel names exists and is finite."""
+    """Check that every curve that a panel names exists and is finite."""
     for panel in panels:
         for series in panel["series"]:
             assert np.isfinite(channels[series["channel"]]).all(), series["channel"]

@@ -1,4 +1,7 @@
-"""A command that ends with 0 or 1 and writes a folder leaves a page that begins with its conclusion."""
+"""A command that ends with status 0 or 1 and writes a folder also writes a page.
+
+The page begins with the conclusion of the command.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,7 @@ def test_a_plan_removes_the_page_of_an_infeasible_problem(tmp_path: Path) -> Non
 
 
 def test_an_infeasible_problem_has_a_slider_of_changes_that_were_planned(tmp_path: Path) -> None:
-    """Every text of the slider names the limit and the duration of a certified motion."""
+    """Every text of the slider names a limit and the duration of the motion within this limit."""
     text = (ROOT / "problems/eye_approach.yaml").read_text(encoding="utf-8")
     text = text.replace("-17.66 mm", "-18.4 mm").replace(
         "robots/vitreoretinal.yaml", "vitreoretinal"

@@ -1,4 +1,7 @@
-"""The report without a browser: what is in the file, how quickly it is written, and that names stay text."""
+"""The report is tested without a browser.
+
+The tests cover the content of the file, the time to write it, and names that must remain text.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ TEXT = st.text() | st.text(alphabet="<>&\"'/!-\u2028 script")
 
 
 class Reader(HTMLParser):
-    """Elements and attributes of a page."""
+    """A parser that collects the elements of a page with their attributes."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -87,7 +90,10 @@ def test_page_and_terminal_show_where_the_joints_start_and_end(page: str) -> Non
 
 
 def stretched(factor: float, **names: str) -> dict[str, Any]:
-    """The shipped plan in `factor` times the time; names replace those of the problem."""
+    """Return the shipped plan with its time stretched by `factor`, as a document.
+
+    `names` replace entries of its problem.
+    """
     document: dict[str, Any] = json.loads(PLAN.read_text(encoding="utf-8"))
     trajectory = document["trajectory"]
     trajectory["breaks_s"] = [factor * t for t in trajectory["breaks_s"]]
@@ -172,7 +178,10 @@ def test_torque_split_adds_up_to_the_torque() -> None:
 
 
 def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) -> None:
-    """What the page plots of them is what the check judges."""
+    """The page plots the limited values that the check judges.
+
+    Their limits and worst values are compared with those of `check`.
+    """
     document = stretched(1.0)
     problem = load_problem(APPROACH)
     document["problem"] |= {"eye": to_plain(problem.eye), "rates": {"tilt": 0.3, "depth": 0.01}}
@@ -216,7 +225,10 @@ def test_plans_with_and_without_an_eye_are_compared(tmp_path: Path) -> None:
 
 
 def test_a_simulated_playback_stands_beside_its_plan(tmp_path: Path) -> None:
-    """Slower, and with a motor held fast: positions, errors and torques are those of the simulation."""
+    """The page shows the positions, errors and torques of the simulation.
+
+    The simulation runs at half the speed and with a motor that stalls.
+    """
     plan = load_plan(PLAN)
     result = simulate(plan, Scenario(speed=0.5, stall=("tilt", 2.0)))
     data = simulation_data(plan, result)
@@ -253,7 +265,7 @@ def test_text_never_becomes_markup(text: str) -> None:
     tables = [Table((cell,), [(cell,)], caption=cell) for cell in ("text", text)]
     pages = [template.render(t=t, marks=[("good", t.header[0], t.header[0])]) for t in tables]
     plain, hostile = (Reader(page).tags for page in pages)
-    assert len(hostile) >= len(plain) - 1  # an empty caption is left out
+    assert len(hostile) >= len(plain) - 1  # An empty caption is omitted.
     assert [entry for entry in plain if entry[0] != "caption"] == [
         entry for entry in hostile if entry[0] != "caption"
     ]
@@ -353,13 +365,13 @@ def test_the_page_of_power_losses_shows_their_travel() -> None:
         name: np.frombuffer(base64.b64decode(data["channels"][1][name]), dtype="<f8")
         for name in ("t", "travel")
     }
-    # Between two power losses the page draws a straight line, which its grid of instants samples.
+    # The page draws straight lines between the power losses and samples them at its instants.
     travel = np.interp(shown["t"], result.losses.time, result.losses.travel)
     np.testing.assert_allclose(shown["travel"], travel, rtol=1e-12, atol=0.0)
 
 
 def test_a_joint_without_a_drive_has_no_tracking() -> None:
-    """The simulation moves such a joint exactly, so its error says nothing."""
+    """The simulation moves a joint without a drive exactly, so that its error has no meaning."""
     plan = load_plan(PLAN)
     result = simulate(plan, Scenario(stall=("tilt", 1.0)))
     assert {row[0] for row in simulation_tables(result)[0].rows} == {"roll", "tilt", "insertion"}
@@ -368,7 +380,10 @@ def test_a_joint_without_a_drive_has_no_tracking() -> None:
 
 
 def test_the_bound_of_a_free_motion_is_called_loose(page: str) -> None:
-    """Without toppra's opinion there is no bound along the path, and the general one may be loose."""
+    """Without a bound along the path, the page only states the general bound.
+
+    It calls this bound loose if the motion is free.
+    """
     assert "proven: no motion on this path is shorter than" in page
     for name in ("eye_approach", "tilt_insert"):
         made = load_plan(RESULTS / name / "plan.json")
@@ -379,7 +394,7 @@ def test_the_bound_of_a_free_motion_is_called_loose(page: str) -> None:
 
 
 def test_every_bound_has_a_sense() -> None:
-    """A kept worst value is on the side of its limit that the sign in front of the limit states."""
+    """Each worst value satisfies the inequality that the page prints before its limit."""
     for name in ("tilt_insert", "eye_approach"):
         certificate = load_plan(RESULTS / name / "plan.json").certificate
         assert certificate is not None
@@ -431,7 +446,10 @@ def test_figures_are_the_same_bytes_each_time(tmp_path: Path) -> None:
 
 
 def test_the_curves_of_a_page_are_those_of_all_instants() -> None:
-    """A page interpolates at the instants beside its own; all instants give the same, to the bit."""
+    """The page interpolates at instants next to its grid.
+
+    The result equals, to the last bit, the interpolation over all instants.
+    """
     plan = load_plan(PLAN)
     t = time_grid(plan.motion.duration)
     channels = sample_channels(plan, t)
