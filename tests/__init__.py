@@ -1,1 +1,1 @@
-"""The tests; README.md beside this file maps them."""
+"""The tests of the package. The file README.md in this folder describes them."""

@@ -1,11 +1,11 @@
+"""Fixtures of all tests, and settings that make every run the same."""
+
 from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest-xdist uses the cores
-os.environ["COLUMNS"] = (
-    "100"  # what is printed must not depend on the terminal that the tests run in
-)
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # pytest-xdist uses all cores
+os.environ["COLUMNS"] = "100"  # Printed text must not depend on the terminal of the test run.
 
 import pytest
 
@@ -21,7 +21,8 @@ from ssm_planner.problem.problem import Problem
 from ssm_planner.problem.robot import Robot
 from tests.support.paths import PROBLEMS
 
-# The same cases in every run, or a failure would say nothing of the change; HYPOTHESIS_PROFILE=search looks at others.
+# Every run draws the same cases, so that a new failure comes from a change of the code.
+# HYPOTHESIS_PROFILE=search draws other cases.
 settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("search", deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
@@ -38,7 +39,7 @@ def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw no figure of a plan, and start no process for it, in tests that look at none."""
+    """Draw no figures of plans and start no process for them, in tests that need no figures."""
     from ssm_planner.reporting.figures import process
 
     monkeypatch.setattr(process, "_start_process", lambda: None)
@@ -47,17 +48,17 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def robot() -> Robot:
-    """The shipped vitreoretinal robot."""
+    """Return the shipped vitreoretinal robot."""
     return load_robot(PROBLEMS / "robots/vitreoretinal.yaml")
 
 
 @pytest.fixture(scope="session")
 def tilt_insert() -> Problem:
-    """The shipped problem without its eye, so that tests can move the tool anywhere."""
+    """Return the shipped problem without its eye, so that tests can move the tool anywhere."""
     return replace(load_problem(PROBLEMS / "tilt_insert.yaml"), eye=None)
 
 
 @pytest.fixture(scope="session")
 def laser_scan() -> Problem:
-    """The shipped problem with an eye and a scan of its retina."""
+    """Return the shipped problem with an eye and a scan of its retina."""
     return load_problem(PROBLEMS / "laser_scan.yaml")

@@ -1,4 +1,7 @@
-"""The house: which room may import from which, and that no circle of files exists."""
+"""The package consists of ordered parts that import only from themselves and from earlier parts.
+
+No files import each other in a circle.
+"""
 
 from __future__ import annotations
 
@@ -60,9 +63,9 @@ ROOMS = (
         "__main__",
     ),
 )
-"""Bottom to top: a room imports only from itself and from rooms before it."""
+"""Parts of the package. A part imports only from itself and from earlier parts."""
 STRANGERS = {"planning", "verification"}
-"""The check must be able to catch the planner."""
+"""These parts never import each other, so that the check can find errors of the planner."""
 HEAVY = {"casadi", "toppra", "matplotlib", "pint", "scipy", "pydantic", "jinja2"}
 FILES = {
     ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): file
@@ -79,11 +82,15 @@ FACES = {
     }
     for file in sorted(PACKAGE.glob("*/__init__.pyi"))
 }
-"""Module that defines each name of a room's face."""
+"""The public names of each part, with the modules that define them."""
 
 
 def imports(name: str, *, everywhere: bool = True) -> set[str]:
-    """Modules that a file imports, inside functions and for type checkers too; else only when it is itself imported."""
+    """Return the modules that a file imports.
+
+    With `everywhere`, imports inside functions and for type checkers count too. Otherwise, only
+    imports at the top level of the file count.
+    """
     tree = ast.parse(FILES[name].read_text(encoding="utf-8"))
     found: set[str] = set()
     for node in ast.walk(tree) if everywhere else iter(tree.body):
@@ -107,7 +114,7 @@ MODULES = [name for name in FILES if name != "ssm_planner"]
 
 @cache
 def neighbours(name: str) -> set[str]:
-    """Other modules of the package that a module imports."""
+    """Return the other modules of the package that a module imports."""
     return imports(name) & set(FILES) - {name}
 
 
@@ -142,7 +149,7 @@ def test_imports_go_one_way(name: str) -> None:
 
 
 FOUND_BY_NAME = {("plans", "pipeline")}
-"""Rooms of which the first finds a function of the second by its name, when it is called."""
+"""Pairs of parts. The first part finds a function of the second part by its name during a call."""
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -199,7 +206,7 @@ LIMIT_NAMES = {
     ),
 }
 HEADINGS = {"ssm_planner.plans"}
-"""Files with such words for something else: a key of plan.json's table of units."""
+"""Files in which these words are keys of the table of units in plan.json."""
 
 
 @pytest.mark.parametrize(

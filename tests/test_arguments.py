@@ -27,7 +27,7 @@ WRONG = {
     "mapping": {"a": None},
 }
 SCALARS = {"float": {"number"}, "int": {"number"}, "ArrayLike": {"number", "NaN"}}
-"""Wrong values that are right for a type."""
+"""Labels of the wrong values that are valid for the annotated types."""
 FUNCTIONS = {
     name: value
     for name in ssm_planner.__all__
@@ -36,7 +36,10 @@ FUNCTIONS = {
 
 
 def fits(annotation: str, label: str) -> bool:
-    """Return whether a value belongs to an annotated type, from the text of the annotation."""
+    """Return True if a value belongs to an annotated type.
+
+    The value is given by its label, and the type by the text of its annotation.
+    """
     members = {re.sub(r"\[.*", "", member).strip() for member in annotation.split(" | ")}
     return label in members or any(label in SCALARS.get(member, ()) for member in members)
 

@@ -1,4 +1,7 @@
-"""A small slice of the campaigns over hostile, tampered, violating and healthy files."""
+"""Small samples of the campaigns find no failure.
+
+The campaigns check hostile, tampered, violating and healthy files.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ def test_a_slice_of_the_campaign_finds_nothing(campaign: ModuleType) -> None:
 
 @pytest.mark.slow
 def test_the_adversary_finds_a_check_that_looks_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A check with limits that are 0.5 % too large keeps what the oracle calls violated."""
+    """The adversary finds files that a check with too large tolerances accepts.
+
+    This check accepts values up to 0.5 % beyond a limit. The oracle calls such values violated.
+    """
 
     def looser(self: LimitCheck) -> bool:
         return self.margin >= -5e-3

@@ -1,4 +1,7 @@
-"""The tested set of versions is complete: pip has nothing to search for, and a fresh machine gets what was tested."""
+"""The file constraints.txt pins every package that the project and its extras need.
+
+A new installation then gets the versions that were tested.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +31,16 @@ EXTRAS = (
 def needed(
     name: str, extras: frozenset[str], seen: set[tuple[str, frozenset[str]]]
 ) -> Iterator[str]:
-    """Installed distributions that one needs with these extras, however far down."""
+    """Yield the names of the installed distributions that one distribution needs.
+
+    These include the distribution itself and all indirect needs. `seen` collects what was visited.
+    """
     if (name, extras) in seen:
         return
     seen.add((name, extras))
     try:
         found = distribution(name)
-    except PackageNotFoundError:  # of an extra that is not installed
+    except PackageNotFoundError:  # It belongs to an extra that is not installed.
         return
     yield name
     for text in found.requires or ():

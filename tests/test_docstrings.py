@@ -20,7 +20,10 @@ PARSER = doctest.DocTestParser()
 
 
 def examples_of(name: str) -> doctest.DocTest:
-    """The examples in a docstring, with nothing defined but what they import themselves."""
+    """Return the examples in the docstrings of a public object and of its members.
+
+    No name is defined before the examples run.
+    """
     value = OBJECTS[name]
     members = vars(value).values() if inspect.isclass(value) else ()
     texts = [str(part.__doc__) for part in (value, *members) if ">>>" in str(part.__doc__)]

@@ -1,4 +1,4 @@
-"""Documents against the program: links, commands, options, examples and printed output."""
+"""The links, commands, options, examples and printed output in the documents match the program."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LINK = re.compile(r"!?\[[^\]\n]*\]\(([^)\s]+)\)")
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.M | re.S)
 MADE = {"docs/gallery.md"}
 WITH_OUTPUT = {"tutorial": "docs/tutorial.md", "README": "README.md"}
-"""Pages whose commands are run in an empty folder, and whose output is compared."""
+"""Pages whose commands run in an empty folder. Their printed output is compared with the page."""
 
 
 def outside_code(text: str) -> str:
@@ -58,7 +58,7 @@ def test_links_lead_somewhere(name: str) -> None:
 
 
 def commands(page: Path) -> Iterator[list[str]]:
-    """Every `ssm-planner …` of a page that is a whole command, without comments and output."""
+    """Yield the words of each `ssm-planner …` command on a page, without comments and output."""
     text = page.read_text(encoding="utf-8")
     lines = [line for _, block in BLOCK.findall(text) for line in block.splitlines()]
     lines += re.findall(r"`(ssm-planner [^`\n]*)`", outside_blocks(text))
@@ -87,7 +87,10 @@ def test_commands_and_their_options_exist(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_blocks_of_yaml_can_be_read_and_problems_load(name: str, tmp_path: Path) -> None:
-    """Problems and studies, also in part: what is left out is that of a whole one."""
+    """Every block of YAML can be parsed, and every problem and study loads.
+
+    The missing keys of an incomplete problem come from a shipped problem.
+    """
     for k, (kind, block) in enumerate(BLOCK.findall((ROOT / name).read_text(encoding="utf-8"))):
         if kind != "yaml":
             continue
@@ -138,7 +141,7 @@ STANDS_FOR = {
         for name in ("motors_24v.csv", "worms.csv", "screws.csv")
     },
 }
-"""What the words in capitals, and files that a reader would have, are in the tests."""
+"""Values that the tests use for the placeholders, and for files that a reader would have."""
 FILES = {"retime": "path.csv", "new": "made.yaml", "identify": "identified.yaml"}
 PATH = "time_s,q1_rad,q2_rad,q3_rad,q4_m\n0,0,0.2,0,0\n1,0.1,0.4,0,-0.005\n2,0.2,0.6,0,-0.01\n"
 CATALOGUE = "problems/catalogues/motors_24v.csv"
@@ -160,32 +163,34 @@ NOT_RUN = {
     "plan PROBLEM -o DIR --json": "`plan PROBLEM` is run",
     "film results/eye_approach": "the test of the README's film runs it",
 }
-"""Commands of the documents that no test here runs, and why."""
+"""Beginnings of the commands that no test in this file runs, with the reasons."""
 FAILING = {
     "simulate PLAN --stall tilt@1s": 1,
     "check results/tilt_insert/epos4 --robot vitreoretinal --key public.pem": 4,
 }
-"""Statuses other than 0."""
+"""Exit statuses of the commands that do not end with 0."""
 
 
 def whole_commands() -> list[str]:
-    """Every command of the documents once, without those that name it alone in a sentence."""
+    """Return every command of the documents once, without those that are only the name of a
+    command.
+    """
     lines = [
         " ".join(words)
         for page in PAGES
-        if page.stem not in WITH_OUTPUT  # their own test runs these and compares the output
+        if page.stem not in WITH_OUTPUT  # Another test runs these and compares the output.
         for words in commands(page)
     ]
     alone = {
         *COMMANDS,
         "new robot robot.yaml",
         "workspace robot.yaml",
-    }  # the tutorial runs these two
+    }  # The tutorial runs these two.
     return sorted({line for line in lines if line not in alone and line.split()[0] in COMMANDS})
 
 
 def filled(line: str) -> list[str]:
-    """The words of a command with what they stand for."""
+    """Return the words of a command with values in place of the placeholders."""
     words = []
     for before, word in pairwise(["", *line.split()]):
         if word == "FILE":
@@ -197,7 +202,10 @@ def filled(line: str) -> list[str]:
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
-    """A folder like a checkout. Commands overwrite its results, so each test has another."""
+    """Return a new folder that resembles a checkout.
+
+    Commands overwrite the results in it, so that each test needs a new folder.
+    """
     folder = tmp_path
     (folder / "problems").symlink_to(ROOT / "problems")
     shutil.copytree(ROOT / "results/tilt_insert", folder / "results/tilt_insert")
@@ -226,7 +234,7 @@ WITH_FIGURES = "plan problems/tilt_insert.yaml"
 RUN = {
     " ".join(filled(line)): line for line in whole_commands() if not line.startswith(tuple(NOT_RUN))
 }
-"""By what is run the line of a document; lines that come to the same are run once."""
+"""Lines of the documents by the commands that they run. Equal commands are run once."""
 
 
 @pytest.mark.parametrize("line", sorted(RUN.values()))
@@ -234,7 +242,11 @@ RUN = {
 def test_a_command_of_the_documents_runs(
     line: str, place: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Within this process, in a folder like a checkout. One plan has figures."""
+    """A command of the documents ends with the expected status in a folder that resembles a
+    checkout.
+
+    Commands run in this process. Only one command draws the figures of its plan.
+    """
     if line != WITH_FIGURES:
         request.getfixturevalue("no_figures")
     if line.startswith("identify"):
@@ -251,7 +263,7 @@ def test_a_command_of_the_documents_runs(
 
 
 def test_the_readme_prints_what_it_shows(tmp_path: Path) -> None:
-    """The Python block prints exactly the text block below it."""
+    """The Python block of the README prints exactly the text block below it."""
     blocks = BLOCK.findall((ROOT / "README.md").read_text(encoding="utf-8"))
     (k,) = (k for k, (kind, _) in enumerate(blocks) if kind == "python")
     assert blocks[k + 1][0] == "text"
@@ -269,7 +281,7 @@ def test_the_readme_is_short() -> None:
 
 
 def test_the_comparison_in_the_readme_is_from_the_benchmarks() -> None:
-    """Every measured value of the table, with its unit, is in results/benchmarks.md."""
+    """Every measured value of the README's table, with its unit, is in results/benchmarks.md."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     table = text.partition("## Comparison")[2].partition("\n##")[0]
     measured = (ROOT / "results/benchmarks.md").read_text(encoding="utf-8")
@@ -281,7 +293,10 @@ def test_the_comparison_in_the_readme_is_from_the_benchmarks() -> None:
 
 
 def test_the_film_of_the_readme_is_that_of_the_plan(tmp_path: Path) -> None:
-    """`make picture` draws the committed film again; versions may differ by a row and in fonts."""
+    """The committed film equals a newly drawn film, and the Makefile contains its command.
+
+    Other versions of the libraries may change the size by one pixel and the fonts.
+    """
     (line,) = (line for line in whole_commands() if line.endswith("-o docs/film.gif"))
     words = line.replace("docs/film.gif", str(tmp_path / "film.gif")).split()
     assert main([word.replace("results/", f"{ROOT}/results/") for word in words]) == 0
@@ -341,9 +356,10 @@ def run(
 @pytest.mark.parametrize("name", WITH_OUTPUT.values())
 @pytest.mark.slow
 def test_commands_print_what_the_page_shows(name: str, tmp_path: Path) -> None:
-    """Every command in an empty folder, in order; the output contains every line below it.
+    """Every command of a page prints the lines that the page shows below it.
 
-    Runs of spaces count as one; "…" stands for any text.
+    The commands run one after the other in an empty folder. Runs of spaces count as one space, and
+    "…" stands for any text.
     """
     text = (ROOT / name).read_text(encoding="utf-8")
     start = f'ssm-planner() {{ {shlex.quote(sys.executable)} -m ssm_planner "$@"; }}\n'
@@ -376,7 +392,7 @@ FIGURE = re.compile(r"!\[([^\]]+)\]\(([^)\s]+)\)")
 
 @pytest.mark.parametrize("name", GUIDE)
 def test_every_page_of_the_guide_has_a_figure_in_words_too(name: str) -> None:
-    """The figure is a small file, and its words describe it."""
+    """Every page of the guide has figures of at most 300 kB with a description in words."""
     figures = FIGURE.findall((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8"))
     assert figures
     for words, path in figures:
@@ -392,7 +408,7 @@ def test_the_site_teaches_by_figures_and_equations() -> None:
 
 
 def test_drawn_figures_are_those_of_their_script() -> None:
-    """Every figure of docs/figures has a function that draws it, and a page that shows it."""
+    """Every figure in docs/figures has a function that draws it and a page that shows it."""
     names = {
         draw.__name__ for draw in runpy.run_path(str(ROOT / "docs/make_figures.py"))["FIGURES"]
     }
@@ -405,7 +421,10 @@ def test_drawn_figures_are_those_of_their_script() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction_law", "certificate"])
 def test_a_committed_figure_is_what_the_script_draws(name: str, tmp_path: Path) -> None:
-    """Versions of matplotlib may differ by a row and in fonts."""
+    """A committed figure equals the figure that the script draws.
+
+    Other versions of matplotlib may change the size by two pixels and the fonts.
+    """
     script = runpy.run_path(str(ROOT / "docs/make_figures.py"))
     script["save_figure"](script[name](), tmp_path / name, pdf=False)
     drawn, committed = (

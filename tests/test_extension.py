@@ -1,4 +1,7 @@
-"""Kinds of drives, motions and export formats: the examples of docs/architecture.md, and registries."""
+"""Packages can add kinds of drives, motions and export formats.
+
+The tests use the examples of docs/architecture.md as such packages. They also test the registries.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ def shipped(place: str) -> str:
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    """A folder in which a package with a drive, a motion and a format is installed."""
+    """Return a folder in which a package with a drive, a motion and a format is installed."""
     folder = tmp_path / "site"
     info = folder / "acme-1.0.dist-info"
     info.mkdir(parents=True)
@@ -78,13 +81,13 @@ process.write_figures = lambda *_: {}
 
 
 class Commands(NamedTuple):
-    """Runs commands in a process in which the package is installed."""
+    """A folder for commands that run in a process in which the package is installed."""
 
     site: Path
     folder: Path
 
     def run(self, *commands: tuple[object, ...], figures: bool = True) -> list[str]:
-        """Run the commands one after the other, and return what each has printed."""
+        """Run the commands one after the other and return the text that each of them printed."""
         program = RUN_EACH if figures else WITHOUT_FIGURES + RUN_EACH
         installed = environment(PYTHONPATH=f"{ROOT}:{self.site}")
         words = json.dumps([[str(word) for word in command] for command in commands])
@@ -96,7 +99,9 @@ class Commands(NamedTuple):
 
 
 def problem_with_a_rack(folder: Path) -> Path:
-    """The shipped problem without gears, whose slide hangs on a rack instead of a cable."""
+    """Write the shipped problem without gears, with a rack in place of the cable, and return its
+    file.
+    """
     drive = shipped("drives/direct_drive_capstan.yaml").replace("cable_slide", "rack")
     assert PULLEY in drive
     drive = drive.replace("pulley_diameter", "pinion_diameter")
@@ -116,7 +121,10 @@ def problem_with_a_rack(folder: Path) -> Path:
 
 @pytest.mark.slow
 def test_an_installed_package_adds_a_drive_and_a_format(site: Path, tmp_path: Path) -> None:
-    """Every command knows both, and a rack moves like a cable on a pulley of its diameter."""
+    """Every command knows the drive and the format of an installed package.
+
+    A rack moves like a cable on a pulley with the diameter of the pinion.
+    """
     problem = problem_with_a_rack(tmp_path)
     command = Commands(site, tmp_path)
     plans = {}
@@ -161,7 +169,10 @@ WORDS = "swing: {low: -120 deg, high: -100 deg, times: 2}"
 
 @pytest.mark.slow
 def test_an_installed_package_adds_a_motion(site: Path, tmp_path: Path) -> None:
-    """It is planned, checked and exported like the motions that it stands for, and editors know it."""
+    """A motion of an installed package is planned exactly like the motions that it stands for.
+
+    The plan is checked and exported without the package. The schema describes the motion.
+    """
     command = Commands(site, tmp_path)
     tilts = "\n".join(f"  - tilt: {{to: {tilt} deg}}" for tilt in (-120, -100, -120, -100))
     for name, motion in (("swing", f"  - {WORDS}"), ("tilts", tilts)):
@@ -179,7 +190,7 @@ def test_an_installed_package_adds_a_motion(site: Path, tmp_path: Path) -> None:
         for name in ("swing", "tilts")
     ]
     assert plans[0]["trajectory"]["coefficients"] == plans[1]["trajectory"]["coefficients"]
-    # without the package
+    # These commands run without the package.
     Commands(tmp_path, tmp_path).run(
         ("check", tmp_path / "swing"),
         ("export", tmp_path / "swing", "--to", "csv", "-o", tmp_path / "out"),

@@ -1,4 +1,7 @@
-"""Laws of every file of the package and of the reproduction of the paper: documents, shapes, readable calls."""
+"""Every file of the package keeps rules for docstrings, shapes of arrays, calls and lines.
+
+The program that reproduces the paper keeps the same rules.
+"""
 
 from __future__ import annotations
 
@@ -30,17 +33,19 @@ FILES = {
 }
 MAX_POSITIONAL = 5
 VARIADIC = {"tag", "vertcat", "horzcat", "_group"}
-"""Functions that take any number of the same thing."""
+"""Functions that take any number of arguments of the same kind."""
 SHAPE = re.compile(r"\((\.\.\.|\w+,|[\w. ×+−/…-]+(, ?[\w. ×+−/…-]*)+)\)|shape|broadcast|\w × \w")
-"""A shape as a tuple, such as (n, 4), (samples,) or (..., 3), or in words, such as "shape of mu" and "any shape"."""
+"""A shape is a tuple such as (n, 4), (samples,) or (..., 3), or it is stated in words such as
+"shape of mu" and "any shape".
+"""
 ARRAY = re.compile(r"\b(Array|ArrayLike|Indices|NDArray)\b")
 COMMAND = {f"run_{name}" for name in COMMANDS}
-"""The two functions of every command, described in `cli` once."""
+"""Functions that run the commands. The module `cli` describes the commands."""
 Definition = ast.FunctionDef | ast.ClassDef
 
 
 def test_the_top_level_contains_only_what_the_project_consists_of() -> None:
-    """A file that a tool left behind, such as a log, is found when it is committed."""
+    """The repository contains no other entry, such as a log that a tool left behind."""
     folders = {"docs", "examples", "problems", "results", "ssm_planner", "tests"}
     files = {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "Makefile"}
     files |= {"README.md", "constraints.txt", "pyproject.toml"}
@@ -52,14 +57,17 @@ def test_the_top_level_contains_only_what_the_project_consists_of() -> None:
 
 @cache
 def tree(name: str) -> ast.Module:
-    """The syntax tree of a module, parsed when a test first asks for it."""
+    """Return the syntax tree of a module."""
     return ast.parse(FILES[name].read_text(encoding="utf-8"))
 
 
 def public(
     tree: ast.Module, open_classes: Collection[str] = ()
 ) -> Iterator[tuple[str, Definition]]:
-    """Public functions and classes of a module, and the public methods of those classes that users hold in hand."""
+    """Yield the names and definitions of the public functions and classes of a module.
+
+    The public methods of the classes in `open_classes` are included.
+    """
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             yield node.name, node
@@ -73,7 +81,10 @@ def undocumented(tree: ast.Module, open_classes: Collection[str] = ()) -> list[s
 
 
 def said_elsewhere(name: str) -> bool:
-    """A command's function, or a method that does what its base class says of it."""
+    """Return True if a name is documented in another place.
+
+    This holds for the function of a command, and for a method whose base class documents it.
+    """
     owner, _, method = name.rpartition(".")
     return name in COMMAND or bool(
         owner and inspect.getdoc(getattr(getattr(ssm_planner, owner), method))
@@ -81,7 +92,7 @@ def said_elsewhere(name: str) -> bool:
 
 
 def without_shape(tree: ast.Module, open_classes: Collection[str] = ()) -> list[str]:
-    """Public functions that take or return arrays and do not say of which shape."""
+    """Return the names of public functions that have arrays without a shape in the docstring."""
     return [
         name
         for name, node in public(tree, open_classes)
@@ -146,14 +157,14 @@ TEMPLATES = [
     if file.suffix not in (".js", ".css")
 ]
 OF_JINJA = {"index", "index0", "first", "last", "length"}
-"""Attributes of the variable `loop`."""
+"""Attributes of Jinja's variable `loop`."""
 OF_PYTHON = {"items", "keys", "values", "append", "join"}
 """Methods of mappings, lists and texts."""
 
 
 @cache
 def words() -> frozenset[str]:
-    """The words of the package's Python sources: names, and keys in texts."""
+    """Return all words in the Python sources. These include names, and keys in texts."""
     return frozenset(
         word
         for file in FILES.values()
@@ -162,7 +173,7 @@ def words() -> frozenset[str]:
 
 
 def unknown_to_python(template: str) -> list[str]:
-    """Attributes and filters of a template that no Python source of the package names."""
+    """Return the attributes and filters of a template that no Python source contains."""
     parsed = jinja2.Environment().parse(template)
     attributes = {node.attr for node in parsed.find_all(nodes.Getattr)} - OF_JINJA - OF_PYTHON
     filters = {node.name for node in parsed.find_all(nodes.Filter)} - set(FILTERS)
@@ -177,7 +188,10 @@ def test_names_that_only_a_template_has_are_found() -> None:
 
 @pytest.mark.parametrize("file", TEMPLATES, ids=lambda file: file.name)
 def test_python_names_every_attribute_and_filter_of_a_template(file: Path) -> None:
-    """Tools that search for unused names in Python do not read templates."""
+    """Every attribute and filter of a template occurs in a Python source.
+
+    Tools that search for unused names in Python do not read templates, so this test does.
+    """
     assert not unknown_to_python(file.read_text(encoding="utf-8"))
 
 
@@ -187,11 +201,13 @@ def test_the_page_of_public_names_is_up_to_date() -> None:
 
 
 TO_WRAP = {"identification", "planning", "view"}
-"""Rooms that still have longer lines."""
+"""Parts of the package that still have longer lines."""
 
 
 def long_lines(text: str) -> list[int]:
-    """Return the numbers of the lines above 100 columns. A combining accent takes no column."""
+    """Return the numbers of the lines with more than 100 columns. A combining accent takes no
+    column.
+    """
     widths = [sum(not combining(letter) for letter in line) for line in text.splitlines()]
     return [number for number, width in enumerate(widths, 1) if width > 100]
 

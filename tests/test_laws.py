@@ -1,4 +1,4 @@
-"""The public laws of the drives, and the guide for other simulators."""
+"""The public laws of the drives agree with CasADi and with the guide for other simulators."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ COUNT = 2000
 
 @pytest.mark.parametrize("name", DRIVES)
 def test_a_step_is_the_same_for_arrays_and_expressions(name: str) -> None:
-    """Some drives rest, some stop within the step, and some start to move."""
+    """A step of a drive gives the same values for arrays and for CasADi expressions.
+
+    In the random cases, some drives rest, some stop within the step, and some start to move.
+    """
     drive = load_drive(name)
     peak = abs(float(laws.breakaway_torque(drive, 1.0, 1.0)))
     speed = RNG.choice([0.0, 1e-3, 1.0], COUNT) * RNG.normal(0.0, 50.0, COUNT)

@@ -1,4 +1,7 @@
-"""Tables, plots and data frames of values in notebooks; messages and cancellation of `plan`."""
+"""Values appear as tables, plots and data frames in notebooks.
+
+Messages reach the logger, and an exception cancels `plan`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ from tests.support.paths import ROOT
 
 
 class Cells(HTMLParser):
-    """Collect the texts of the cells by row."""
+    """A parser that collects the texts of the cells of a table by row."""
 
     def __init__(self, html: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Plans made by hand: what follows from their phases, and what their notes have to say."""
+"""Plans that are built by hand have the sums, verdicts and notes that follow from their phases."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ NEAR = START + np.array([0.02, -0.02, 0.01, 0.0])
 
 
 def motion(first: np.ndarray = START, last: np.ndarray = NEAR, duration: float = 2.0) -> Trajectory:
-    """One quintic from rest to rest; rad, m, s."""
+    """Return a motion of one quintic from rest to rest.
+
+    Positions are in rad and m, and the duration is in s.
+    """
     zero = np.zeros((1, 4))
     piece = quintic_coefficients(
         np.diff(np.array([0.0, duration])), (first[None], zero, zero), (last[None], zero, zero)
@@ -42,20 +45,20 @@ def motion(first: np.ndarray = START, last: np.ndarray = NEAR, duration: float =
 
 
 def problem(robot: Robot, **changes: Any) -> Problem:
-    """A free motion between two joint positions."""
+    """Return the problem of a free motion between two joint positions."""
     start, end = Joints(tuple(START.tolist())), Joints(tuple(NEAR.tolist()))
     return replace(Problem(robot, start, (Free(end),), name="by hand"), **changes)
 
 
 def phase(**changes: Any) -> PhaseSummary:
-    """A straight phase of 2 s with a lower bound of 1.6 s."""
+    """Return a straight phase of 2 s with a lower bound of 1.6 s."""
     ends = (0.0, 0.0, 0.0, 0.0)
     return replace(PhaseSummary("out", 2.0, 2.0, 1.6, ends, ends, 1, 3), **changes)
 
 
 @pytest.fixture(scope="module")
 def plan(robot: Robot) -> Plan:
-    """Two phases of 1 s each, without a certificate."""
+    """Return a plan with two phases of 1 s each and without a certificate."""
     half = phase(duration=1.0, toppra_duration=1.0, lower_bound=0.8)
     return Plan(problem(robot), "solved", motion(), (half, replace(half, name="back")))
 
@@ -191,7 +194,10 @@ def test_a_written_plan_is_read_back(plan: Plan, robot: Robot, tmp_path: Path) -
 def test_a_plan_from_another_process_can_be_saved_there(
     plan: Plan, robot: Robot, tmp_path: Path
 ) -> None:
-    """A new process that only unpickles a plan has imported nothing that writes pages."""
+    """A new process can save a plan that it has only unpickled.
+
+    Such a process has not imported the modules that write pages.
+    """
     certified = replace(plan, certificate=check(plan.motion, robot, plan.limits, seal=True))
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
         files = process.submit(Plan.save, certified, tmp_path).result()
@@ -236,7 +242,7 @@ def test_the_versions_of_the_software_are_known() -> None:
 
 
 def with_friction(robot: Robot, **changes: Any) -> Robot:
-    """The robot with another friction or another kind of drive at its first joint."""
+    """Return the robot with a changed friction of the drive of its first joint."""
     joint = robot.joints[0]
     assert joint.drive is not None
     assert joint.drive.friction is not None
@@ -305,7 +311,7 @@ def test_a_start_a_whole_turn_away_is_noted(plan: Plan, robot: Robot) -> None:
     assert note.startswith(
         f"joint roll starts at {360 + degrees:.6g} deg, a whole turn from {degrees:.6g} deg"
     )
-    assert not any("starts at" in n for n in turned.notes)  # its start names the joints
+    assert not any("starts at" in n for n in turned.notes)  # Its start names the joints.
     for angle, noted in ((185.0, True), (-185.0, True), (179.0, False)):
         start = np.array([math.radians(angle), *START[1:]])
         beside = replace(plan, problem=open_start, trajectory=motion(start, start + 0.01))
@@ -329,7 +335,7 @@ def test_free_phases_by_the_longer_way_round_are_noted(plan: Plan, robot: Robot)
         straight = problem(robot, motion=(Straight(tilt=-1.8),))
         assert not any("turns by" in n for n in replace(round_about, problem=straight).notes)
     split = replace(plan, trajectory=motion(START, START + turn, duration=2.0))
-    assert not any("turns by" in n for n in split.notes)  # half of it in either phase
+    assert not any("turns by" in n for n in split.notes)  # Each phase turns by one half.
 
 
 def test_phases_that_change_the_branch_are_noted(plan: Plan) -> None:
@@ -461,7 +467,10 @@ def test_a_name_that_no_file_can_have_is_refused() -> None:
 def test_a_plan_is_written_in_parts_and_only_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    """The text does not depend on the size of its parts, and its hash needs no second text."""
+    """The text of a plan does not depend on the size of its blocks.
+
+    The hash is computed without a second copy of the text.
+    """
     plan = replace(load_plan(RESULTS_FOLDER / "tilt_insert"))
     text = plan.to_json()
     assert json.loads(text) == json.loads(json.dumps(plan.to_dict()))

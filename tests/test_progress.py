@@ -1,4 +1,4 @@
-"""Laws of steps: every long call reports values, and their counts never run backwards."""
+"""Every long call reports its steps, and the counts of the steps never decrease."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The public Python names: there, alone, in any order of imports, and instant to import."""
+"""The public names of the package exist and work in any order of imports.
+
+Importing the package loads no other module.
+"""
 
 from __future__ import annotations
 
@@ -87,7 +90,7 @@ def test_names_come_from_the_modules_that_define_them() -> None:
 
 
 def words(annotation: ast.expr | None) -> set[str]:
-    """Names in an annotation; an Annotated type's arguments are not among them."""
+    """Return the names in an annotation. The metadata of an Annotated type are left out."""
     if annotation is None:
         return set()
     if isinstance(annotation, ast.Constant) and isinstance(annotation.value, str):
@@ -117,7 +120,7 @@ def in_signature(node: ast.FunctionDef) -> set[str]:
 
 
 def in_class(node: ast.ClassDef) -> set[str]:
-    """Names in the fields and in the public methods and properties."""
+    """Return the names in the annotations of public fields, methods and properties."""
     found: set[str] = set()
     for part in node.body:
         if (
@@ -132,7 +135,7 @@ def in_class(node: ast.ClassDef) -> set[str]:
 
 
 def of_this_package(module: str) -> set[str]:
-    """Classes and types that a module defines, or takes from other modules of the package."""
+    """Return the classes and types that a module defines or imports from the package."""
     tree = ast.parse(
         Path(importlib.import_module(module).__file__ or "").read_text(encoding="utf-8")
     )
@@ -189,7 +192,7 @@ OLD_NAMES = [
 @pytest.mark.parametrize(("name", "old", "new"), OLD_NAMES)
 def test_an_old_name_of_an_attribute_still_works_and_warns(name: str, old: str, new: str) -> None:
     owner = getattr(ssm_planner, name)
-    if not hasattr(owner, new):  # a field without default belongs to objects alone
+    if not hasattr(owner, new):  # Only objects have a field without default.
         owner = object.__new__(owner)
         object.__setattr__(owner, new, "value")
     with pytest.warns(DeprecationWarning, match=f"^{name}.{old} is now {new}$") as caught:
@@ -227,7 +230,10 @@ def test_importing_the_package_loads_nothing() -> None:
 
 
 def test_a_session_in_python(tmp_path: Path) -> None:
-    """The values that one function returns agree with those of the others and of the command."""
+    """The values that one function returns agree with those of the other functions.
+
+    The command agrees with them too.
+    """
     problem = ssm_planner.load_problem(ROOT / "problems/tilt_insert.yaml")
     assert (
         problem.robot.name
@@ -314,5 +320,5 @@ def test_a_problem_made_in_python_is_planned_saved_and_loaded(
     assert {"plan.json", "report.html", "trajectory.csv"} < {
         path.name for path in Path("out").iterdir()
     }
-    judged = names["plan"].cross_checked()  # as `save` does
+    judged = names["plan"].cross_checked()  # `save` does the same
     assert ssm_planner.load_plan("out").to_json() == judged.to_json()

@@ -1,4 +1,7 @@
-"""One generation of results in a folder, whatever interrupts; nothing of the user's is replaced or removed."""
+"""A folder contains the results of one plan only, even after an interruption.
+
+Files of the user are never replaced or removed.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ KINDS = {"plan.json": "plan", "report.html": "page", "trajectory.csv": "rows"}
 
 
 def sha_of(plan: str) -> str:
-    """The hash of the plan.json that `publish` writes."""
+    """Return the hash of the plan.json that `publish` writes."""
     return hashlib.sha256((KINDS["plan.json"] + plan).encode()).hexdigest()
 
 
@@ -61,7 +64,7 @@ def content(folder: Path) -> dict[str, str]:
 def test_a_folder_holds_one_generation_and_keeps_what_others_put_there(tmp_path: Path) -> None:
     out = tmp_path / "out"
     publish(out, OLD)
-    publish(out, OLD, motion_pdf="drawn")  # joins the plan's files
+    publish(out, OLD, motion_pdf="drawn")  # This adds a file to the plan.
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     assert set(read_manifest(out)["files"]) == {*KINDS, "motion.pdf"}
     check_generation(out)
@@ -87,7 +90,10 @@ def test_a_file_of_another_plan_is_refused(tmp_path: Path) -> None:
 def test_an_end_at_any_step_of_the_exchange_is_noticed(
     tmp_path: Path, moves: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As kill -9 does it: after some of the moves nothing more happens."""
+    """An interruption after any number of moves leaves complete results or is noticed.
+
+    The exception stands for kill -9, after which no further file is moved.
+    """
     out = tmp_path / "out"
     publish(out, OLD)
 
@@ -240,9 +246,15 @@ def test_folders_that_a_killed_process_left_are_removed(
     assert left.exists(), "it may be somebody's who has just begun"
     monkeypatch.setattr(atomic, "ABANDONED_AGE", 0.0)
     with atomic.locked(left):
+<<<<<<< HEAD
         # the lock is of an open file: another process is needed to see it held
         code = "import pathlib, sys; from ssm_planner import atomic; atomic.ABANDONED_AGE = 0.0\n"
         code += "atomic._remove_abandoned(pathlib.Path(sys.argv[1]), '.out-')"
+=======
+        # The lock belongs to an open file, so that only another process can see that it is held.
+        code = "import pathlib, sys; from ssm_planner import atomic; atomic.SWEPT_AFTER = 0.0\n"
+        code += "atomic._sweep(pathlib.Path(sys.argv[1]), '.out-')"
+>>>>>>> 6a90b4b7 (tests: docstrings of the remaining tests in full sentences)
         subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
         assert left.exists(), "its process lives"
     atomic._remove_abandoned(tmp_path, ".out-")
@@ -282,7 +294,7 @@ def test_a_manifest_may_list_what_no_file_can_be_called(name: str, tmp_path: Pat
     manifest = json.loads(path.read_text(encoding="utf-8"))
     manifest["files"][name] = "0" * 64
     path.write_text(json.dumps(manifest), encoding="utf-8")
-    check_generation(tmp_path / "out")  # it is missing, as if somebody had taken it away
+    check_generation(tmp_path / "out")  # A missing file is no error.
     publish(tmp_path / "out", NEW)
     assert name not in read_manifest(tmp_path / "out")["files"]
 

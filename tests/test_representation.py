@@ -1,4 +1,4 @@
-"""Every public value shows itself in at most 400 characters."""
+"""Every public value has a text of at most 400 characters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Public values survive files and other processes, and the problem of a plan plans again."""
+"""Public values keep their content in files and in other processes.
+
+The problem of a stored plan gives the same motion again.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +55,7 @@ def in_a_fresh_process(values: list[Any]) -> tuple[list[Any], list[str]]:
 
 
 def parts_of(value: object, seen: set[int]) -> Iterator[object]:
-    """Yield a value and all values in its fields, items and properties."""
+    """Yield the dataclasses in a value, among them the value itself."""
     if id(value) in seen:
         return
     seen.add(id(value))
@@ -69,7 +72,10 @@ def parts_of(value: object, seen: set[int]) -> Iterator[object]:
 
 
 def check_same(a: Any, b: Any) -> None:
-    """Compare in depth, except for arrays, which are read-only in some values alone."""
+    """Assert that two values are equal in depth.
+
+    Only the elements of arrays are compared, because some values make their arrays read-only.
+    """
     if isinstance(a, np.ndarray):
         assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     elif dataclasses.is_dataclass(a):

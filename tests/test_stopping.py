@@ -1,4 +1,6 @@
-"""Controlled stops: closed forms, another way to find them, and the check's word on each."""
+"""Controlled stops are compared with closed forms, with bisection on the exact laws, and with
+`check`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,11 @@ def plan():
 
 
 def sliding(speed: float, acceleration: float) -> Trajectory:
-    """Joint 4 from −5 mm: accelerates, goes on for 0.5 s, decelerates."""
+    """Return a motion of joint 4 that starts at −5 mm.
+
+    It accelerates, keeps its speed for 0.5 s and decelerates. `speed` is in m/s and `acceleration`
+    in m/s².
+    """
     ramp = speed / acceleration
     breaks = np.cumsum([0.0, ramp, 0.5, ramp])
     coefficients = np.zeros((3, 6, 4))
@@ -35,7 +41,10 @@ def sliding(speed: float, acceleration: float) -> Trajectory:
 
 
 def test_one_joint_stops_as_a_brake_does(plan):
-    """v/a and v²/2a from the speed it goes at; towards the end the motion's own braking."""
+    """At constant speed, a stop takes the time v/a and the distance v²/2a.
+
+    While the motion brakes at 80 % of the limit, a stop takes 80 % of the remaining time.
+    """
     speed, limit = 0.01, plan.robot.joints[3].acceleration
     motion = sliding(speed, 0.8 * limit)
     stops = controlled_stops(motion, plan.robot, instants=500)
@@ -51,7 +60,11 @@ def test_one_joint_stops_as_a_brake_does(plan):
 
 
 def least(plan, body, q, dq, ddq, v):
-    """The least s̈ within the limits by bisection on the exact laws, each evaluated at one instant."""
+    """Return the smallest path acceleration s̈ that keeps the limits at one instant.
+
+    It is found by bisection on the exact laws. `q` (4,), `dq` and `ddq` are the joint positions and
+    their derivatives with respect to s. `v` is the path speed.
+    """
 
     def kept(u):
         qd, qdd = dq * v, dq * u + ddq * v**2
@@ -71,7 +84,7 @@ def least(plan, body, q, dq, ddq, v):
         )
 
     low, high = -1e4, 0.0
-    for _ in range(32):  # to 1e4 / 2**32
+    for _ in range(32):  # The final interval has a width of 1e4 / 2**32.
         middle = (low + high) / 2
         low, high = (low, middle) if kept(middle) else (middle, high)
     return high
@@ -80,7 +93,12 @@ def least(plan, body, q, dq, ddq, v):
 @pytest.mark.parametrize("weak", [False, True])
 @pytest.mark.slow
 def test_a_stop_is_the_quickest_that_bisection_finds(plan, weak):
-    """Small steps in time with the exact law at each; with weak motors torque binds too."""
+    """A stop takes as long as a simulation in small time steps that always brakes as hard as
+    possible.
+
+    The reference is the bisection on the exact laws. With weak motors, torque limits are active
+    too.
+    """
     if weak:
         joints = tuple(
             replace(
@@ -112,7 +130,11 @@ def test_a_stop_is_the_quickest_that_bisection_finds(plan, weak):
 
 
 def variant(robot, kind):
-    """The robot with weak motors, with drives that its loads move, or with friction that rises towards low speed."""
+    """Return the robot with weak motors, and with other drives for two of the kinds.
+
+    The loads move the drives of the kind "slippery". The friction of the kind "varying" rises
+    towards low speed.
+    """
 
     def changed(joint):
         if joint.motor is None:
@@ -136,7 +158,11 @@ def variant(robot, kind):
 @pytest.mark.parametrize("ends", [False, True])
 @pytest.mark.parametrize("kind", ["weak", "slippery", "varying"])
 def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind, ends):
-    """At both ends of random intervals at random speeds, or at rest; what cannot be braked at all is left out."""
+    """The bound for an interval equals the result of bisection on the exact laws.
+
+    Intervals and speeds are random. With `ends`, the limits must also hold at rest at both ends.
+    Cases that break a limit without braking are left out.
+    """
     robot, rng = variant(plan.robot, kind), np.random.default_rng(7)
     path = stops_module._StopPath.from_motion(
         plan.motion, robot, np.linspace(0.0, plan.motion.duration, 50)
@@ -153,7 +179,7 @@ def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind
     def kept(u):
         fine = np.ones(400, dtype=bool)
         still = 0.0 * x
-        # the bound takes viscous friction at the speed at which the interval begins
+        # The bound evaluates viscous friction at the speed at which the interval begins.
         last = [(0, still, still), (1, still, still)] if ends else [(1, x + 2 * u * length, x)]
         for end, square, viscous in [(0, x, x), *last]:
             q, dq, ddq = path.q[end, k], path.dq[end, k], path.ddq[end, k]
@@ -173,7 +199,7 @@ def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind
         middle = (low + high) / 2
         inside = kept(middle)
         low, high = np.where(inside, low, middle), np.where(inside, middle, high)
-    with np.errstate(all="ignore"):  # where a bound is none
+    with np.errstate(all="ignore"):  # some intervals have no bound
         found = bounds.smallest_acceleration(k, x, ends=ends)
     assert possible.sum() > 50
     assert found[possible] == pytest.approx(high[possible], rel=1e-6, abs=1e-6)
@@ -217,7 +243,11 @@ def test_a_limit_that_the_motion_breaks_its_stops_break_too(plan):
 
 
 def test_friction_that_depends_on_the_speed_by_nothing_makes_the_same_stops(plan):
-    """Constant friction is bounded by rows of its own, other friction by the law at every speed."""
+    """Friction with a zero dependence on speed gives the same stops as constant friction.
+
+    The program bounds constant friction by separate rows, and other friction by its law at every
+    speed.
+    """
 
     def varying(joint):
         if joint.drive is None:

@@ -1,3 +1,5 @@
+"""Trajectories agree with finite differences and polynomials, and invalid ones are refused."""
+
 from __future__ import annotations
 
 import json
@@ -85,7 +87,11 @@ def test_what_is_no_trajectory_is_refused(breaks: list[float], coefficients: np.
 
 @given(seed=st.integers(0, 1000), c=st.floats(0.0, 1.0))
 def test_a_cubic_is_the_integral_of_its_linear_acceleration(seed: int, c: float) -> None:
-    """Against NumPy's polynomials; the state at the end and the Bernstein coefficient of u̇ are what they say."""
+    """A cubic piece agrees with the integrals of its linear acceleration.
+
+    The reference is NumPy's polynomials. The state at the end, the jerk and the Bernstein
+    coefficients of the velocity agree too.
+    """
     u, v, a0, a1 = np.random.default_rng(seed).normal(size=4)
     h = 0.7
     cubic = CubicPiece(u, v, a0, a1, h)
@@ -131,7 +137,7 @@ def test_samples_are_interpolated(seed: int, orders: int) -> None:
 
 
 def test_positions_alone_give_a_smooth_motion_from_rest_to_rest() -> None:
-    """A cubic through samples of a cubic polynomial that rests at both ends is that polynomial."""
+    """The trajectory through samples of a cubic that rests at both ends is that cubic."""
     t = np.linspace(0.0, 1.0, 8)
     q = np.outer(3 * t**2 - 2 * t**3, [1.0, -2.0, 0.0, 0.01])
     trajectory = Trajectory.from_samples(t, q)

@@ -1,4 +1,7 @@
-"""No law and no table of units stands twice: functions of the same shape are found under whatever names."""
+"""No law and no table of units exists twice in the package.
+
+Two functions with the same operations are found even if their names differ.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,9 @@ import pytest
 from tests.support.paths import PACKAGE
 
 FUNCTION_NODES = 60
-"""Functions with fewer nodes than this are alike by chance."""
+"""Functions with fewer nodes may be alike by chance."""
 ARITHMETIC_NODES = 25
-"""The same for expressions of arithmetic alone, which are laws."""
+"""Arithmetic expressions with fewer nodes may be alike by chance."""
 PREFIXES = {"np", "numpy", "ca", "casadi", "math", "xp"}
 SAME = {
     "fmax": "maximum",
@@ -24,7 +27,7 @@ SAME = {
     "arctan2": "atan2",
     "norm_2": "norm",
 }
-"""What NumPy and CasADi call differently."""
+"""Different names of the same functions in NumPy and CasADi."""
 SCALES = {1e-3, 1e3, 1e-6, 60.0}
 UNITS = {
     "mm",
@@ -45,7 +48,10 @@ UNITS = {
 
 
 class _Shape(ast.NodeTransformer):
-    """A tree without names, types and docstrings: local names numbered as they come, calls by what they do."""
+    """A transformer that removes names, types and docstrings from a syntax tree.
+
+    Local names are replaced by their order of appearance. Called functions keep their names.
+    """
 
     def __init__(self) -> None:
         self.numbers: dict[str, str] = {}
@@ -63,7 +69,7 @@ class _Shape(ast.NodeTransformer):
         return ast.Attribute(self.visit(node.value), name, ast.Load())
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        # a function that is called by its bare name counts by that name
+        # A function that is called without a module keeps its name.
         called = (
             ast.Name(node.func.id, ast.Load())
             if isinstance(node.func, ast.Name)
@@ -94,7 +100,10 @@ class _Shape(ast.NodeTransformer):
 
 
 def shape(node: ast.AST) -> tuple[int, str]:
-    """(nodes, digest) of what a tree does, whatever its names."""
+    """Return the number of nodes and a digest of a tree.
+
+    Trees with the same operations have the same digest, whatever their local names.
+    """
     text = ast.dump(_Shape().visit(pickle.loads(pickle.dumps(node))))
     return text.count("("), hashlib.sha256(text.encode()).hexdigest()
 
@@ -116,7 +125,7 @@ ARITHMETIC = (
 
 
 def laws(nodes: list[ast.AST]) -> list[ast.AST]:
-    """Right-hand sides and results that are arithmetic alone."""
+    """Return the assigned and returned expressions that consist of arithmetic only."""
     values = [
         node.value for node in nodes if isinstance(node, (ast.Return, ast.Assign)) and node.value
     ]
@@ -126,7 +135,9 @@ def laws(nodes: list[ast.AST]) -> list[ast.AST]:
 
 
 def twins(sources: dict[str, str]) -> list[list[str]]:
-    """Places of functions, and of expressions of arithmetic, that do the same."""
+    """Return groups of positions "file:line" of functions or arithmetic expressions that do the
+    same.
+    """
     found: dict[str, list[str]] = defaultdict(list)
     for name, text in sources.items():
         tree = list(ast.walk(ast.parse(text)))
@@ -140,7 +151,7 @@ def twins(sources: dict[str, str]) -> list[list[str]]:
 
 
 def scale_tables(sources: dict[str, str]) -> list[str]:
-    """Tables that give units their factors, or names their units and factors, outside units.py."""
+    """Return the positions of tables outside units.py that contain factors of units."""
     found = []
     for name, text in sources.items():
         for node in ast.walk(ast.parse(text)):

@@ -1,4 +1,4 @@
-"""Quantities: right ones are read, everything else is refused with what is expected."""
+"""Valid quantities are read. All others are refused with a message that says what is expected."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_refuses(value: object, kind: str, parts: tuple[str, ...]) -> None:
 
 @cache
 def pint_registry() -> Any:
-    """Return pint's table of units. Pint is imported here because that takes 2 s."""
+    """Return the unit registry of pint. Pint is imported only on demand, because that takes 2 s."""
     import pint
 
     return pint.UnitRegistry()
