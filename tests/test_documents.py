@@ -172,9 +172,7 @@ FAILING = {
 
 
 def whole_commands() -> list[str]:
-    """Return every command of the documents once, without those that are only the name of a
-    command.
-    """
+    """Return every command of the documents once, without bare names of commands."""
     lines = [
         " ".join(words)
         for page in PAGES
@@ -242,10 +240,10 @@ RUN = {
 def test_a_command_of_the_documents_runs(
     line: str, place: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A command of the documents ends with the expected status in a folder that resembles a
-    checkout.
+    """A command of the documents ends with the expected exit status.
 
-    Commands run in this process. Only one command draws the figures of its plan.
+    Commands run in this process, in a folder that resembles a checkout. Only one command draws the
+    figures of its plan.
     """
     if line != WITH_FIGURES:
         request.getfixturevalue("no_figures")

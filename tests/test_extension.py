@@ -99,8 +99,9 @@ class Commands(NamedTuple):
 
 
 def problem_with_a_rack(folder: Path) -> Path:
-    """Write the shipped problem without gears, with a rack in place of the cable, and return its
-    file.
+    """Write the shipped problem without gears, but with a rack, and return its file.
+
+    The rack replaces the cable of the insertion.
     """
     drive = shipped("drives/direct_drive_capstan.yaml").replace("cable_slide", "rack")
     assert PULLEY in drive

@@ -35,8 +35,9 @@ MAX_POSITIONAL = 5
 VARIADIC = {"tag", "vertcat", "horzcat", "_group"}
 """Functions that take any number of arguments of the same kind."""
 SHAPE = re.compile(r"\((\.\.\.|\w+,|[\w. ×+−/…-]+(, ?[\w. ×+−/…-]*)+)\)|shape|broadcast|\w × \w")
-"""A shape is a tuple such as (n, 4), (samples,) or (..., 3), or it is stated in words such as
-"shape of mu" and "any shape".
+"""A shape is a tuple such as (n, 4), (samples,) or (..., 3).
+
+It can also be stated in words such as "shape of mu" and "any shape".
 """
 ARRAY = re.compile(r"\b(Array|ArrayLike|Indices|NDArray)\b")
 COMMAND = {f"run_{name}" for name in COMMANDS}
@@ -205,9 +206,7 @@ TO_WRAP = {"identification", "planning", "view"}
 
 
 def long_lines(text: str) -> list[int]:
-    """Return the numbers of the lines with more than 100 columns. A combining accent takes no
-    column.
-    """
+    """Return the numbers of the lines above 100 columns. A combining accent takes no column."""
     widths = [sum(not combining(letter) for letter in line) for line in text.splitlines()]
     return [number for number, width in enumerate(widths, 1) if width > 100]
 

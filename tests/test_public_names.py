@@ -192,7 +192,7 @@ OLD_NAMES = [
 @pytest.mark.parametrize(("name", "old", "new"), OLD_NAMES)
 def test_an_old_name_of_an_attribute_still_works_and_warns(name: str, old: str, new: str) -> None:
     owner = getattr(ssm_planner, name)
-    if not hasattr(owner, new):  # Only objects have a field without default.
+    if not hasattr(owner, new):  # The class lacks a field without default.
         owner = object.__new__(owner)
         object.__setattr__(owner, new, "value")
     with pytest.warns(DeprecationWarning, match=f"^{name}.{old} is now {new}$") as caught:

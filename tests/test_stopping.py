@@ -1,6 +1,4 @@
-"""Controlled stops are compared with closed forms, with bisection on the exact laws, and with
-`check`.
-"""
+"""Controlled stops are compared with closed forms, bisection on the exact laws and `check`."""
 
 from __future__ import annotations
 
@@ -93,8 +91,7 @@ def least(plan, body, q, dq, ddq, v):
 @pytest.mark.parametrize("weak", [False, True])
 @pytest.mark.slow
 def test_a_stop_is_the_quickest_that_bisection_finds(plan, weak):
-    """A stop takes as long as a simulation in small time steps that always brakes as hard as
-    possible.
+    """A stop takes as long as a simulation in small steps that brakes as hard as possible.
 
     The reference is the bisection on the exact laws. With weak motors, torque limits are active
     too.

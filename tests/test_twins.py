@@ -135,9 +135,7 @@ def laws(nodes: list[ast.AST]) -> list[ast.AST]:
 
 
 def twins(sources: dict[str, str]) -> list[list[str]]:
-    """Return groups of positions "file:line" of functions or arithmetic expressions that do the
-    same.
-    """
+    """Return groups of functions or arithmetic expressions that do the same, as "file:line"."""
     found: dict[str, list[str]] = defaultdict(list)
     for name, text in sources.items():
         tree = list(ast.walk(ast.parse(text)))

@@ -745,8 +745,9 @@ def test_the_study_names_the_candidate_under_the_pointer(visit: Open, study: Pat
 
 
 def test_nothing_covers_the_tables(visit: Open, report: Path) -> None:
-    """The mechanism stays visible beside the plots, but it never covers the tables or shows through
-    them.
+    """The mechanism stays visible beside the plots, but it never covers the tables.
+
+    It does not show through them either.
     """
     page = visit(report.as_uri(), width=1280, height=900).page
     covered = page.evaluate(

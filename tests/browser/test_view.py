@@ -144,7 +144,7 @@ def test_parts_change_the_plan_and_a_pinned_plan_stays(visit: Open, server: View
     assert opened.said == [] or all("400" in text for text in opened.said)
 
 
-# This function reads the settings from the page, and the text of the verdict that the page shows.
+# This JavaScript function reads the settings and the text of the verdict from the page.
 SHOWN = """() => {
   const stale = document.getElementById("stale").style.visibility !== "hidden";
   const read = (name) => Number(document.getElementById(name).value);
@@ -153,8 +153,8 @@ SHOWN = """() => {
     alpha: read("alpha"), beta: read("beta"), payload: read("payload"), tilt: read("tilt"), low: read("low"),
     parts: Object.fromEntries([...parts].map(({ id, value }) => [id, value])) };
 }"""
-# This function replaces the planner by random answers that come after random delays. The message of
-# a plan repeats the request that it answers.
+# This JavaScript function replaces the planner by random answers that come after random delays.
+# The message of a plan repeats the request that it answers.
 STUB = """() => {
   const rest = window.fetch;
   const jobs = [];
@@ -175,7 +175,7 @@ STUB = """() => {
     return answer({ done: true, steps: [], message, relaxation: null, desk: null, plan: "x" });
   };
 }"""
-# This function performs one random interaction and sends the events that a browser would send.
+# This JavaScript function performs one random interaction and sends the events of a browser.
 ACT = """() => {
   const draw = (list) => list[Math.floor(Math.random() * list.length)];
   const tell = (node, kind) => node.dispatchEvent(new Event(kind, { bubbles: true }));

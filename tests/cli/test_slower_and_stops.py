@@ -1,5 +1,6 @@
-"""The options `check --speed`, `export --speed` and `export --stops` print and write what they
-should.
+"""The options `check --speed`, `export --speed` and `export --stops` are tested.
+
+Exported stops start from the position of the plan, and an export at a lower speed passes its check.
 """
 
 from __future__ import annotations

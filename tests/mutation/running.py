@@ -31,8 +31,7 @@ import pytest
 from tests.mutation.mutations import Mutant, mutants, swap
 
 LONGEST, BUDGET = 6.0, 12.0
-"""CPU time in s that one test may take with its fixtures, and that all tests may take for one
-mutant.
+"""CPU time in s of one test with its fixtures, and of all tests for one mutant.
 
 Tests that take longer kill hardly any further mutants.
 """
@@ -51,9 +50,7 @@ class Room:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result for one mutant. The killer is the test that failed, or None if the mutant
-    survived.
-    """
+    """The result for one mutant. The killer is the failed test, or None for a survivor."""
 
     mutant: Mutant
     killer: str | None

@@ -69,9 +69,7 @@ def table(tmp_path_factory):
 
 
 def test_what_varies_comes_into_the_robot_and_its_bodies_follow():
-    """A varied geometry turns the frame of each body, so that its z axis stays along the joint
-    axis.
-    """
+    """A varied geometry turns each body, so that its z axis stays along the joint axis."""
     of = study()
     design = {"geometry.alpha": "35 deg", "geometry.home_tilt": "-110 deg"}
     ((_, problem),) = candidate_problems(of, design)
@@ -118,10 +116,10 @@ def test_the_weight_on_the_screen_is_that_of_the_robot_built():
 
 
 def test_a_screen_drops_nothing_that_can_be_planned():
-    """Every candidate that a screen rejects after the reach is also infeasible when it is
-    evaluated.
+    """Every candidate that a screen rejects is also infeasible when it is evaluated.
 
-    The motors are weak, so that the static torque decides for some candidates.
+    Candidates that the screen of the reach rejects are left out. The motors are weak, so that the
+    static torque decides for some candidates.
     """
     weak = {
         "nominal_torque": "6 mN*m",

@@ -1,6 +1,4 @@
-"""Figures that a second process draws equal those of this process, whatever happens to that
-process.
-"""
+"""Figures of a second process equal those of this process, whatever happens to the second one."""
 
 from __future__ import annotations
 

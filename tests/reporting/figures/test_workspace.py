@@ -1,5 +1,6 @@
-"""Figures of the workspace show the computed numbers, and the table of tilt ranges can be
-recomputed.
+"""Figures of the workspace show the computed numbers.
+
+The published table of tilt ranges is computed again.
 """
 
 from __future__ import annotations

@@ -31,8 +31,7 @@ GROUPS = 5
 
 
 def check_panels(panels: list[dict[str, Any]], ends: list[float], step: float) -> None:
-    """Check that plots have titles and units, that curves have names, and that limits are only
-    active during the motion.
+    """Check the titles, units and names of plots, and that limits are active in the motion only.
 
     `ends` are the durations of the motions and `step` is a tolerance, both in s.
     """
