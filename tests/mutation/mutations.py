@@ -41,9 +41,9 @@ ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
 NAMES = {"min": "max", "minimum": "maximum", "argmin": "argmax", "floor": "ceil", "any": "all"}
 NAMES |= {other: name for name, other in NAMES.items()}
 SMALL = 1e-3
-"""Numbers below this value are multiplied by 100, and other numbers by 1.25.
+"""Floats of a smaller absolute value are multiplied by 100, and other floats by 1.25.
 
-Such small numbers are tolerances, and a change by a quarter could go unnoticed.
+Such small floats are tolerances, and a change by a quarter could go unnoticed.
 """
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

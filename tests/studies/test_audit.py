@@ -131,7 +131,7 @@ def test_a_false_figure_is_found_in_words(
         )
     table = (folder / "table.csv").read_bytes()
     is_figure = figure is None or (isinstance(figure, (int, float)) and abs(figure) < 1e300)
-    if hashed and is_figure:  # Only an audit can find another number.
+    if hashed and is_figure:  # Only an audit detects a valid, changed number.
         assert not audit_study(folder).passed
         return
     compared = statuses(folder)
