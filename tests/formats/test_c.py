@@ -1,4 +1,4 @@
-"""The C code compiles with strict warnings, and agrees with the package."""
+"""The exported C code compiles with strict warnings and agrees with the Python package."""
 
 from __future__ import annotations
 
@@ -143,7 +143,9 @@ def library(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CD
 
 
 def states(count: int, seed: int) -> Samples:
-    """Return random states. Many joints in them rest."""
+    """Return `count` random states (n, 4). A fifth of the velocities, accelerations and jerks are
+    zero.
+    """
     rng = np.random.default_rng(seed)
     q, qd, qdd, qddd = (
         np.ascontiguousarray(rng.normal(size=(count, 4)) * [1, 1, 1, 0.05]) for _ in range(4)
@@ -162,7 +164,10 @@ def run_all(library: ctypes.CDLL, s: Samples, dtype: type = np.float64) -> tuple
 
 
 def close(found: np.ndarray, expected: np.ndarray) -> None:
-    """Compare relative to the value, or to a thousandth of the largest value where terms cancel."""
+    """Assert that the results agree.
+
+    Errors are relative to the value, or to a thousandth of the largest value where terms cancel.
+    """
     size = np.maximum(np.abs(expected), 1e-3 * np.abs(expected).max(axis=0))
     assert np.max(np.abs(found - expected) / size) <= AGREEMENT
 
@@ -260,9 +265,9 @@ def sampled(
 def test_the_sampler_equals_python(
     which: str, request: pytest.FixtureRequest, robot: Robot, tmp_path: Path
 ) -> None:
-    """The instants are 1e5 random ones and all breaks.
+    """The sampler agrees with Python at 1e5 random instants and at all breaks.
 
-    Before the start and after the end, the robot rests and is held.
+    Before the start and after the end, it returns the nearest end position at rest.
     """
     plan: Plan = request.getfixturevalue(which)
     texts = {**texts_of(robot, plan), "driver.c": SAMPLER}
@@ -288,7 +293,8 @@ def test_the_sampler_equals_python(
 
 
 def test_single_precision(plan: Plan, robot: Robot, tmp_path: Path) -> None:
-    """The error of the inverse dynamics is at most 1e-6 N·m and N in the whole range of the joints.
+    """In single precision, the inverse dynamics errs by at most 1e-6 N·m or N within the joint
+    limits.
 
     The reference is the result in double precision for the same rounded states.
     """
@@ -356,7 +362,7 @@ def test_sanitizers_find_nothing(
 
 
 def test_both_precisions_in_one_program(plan: Plan, tmp_path: Path) -> None:
-    """The names differ, and a call in the wrong precision does not link."""
+    """The two precisions have different names, so a call in the wrong precision does not link."""
     texts = texts_of(plan.robot, plan)
     objects = {}
     for flags, name in (([], "double"), ([SINGLE], "single")):
@@ -413,7 +419,9 @@ def test_names_stay_in_their_comments(name: str, robot: Robot, tmp_path: Path) -
 
 
 def test_motor_torques_are_fast_enough_for_a_control_loop(robot: Robot, tmp_path: Path) -> None:
-    """All motors of the arm take at most 5 µs at -O2, in the best of several runs."""
+    """The code computes the torques of all motors in at most 5 µs at -O2, in the best of several
+    runs.
+    """
     main = """
 #include <stdio.h>
 #include <time.h>

@@ -1,3 +1,7 @@
+"""A CSV export contains the plan in the chosen columns, and CSV files are read back. The references
+are the sampled plan and the equations of the motors.
+"""
+
 from __future__ import annotations
 
 import json
@@ -67,7 +71,10 @@ def test_chosen_columns(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_motor_speeds_beside_positions_alone_are_accepted(plan: Plan, tmp_path: Path) -> None:
-    """Rows without velocities are joined by lines, whose slopes differ from the speeds at the rows."""
+    """Straight lines join rows without velocities.
+
+    Their slopes differ from the motor speeds at the rows, which the reader accepts.
+    """
     for name, groups in (("without", ["q"]), ("with", ["q", "qd"])):
         export(plan, "csv", tmp_path / name, rate=50.0, columns=[*groups, "speed", "torque"])
     reading = read_trajectory(tmp_path / "without", plan.robot)
@@ -154,9 +161,9 @@ def test_the_rate_of_the_table_is_an_option_and_a_long_motion_has_fewer_rows(
 
 
 def test_the_counts_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
-    """There is one file for each driven joint, in whole increments.
+    """The export writes one file of whole increments for each driven joint.
 
-    The last position is held until the next whole period.
+    It holds the last position until the next whole period.
     """
     files, manifest = export(
         plan, "csv", tmp_path, rate=300.0, columns=["counts"], counts_per_turn=4096
@@ -234,7 +241,7 @@ def test_the_last_digit_is_that_of_a_decimal_number(
 def test_the_first_rows_determine_the_rounding(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
 ) -> None:
-    """Digits are counted for each column by itself, in the unit of the column."""
+    """The reader counts the digits of each column separately, in the unit of the column."""
     monkeypatch.setattr(module, "ROUNDING_SAMPLE_ROWS", rows)
     lines = ["time_s,q1_deg,q2_rad,q3_rad,q4_mm", "0,10,0.5,0,-1.5", "1,10.5,0.51,0,-1.5"]
     lines += ["2,10.25,0.5,0,-1.125"]
@@ -290,7 +297,11 @@ def test_columns_and_blocks_of_any_number_give_the_same_rows(
 
 
 def test_a_file_that_was_cut_off_is_refused(robot: Robot, tmp_path: Path) -> None:
-    """The reader needs no column behind the cut, but the last number may lack digits."""
+    """A file whose last row lacks a column is refused, even if the reader does not need that
+    column.
+
+    The last number before the cut may lack digits.
+    """
     path = tmp_path / "t.csv"
     lines = ["time_s,q1_rad,q2_rad,q3_rad,q4_m,note", *(f"{t},0,1,0,0,5" for t in range(3))]
     path.write_text("\n".join(lines), encoding="utf-8")
@@ -321,7 +332,7 @@ def test_a_header_names_at_least_two_columns(
 
 
 def test_a_short_table_has_the_standard_rate(plan: Plan, tmp_path: Path) -> None:
-    """A motion of 100 s has the largest number of rows at 1 kHz, and one more row."""
+    """A motion of up to 100 s has rows at 1 kHz. A longer motion has a lower rate."""
     for duration, rate in ((100.0, 1000.0), (100.1, 100.0), (0.5, 1000.0)):
         motion = plan.motion.slower(plan.motion.duration / duration)
         path = write_csv(tmp_path / "t.csv", motion, plan.robot)

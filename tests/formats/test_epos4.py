@@ -1,3 +1,7 @@
+"""An export for EPOS4 drives reproduces its plan. The references are the sampled plan, the
+equations of the motors, and simulated CANopen drives that receive the exported streams.
+"""
+
 from __future__ import annotations
 
 import csv
@@ -78,7 +82,9 @@ def test_positions_are_the_plan_s_to_half_an_increment(plan: Plan, tmp_path: Pat
 
 
 def test_the_published_scale(plan: Plan, tmp_path: Path) -> None:
-    """78 227.8 increments per rad of joints 1 and 2 and 3 359.58 per mm of joint 4, with 1024-count encoders."""
+    """Encoders of 1024 counts give 78 227.8 increments per rad of joints 1 and 2, and 3 359.58 per
+    mm of joint 4.
+    """
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     scales = [manifest["axes"][name]["increments_per_unit"] for name in DRIVEN]
     assert scales == pytest.approx([78227.8, 78227.8, 3359.58e3], rel=1e-6)
@@ -105,7 +111,9 @@ def test_offsets_are_the_motors_speed_and_torque(plan: Plan, tmp_path: Path) -> 
 
 
 def test_rounding_does_not_add_up(plan: Plan, tmp_path: Path) -> None:
-    """Velocities integrate to the travel, positions are rounded one by one: no drift in either."""
+    """The velocity offsets integrate to the travel of the positions, so rounding errors do not
+    accumulate.
+    """
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     rows = stream(tmp_path, "roll")
     turns = np.trapezoid(rows["velocity_offset_mrpm"] / 60000, rows["time_s"])
@@ -138,7 +146,9 @@ def test_the_direction_of_the_motor(plan: Plan, tmp_path: Path) -> None:
 
 
 def with_encoders(plan: Plan, counts: int | None) -> Plan:
-    """The plan with known encoders at all motors, or without."""
+    """Return the certified plan with the given encoder counts at every motor. None removes the
+    counts.
+    """
     joints = tuple(
         dataclasses.replace(
             joint,
@@ -177,7 +187,9 @@ def test_encoder_counts_from_the_motor_file(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_what_is_not_verified_is_said(plan: Plan, tmp_path: Path) -> None:
-    """Objects whose number, unit or effect was found nowhere are marked where they stand, and why in the manifest."""
+    """The export marks each object whose number, unit or effect is quoted from no source. The
+    manifest lists these objects under `not_verified`.
+    """
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     with (tmp_path / "objects.csv").open(encoding="utf-8", newline="") as file:
         marked = {row["object"] for row in csv.DictReader(file) if row["known"] != "quoted"}
@@ -241,7 +253,7 @@ def test_numbers_that_do_not_fit_their_objects(plan: Plan, tmp_path: Path) -> No
         ExportError,
         match=r"joint roll: torque of .* per mille of rated torque \(INT16\) does not fit",
     ):
-        # no motor with such a nominal torque passes the check
+        # No motor with such a nominal torque passes the check, so the export needs `force`.
         export(
             changed(plan, nominal_torque=1e-6),
             "epos4",
@@ -309,16 +321,16 @@ def test_a_joint_without_drive_is_named(plan: Plan, tmp_path: Path) -> None:
     _, manifest = export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     assert any("joint spin has no drive and no stream" in note for note in manifest["notes"])
     assert any("placeholder" in note for note in manifest["notes"])
-    # The notes on the joints behind it are not left out.
+    # The manifest keeps the notes on the joints after it.
     for name in ("roll", "tilt", "insertion"):
         assert any(f"joint {name}: " in note and "rounding" in note for note in manifest["notes"])
 
 
-# --- played back to simulated drives --------------------------------------------------------------------------------
+# --- Playback to simulated drives ---
 
 
 def map_pdos(node, mapping: dict) -> None:
-    """Map the PDOs of a client's node, and so of its drive, as the manifest says."""
+    """Map the PDOs of a client's node as the manifest describes. This configures the drive, too."""
     for pdos, exported in ((node.rpdo, mapping["receive"]), (node.tpdo, mapping["transmit"])):
         for number, pdo in enumerate(exported, start=1):
             target = pdos[number]
@@ -336,7 +348,10 @@ def map_pdos(node, mapping: dict) -> None:
 
 @contextmanager
 def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple[dict, dict]]:
-    """(drives, clients) of the driven joints on one virtual bus, set up, mapped and homed as the export says."""
+    """Yield the drives and the clients of the driven joints, by joint name, on one virtual bus.
+
+    They are set up, mapped and homed as the export describes.
+    """
     canopen = pytest.importorskip(
         "canopen", reason="the package canopen (extra test) plays the client"
     )
@@ -346,7 +361,7 @@ def bench(folder: Path, channel: str, rated: dict[str, float]) -> Iterator[tuple
 
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     network = canopen.Network()
-    # the host's clock stamps each message, so that a busy machine changes no period
+    # The bus keeps the timestamps of the sender, so a busy machine changes no period.
     network.connect(interface="virtual", channel=channel, preserve_timestamps=True)
     drives, clients = {}, {}
     try:
@@ -391,7 +406,9 @@ COLUMNS = {
 
 
 def play(folder: Path, clients: dict, period: float) -> None:
-    """Send the streams with one SYNC each period. Ends early when a drive goes to fault."""
+    """Send one row of each stream and one SYNC every period (s). Stop early when a drive reports a
+    fault.
+    """
     import can
 
     streams = {joint: stream(folder, joint) for joint in clients}
@@ -412,7 +429,7 @@ def play(folder: Path, clients: dict, period: float) -> None:
 
 
 def settled(condition) -> bool:
-    """Wait for messages under way; a busy machine takes a while."""
+    """Wait at most 20 s for the condition, because messages may be under way. Return its value."""
     end = time.monotonic() + 20
     while time.monotonic() < end and not condition():
         time.sleep(0.005)
@@ -429,14 +446,14 @@ LOOP_PERIOD = 4e-4
 
 
 def told_to_simulation(plan: Plan) -> np.ndarray:
-    """Motor angles (periods, 4) that `simulate` demands of its drives."""
+    """Return the motor angles in rad (periods, 4) that `simulate` demands of its drives."""
     return _Simulation(
         plan, Scenario(), Controller(loop_period=LOOP_PERIOD, counts_per_turn=COUNTS)
     ).commands.demand
 
 
 def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
-    """Drives that canopen's client enables in CSP and streams to receive every set point."""
+    """Drives that the client of canopen enables in CSP mode receive every setpoint."""
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
     with bench(tmp_path, "played", rated_torques(plan.robot)) as (drives, clients):
         assert all(node.state == "OPERATION ENABLED" for node in clients.values())
@@ -456,7 +473,7 @@ def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
             assert np.array_equal(received[:, 1], rows["velocity_offset_mrpm"])
             assert np.array_equal(received[:, 2], rows["torque_offset_permille"])
             assert abs(drives[joint.name].position - exact[-1]) <= 1
-            # at every SYNC the simulated arm's drives are told the same position, within an increment
+            # At every SYNC, `simulate` demands the same position to within an increment.
             told = told_to_simulation(plan)[:: round(0.004 / LOOP_PERIOD), i][:count]
             increments = told * joint.motor_direction * COUNTS / (2 * np.pi)
             assert len(told) >= count - 1
@@ -466,7 +483,7 @@ def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_a_mismatched_period_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
-    """A drive that expects a SYNC each 10 ms and gets one each 4 ms goes to fault."""
+    """A drive that expects a SYNC every 10 ms and gets one every 4 ms goes to fault."""
     from tests.support.simulated_drive import PERIOD_FAULT
 
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=100.0)
@@ -482,7 +499,9 @@ def test_a_mismatched_period_is_refused_and_seen(plan: Plan, tmp_path: Path) -> 
 
 
 def test_a_limit_overrun_is_refused_and_seen(plan: Plan, tmp_path: Path) -> None:
-    """A target beyond the software position limit: fault, and nothing of it is carried out."""
+    """A target beyond the software position limit causes a fault, and the drive does not execute
+    it.
+    """
     from tests.support.simulated_drive import LIMIT_FAULT
 
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS, rate=250.0)
@@ -521,7 +540,9 @@ def test_the_manifest_names_the_stream_of_every_axis(
 def test_only_a_motion_that_ends_moving_has_to_be_continued(
     plan: Plan, robot: Robot, tmp_path: Path, moving: str
 ) -> None:
-    """Its streams end at a setpoint, with the speed that it has there; others end at rest."""
+    """A motion that ends moving is stretched so that it ends at a setpoint, and a note reports its
+    final speeds. A motion that ends at rest gets no such note.
+    """
     whole = plan.motion
     half = len(whole.breaks) // 3
     rows = slice(None, half) if moving == "ends" else slice(half, None)
@@ -546,7 +567,7 @@ def test_only_a_motion_that_ends_moving_has_to_be_continued(
 
 
 def test_a_plan_that_ends_between_setpoints(robot: Robot, tmp_path: Path) -> None:
-    """The last setpoint is the target, a whole period after the last one before the end."""
+    """The last setpoint equals the target and lies at or after the end of the plan."""
     plan = read_back(
         tmp_path / "plan.json", robot, trapezoids(robot, (np.array([0.0001, 0.0, 0.0, 0.0]),))
     )
@@ -620,7 +641,7 @@ def test_a_joint_without_drive_that_does_not_move_needs_no_note(
 @pytest.mark.parametrize("error", [-1e-13, 0.0, 1e-13])
 @pytest.mark.parametrize("period", [1, 4, 100])
 def test_a_duration_of_whole_periods_needs_one_setpoint_more(error: float, period: int) -> None:
-    """Rounding of the duration adds no setpoint; a microsecond more does."""
+    """A rounding error of the duration adds no setpoint, but an extra microsecond adds one."""
     rest = np.zeros((1, 6, 4))
     for extra, count in ((0.0, 21), (1e-6, 22)):
         duration = 20 * period * 1e-3 * (1 + error) + extra
@@ -642,7 +663,9 @@ def test_a_duration_of_whole_periods_needs_one_setpoint_more(error: float, perio
 def test_every_column_is_kept_to_the_range_of_its_object(
     robot: Robot, key: str, largest: int, quantity: str
 ) -> None:
-    """Whole numbers up to the largest are written as they are, the next one is refused."""
+    """Whole numbers up to the largest of an object are written unchanged. The next number is
+    refused.
+    """
     axis = drive_axes(robot, COUNTS)["roll"]
     unit = {
         "q": 1 / axis.increments_per_unit,
@@ -666,7 +689,7 @@ def test_offsets_are_read_in_the_units_in_which_they_are_written(robot: Robot) -
     assert joint.motor is not None
     offsets = _joint_offsets(
         joint, np.array([60_000.0]), np.array([1000.0])
-    )  # 1 turn/s, rated torque
+    )  # 1 turn/s and the rated torque
     assert offsets.velocity == pytest.approx([-2 * np.pi / joint.drive.ratio])
     assert offsets.torque == pytest.approx([-joint.motor.nominal_torque])
     assert offsets.velocity_rounding == pytest.approx(np.pi / joint.drive.ratio / 60_000)
@@ -725,7 +748,9 @@ def test_a_table_of_two_rows_is_read(tmp_path: Path) -> None:
 
 
 def test_setpoints_that_the_check_would_reject_are_not_exported(plan: Plan, tmp_path: Path) -> None:
-    """One increment per turn moves the gravity load by more than the motor law allows."""
+    """With one increment per turn, rounding of the positions changes the gravity load by more than
+    the check allows.
+    """
     with pytest.raises(
         ExportError, match=r"would reject the setpoints, which exceed the torque offset limit of"
     ):

@@ -1,4 +1,6 @@
-"""Common properties of all exports: the certificate, the manifest, and complete files or none."""
+"""All exports share these properties. The manifest describes every file, only plans that pass the
+check are exported as verified, and a failed export leaves no partial files.
+"""
 
 from __future__ import annotations
 
@@ -103,7 +105,9 @@ def test_stops_that_cannot_be_exported(plan: Plan, tmp_path: Path, to: str, stop
 def test_a_slower_export_is_the_slower_motion_with_a_certificate_of_its_own(
     plan: Plan, bad_plan: Plan, robot: Robot, tmp_path: Path, force: bool
 ) -> None:
-    """The slower motion of a plan that exceeds its limits by 1 % passes, but is not verified."""
+    """The slower motion of a plan that exceeds its limits by 1 % passes the check, but its export
+    is still not verified.
+    """
     source = bad_plan if force else plan
     _, manifest = export(source, "csv", tmp_path, force=force, speed=0.5)
     assert manifest["speed"] == 0.5
@@ -247,11 +251,12 @@ def test_round_trip(
         for limit in found.limits:
             if limit.name.endswith("jump") or (to == "epos4" and limit.name == "acceleration"):
                 continue
-            if to == "epos4" and limit.name == "motor torque":  # the upper end of a band
+            if to == "epos4" and limit.name == "motor torque":  # The check judges the upper end of a band.
                 assert limit.margin <= original[limit.name, limit.joint]
                 continue
             compared += 1
-            # counts: half an increment in position, one increment a millisecond in speed; else 1e-4
+            # Increments round positions by half an increment and speeds by one increment per
+            # millisecond.
             allowed = 0.012 if to == "epos4" else 1e-4
             assert limit.margin == pytest.approx(original[limit.name, limit.joint], abs=allowed)
         assert compared >= (12 if to == "epos4" else 20)
@@ -310,7 +315,7 @@ def test_an_interruption_midway_leaves_nothing(
 
         return wrapped
 
-    # This is after the first of several files, or during the check of a single file.
+    # The interruption comes after the first of several files, or during the check of a single file.
     place, count = {
         "csv": ("_interpolation_notes", 0),
         "epos4": ("table_text", 2),
@@ -325,7 +330,7 @@ def test_an_interruption_midway_leaves_nothing(
 
 
 def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
-    """A real interruption stops the real program while it writes.
+    """SIGINT stops the command while it writes.
 
     The result is a message, the exit status 130 and no file.
     """
@@ -449,10 +454,13 @@ def test_one_stop_can_be_exported(plan: Plan, tmp_path: Path) -> None:
 def test_stops_of_a_healthy_folder_are_accepted(
     plan: Plan, tmp_path: Path, to: str, options: dict[str, Any], count: int
 ) -> None:
-    """The stops of a table of positions alone are played, and their limits are checked as well."""
+    """The check accepts the stops of an unchanged export. It evaluates their limits if the table
+    contains only positions.
+    """
     export(plan, to, tmp_path, stops=count, **options)
     if "task" in options.get("columns", ()) or options.get("rate") == 1000:
-        return  # no motion without joints; and rows at this rate exceed a limit between them
+        # A table without joints has no motion. Rows at 1000 Hz exceed a limit between them.
+        return
     reading = read_trajectory(tmp_path, plan.robot)
     certificate = reading.check(plan.robot, reading.add_declared_rates(plan.limits))
     assert not certificate.violations

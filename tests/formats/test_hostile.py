@@ -1,6 +1,5 @@
-"""Damaged, hostile and manually changed files lead to one message that names the file.
-
-Nothing is shown as certified.
+"""Damaged, hostile and manually changed files lead to one message that names the file. None of them
+is shown as certified.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""PVT tables: the motion that drives execute between the rows keeps the limits."""
+"""The motion that drives execute between the rows of a PVT table keeps the limits. The reference is
+the cubic of maxon's application note on the interpolated position mode (IPM).
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ ROUNDING = 1e-9
 
 
 def rows(folder: Path, joint: str) -> np.ndarray:
-    """Return (time_ms, position, velocity), (n,) each."""
+    """Return the columns time (ms), position and velocity of a table, (n,) each."""
     return np.loadtxt(folder / f"{joint}.csv", delimiter=",", skiprows=1).T
 
 
@@ -224,7 +226,9 @@ STRETCH = 1.03
 
 @pytest.fixture(scope="module", params=[(13, -2e5), (13, 400.0), (4, -90.0)])
 def fit(request: pytest.FixtureRequest, smooth_plan: Plan) -> tuple[_RowFit, np.ndarray, float]:
-    """Return the program of a stretched table of joint 2, its times, and the increments per rad."""
+    """Return the linear program of a stretched table of joint 2, its times (s), and the increments
+    per rad.
+    """
     count, unit = request.param
     t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, count)
     t[1:3] += [0.01, -0.012]
@@ -234,7 +238,9 @@ def fit(request: pytest.FixtureRequest, smooth_plan: Plan) -> tuple[_RowFit, np.
 def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
     fit: tuple[_RowFit, np.ndarray, float],
 ) -> None:
-    """Each row equals a derivative or a Bernstein coefficient of the cubic, for any p and v."""
+    """Each row equals a derivative or a Bernstein coefficient of the cubic for any positions p and
+    velocities v.
+    """
     made, t, _ = fit
     tau = t[-1] / (len(t) - 1)
     assert made.rate == pytest.approx(1 / tau)
@@ -255,9 +261,9 @@ def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
 def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
     fit: tuple[_RowFit, np.ndarray, float], smooth_plan: Plan
 ) -> None:
-    """The extremes are those of an interval and its neighbours.
+    """The bounds are the extremes of the plan within an interval and its neighbours.
 
-    The last fortieth may be left out.
+    They may omit the last twentieth of that range.
     """
     made, t, unit = fit
     tau, n = t[-1] / (len(t) - 1), len(t) - 1
@@ -319,7 +325,7 @@ def test_a_solution_keeps_fixed_positions_and_the_rows(
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) -> None:
-    """Another form of the program, with d = a − b and a, b ≥ 0, has the same smallest Σ |d|."""
+    """An independent linear program with d = a − b and a, b ≥ 0 has the same smallest Σ |d|."""
     unit = sign * 5e4
     t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, 9)
     made, n = _RowFit(smooth_plan, 1, t, STRETCH, unit), 9
@@ -350,7 +356,11 @@ def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) ->
 def test_a_table_begins_and_ends_where_the_plan_does(
     smooth_plan: Plan, unit: float, is_complete: bool
 ) -> None:
-    """The increments may be too coarse for good rows in between, and the motion may end at speed."""
+    """The first and last rows match the plan.
+
+    This holds also if the increments are too coarse for good rows in between, or if the motion ends
+    moving.
+    """
     motion = smooth_plan.motion
     end = STRETCH * motion.duration
     for t in (np.linspace(0.0, end, 8), np.linspace(0.1, 0.7, 8) * end):
@@ -401,7 +411,9 @@ def test_the_manifest_describes_the_rows(plan: Plan, tmp_path: Path) -> None:
 def test_the_rates_at_moving_ends_are_those_of_the_rounded_rows(
     plan: Plan, robot: Robot, tmp_path: Path, which: str
 ) -> None:
-    """A part of a motion begins or ends at speed. The other end declares no rate."""
+    """The manifest declares the rates of the end at which a part of a motion moves. It declares no
+    rates of the other end.
+    """
     whole = plan.motion
     half = len(whole.breaks) // 3
     rows_, breaks = (

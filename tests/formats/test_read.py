@@ -1,4 +1,6 @@
-"""Trajectory files of other programs: reading, joining, and messages of refusal."""
+"""Trajectory files of other programs are read, or they are refused with a message that names the
+fault. The reference is the smooth trajectory that the files sample.
+"""
 
 from __future__ import annotations
 
@@ -90,9 +92,10 @@ def test_points_are_joined_by_what_is_given(
 
 
 def test_names_and_units_of_others(robot: Robot, tmp_path: Path) -> None:
-    """The tables use millimetres, degrees, milliseconds, brackets and semicolons.
+    """A table in other units, in another order and with another separator gives the same
+    trajectory.
 
-    They have another order and further columns.
+    The reading reports the columns that it does not use.
     """
     rows = rows_of(robot)
     deg, mm = 180 / math.pi, 1e3
@@ -268,7 +271,7 @@ def test_a_motion_from_waypoints_at_rest_is_no_fault_of_its_velocities(robot: Ro
 
 
 def test_straight_pieces_are_judged_by_their_velocity_jumps(robot: Robot) -> None:
-    """A jump that the acceleration limit permits within an interval passes.
+    """A velocity jump that the acceleration limit permits within an interval passes.
 
     A larger jump does not pass.
     """
@@ -312,7 +315,7 @@ def test_rounded_positions_are_not_charged_with_their_rounding(
 def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(
     robot: Robot, tmp_path: Path
 ) -> None:
-    """Rounded points keep limits just above the true speeds, and violate limits below them."""
+    """Rounded points keep limits just above the true speeds and violate limits below them."""
     exact = smooth(robot)
     loose = of_task(tip_speed=1.0, rates=dict.fromkeys(("roll", "tilt", "spin", "depth"), 10.0))
     worst = {limit.name: limit.worst for limit in check(exact, robot, loose).limits}
@@ -463,7 +466,7 @@ def test_text_that_is_no_yaml(robot: Robot, tmp_path: Path) -> None:
 def test_a_long_file_is_judged_from_a_file_like_a_short_one_from_memory(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, columns: int
 ) -> None:
-    """For blocks of any size, the certificate is the same to the bit.
+    """The certificate of a file that is read in blocks equals that of a file in memory to the bit.
 
     The message about a fault deep in the file names the same line.
     """
@@ -489,9 +492,9 @@ def test_a_long_file_is_judged_from_a_file_like_a_short_one_from_memory(
 def test_memory_of_a_long_file_grows_with_its_times_alone(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A row has 104 bytes of numbers, and its piece has 192.
+    """Memory grows by at most four 8-byte numbers per row.
 
-    At most four copies of its time remain in memory.
+    A row itself has 104 bytes of numbers, and its polynomial piece has 192.
     """
     in_blocks(monkeypatch, 2048)
 
@@ -504,7 +507,7 @@ def test_memory_of_a_long_file_grows_with_its_times_alone(
         finally:
             tracemalloc.stop()
 
-    peak(100)  # allocates memory that later calls reuse
+    peak(100)  # The first call allocates memory that later calls reuse.
     assert peak(75_000) - peak(25_000) < 50_000 * 4 * 8
 
 

@@ -1,3 +1,8 @@
+"""A ROS 2 export contains messages that joint_trajectory_controller accepts, and a bag. The
+references are the controller's documented spline, the equations of the drives, and the independent
+reader mcap_ros2.
+"""
+
 from __future__ import annotations
 
 import dataclasses
@@ -39,9 +44,10 @@ def message(path: Path, under: str | None = None) -> dict:
 def controller_spline(
     points: list[dict], t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q, qd, qdd as joint_trajectory_controller interpolates: cubic from velocities, quintic from accelerations.
+    """Return q, qd and qdd (n, 4) at the times t (s) as joint_trajectory_controller interpolates.
 
-    Written out from the controller's documentation, apart from the program's own interpolation.
+    Points with velocities give cubics, and points with accelerations give quintics. The code
+    follows the controller's documentation and is independent of the package.
     """
     times = np.array(
         [p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] * 1e-9 for p in points]
@@ -71,7 +77,7 @@ def controller_spline(
 
 
 def falling(n: int, d: int) -> float:
-    """n (n − 1) … of d factors."""
+    """Return the falling factorial n (n − 1) … with d factors."""
     return float(np.prod([n - i for i in range(d)])) if d else 1.0
 
 
@@ -96,7 +102,7 @@ def test_the_controller_s_own_spline_keeps_the_limits(
 
 
 def test_joint_trajectory_controller_would_accept_it(plan: Plan, tmp_path: Path) -> None:
-    """Its rules, one by one, on the files as written."""
+    """The files satisfy each rule of joint_trajectory_controller."""
     export(plan, "ros2", tmp_path, bag=False)
     for data in (
         message(tmp_path / "joint_trajectory.yaml"),
@@ -145,7 +151,7 @@ def test_rigid_body_efforts_are_written_on_request(plan: Plan, tmp_path: Path) -
 
 
 def test_efforts_are_motor_torques_through_the_drives(plan: Plan, tmp_path: Path) -> None:
-    """Against the law of physics for a worm and a screw, and against `motor_torque`."""
+    """The efforts agree with the equations of a worm and a screw, and with `motor_torque`."""
     efforts, manifest = efforts_of(plan, tmp_path, effort=True)
     s = spline_points(plan, plan.certificate).samples
     rigid = RigidBody.from_robot(plan.robot).inverse_dynamics(s.q, s.qd, s.qdd)
@@ -171,7 +177,7 @@ def test_efforts_are_motor_torques_through_the_drives(plan: Plan, tmp_path: Path
         )
         peak = np.abs(expected).max()
         assert efforts[moving, i] / drive.ratio == pytest.approx(expected, abs=1e-9 * peak)
-        # Before the end, where a joint at rest does not start again.
+        # The end is excluded, because a joint at rest does not start there again.
         assert efforts[:-1, i] == pytest.approx(drive.ratio * torque[:-1, i], rel=1e-12, abs=1e-15)
         compared += int(moving.sum())
     assert compared > len(s.t)
@@ -181,7 +187,9 @@ def test_efforts_are_motor_torques_through_the_drives(plan: Plan, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
 def test_efforts_between_points_are_those_of_the_law(name: str) -> None:
-    """Interpolated efforts are within 1 % of the largest, except where torques jump."""
+    """Interpolated efforts are within 1 % of the largest at 98 % of the instants. They differ more
+    where torques jump.
+    """
     plan = load_plan(RESULTS / name / "plan.json")
     points = spline_points(plan, plan.certificate)
     efforts = np.array(trajectory_message(plan, points, effort=True).effort)
@@ -304,7 +312,7 @@ def test_rates_that_make_no_bag(plan: Plan, tmp_path: Path, rate: float) -> None
 def test_a_spline_that_no_points_mend_is_refused(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If the spline leaves its limits by more than a little slowness mends, nothing is written."""
+    """A spline that exceeds its limits by more than the largest slowdown can correct is refused."""
     monkeypatch.setattr("ssm_planner.formats.spline_points.DIVISIONS", (1,))
     monkeypatch.setattr("ssm_planner.formats.spline_points.LARGEST_SLOWDOWN", 1e-9)
     joints = tuple(
@@ -326,7 +334,10 @@ def test_a_spline_that_no_points_mend_is_refused(
 def test_a_late_subscriber_receives_the_description_of_the_robot(
     plan: Plan, tmp_path: Path
 ) -> None:
-    """Its topic is latched: reliable, transient local, one message. Other topics state no quality."""
+    """The topic of the description is reliable and transient local, with one message.
+
+    The other topics declare no quality of service.
+    """
     export(plan, "ros2", tmp_path, rate=20.0)
     metadata = yaml.safe_load((tmp_path / "bag/metadata.yaml").read_text(encoding="utf-8"))
     topics = {
@@ -355,7 +366,10 @@ def test_a_bag_with_one_motion_needs_no_note(plan: Plan, robot: Robot, tmp_path:
     [(1.0, 10.0, 11), (1.05, 10.0, 12), (0.3, 1000.0, 301), (0.7, 10.0, 8), (0.01, 10.0, 2)],
 )
 def test_states_are_those_of_the_rate_and_the_end(duration: float, rate: float, count: int) -> None:
-    """Whether the duration is a multiple of the period up to rounding, or not."""
+    """States lie at multiples of the period and at the end.
+
+    Rounding errors of the duration do not add or remove a state.
+    """
     for rounding in (-1e-15, 0.0, 1e-15):
         t = state_times(duration + rounding, rate)
         assert len(t) == count
@@ -393,7 +407,9 @@ def test_comments_name_the_plan(plan: Plan, bad_plan: Plan, tmp_path: Path) -> N
 
 
 def test_a_changed_bag_of_an_export_is_refused(plan: Plan, robot: Robot, tmp_path: Path) -> None:
-    """By the manifest above it, which also lists files outside the bag."""
+    """Reading a bag compares its files with the manifest of the export, but not the files outside
+    the bag.
+    """
     export(plan, "ros2", tmp_path, rate=20.0)
     (tmp_path / "goal.yaml").write_text("changed", encoding="utf-8")
     assert read_trajectory(tmp_path / "bag", robot).trajectory.duration > 0

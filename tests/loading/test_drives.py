@@ -1,4 +1,6 @@
-"""Drive files: geometry from any sufficient set, friction, self-locking, rigs."""
+"""Drive files: any sufficient set of dimensions gives the same geometry, and wrong values are
+refused with a message. The references are the equations of worms and screws.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ def test_any_sufficient_set_gives_the_same_worm(worm: float, wheel: float, lead:
         "lead": lead,
         "lead_angle": math.atan(lead / (math.pi * worm)),
     }
-    # dependent triples: the two laws, of three dimensions each
+    # Three dimensions that one equation relates do not determine the worm.
     dependent = ({"ratio", "wheel_diameter", "lead"}, {"worm_diameter", "lead", "lead_angle"})
     for names in itertools.combinations(full, 3):
         given_ = {name: full[name] for name in names}
@@ -252,7 +254,7 @@ def test_contradicting_geometry_names_file_line_and_what_would_fit(files: Any) -
     message = files.rejection(
         WORM, "  thread_angle", "  lead: 2 mm\n  thread_angle", at="  wheel_diameter"
     )
-    # ratio and lead are kept; the wheel that goes with them has 120 · 2 mm / π
+    # Ratio and lead are kept. They require a wheel diameter of 120 · 2 mm / π.
     assert (
         "geometry.wheel_diameter = 30 mm: contradicts the other dimensions, which give 76.394 mm"
         in message
@@ -335,7 +337,7 @@ class TestRigs:
         drive = files.load(RIG)
         assert drive.friction is None
         rig = drive.rig
-        # the weight turns the wheel forwards: the mesh carries its negative
+        # The weight turns the wheel forwards, so the payload torque is negative.
         assert rig.F_payload == pytest.approx(-0.096 * 9.812 * 0.02)
         assert rig.payload_inertia == pytest.approx(0.096 * 0.02**2)
         assert rig.direction == -1

@@ -1,4 +1,6 @@
-"""Keys of the motion list and of what a motion is best at: what they mean, and one message for each mistake."""
+"""Problem files: the keys of motions, objective, durations and rates have the stated meaning. Each
+mistake leads to one message that names the file, the line and the key.
+"""
 
 from __future__ import annotations
 
@@ -425,7 +427,10 @@ PLANNING = {
 def test_through_the_command_line(
     files: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str
 ) -> None:
-    """Status 2, one message on stderr, nothing on stdout, and earlier results as they were."""
+    """The command returns status 2 with one message on stderr and nothing on stdout.
+
+    Earlier results remain unchanged.
+    """
     new, expected = PLANNING[case]
     path = files.edit(NAME, TILT, new)
     if "start_rate" in new:
@@ -479,7 +484,7 @@ def test_a_mistake_found_while_a_path_is_made_names_its_place(
     head = head.replace(START, BEGIN)
     tail = "" if "178" in motion or "10 mm, 0 mm" in motion else tail
     after = "\n  - insert: {to: 12 mm}" if "goes nowhere" not in parts else ""
-    if not tail:  # what the robot itself forbids is refused before
+    if not tail:  # The limits of the robot would refuse the motion earlier.
         robot = (files.root / "robots/vitreoretinal.yaml").read_text(encoding="utf-8")
         files.edit("robots/vitreoretinal.yaml", robot[robot.index("\nlimits:") + 1 :], "")
     (files.root / NAME).write_text(f"{head}motion:\n{motion}{after}\n{tail}", encoding="utf-8")

@@ -1,4 +1,6 @@
-"""Robot files: axes, bodies, joints."""
+"""Robot files: axes, bodies and joints are read, and wrong values are refused with a message. The
+references are the definition of the inertia tensor and the published chains of rotations.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def inertia_of(points: np.ndarray, masses: np.ndarray) -> np.ndarray:
-    """∑ m (|r|² I − r rᵀ) about the origin, the definition."""
+    """Return the inertia tensor ∑ m (|r|² I − r rᵀ) about the origin (3, 3) of point masses."""
     return sum(
         m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, points, strict=True)
     )
@@ -33,7 +35,7 @@ def test_every_cloud_of_masses_is_a_possible_body(seed: int) -> None:
         masses.sum(), masses @ points / masses.sum(), inertia_of(points, masses)
     )
     assert is_possible_inertia(moments)
-    # the same body turned and moved has the same principal moments
+    # The same body has the same principal moments after a rotation and a translation.
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     moved = points @ turn.T + rng.normal(size=3)
     again = principal_moments(
@@ -50,7 +52,8 @@ def test_flipped_products_are_judged_by_their_own_moments(seed: int) -> None:
     inertia = inertia_of(points, masses)
     flipped = 2 * np.diag(np.diag(inertia)) - inertia
     com = masses @ points / masses.sum()
-    # far from the origin the parallel-axis term dominates the products: flipping their sign cannot be physical
+    # Far from the origin, the parallel-axis term dominates the products. Products with the opposite
+    # sign are impossible there.
     assert not is_possible_inertia(principal_moments(masses.sum(), com, flipped))
 
 
@@ -289,7 +292,7 @@ def test_wrong_unit_of_inertia(files: Any) -> None:
 
 
 def name_no_angles(files: Any) -> None:
-    """Angles that the geometry does not give have no names."""
+    """Replace the names of angles by numbers, because the geometry does not give these angles."""
     for name, angle in (
         ("[y alpha]", "[y 30 deg]"),
         ("[y -alpha, x home_tilt,", "[y -30 deg, x -113 deg,"),

@@ -1,4 +1,6 @@
-"""Every public value refuses what cannot be, wherever it comes from: seeded bad edits by replace, and healthy ones."""
+"""Every public value refuses impossible contents and accepts valid contents. Seeded edits by
+`dataclasses.replace` produce both.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ EDITS = 200
 
 
 def values() -> list[Any]:
-    """One of each public type."""
+    """Return at least one value of every public type."""
     robot, problem = load_robot("vitreoretinal"), load_problem("laser_scan")
     rig, motorisation = load_drive("rig3_worm"), load_motorisation("paper")
     driven = robot.joints[0]
@@ -49,7 +51,7 @@ BY_NAME = {type(value).__name__: value for value in VALUES}
 
 
 def bad_contents(value: Any, field: str, rng: np.random.Generator) -> Any:
-    """Something that the field cannot hold, derived from what it holds."""
+    """Return contents that the field cannot hold, derived from its present contents."""
     now = getattr(value, field)
     wrong_types: list[Any] = [True, object(), {1, 2}, b"x", 1j]
     if isinstance(now, bool):
