@@ -1,4 +1,6 @@
-"""Named parameters in one vector: what is packed is unpacked, in NumPy and in CasADi; anything else is refused."""
+"""A layout packs named parameters into one vector and unpacks them in NumPy and in CasADi. Wrong
+names and counts are refused.
+"""
 
 from __future__ import annotations
 

@@ -1,3 +1,5 @@
+"""These fixtures provide the plans that the tests export."""
+
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""The files and the manifest of an export must follow from its motion, even with new hashes."""
+"""The reader refuses files and manifest entries that do not follow from the motion of an export,
+even if their hashes match.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,7 @@ def replaced(name: str, old: str, new: str) -> Change:
 
 
 def scaled(name: str, factor: float) -> Change:
-    """Return a change that multiplies the last column of a table, in whole numbers."""
+    """Return a change that multiplies the last column of a table and rounds the products."""
 
     def change(folder: Path, _: dict[str, Any]) -> None:
         head, *rows = (folder / name).read_text(encoding="utf-8").splitlines()
@@ -242,7 +244,7 @@ def test_a_changed_bag_is_found(exports: Path, tmp_path: Path, plan: Plan, robot
 
 
 def test_explanations_may_change(exports: Path, tmp_path: Path, robot: Robot) -> None:
-    """Texts for people do not affect a drive."""
+    """A change of explanatory texts is accepted, because they do not affect a drive."""
 
     def change(folder: Path, manifest: dict[str, Any]) -> None:
         manifest["notes"] = ["other words"]

@@ -202,7 +202,7 @@ def test_rates_are_allowed_up_to_the_largest(
 def test_the_note_states_the_worst_excess_of_the_rows(
     plan: Plan, robot: Robot, tmp_path: Path
 ) -> None:
-    """Limit, joint, percentage and time equal those of a check of the written file."""
+    """The note states the same limit, joint, percentage and time as a check of the written file."""
     _, manifest = export(plan, "csv", tmp_path, rate=170.0)
     reading = read_csv(tmp_path / "trajectory.csv", robot)
     worst = check(reading.trajectory, robot, plan.limits, interpolation=reading.interpolation).worst

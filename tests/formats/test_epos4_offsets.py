@@ -1,4 +1,7 @@
-"""Offsets of a stream held against its positions: what the motion gives passes, what it cannot give does not."""
+"""The velocity and torque offsets of a stream must agree with its positions. Offsets that the
+motion can have pass, and other offsets do not. The references are the plan and the equations of the
+motors.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,8 @@ DRIVEN = (0, 1, 3)
 
 
 def stream(plan: Plan, t: np.ndarray) -> tuple[np.ndarray, dict[int, Offsets]]:
-    """Positions and the exact offsets of the plan's motors at times t."""
+    """Return positions (n, 4) and exact offsets of the driven joints of a plan at the times t (s).
+    """
     samples, robot = plan.motion.sample(t), plan.robot
     way, away = motion_directions(robot, samples, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
@@ -91,7 +95,11 @@ def test_a_velocity_may_differ_from_the_slopes_beside_it_by_what_the_acceleratio
 
 
 def test_accelerations_near_a_setpoint_are_those_of_the_intervals_around(robot: Robot) -> None:
-    """Two intervals to each side, and a share of the limit by the length of the longest interval."""
+    """The bounds are the extremes of the mean accelerations in two intervals on each side of a
+    setpoint.
+
+    They are widened by a fraction of the limit that is proportional to the longest interval.
+    """
     limit = np.array([joint.acceleration for joint in robot.joints])
     t = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 6.5]) * 1e-3
     mean = np.array([0.1, 0.2, -0.3, 0.4, 0.0, 0.1, -0.2])[:, None] * limit
@@ -111,7 +119,7 @@ def test_accelerations_near_a_setpoint_are_those_of_the_intervals_around(robot: 
 
 
 def test_near_rest_a_motion_may_be_shorter_than_a_period(robot: Robot) -> None:
-    """The acceleration may then have either sign, up to two setpoints away from rest."""
+    """Up to two setpoints away from rest, the bounds are the acceleration limits of both signs."""
     limit = np.array([joint.acceleration for joint in robot.joints])
     t = np.arange(8) * 1e-3
     standing = np.zeros((8, 4), dtype=bool)
@@ -124,7 +132,9 @@ def test_near_rest_a_motion_may_be_shorter_than_a_period(robot: Robot) -> None:
 
 
 def test_a_torque_may_exceed_the_motor_law_by_its_rounding_and_a_thousandth(plan: Plan) -> None:
-    """Of the largest torque of the joint, beyond the range that the accelerations nearby give."""
+    """A torque passes if it leaves the range that the accelerations nearby give by at most twice
+    its rounding and a thousandth of the largest torque of the joint.
+    """
     t = np.linspace(0.0, plan.motion.duration, 200)
     q, offsets = stream(plan, t)
     qd = np.gradient(q, t, axis=0)
@@ -163,7 +173,11 @@ def test_a_torque_offset_within_its_rounding_keeps_the_limit_of_the_motor(plan: 
 def test_a_joint_may_rest_up_to_the_rounding_of_its_offset(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And up to a millionth of its speed limit; a joint without offsets has no rounding."""
+    """A joint counts as resting up to the rounding of its velocity offset plus a millionth of its
+    speed limit.
+
+    A joint without offsets has no rounding.
+    """
     offsets = {1: Offsets(np.zeros(2), np.zeros(2), 0.25, 0.0)}
     largest = np.array(
         [1e-6 * joint.velocity + 0.25 * (i == 1) for i, joint in enumerate(robot.joints)]

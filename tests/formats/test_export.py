@@ -251,7 +251,8 @@ def test_round_trip(
         for limit in found.limits:
             if limit.name.endswith("jump") or (to == "epos4" and limit.name == "acceleration"):
                 continue
-            if to == "epos4" and limit.name == "motor torque":  # The check judges the upper end of a band.
+            # The check judges the upper end of the torque band.
+            if to == "epos4" and limit.name == "motor torque":
                 assert limit.margin <= original[limit.name, limit.joint]
                 continue
             compared += 1

@@ -1,4 +1,6 @@
-"""Messages of a JointTrajectory: writing, reading, and the rules of the controller."""
+"""JointTrajectory messages are written and read, and messages that the controller would reject are
+refused. PyYAML is the independent reader of the written files.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,7 @@ def test_what_is_written_is_what_any_reader_of_yaml_finds(
 
 
 def test_a_goal_is_the_message_below_its_key(tmp_path: Path) -> None:
-    """The lines are indented by two more spaces, and both forms are read as the same motion."""
+    """The message below its key has the same lines, indented by two more spaces."""
     for name, under in (("a", ""), ("b", "trajectory")):
         (tmp_path / f"{name}.yaml").write_text(
             yaml_text(message_of(), ["comment"], under), encoding="utf-8"

@@ -1,4 +1,5 @@
-"""Streams of long motions: their text, and the memory that it takes to write it."""
+"""Long streams are written with bounded memory. The references of their text are NumPy and printf.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +33,9 @@ def test_a_table_in_parts_has_the_text_of_numpy(count: int, forms: tuple[str, st
 
 
 def test_writing_a_table_takes_a_bounded_memory(tmp_path: Path) -> None:
-    """The memory of one part, whatever the length of the motion."""
+    """The memory does not grow with the length of the motion, because the table is written in
+    parts.
+    """
     peaks = []
     for count in (70_000, 210_000):
         columns = {name: np.arange(float(count)) for name in ("time_s", "a", "b")}
@@ -50,7 +53,7 @@ def test_writing_a_table_takes_a_bounded_memory(tmp_path: Path) -> None:
     st.integers(1, 7),
 )
 def test_the_text_of_a_number_is_that_of_printf(values: list[float], form: str, block: int) -> None:
-    """Whole numbers, fractions and negative zeros, in parts of any length."""
+    """The numbers are whole numbers, fractions and negative zeros in blocks of any length."""
     column = np.array(values, dtype=float)
     expected = "a,b\n" + "".join(f"{form % value},{form % value}\n" for value in column)
     with patch("ssm_planner.formats.csv.PIECES_PER_BLOCK", block):

@@ -1,3 +1,7 @@
+"""A plan.json is read back as it was written, and files that are not plans are refused with a
+message.
+"""
+
 from __future__ import annotations
 
 import hashlib
@@ -25,7 +29,7 @@ from tests.support.plans import smooth, write_plan
 def test_a_plan_is_read_as_it_was_written(plan: Plan, robot: Robot) -> None:
     again = load_plan(plan.path)
     assert np.array_equal(again.trajectory.coefficients, plan.trajectory.coefficients)
-    own = robot.ranges["tilt"]  # the narrower range from above
+    own = robot.ranges["tilt"]  # The robot's upper end is narrower.
     assert again.limits.ranges == {"tilt": (-2.42, own[1]), "depth": (0.0, 0.03)}
     assert again.certificate == check(plan.trajectory, robot, plan.limits, seal=True)
     assert again.sha256 == plan.sha256
@@ -232,7 +236,7 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
             document, sha256 = read_json_in_parts(path, 10**9, ("trajectory", "coefficients"))
             return sha256, Trajectory.from_dict(document["trajectory"]).to_dict()
         except (TrajectoryError, KeyError, TypeError):
-            return None  # the last two contents are not plans
+            return None  # The last two errors mean that the content is not a plan.
 
     refused = 0
     for case in range(200):
@@ -251,7 +255,7 @@ def test_a_plan_of_many_pieces_needs_the_memory_of_its_numbers(
 ) -> None:
     """A piece needs 192 bytes, and twice as much while pieces are joined.
 
-    As Python numbers, it would need 770 bytes.
+    Python numbers would need 770 bytes for each piece.
     """
 
     def peak(count: int) -> int:

@@ -1,4 +1,6 @@
-"""Points joined to a trajectory: pieces that follow from the given values, and faults of points."""
+"""Points are joined to a trajectory whose pieces match the given values, and faulty points are
+refused with a message. The references are sines with their exact derivatives.
+"""
 
 from __future__ import annotations
 
@@ -243,14 +245,14 @@ def test_few_points_are_not_compared_with_their_slopes(
 
 @pytest.mark.parametrize("interval", [0, 1, 12, 22, 23])
 def test_every_interval_is_compared(robot: Robot, interval: int) -> None:
-    """A joint that moves in one interval only shows its unit there."""
+    """A joint that moves in a single interval reveals a wrong unit in that interval."""
     q, qd = np.zeros((2, 25, 4))
     q[interval + 1 :, 1] = 0.1
     slope = 0.1 / (T[1] - T[0])
     j = np.arange(25)
     sign = (-1.0) ** np.where(j <= interval, interval - j, j - interval - 1)
     for factor, fault in ((1.0, False), (57.3, True)):
-        # Means that vanish in all intervals but the one.
+        # The mean velocity vanishes in all intervals except one.
         qd[:, 1] = factor * slope * sign
         means = (qd[1:, 1] + qd[:-1, 1]) / 2
         assert np.flatnonzero(np.abs(means) > 1e-12).tolist() == [interval]
@@ -269,7 +271,7 @@ def test_every_interval_is_compared(robot: Robot, interval: int) -> None:
 def test_a_factor_up_to_two_is_no_other_unit(
     robot: Robot, factor: float, fault: str | None
 ) -> None:
-    """The factor applies to both sides, whether the values or the derivatives have another unit."""
+    """A factor is refused whether it scales the positions or the velocities."""
     small = 1e-5 * np.array([1.0, 1.0, 1.0, 0.1])
     q, qd = curves(0) * small, curves(1) * small
     if fault is None:

@@ -82,7 +82,7 @@ def test_points_are_joined_by_what_is_given(
     assert found.verdict == ("not judged" if word == "linear" else "kept")
     exact = margins(check(smooth(robot), robot))
     for (name, joint), margin in margins(found).items():
-        if word == "linear" and name == "motor torque":  # the largest torque of all motions
+        if word == "linear" and name == "motor torque":  # the upper end of a torque band
             assert 0 < margin <= exact[name, joint]
         else:
             assert margin == pytest.approx(exact[name, joint], abs=5e-3)

@@ -74,7 +74,7 @@ def edited(key: str, value: object) -> Callable[[Path], None]:
 
 
 def table_changed(folder: Path) -> None:
-    """Change the table, and update its hash."""
+    """Change the table and update its hash in the manifest."""
     path = folder / "trajectory.csv"
     path.write_text(path.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     edited("files", file_hashes(folder))(folder)

@@ -1,4 +1,6 @@
-"""Points of a plan for controllers: samples of a slower motion at whole ticks, and their notes."""
+"""The points for a controller lie on a slowed plan at whole ticks, and a note states the slowdown.
+The reference is the sampled plan.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +90,7 @@ def test_a_slower_motion_makes_up_for_an_excess_of_its_order(
 
 
 def test_a_tiny_excess_is_made_up_for_too(plan: Plan) -> None:
-    """The factor exceeds the smallest factor by some rounding."""
+    """The factor exceeds the smallest sufficient factor by a margin for rounding."""
     found = plan.certificate.limits[0]
     for excess in (1e-9, 1e-8):
         tiny = replace(found, name="velocity", joint="tilt", margin=-excess)
@@ -154,7 +156,10 @@ def test_smooth_plans_need_no_more_points_than_breaks(smooth_plan: Plan) -> None
 
 
 def test_quintics_through_the_breaks_are_slowed_down_as_they_are(smooth_plan: Plan) -> None:
-    """A limit is slightly tighter than the motion, and a jerk limit excludes cubics."""
+    """A velocity limit slightly below the largest velocity requires a slower motion.
+
+    A jerk limit excludes cubics.
+    """
     worst = max(limit.worst for limit in smooth_plan.certificate.limits if limit.name == "velocity")
     (joint,) = (
         limit.joint

@@ -1,4 +1,4 @@
-"""Column names of tables in the words of many programs: joint, derivative and unit."""
+"""The column names that many programs write are understood as joint, derivative and unit."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UNITS = {"rad": 1.0, "deg": math.pi / 180, "m": 1.0, "mm": 1e-3}
 
 
 def complete(order: int) -> list[str]:
-    """Return the column names of a table up to a derivative."""
+    """Return the column names of a table with derivatives up to an order."""
     names = ["time_s"]
     for k in range(order + 1):
         names += [f"{name} [{'m' if i == 3 else 'rad'}{PER[k]}]" for i, name in enumerate(NAMES)]

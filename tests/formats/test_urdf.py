@@ -1,3 +1,7 @@
+"""A URDF export carries the masses, kinematics, dynamics and limits of the robot. The independent
+references are the readers Pinocchio, MuJoCo, PyBullet and yourdfpy.
+"""
+
 from __future__ import annotations
 
 import dataclasses
@@ -128,7 +132,7 @@ def mujoco(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     whole = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # The tool remains a separate body.
     model = mj.MjModel.from_xml_string(path.read_text(encoding="utf-8").replace("</robot>", whole))
     model.opt.gravity[:] = robot.gravity
-    model.opt.disableflags |= mj.mjtDisableBit.mjDSBL_CONSTRAINT  # limits and contacts
+    model.opt.disableflags |= mj.mjtDisableBit.mjDSBL_CONSTRAINT  # without limits and contacts
     data, tool = mj.MjData(model), model.body("tool").id
 
     def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -152,7 +156,8 @@ def pybullet(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     def evaluate(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, ...]:
         for k in range(4):
             bullet.resetJointState(body, k, q[k], qd[k], client)
-        # of the centre of mass, which is the tool's origin: that of the frame comes in single precision
+        # This is the pose of the centre of mass, which is the origin of the tool. PyBullet returns
+        # the pose of the frame in single precision.
         place, turn, *_ = bullet.getLinkState(body, links.index("tool"), 0, True, client)
         torque = bullet.calculateInverseDynamics(
             body, q.tolist(), qd.tolist(), qdd.tolist(), physicsClientId=client
@@ -206,7 +211,9 @@ def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
 
 
 def test_rpy_is_accurate_next_to_its_singularity() -> None:
-    """The pitch is ±90°, as in the first frame of the shipped robot, or at any distance from it."""
+    """The pitch is ±90°, as in the first frame of the shipped robot, or differs from 90° by 1e-17
+    to 1 rad.
+    """
     for pitch in (
         0.0,
         np.pi / 2,

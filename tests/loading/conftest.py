@@ -1,4 +1,4 @@
-"""A copy of the shipped files that a test may spoil."""
+"""The fixture `files` provides a copy of the shipped files that a test may change."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LOADERS = {"robots": load_robot, "drives": load_drive, "motors": load_motor}
 
 @dataclass
 class Files:
-    """Edits files of the copy and loads them."""
+    """Edit and load files of the copy."""
 
     root: Path
 
@@ -30,7 +30,7 @@ class Files:
         return path
 
     def without_eye(self, name: str) -> None:
-        """Remove the eye, which stands before the objective."""
+        """Remove the eye of a problem, which precedes the objective."""
         path = self.root / name
         text = path.read_text(encoding="utf-8")
         start, end = text.index("eye:"), text.index("objective:")
@@ -41,7 +41,10 @@ class Files:
         return LOADERS.get(folder, load_problem)(self.root / name)
 
     def rejection(self, name: str, old: str, new: str, at: str | None = None) -> str:
-        """The message of the error that the edit causes; it points at the edited line, or at the first line with at."""
+        """Return the message of the error that an edit causes.
+
+        The message must name the edited line, or the first line that contains `at`.
+        """
         before = (self.root / name).read_text(encoding="utf-8")
         path = self.edit(name, old, new)
         with pytest.raises(ProblemError) as caught:

@@ -1,4 +1,6 @@
-"""The eye and the limits on rates in a problem file, and both through plan.json."""
+"""The eye and the limits on rates are read from a problem file and survive plan.json. Wrong values
+are refused with a message.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,7 @@ SPEEDS = """
 
 @pytest.fixture(autouse=True)
 def without_eye(files: Any) -> None:
-    """The tests begin without an eye."""
+    """Remove the eye from the problem before each test."""
     files.without_eye(NAME)
 
 

@@ -1,4 +1,6 @@
-"""Shipped robots, drives, motors and problems are found by name: from anywhere, and in an installed wheel."""
+"""Shipped robots, drives, motors and problems are found by name from any folder and in an installed
+wheel.
+"""
 
 from __future__ import annotations
 

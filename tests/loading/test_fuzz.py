@@ -1,4 +1,6 @@
-"""Whatever a file says, loading it succeeds or raises an error of this program."""
+"""Loading a changed file either succeeds or raises an error of this package that names the file.
+Hypothesis draws the changes.
+"""
 
 from __future__ import annotations
 
@@ -85,6 +87,7 @@ PIECES = st.sampled_from(YAML + WORDS + ODD)
 
 @st.composite
 def mutated(draw: st.DrawFn) -> tuple[str, str]:
+    """Draw the name of a shipped file and its text after one to four random edits."""
     name = draw(st.sampled_from(FILES))
     text = (SHIPPED / name).read_text(encoding="utf-8")
     for _ in range(draw(st.integers(1, 4))):
@@ -118,7 +121,7 @@ def test_mutated_files_load_or_are_refused(folder: Path, case: tuple[str, str]) 
 
 
 def outcome(folder: Path, name: str) -> str | None:
-    """None, or the message of the refusal; any other exception passes."""
+    """Return the message of the refusal, or None if the file loads. Other exceptions propagate."""
     try:
         if "rig" in name:
             load_drive(folder / name)
@@ -131,7 +134,9 @@ def outcome(folder: Path, name: str) -> str | None:
 
 @st.composite
 def swapped(draw: st.DrawFn) -> tuple[str, str]:
-    """A file in which one value is replaced by another kind of value."""
+    """Draw the name of a shipped file and its text with one value replaced by another kind of
+    value.
+    """
     name = draw(st.sampled_from(FILES))
     lines = (SHIPPED / name).read_text(encoding="utf-8").splitlines()
     candidates = [

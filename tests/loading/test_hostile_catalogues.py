@@ -1,4 +1,6 @@
-"""Catalogues that spreadsheets write are read, and inconsistent or hostile ones are refused with file and line."""
+"""Catalogues that spreadsheets write are read. Inconsistent or hostile catalogues are refused with
+file and line.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ SMALL = "".join(line + "\n" for line in MOTORS.read_text(encoding="utf-8").split
 
 
 def with_commas(text: str, separator: str, texts: tuple[str, ...] = ("name", "source")) -> str:
-    """The table as a spreadsheet with decimal commas writes it."""
+    """Return the table as a spreadsheet with decimal commas writes it."""
     headings, *rows = csv.reader(io.StringIO(text))
     changed = [
         [

@@ -1,4 +1,6 @@
-"""What a problem file says in short means what it says at length."""
+"""Short forms in a problem file, such as names of points, repetitions and included files, give the
+same problem as the long forms.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,7 @@ def test_the_robot_of_one_problem() -> None:
     assert other.joints[0].jerk == pytest.approx(np.radians(4000))
     assert other.joints[1].velocity == pytest.approx(plain.joints[1].velocity / 2)
     assert other.joints[3].acceleration == pytest.approx(0.08)
-    # turned by 90° about x, the base's y points up
+    # After a rotation by 90° about x, the y axis of the base points up.
     assert other.gravity == pytest.approx([0.0, plain.gravity[2], 0.0])
     assert other.bodies[3].mass == pytest.approx(plain.bodies[3].mass + 0.02)
     assert other.bodies[3].mass * other.bodies[3].com == pytest.approx(

@@ -29,7 +29,7 @@ D = math.radians
 
 @pytest.fixture(autouse=True)
 def without_eye(files: Any) -> None:
-    """The tests begin without an eye."""
+    """Remove the eye from the problem before each test."""
     files.without_eye(NAME)
 
 

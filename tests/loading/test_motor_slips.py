@@ -1,4 +1,6 @@
-"""A wrong unit or a figure of another motor is seen by physics, for every motor of the shipped catalogue and files."""
+"""A motor with a wrong unit or with a value of another motor contradicts physical relations and is
+refused. The tests change every motor of the shipped catalogue.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,7 @@ def written(file: Path, rows: list[list[str]], separator: str = ",") -> Path:
 
 
 def fault_of(file: Path) -> ProblemError | None:
-    """The error that reading a catalogue raises."""
+    """Return the error that reading a catalogue raises, or None."""
     try:
         read_motors(file)
     except ProblemError as error:
@@ -60,7 +62,7 @@ def scaled(cell: str, factor: float) -> str:
 
 @pytest.mark.parametrize("column", SLIPS)
 def test_a_wrong_unit_is_refused_in_every_row(tmp_path: Path, column: str) -> None:
-    """The fault is told with file, line, key and value, whichever of the related figures it names."""
+    """The message names the file, the line, the key and the allowed values."""
     k = HEADINGS.index(column)
     accepted = []
     for motor in MOTORS:
@@ -79,7 +81,7 @@ def test_a_wrong_unit_is_refused_in_every_row(tmp_path: Path, column: str) -> No
 
 
 def test_figures_of_two_motors_in_one_row_are_refused(tmp_path: Path) -> None:
-    """Electrical figures of another motor contradict the others wherever they differ by more than a fifth."""
+    """Electrical values of another motor are refused if they differ by more than about a fifth."""
     kinds = {"torque_constant": "torque_constant", "terminal_resistance": "resistance"}
     for one, other in zip(MOTORS, MOTORS[7:] + MOTORS[:7], strict=True):
         for name, kind in kinds.items():
@@ -135,6 +137,9 @@ def test_each_figure_agrees_with_the_others(
 
 
 def test_a_stated_mechanical_time_constant_permits_an_unusual_rotor(tmp_path: Path) -> None:
-    """A slow motor is no slip if its datasheet says so: J·R/k² is then compared and not bounded."""
+    """A datasheet may state the large mechanical time constant of a slow motor.
+
+    The product J·R/k² is then compared with it and not with a general bound.
+    """
     unusual = {"rotor_inertia": "13 g*cm^2", "mechanical_time_constant": "147 ms"}
     assert load_motor(motor_file(tmp_path, **unusual)).rotor_inertia == pytest.approx(13e-7)

@@ -1,4 +1,6 @@
-"""Motor files: figures, sources, placeholders, contradictions."""
+"""Motor files: values, sources and placeholders are read. Contradictory values are refused with a
+message that names the line.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,7 @@ EC13 = "motors/maxon_ec_13_6w.yaml"
     ],
 )
 def test_bad_motors(files: Any, file: str, old: str, new: str, parts: tuple[str, ...]) -> None:
-    # faults of one figure against another are told of the figure as a whole
+    # The message on two contradictory values names the first line of an entry.
     whole = {
         "max_torque": "max_torque:",
         "speed_constant": "speed_constant:",
@@ -87,7 +89,7 @@ def test_every_fault_of_a_file_is_listed(files: Any) -> None:
     message = files.rejection(EC13, "max_speed: 50000 rpm", "max_sped: 1 rpm", at="max_sped")
     assert (
         "did you mean 'max_speed'?" in message
-    )  # an unknown key comes alone: the others may follow from it
+    )  # Unknown keys are reported alone, because other faults may follow from them.
     files.edit(EC13, "max_sped: 1 rpm", "max_speed: 1")
     message = files.rejection(
         EC13, "torque_constant: 8.03 mN*m/A", "torque_constant: 8", at="nominal_voltage"

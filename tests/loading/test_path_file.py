@@ -1,4 +1,6 @@
-"""Curves in a problem's motion list: tables of points, lines, arcs and splines, and one message for each mistake."""
+"""Curves of a motion list are tables of points, lines, arcs and splines. Each mistake in them leads
+to one message that names the file and the line.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Problem files: start, motion list, limits."""
+"""Problem files: start, motion list and limits are read, and each mistake leads to a message that
+names the line and the key.
+"""
 
 from __future__ import annotations
 

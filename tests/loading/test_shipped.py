@@ -1,4 +1,6 @@
-"""The shipped files say what their sources say, load quickly, and fit the published schema."""
+"""The shipped files contain the values of their sources, load without heavy libraries and fit the
+published schema. The reference for the robot is the paper.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +23,10 @@ KEYS = cache(file_keys)
 @pytest.mark.parametrize("path", sorted(SHIPPED.glob("drives/*.yaml")), ids=lambda path: path.stem)
 def test_drives(path: Path) -> None:
     drive = load_drive(path)
-    if not drive.threaded:  # tests/dynamics/test_efficiencies.py
+    if not drive.threaded:  # tests/dynamics/test_efficiencies.py tests them
         assert drive.sources
         return
-    # without friction a drive passes power unchanged: γ · tan λ · ratio = 1
+    # Without friction, a drive transmits the whole power, so γ · tan λ · ratio = 1.
     assert drive.gamma * math.tan(drive.lead_angle) * drive.ratio == pytest.approx(1, rel=1e-12)
     assert set(drive.sources) >= {"input_inertia", "output_inertia", "thread_angle"}
     if drive.friction is not None:
@@ -101,7 +103,7 @@ def test_every_key_of_the_shipped_files_is_listed() -> None:
         "value",
         "source",
         "placeholder",
-    }  # of figures and of identifications
+    }  # keys of values and of identification results
     for kind, folder in folders.items():
         listed = {part.removesuffix("[]") for key in KEYS(kind) for part in key.path.split(".")}
         for path in (SHIPPED / folder).glob("*.yaml"):

@@ -1,4 +1,6 @@
-"""Tables of any separator mean the same, and decimal commas are refused with line and column."""
+"""A table has the same contents with any separator. Decimal commas are refused with line and
+column.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ CELL = st.text(st.characters(codec="ascii", categories=("L", "N", "P", "S", "Zs"
 
 
 def rewritten(text: str, separator: str) -> str:
-    """The same table with another separator, as a spreadsheet writes it."""
+    """Return the table with another separator and a byte order mark, as a spreadsheet writes it."""
     out = io.StringIO()
     csv.writer(out, delimiter=separator).writerows(csv.reader(io.StringIO(text)))
     return "\ufeff" + out.getvalue()

@@ -1,4 +1,6 @@
-"""Reading YAML: plain data with lines, one clear error for everything else."""
+"""Reading YAML gives plain data with line numbers. Any other content leads to one error that names
+the file and the line.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The compiled part: made whole, of the sources as they are, or absent without a word."""
+"""The compiled library matches the current sources, and all its variants give the same bits.
+Without a working compiler, the package has no library and raises no error.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,10 @@ needs_compiler = pytest.mark.skipif(not COMPILED, reason="no C compiler here")
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    """A checkout of the sources alone, of which one library is made without optimisation."""
+    """Return a folder with copies of the C sources, `library.py` and `.native_build.py`.
+
+    The copies compile only the portable variant, without optimisation, to save time.
+    """
     folder = tmp_path / "ssm_planner/native"
     folder.mkdir(parents=True)
     for source in [*library.FOLDER.glob("*.c"), *library.FOLDER.glob("*.h")]:
@@ -34,12 +39,12 @@ def checkout(tmp_path: Path) -> Path:
 
 
 def builder(checkout: Path) -> SimpleNamespace:
-    """The functions of a checkout that compile."""
+    """Return the functions of `.native_build.py` in a checkout."""
     return SimpleNamespace(**runpy.run_path(str(checkout / ".native_build.py")))
 
 
 def loader(checkout: Path) -> SimpleNamespace:
-    """The functions of a checkout that load, without a memory of what they loaded before."""
+    """Return the functions of `library.py` in a checkout, with an empty cache."""
     return SimpleNamespace(**runpy.run_path(str(checkout / "ssm_planner/native/library.py")))
 
 
@@ -53,12 +58,13 @@ def test_of_the_sources_as_they_are(checkout: Path) -> None:
     assert sorted(folder.glob("libraries/*")) == sorted(made)
     times = [path.stat().st_mtime_ns for path in made]
     assert builder(checkout).build() == made
-    assert [path.stat().st_mtime_ns for path in made] == times  # they are of these sources already
+    assert [path.stat().st_mtime_ns for path in made] == times  # nothing was compiled again
     assert loader(checkout).load() is not None
     with (folder / "reachability.c").open("a") as file:
         file.write("/* another law */\n")
     assert loader(checkout).load() is None
-    made[0].with_stem("other").write_bytes(loader(checkout).key().encode())  # of another system
+    # A file that contains the key but cannot be loaded counts as missing.
+    made[0].with_stem("other").write_bytes(loader(checkout).key().encode())
     assert not builder(checkout)._is_made("other")
 
 
@@ -94,7 +100,7 @@ def test_the_compiler_may_have_options(checkout: Path, monkeypatch: pytest.Monke
 def test_a_wheel_is_of_the_system_that_is_named(
     checkout: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Only x86-64 has a variant for AVX2."""
+    """A build for another processor than x86-64 has no variant for AVX2."""
     monkeypatch.setenv("_PYTHON_HOST_PLATFORM", "manylinux_2_28_aarch64")
     shutil.copy(library.FOLDER / "library.py", checkout / "ssm_planner/native")
     asked: list[str] = []
@@ -107,7 +113,10 @@ def test_a_wheel_is_of_the_system_that_is_named(
 
 @needs_compiler
 def test_the_tests_run_with_it() -> None:
-    """Installed by `make test`, or made by hand: python .native_build.py."""
+    """The tests load the library of the current sources.
+
+    `make test` installs it, and `python .native_build.py` compiles it.
+    """
     if not library.path_of("portable").exists():
         pytest.skip("installed without the compiled part")
     assert library.load() is not None

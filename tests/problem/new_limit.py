@@ -1,4 +1,6 @@
-"""A limit on the angular speed of the tool's axis, written in its two places of code, then planned, checked and reported."""
+"""Define a limit on the angular speed of the tool's axis in two places of code. Plan with the limit
+and print the results as JSON.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +17,21 @@ from ssm_planner.problem.limits import SpeedLimit
 
 @dataclasses.dataclass(frozen=True)
 class AxisSpeed(SpeedLimit):
-    """Of the direction in which the tool points."""
+    """Limit the angular speed of the direction in which the tool points."""
 
     name = "axis speed"
     field = "axis_speed"
     unit = "rad/s"
 
 
-# before the planner is imported, as it would stand in kinematics/forward.py
+# The entry precedes the import of the planner, because it would belong to kinematics/forward.py.
 SPEED_JACOBIANS[AxisSpeed] = lambda mechanism, q: casadi.jacobian(
     forward_symbolic(mechanism, q)[0][:, 2], q
 )
 
 
 def main(problem_file: str, kind: str, largest: float, folder: str) -> None:
-    """Plan with the limit, read the plan back, write its page; print what came of it as JSON."""
+    """Plan with the limit, read the plan back, write its report, and print the results as JSON."""
     import ssm_planner
     from ssm_planner.plans import load_plan
     from ssm_planner.problem.motion import Free, Straight

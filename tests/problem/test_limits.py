@@ -1,4 +1,6 @@
-"""Laws of limits: what tightening and relaxing allow, how a limit enters a problem, what it refuses, how it reads."""
+"""A tightened limit never allows more, and a relaxed limit never allows less. A limit that is set
+on a problem replaces its counterpart only, and impossible limits are refused.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +84,7 @@ def test_tightened_never_allows_what_the_limit_forbids(
     for value in (*others, stricter.low, stricter.high):
         if stricter.contains(value) and math.isfinite(value):
             assert limit.contains(value)
-    # of what exceeds the limit by as much again, nothing is left
+    # The stricter limit also excludes the bound of the original limit.
     assert not stricter.contains(limit.bound(worst))
 
 
@@ -133,7 +135,7 @@ def test_a_limit_put_on_a_problem_replaces_its_own_and_no_other(
         after = {each.key: each for each in moved.on(problem).all_limits}
         assert after == {**before, limit.key: after[limit.key]}
         low, high = moved.low, moved.high
-        if limit.name == "depth range":  # joint 4 goes no further
+        if limit.name == "depth range":  # The travel of joint 4 bounds the depth.
             low, high = max(low, problem.robot.travel[0]), min(high, problem.robot.travel[1])
         assert (after[limit.key].low, after[limit.key].high) == pytest.approx((low, high))
 
@@ -174,7 +176,7 @@ def test_a_duration_finds_its_motion(tilt_insert: Problem) -> None:
     assert Duration(4.0).relaxed(6.0).on(whole).duration == 6.0
     assert (
         Duration(3.0, motion[0].name).relaxed(6.0).on(whole).duration == 6.0
-    )  # its share of that of all
+    )  # the motion has a share of the total duration
     both = Duration(2.0, motion[0].name).relaxed(5.0).on(dataclasses.replace(timed, duration=4.0))
     assert (both.duration, [m.duration for m in both.motion]) == (
         4.0,
@@ -308,7 +310,10 @@ def test_names_are_those_of_results() -> None:
 def test_a_new_limit_on_a_speed_of_the_tool_takes_two_places_of_code(
     kind: str, tmp_path: Path
 ) -> None:
-    """new_limit.py defines one: it is planned, checked, written, read back, drawn, tightened and put into words."""
+    """new_limit.py defines such a limit in two places.
+
+    The limit is planned, checked, written, read back, drawn, tightened and described.
+    """
     script, problem = Path(__file__).parent / "new_limit.py", ROOT / "problems/tilt_insert.yaml"
     command = [sys.executable, str(script), str(problem), kind, "0.3", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)

@@ -1,4 +1,4 @@
-"""Problems written in Python, as a mapping, and as text are the same values."""
+"""A problem has the same values whether it is written in Python, as a mapping or as text."""
 
 from __future__ import annotations
 

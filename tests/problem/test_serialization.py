@@ -1,3 +1,5 @@
+"""A robot survives its JSON form bit for bit, and a fault of the JSON data is named by its key."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -15,7 +17,7 @@ from tests.support.paths import ROOT
 
 
 def same(a: object, b: object) -> None:
-    """Equal in type, structure and every bit."""
+    """Assert that two values are equal in type, structure and every bit."""
     if dataclasses.is_dataclass(a):
         assert type(a) is type(b)
         for field in dataclasses.fields(a):

@@ -244,7 +244,7 @@ def test_contradictions(value: Any, changes: dict[str, Any]) -> None:
 
 
 def somewhere_outside(problem: Problem, rng: np.random.Generator) -> Task | Joints | Tip:
-    """A point with one figure beyond its range."""
+    """Return a point with one coordinate beyond its range."""
     beyond = float(10 ** rng.uniform(-6, 1)) * float(rng.choice([-1, 1]))
     form = int(rng.integers(3))
     if form == 0:
