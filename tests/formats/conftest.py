@@ -15,6 +15,7 @@ LIMITS = of_task({"tilt": (-2.42, -1.4), "depth": (0.0, 0.03)})
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the plans."""
     return tmp_path_factory.mktemp("plans")
 
 

@@ -34,6 +34,7 @@ Change = Callable[[Path, dict[str, Any]], None]
 
 @pytest.fixture(scope="module")
 def exports(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Export the plan with every set of options, and return the folder of all exports."""
     root = tmp_path_factory.mktemp("exports")
     for kind, options in OPTIONS.items():
         export(plan, kind.split()[0], root / kind, **options)
@@ -180,6 +181,7 @@ def cell(row: int, column: int, change: Callable[[float], float]) -> Change:
 
 
 def one_stop_less(folder: Path, _: dict[str, Any]) -> None:
+    """Remove the rows of the first stop."""
     rows = (folder / "stops.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     begins = [row.split(",")[0] for row in rows[1:]]
     kept = [row for row, begin in zip(rows[1:], begins, strict=True) if begin != begins[0]]

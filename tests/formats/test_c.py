@@ -129,6 +129,7 @@ def texts_of(robot: Robot, plan: Plan | None = None) -> dict[str, str]:
 
 
 def compiled(folder: Path, robot: Robot, *flags: str) -> ctypes.CDLL:
+    """Compile and load the C code of a robot together with `DRIVER`."""
     texts = {**texts_of(robot), "driver.c": DRIVER}
     return ctypes.CDLL(str(built(folder, texts, "robot.so", *flags, "-shared", "-fPIC")))
 
@@ -156,6 +157,7 @@ def states(count: int, seed: int) -> Samples:
 
 
 def run_all(library: ctypes.CDLL, s: Samples, dtype: type = np.float64) -> tuple[np.ndarray, ...]:
+    """Return rotation (n, 9), position (n, 3), joint torque and motor torque (n, 4) from C."""
     n = len(s.t)
     out = tuple(np.empty((n, size), dtype) for size in (9, 3, 4, 4))
     inputs = (np.ascontiguousarray(x, dtype) for x in (s.q, s.qd, s.qdd, s.qddd))
@@ -173,6 +175,7 @@ def close(found: np.ndarray, expected: np.ndarray) -> None:
 
 
 def expected_torque(robot: Robot, s: Samples) -> np.ndarray:
+    """Return the motor torques (n, 4) of the package, with zeros for joints without a drive."""
     direction, breakaway = motion_directions(robot, s, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), s, direction, breakaway).torque
     return np.where(np.isnan(torque), 0.0, torque)

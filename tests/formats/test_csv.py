@@ -34,6 +34,7 @@ from tests.support.plans import NONE, certified
 
 
 def columns_of(path: Path) -> dict[str, np.ndarray]:
+    """Return the columns of a CSV file by name, (n,) each."""
     names = path.read_text(encoding="utf-8").splitlines()[0].split(",")
     return dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
 
@@ -142,7 +143,7 @@ def test_a_fixed_rate_says_what_it_costs(plan: Plan, smooth_plan: Plan, tmp_path
 
 
 def test_the_table_beside_the_plan(plan: Plan, tmp_path: Path) -> None:
-    """The table in the result folder has a rate of 1 kHz, with states and motors."""
+    """The table in the result folder contains the states and the motors at 1 kHz."""
     path = write_csv(tmp_path / "trajectory.csv", plan.trajectory, plan.robot)
     header, rows = motion_table(plan.trajectory.uniform(DEFAULT_RATE), plan.robot)
     assert list(columns_of(path)) == header

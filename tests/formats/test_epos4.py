@@ -44,12 +44,14 @@ DRIVEN = ("roll", "tilt", "insertion")
 
 
 def stream(folder: Path, joint: str) -> dict[str, np.ndarray]:
+    """Return the columns of the exported table of a joint by name, (n,) each."""
     path = folder / f"{joint}.csv"
     names = path.read_text(encoding="utf-8").splitlines()[0].split(",")
     return dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1).T, strict=True))
 
 
 def objects(folder: Path, joint: str) -> dict[tuple[int, int], int]:
+    """Return the values of the set-up objects of a joint by (index, subindex)."""
     with (folder / "objects.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["joint"] == joint]
     assert all(row["reason"] for row in rows)
@@ -215,6 +217,7 @@ def test_modes_of_velocity_and_torque(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_the_form_that_plain_clients_read(plan: Plan, tmp_path: Path) -> None:
+    """A time_position file has two columns, and its positions are whole increments."""
     export(plan, "epos4", tmp_path, counts_per_turn=COUNTS)
     lines = (tmp_path / "roll_time_position.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "time,position"
@@ -237,6 +240,7 @@ def test_rates_that_are_not(rate: float) -> None:
 
 
 def changed(plan: Plan, **motor: float) -> Plan:
+    """Return the plan with changed values of the motor of joint 1."""
     joint = plan.robot.joints[0]
     joint = dataclasses.replace(joint, motor=dataclasses.replace(joint.motor, **motor))
     return dataclasses.replace(
@@ -437,6 +441,7 @@ def settled(condition) -> bool:
 
 
 def rated_torques(robot: Robot) -> dict[str, float]:
+    """Return the nominal torque (N·m) of every motor by the name of its joint."""
     return {
         joint.name: joint.motor.nominal_torque for joint in robot.joints if joint.motor is not None
     }

@@ -24,8 +24,7 @@ DRIVEN = (0, 1, 3)
 
 
 def stream(plan: Plan, t: np.ndarray) -> tuple[np.ndarray, dict[int, Offsets]]:
-    """Return positions (n, 4) and exact offsets of the driven joints of a plan at the times t (s).
-    """
+    """Return positions (n, 4) and exact offsets of the driven joints of a plan at times t (s)."""
     samples, robot = plan.motion.sample(t), plan.robot
     way, away = motion_directions(robot, samples, 1)
     torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
@@ -132,8 +131,8 @@ def test_near_rest_a_motion_may_be_shorter_than_a_period(robot: Robot) -> None:
 
 
 def test_a_torque_may_exceed_the_motor_law_by_its_rounding_and_a_thousandth(plan: Plan) -> None:
-    """A torque passes if it leaves the range that the accelerations nearby give by at most twice
-    its rounding and a thousandth of the largest torque of the joint.
+    """A torque may leave the range of the nearby accelerations by at most twice its rounding plus a
+    thousandth of the largest torque of the joint.
     """
     t = np.linspace(0.0, plan.motion.duration, 200)
     q, offsets = stream(plan, t)

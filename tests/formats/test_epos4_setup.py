@@ -90,8 +90,8 @@ def test_numbers_fit_up_to_the_largest_either_way() -> None:
 
 
 def test_rounding_moves_positions_speeds_and_accelerations(robot: Robot) -> None:
-    """Rounding errors of random positions keep within the bounds, and the largest errors exceed 90
-    % of the bounds.
+    """Rounding errors of random positions keep within the bounds, and the largest errors exceed 0.9
+    times the bounds.
     """
     rng = np.random.default_rng(0)
     axis = drive_axes(robot, 4096)["roll"]

@@ -1,5 +1,5 @@
-"""All exports share these properties. The manifest describes every file, only plans that pass the
-check are exported as verified, and a failed export leaves no partial files.
+"""Every export has a manifest that describes its files. Only plans that pass the check are exported
+as verified, and a failed export leaves no partial files.
 """
 
 from __future__ import annotations
@@ -364,6 +364,7 @@ def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
 def test_the_commands(
     plan: Plan, bad_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The commands `export` and `check` accept a plan that passes, and mark or refuse another."""
     out = tmp_path / "csv"
     assert run("export", plan.path, "--to", "csv", "-o", out, "--json") == 0
     printed = json.loads(capsys.readouterr().out)

@@ -39,6 +39,7 @@ SHIPPED = ROOT / "results/tilt_insert/plan.json"
 
 @pytest.fixture
 def made(robot: Robot, tmp_path: Path) -> Plan:
+    """Return a plan that was written to a file and read back."""
     return read_back(tmp_path / "plan.json", robot, trapezoids(robot))
 
 
@@ -177,6 +178,7 @@ def bag(folder: Path, plan: Plan, *messages: TrajectoryMessage) -> Path:
 
 
 def message_of(robot: Robot, shift: float = 0.0) -> TrajectoryMessage:
+    """Return a message of three points. `shift` (rad) moves joint 1 at the second point."""
     t = np.array([0.0, 1.0, 2.0])
     q = np.array([[0.3, 1.15, 0.1, 0.0], [0.35 + shift, 1.15, 0.1, 0.0], [0.4, 1.15, 0.1, 0.0]])
     empty: list[list[float]] = [[], [], []]

@@ -55,7 +55,10 @@ def test_a_time_is_split_into_whole_seconds_and_nanoseconds(t: float) -> None:
 def test_what_is_written_is_what_any_reader_of_yaml_finds(
     tmp_path_factory: pytest.TempPathFactory, under: str, numbers: list[float]
 ) -> None:
-    """PyYAML follows YAML 1.1, in which 1e-05 is a text."""
+    """PyYAML follows YAML 1.1, in which 1e-05 is a text.
+
+    Numbers are therefore written in another form.
+    """
     rows = [numbers[:4], numbers[4:]]
     message = message_of(2, velocities=rows, effort=rows[::-1])
     path = tmp_path_factory.mktemp("yaml") / "t.yaml"

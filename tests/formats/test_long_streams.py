@@ -1,5 +1,4 @@
-"""Long streams are written with bounded memory. The references of their text are NumPy and printf.
-"""
+"""Long streams are written with bounded memory. NumPy and printf give the reference texts."""
 
 from __future__ import annotations
 

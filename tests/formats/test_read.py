@@ -37,6 +37,7 @@ ACCELERATIONS = ["qdd1_rad_per_s2", "qdd2_rad_per_s2", "qdd3_rad_per_s2", "qdd4_
 
 
 def rows_of(robot: Robot, count: int = 101) -> np.ndarray:
+    """Return rows (count, 13) with the time, q, qd and qdd of a smooth motion."""
     trajectory = smooth(robot)
     s = trajectory.sample(np.linspace(0, trajectory.duration, count))
     return np.column_stack([s.t, s.q, s.qd, s.qdd])
@@ -49,6 +50,7 @@ def write(path: Path, names: list[str], rows: np.ndarray, separator: str = ",") 
 
 
 def certificate_of(path: Path, robot: Robot) -> Certificate:
+    """Return the certificate of the motion in a file."""
     reading = read_trajectory(path, robot)
     return check(
         reading.trajectory,
@@ -59,6 +61,7 @@ def certificate_of(path: Path, robot: Robot) -> Certificate:
 
 
 def margins(certificate: Certificate) -> dict[tuple[str, str | None], float]:
+    """Return the margins by limit and joint, without those of jumps."""
     return {
         (limit.name, limit.joint): limit.margin
         for limit in certificate.limits
@@ -351,6 +354,7 @@ def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(
 
 
 def yaml_of(robot: Robot, count: int = 11, **changes: object) -> dict:
+    """Return the data of a JointTrajectory message of the smooth motion, with changed keys."""
     rows = rows_of(robot, count)
     names = [joint.name for joint in robot.joints]
     points = [
@@ -512,6 +516,7 @@ def test_memory_of_a_long_file_grows_with_its_times_alone(
 
 
 def in_blocks(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    """Make the readers work in blocks of `size` rows, as they do for long files."""
     monkeypatch.setattr("ssm_planner.formats.points.IN_MEMORY_ROWS", size)
     for module in ("formats.csv", "formats.points", "trajectory"):
         monkeypatch.setattr(f"ssm_planner.{module}.BLOCK", size)

@@ -37,6 +37,7 @@ from tests.support.paths import RESULTS
 
 
 def message(path: Path, under: str | None = None) -> dict:
+    """Return the content of a YAML file, or the value of one of its keys."""
     data = yaml.safe_load(path.read_text(encoding="utf-8"))
     return data if under is None else data[under]
 
@@ -137,6 +138,7 @@ def test_joint_trajectory_controller_would_accept_it(plan: Plan, tmp_path: Path)
 
 
 def efforts_of(plan: Plan, folder: Path, **options: bool) -> tuple[np.ndarray, dict]:
+    """Export a plan, and return the efforts (n, 4) of its points and the manifest."""
     _, manifest = export(plan, "ros2", folder, bag=False, **options)
     points = message(folder / "joint_trajectory.yaml")["points"]
     return np.array([p["effort"] for p in points]), manifest
@@ -259,6 +261,7 @@ def test_the_bag_is_read_by_an_independent_library(
 
 
 def matrix_of(x: float, y: float, z: float, w: float) -> np.ndarray:
+    """Return the rotation matrix (3, 3) of a unit quaternion."""
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -36,7 +36,8 @@ from ssm_planner.problem.robot import Body, Geometry, Robot, read_only_array
 RNG = np.random.default_rng(11)
 AGREEMENT = 1e-9
 Evaluate = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
-"""Function of q, qd, qdd (4,) that returns rotation and position of the tool, and joint torques."""
+"""Such a function maps q, qd and qdd (4,) to rotation and position of the tool and joint torques.
+"""
 
 
 def another_robot(robot: Robot, seed: int) -> Robot:

@@ -23,6 +23,7 @@ class Files:
     root: Path
 
     def edit(self, name: str, old: str, new: str) -> Path:
+        """Replace the first `old` in a file by `new`, and return the path."""
         path = self.root / name
         text = path.read_text(encoding="utf-8")
         assert old in text, f"{old!r} is not in {name}"
@@ -37,6 +38,7 @@ class Files:
         path.write_text(text[:start] + text[end:], encoding="utf-8")
 
     def load(self, name: str) -> object:
+        """Load a file with the loader of its folder."""
         folder = Path(name).parent.name
         return LOADERS.get(folder, load_problem)(self.root / name)
 
@@ -59,6 +61,7 @@ class Files:
 
 @pytest.fixture
 def files(tmp_path: Path) -> Files:
+    """Copy the shipped files to a temporary folder."""
     root = tmp_path / "problems"
     shutil.copytree(SHIPPED, root)
     return Files(root)

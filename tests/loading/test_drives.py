@@ -78,6 +78,7 @@ def test_a_drive_without_friction_loses_no_power(worm: float, wheel: float, lead
 
 
 def assert_same(result: dict[str, float], full: dict[str, float]) -> None:
+    """Assert that the result contains all values of `full`."""
     for name, value in full.items():
         assert result[name] == pytest.approx(value, rel=1e-9), name
 

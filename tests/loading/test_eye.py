@@ -213,6 +213,7 @@ def test_limits_of_the_task_survive_plan_json(files: Any) -> None:
 
 
 def test_a_plan_from_before_the_eye_limits_nothing_more(files: Any) -> None:
+    """A plan file without the keys `rates` and `eye` has no such limits."""
     document = to_plain(files.load(NAME)) | {"limits": {"tilt": [-2.4, -1.45]}, "tip_speed": None}
     del document["rates"], document["eye"]
     problem = problem_from_plain(document)

@@ -39,6 +39,7 @@ for kind in ("problem", "robot", "drive", "motor"):
 
 
 def test_from_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shipped files are loaded by name from any folder."""
     monkeypatch.chdir(tmp_path)
     assert load_problem("tilt_insert").name == "tilt_insert"
     assert load_robot("vitreoretinal").name == "vitreoretinal"
@@ -48,12 +49,14 @@ def test_from_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_file_of_that_name_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A local file takes precedence over a shipped file of the same name."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(shipped_files("motors")["rig_motor"], "maxon_ecx_torque_22_m")
     assert load_motor("maxon_ecx_torque_22_m").name == load_motor("rig_motor").name
 
 
 def test_a_folder_of_that_name_does_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A local folder does not take precedence over a shipped file of the same name."""
     monkeypatch.chdir(tmp_path)
     Path("tilt_insert").mkdir()
     assert load_problem("tilt_insert").name == "tilt_insert"
@@ -92,6 +95,7 @@ def test_a_link_that_leads_nowhere_is_named(target: str, tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_a_wheel_carries_them(tmp_path: Path) -> None:
+    """An installed wheel contains the shipped files and loads each of them by name."""
     source, wheels, environment, empty = (
         tmp_path / name for name in ("source", "wheels", "environment", "empty")
     )

@@ -99,6 +99,7 @@ def mutated(draw: st.DrawFn) -> tuple[str, str]:
 
 @pytest.fixture(scope="module")
 def folder() -> Path:
+    """Yield a folder with a copy of the shipped files."""
     with tempfile.TemporaryDirectory() as root:
         shutil.copytree(SHIPPED, Path(root) / "problems")
         yield Path(root) / "problems"

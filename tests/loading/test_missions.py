@@ -22,6 +22,7 @@ ROBOT = str(ROOT / "problems/robots/vitreoretinal.yaml")
 
 
 def problem(*motion: Any, **keys: Any) -> Problem:
+    """Return a problem of the shipped robot with a motion list and further keys."""
     return Problem.from_dict({"robot": ROBOT, "start": START, "motion": list(motion), **keys})
 
 
@@ -65,6 +66,7 @@ def test_motions_of_another_problem_with_names_of_its_own(tmp_path: Path) -> Non
 
 
 def test_the_robot_of_one_problem() -> None:
+    """A problem may change the limits, speed, mounting and payload of its robot."""
     plain = problem({"dwell": "1 s"}).robot
     joints = {
         "roll": {"velocity": "40 deg/s", "jerk": "4000 deg/s^3"},

@@ -41,6 +41,7 @@ SLIPS = {
 
 
 def written(file: Path, rows: list[list[str]], separator: str = ",") -> Path:
+    """Write a catalogue with these rows, and return its file."""
     with file.open("w", encoding="utf-8", newline="") as out:
         csv.writer(out, delimiter=separator).writerows([HEADINGS, *rows])
     return file
@@ -56,13 +57,16 @@ def fault_of(file: Path) -> ProblemError | None:
 
 
 def scaled(cell: str, factor: float) -> str:
+    """Return a quantity whose number is multiplied by a factor."""
     number, _, unit = cell.partition(" ")
     return f"{float(number) * factor!r} {unit}"
 
 
 @pytest.mark.parametrize("column", SLIPS)
 def test_a_wrong_unit_is_refused_in_every_row(tmp_path: Path, column: str) -> None:
-    """The message names the file, the line, the key and the allowed values."""
+    """The message names the file, the line, the key and the allowed values, whichever of the
+    related values it blames.
+    """
     k = HEADINGS.index(column)
     accepted = []
     for motor in MOTORS:
@@ -95,6 +99,7 @@ def test_figures_of_two_motors_in_one_row_are_refused(tmp_path: Path) -> None:
 
 
 def motor_file(folder: Path, **figures: Any) -> Path:
+    """Write a motor file with consistent values and the given changes, and return the file."""
     given = {
         "name": "M",
         "source": "a test",

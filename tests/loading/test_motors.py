@@ -68,7 +68,7 @@ EC13 = "motors/maxon_ec_13_6w.yaml"
     ],
 )
 def test_bad_motors(files: Any, file: str, old: str, new: str, parts: tuple[str, ...]) -> None:
-    # The message on two contradictory values names the first line of an entry.
+    # A message about contradictory values points to the first line of the entry of a value.
     whole = {
         "max_torque": "max_torque:",
         "speed_constant": "speed_constant:",

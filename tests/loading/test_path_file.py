@@ -24,12 +24,14 @@ D = math.radians
 
 
 def problem(folder: Path, table: str = TABLE, entries: str = "  - path: p.csv\n") -> Any:
+    """Write a table and a problem that refers to it, and load the problem."""
     (folder / "p.csv").write_text(table, encoding="utf-8")
     (folder / "problem.yaml").write_text(PROBLEM + entries, encoding="utf-8")
     return load_problem(folder / "problem.yaml")
 
 
 def test_forms_of_a_table(tmp_path: Path) -> None:
+    """A table may contain coordinates of the task, joints or tips."""
     (path,) = problem(tmp_path).motion
     assert (path.kind, path.curve, path.name, path.line) == ("path", "samples", "path", 4)
     assert [point.line for point in (*path.through, path.to)] == [2, 3, 4]

@@ -17,6 +17,7 @@ D = math.radians
 
 
 def test_shipped(files: Any) -> None:
+    """The values of the shipped problem are read in SI units."""
     problem = files.load(NAME)
     assert problem.name == "tilt_insert"
     assert problem.objective == "time"

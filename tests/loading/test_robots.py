@@ -35,7 +35,7 @@ def test_every_cloud_of_masses_is_a_possible_body(seed: int) -> None:
         masses.sum(), masses @ points / masses.sum(), inertia_of(points, masses)
     )
     assert is_possible_inertia(moments)
-    # The same body has the same principal moments after a rotation and a translation.
+    # the same body turned and moved has the same principal moments
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     moved = points @ turn.T + rng.normal(size=3)
     again = principal_moments(

@@ -51,6 +51,7 @@ def loader(checkout: Path) -> SimpleNamespace:
 @pytest.mark.slow
 @needs_compiler
 def test_of_the_sources_as_they_are(checkout: Path) -> None:
+    """A library is compiled once for its sources, and a change of the sources invalidates it."""
     assert loader(checkout).load() is None
     made = builder(checkout).build()
     folder = checkout / "ssm_planner/native"
@@ -72,6 +73,7 @@ def test_of_the_sources_as_they_are(checkout: Path) -> None:
 def test_what_does_not_compile_is_no_library_and_no_fault(
     checkout: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    """Sources that do not compile leave no library, and the build reports them without an error."""
     folder = checkout / "ssm_planner/native"
     for source in folder.glob("*.c"):
         source.unlink()
@@ -84,6 +86,7 @@ def test_what_does_not_compile_is_no_library_and_no_fault(
 def test_without_a_compiler(
     checkout: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    """Without a compiler, the build makes no library and prints nothing."""
     monkeypatch.setenv("PATH", str(checkout))
     assert builder(checkout).build() == []
     assert loader(checkout).load() is None
@@ -124,12 +127,14 @@ def test_the_tests_run_with_it() -> None:
 
 
 def test_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The value 0 of the variable SSM_PLANNER_NATIVE switches the library off."""
     monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
     assert library.load() is None
 
 
 @needs_compiler
 def test_warnings(tmp_path: Path) -> None:
+    """All C sources compile with strict warnings."""
     flags = [
         "-std=c99",
         "-Wall",

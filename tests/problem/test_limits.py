@@ -166,6 +166,7 @@ def test_self_locking_raises_the_friction_and_never_lowers_it(tilt_insert: Probl
 
 
 def test_a_duration_finds_its_motion(tilt_insert: Problem) -> None:
+    """A relaxed duration replaces that of its motion, or else the total duration."""
     motion = tuple(
         dataclasses.replace(m, duration=2.0 + k) for k, m in enumerate(tilt_insert.motion)
     )

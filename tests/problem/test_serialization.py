@@ -40,6 +40,7 @@ def same(a: object, b: object) -> None:
 
 
 def through_json(robot: Robot) -> dict:
+    """Return the data of a robot after a round trip through JSON."""
     return json.loads(json.dumps(to_plain(robot), allow_nan=False))
 
 

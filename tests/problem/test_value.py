@@ -85,6 +85,7 @@ def bad_contents(value: Any, field: str, rng: np.random.Generator) -> Any:
 
 
 def assert_refused(value: Any, **changes: Any) -> None:
+    """Assert that a change is refused with its key, its value and the allowed contents."""
     (field, *_), kind = changes, type(value).__name__
     with pytest.raises(ProblemError) as caught:
         dataclasses.replace(value, **changes)
