@@ -246,15 +246,9 @@ def test_folders_that_a_killed_process_left_are_removed(
     assert left.exists(), "it may be somebody's who has just begun"
     monkeypatch.setattr(atomic, "ABANDONED_AGE", 0.0)
     with atomic.locked(left):
-<<<<<<< HEAD
-        # the lock is of an open file: another process is needed to see it held
+        # The lock belongs to an open file, so that only another process can see that it is held.
         code = "import pathlib, sys; from ssm_planner import atomic; atomic.ABANDONED_AGE = 0.0\n"
         code += "atomic._remove_abandoned(pathlib.Path(sys.argv[1]), '.out-')"
-=======
-        # The lock belongs to an open file, so that only another process can see that it is held.
-        code = "import pathlib, sys; from ssm_planner import atomic; atomic.SWEPT_AFTER = 0.0\n"
-        code += "atomic._sweep(pathlib.Path(sys.argv[1]), '.out-')"
->>>>>>> 6a90b4b7 (tests: docstrings of the remaining tests in full sentences)
         subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
         assert left.exists(), "its process lives"
     atomic._remove_abandoned(tmp_path, ".out-")

@@ -364,7 +364,7 @@ def test_sigint_during_the_command(plan: Plan, tmp_path: Path) -> None:
 def test_the_commands(
     plan: Plan, bad_plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The commands `export` and `check` accept a plan that passes, and mark or refuse another."""
+    """The commands accept a plan that passes the check, and mark or refuse a plan that does not."""
     out = tmp_path / "csv"
     assert run("export", plan.path, "--to", "csv", "-o", out, "--json") == 0
     printed = json.loads(capsys.readouterr().out)

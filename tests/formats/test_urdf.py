@@ -36,8 +36,7 @@ from ssm_planner.problem.robot import Body, Geometry, Robot, read_only_array
 RNG = np.random.default_rng(11)
 AGREEMENT = 1e-9
 Evaluate = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
-"""Such a function maps q, qd and qdd (4,) to rotation and position of the tool and joint torques.
-"""
+"""Such a function maps q, qd, qdd (4,) to rotation and position of the tool and joint torques."""
 
 
 def another_robot(robot: Robot, seed: int) -> Robot:
@@ -212,8 +211,8 @@ def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
 
 
 def test_rpy_is_accurate_next_to_its_singularity() -> None:
-    """The pitch is ±90°, as in the first frame of the shipped robot, or differs from 90° by 1e-17
-    to 1 rad.
+    """The pitch is 0, is ±90° as in the first frame of the shipped robot, or differs from 90° by
+    1e-17 to 1 rad.
     """
     for pitch in (
         0.0,
