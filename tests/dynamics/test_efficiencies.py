@@ -1,4 +1,7 @@
-"""Drives with efficiencies: the torque by the direction of power, and robots with them planned to their motors' limits."""
+"""The torque of a drive with efficiencies depends on the direction of power.
+
+Motions of robots with such drives are planned up to the limits of their motors.
+"""
 
 from __future__ import annotations
 
@@ -53,10 +56,11 @@ def test_the_torque_by_the_direction_of_power(
     assert not found.self_locking
     rng = np.random.default_rng(3)
     F, w, wd = rng.uniform(-3, 3, 500), rng.uniform(-200, 200, 500), rng.uniform(-500, 500, 500)
-    share = np.where(F * w > 0, 1 / 0.9, 0.7)  # the motor drives, or the load does
+    # Either the motor drives the load, or the load drives the motor.
+    share = np.where(F * w > 0, 1 / 0.9, 0.7)
     expected = 1e-6 * wd + 1e-3 * np.sign(w) + 2e-6 * w + share * F / ratio
     assert np.asarray(motor_torque(found, F, w, wd)) == pytest.approx(expected, rel=1e-12)
-    # at rest it moves off between the two breakaway torques, and the motor has to hold what friction does not
+    # Breakaway adds the losses to the load, and holding needs only what the losses leave of it.
     assert breakaway_torque(found, 2.0, 1) == pytest.approx(2 / (0.9 * ratio) + 1e-3)
     assert holding_torque(found, 2.0) == pytest.approx(max(0.7 * 2 / ratio - 1e-3, 0.0))
 
@@ -123,7 +127,8 @@ def with_motors(problem: Problem, **largest: float) -> Problem:
     ("name", "largest"),
     [
         ("raven_reach", {"roll": 0.010, "tilt": 0.005}),
-        ("direct_reach", {"roll": 0.0055, "spin": 0.0001}),  # that of spin has no friction figure
+        # The drive of joint spin states no friction.
+        ("direct_reach", {"roll": 0.0055, "spin": 0.0001}),
     ],
 )
 def test_shipped_robots_are_planned_to_the_limits_of_weaker_motors(
@@ -133,7 +138,7 @@ def test_shipped_robots_are_planned_to_the_limits_of_weaker_motors(
     weak = plan(with_motors(problem, **largest))
     assert weak.passed, weak.reason
     assert weak.trajectory is not None
-    # the torque again, by rigid-body dynamics and the stated efficiencies alone
+    # The reference torque follows from rigid-body dynamics and the stated efficiencies alone.
     samples = weak.trajectory.sample(np.linspace(0.0, weak.trajectory.duration, 20001)[1:-1])
     robot = weak.problem.robot
     load = RigidBody.from_robot(robot).inverse_dynamics(samples.q, samples.qd, samples.qdd)

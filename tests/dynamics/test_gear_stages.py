@@ -1,4 +1,7 @@
-"""Gear stages between motor and drive: the torque law, power, and the figures for the C code."""
+"""Gear stages between motor and drive obey the torque law and never create power.
+
+The C code receives equivalent figures.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,10 @@ signs = st.sampled_from([-1.0, 1.0])
 
 
 def staged(drive: Drive, *parts: Gearhead) -> Drive:
-    """Put stages before a drive whose figures already refer to the motor shaft."""
+    """Return the drive with stages before it.
+
+    All figures of the drive except its ratio must already refer to the motor shaft.
+    """
     ratio = drive.ratio * math.prod(stage.ratio for stage in parts)
     names = ("gearhead", "belt")[: len(parts)]
     return replace(drive, ratio=ratio, **dict(zip(names, parts, strict=True)))
@@ -129,7 +135,8 @@ def test_a_file_states_the_stages(tmp_path):
     assert drive.gearhead.ratings.input_speed == pytest.approx(8000 * rpm)
     assert drive.gearhead.backwards == pytest.approx(0.2)
     degree = math.pi / 180
-    # A placeholder is no known play. The belt turns the worm, which reduces 40 times.
+    # A placeholder does not count as a known backlash. The belt turns the worm, which reduces 40
+    # times.
     joint = replace(load_robot("vitreoretinal").joints[0], drive=drive, motor=None)
     plays = joint.plays()
     assert plays.pop("gearhead backlash") is None

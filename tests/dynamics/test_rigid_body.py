@@ -1,3 +1,5 @@
+"""Rigid-body dynamics agree with Pinocchio and with the balance of power and energy."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -27,7 +29,7 @@ def random_states(
 
 
 def random_robot(robot: Robot, rng: np.random.Generator) -> Robot:
-    """Arbitrary angles, mounting and physical bodies."""
+    """Return the robot with random axis angles, mounting, bodies and gravity."""
     turn = rotation(unit(rng), rng.uniform(0, np.pi))
     mechanism = Mechanism.from_angles(*rng.uniform(0.2, 2.8, 2))
     axes = [turn @ axis for axis in (mechanism.omega1, mechanism.omega2, mechanism.omega3)]

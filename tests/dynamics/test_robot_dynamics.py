@@ -1,4 +1,4 @@
-"""Efforts and torques for users obey the laws of power and of self-locking drives."""
+"""The efforts and torques for users obey the laws of power and of self-locking drives."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_the_power_of_the_efforts_is_the_change_of_energy(robot: Robot) -> None:
 
 
 def test_a_motor_brings_at_least_the_power_of_its_joint(robot: Robot) -> None:
-    """The friction of a moving drive takes power and never gives it."""
+    """A motor in motion supplies at least the power of its joint because friction takes power."""
     efforts, torques = inverse_dynamics(robot, Q, QD, QDD), motor_torque(robot, Q, QD, QDD)
     for i in DRIVEN:
         drive, motor = robot.joints[i].drive, robot.joints[i].motor
@@ -42,7 +42,7 @@ def test_a_drive_holds_a_robot_that_stands(robot: Robot) -> None:
 
 
 def test_a_start_needs_static_friction(robot: Robot) -> None:
-    """Breaking away needs no less torque than moving slowly with the same acceleration."""
+    """A start needs at least the torque of slow motion with the same acceleration."""
     slow = 1e-7 * np.array([joint.velocity for joint in robot.joints])
     ahead = np.array([0.5, 0.5, 0.0, 0.05])
     start = motor_torque(robot, Q[0], np.zeros(4), ahead)

@@ -1,4 +1,7 @@
-"""Closed forms of simple solids against midpoint sums over small cells, and the bodies that robot files make of them."""
+"""The closed forms of simple solids are compared with midpoint sums over small cells.
+
+Robot files combine such solids into bodies.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from ssm_planner.loading.robots import robot_from
 
 
 def summed(points, masses):
-    """Moments of point masses (n,) at points (n, 3)."""
+    """Return the moments of point masses (n,) in kg at points (n, 3) in m."""
     return shapes.MassMoments(
         masses.sum(), masses @ points, np.einsum("n,ni,nj->ij", masses, points, points)
     )
@@ -127,7 +130,11 @@ def link(**given):
 
 
 def test_a_body_of_parts_follows_the_geometry_and_the_motor():
-    """A longer arc weighs more in proportion; what sits on the next axis moves with it; a heavier motor weighs more."""
+    """The mass and inertia of a body of parts depend on the geometry and on the motor.
+
+    A longer arc has a proportionally larger mass. A part in the frame of the next axis moves with
+    this axis. A heavier motor increases the mass and the inertia of the body.
+    """
     body, longer, heavier = link(), link(alpha="40 deg"), link(mass="195 g")
     of_arc = 2700 * 0.04 * 0.02 * 0.218 * np.radians(30)
     assert body.mass == pytest.approx(of_arc + 0.095 + 0.1 + 2700 * np.pi / 4 * 0.02**2 * 0.05)
@@ -203,7 +210,11 @@ def test_moments_add_up_and_turn():
 
 
 def test_how_far_a_simple_arc_is_off_the_published_bodies():
-    """An arc with the CAD body's mass and the distance of its centre: near link 1, far from link 2."""
+    """A simple arc approximates the published body of link 1 but not that of link 2.
+
+    The arc and the CAD body have the same mass and the same distance between centre of mass and
+    remote centre.
+    """
     robot = load_robot("vitreoretinal")
     axes = (robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3)
     found = []

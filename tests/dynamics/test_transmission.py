@@ -1,4 +1,7 @@
-"""Laws of the transmission: the exact torque, its rows, its smooth form, standstill, power."""
+"""The torque of a transmission obeys the exact law, and two linear rows bound this law.
+
+Further tests cover the friction laws by name, standstill, breakaway and the power in the mesh.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Bands on recordings that the fit has not seen, over splits of whole files."""
+"""Prediction bands hold for recordings that the fit has not used.
+
+The recordings of each rig are divided into fitted and predicted ones, at random or alternately.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ def recordings_of(rig: str, kind: str):
 
 
 def split(recordings, count: int, seed: int):
-    """A random part of the recordings with both directions, and the others."""
+    """Return `count` random recordings with both directions of motion, and the other recordings."""
     rng = np.random.default_rng(seed)
     while True:
         order = rng.permutation(len(recordings))
@@ -61,7 +64,11 @@ SPLITS = selected([*zip(RIGS, COUNTS, strict=True)], every=list(itertools.produc
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_bands_hold_what_the_fit_has_not_seen(rig, count):
-    """Every rig and every count once; EVERY_CASE=1 tries every count for every rig."""
+    """Bands of mean, samples and peak cover recordings that the fit has not used.
+
+    By default, every rig and every count occurs once. EVERY_CASE=1 tests every count with every
+    rig.
+    """
     drive, steady = recordings_of(rig, "steady_state")
     found = [p for seed in range(2) for p in predicted(drive, *split(steady, count, seed))]
     assert np.mean([p.mean_inside for p in found]) >= 0.90
@@ -83,7 +90,8 @@ def test_every_second_recording_predicts_the_others(rig, first):
     beyond = [
         np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found
     ]
-    # The law is that of the middle of the session, but the recordings of rig 3 are from all of it.
+    # The law holds for the middle of the session, but the recordings of rig 3 span the whole
+    # session.
     assert np.mean(beyond) <= (0.04 if (rig, first) == ("rig3_worm", 0) else 0.03)
     assert np.mean([p.mean_inside for p in found]) >= 0.90
 

@@ -1,4 +1,7 @@
-"""A change of friction during a session: fitted if the order allows it, otherwise in the intervals."""
+"""The friction of a drive can change during a recording session.
+
+The change is fitted if the order of the speeds allows it. Otherwise it widens the intervals.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,11 @@ DRIVES = PROBLEMS / "drives"
 TRUTH = {"b_c": 5.5e-4, "b_v": 1.15e-5, "b_oc": 4e-3, "mu": 0.12}
 SPEEDS = np.pi / 30 * np.array([200, 180, 140, 100, 80, 60, 40, 20, 10, 6, 4, 2.0])
 WARM_UP = 0.15
-"""Share of the friction that a session loses."""
+"""Decrease of the friction during a session, as a fraction of the final friction."""
 
 
 def session(order: str, seed: int, warm_up: float = WARM_UP) -> TorqueMap:
-    """Return the map of a Coulomb drive whose friction falls from the beginning of a session on."""
+    """Return the torque map of a Coulomb drive whose friction decreases during the session."""
     rng = np.random.default_rng(seed)
     w = np.stack([SPEEDS, -SPEEDS], axis=1).ravel()
     w = {"fast to slow": w, "slow to fast": w[::-1], "random": rng.permutation(w)}[order]
@@ -77,7 +80,10 @@ def test_intervals_contain_the_truth_in_any_order(order: str) -> None:
 
 @pytest.mark.usefixtures("few_points")
 def test_an_order_by_speed_widens_the_intervals() -> None:
-    """The same map without dates has a narrow interval that misses the truth."""
+    """Speeds in order of time widen the intervals.
+
+    The same map without dates gives a narrow interval that does not contain the truth.
+    """
     data = session("fast to slow", seed=3)
     low, high = relative(fitted(data))
     narrow_low, narrow_high = relative(fitted(replace(data, dates=None)))
@@ -103,7 +109,10 @@ def test_times_become_shares_of_the_session() -> None:
 
 @pytest.mark.usefixtures("few_points")
 def test_a_law_is_judged_with_the_coefficient_that_it_may_have() -> None:
-    """Without a load offset, the best fit of rig 3 is a worm that does not lock itself."""
+    """The fitted friction coefficient of rig 3 does not lie at its bound.
+
+    Without a load offset, the best fit would be a worm that does not lock itself.
+    """
     fit = fitted(read_torque_map(DRIVES / "rig_figures.csv", "rig3_worm"), "stribeck_exponential")
     assert fit.nrmsd < 0.0115
     assert fit.estimates["mu"].value == pytest.approx(0.103, abs=0.01)

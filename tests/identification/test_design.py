@@ -1,4 +1,8 @@
-"""The design of a session: order, repeats, whole turns, and what a simulated session determines."""
+"""The program designs a session of recordings.
+
+The tests check the order and repetition of the speeds, the whole turns, and the intervals that a
+simulated session gives.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Identification from maps: known truths found, intervals honest, what the data cannot tell is called so.
+"""Friction parameters are identified from torque maps with known or published parameters.
 
-How often intervals called separable cover a known truth, over many fits: tests/benchmarks/bench_coverage.py.
+Exact maps give back their parameters. Intervals cover the truth as often as they claim, and
+parameters that the data cannot separate are reported. The script tests/benchmarks/bench_coverage.py
+counts over many fits how often separable intervals cover a known truth.
 """
 
 from __future__ import annotations
@@ -114,7 +116,8 @@ def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
             hits[name] += estimate.low <= truth[name] <= estimate.high
             assert estimate.low <= estimate.value <= estimate.high
     del hits["b_oc"]
-    # Of 60 intervals of 95 % each covers 57 on average; fewer than 51 happen less than once in 300.
+    # Of 60 intervals of 95 %, 57 cover the truth on average. Fewer than 51 cover it less than once
+    # in 300 cases.
     assert min(hits.values()) >= 51, hits
     assert 0.92 * trials <= np.mean(list(hits.values())) <= 0.985 * trials, hits
 
@@ -181,7 +184,8 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))
     alone = fit_map(drive, data, load, law="coulomb")
     told = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
-    # What is open follows the reference within half of what is expected of it; what is known does not, 7 deviations off.
+    # The undetermined mu moves to within half of its prior deviation from the reference. The
+    # determined b_v does not move, although its reference is 7 prior deviations away.
     assert abs(np.log(told.estimates["mu"].value / 0.07)) < 0.5 * PRIOR_DEVIATIONS["mu"]
     known = alone.estimates["b_v"]
     assert told.estimates["b_v"].value == pytest.approx(
@@ -237,7 +241,7 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
             apart,
             rtol=1e-12,
         )
-    # a range of friction that drives bound, whatever their laws
+    # The bounding drives enclose the friction of all sets in the 95 % range, whatever their laws.
     most = 1.2 * float(np.abs(torque).max())
     *upper, least = bounding_drives(fit.drive, 0.95, speed=float(w.max()), torque=most)
     inside = friction_spread(fit.drive).within(0.95)
@@ -324,7 +328,7 @@ def test_coulomb_fit_of_the_worm_rig_gives_the_published_numbers():
         ("b_oc", 4e-3, 3.7e-3),
     ]:
         assert fit.estimates[name].low <= published <= fit.estimates[name].high, name
-        # apart: an independent fit, of the digits stated
+        # The value `apart` comes from an independent fit and is rounded.
         assert fit.estimates[name].value == pytest.approx(apart, rel=0.025), name
     # The law is linear in the torques of slow motion and in b_v.
     columns = np.column_stack([data.w > 0, data.w < 0, data.w]).astype(float)
@@ -360,7 +364,7 @@ def test_maps_that_cannot_support_a_fit_are_refused():
 
 def check_coverage(counts: dict[str, tuple[int, int]]) -> None:
     for name, (hits, called) in counts.items():
-        # as rare as once in a thousand where 95 % are covered
+        # If 95 % of the intervals cover the truth, so few hits occur less than once in 1000 cases.
         chance = sum(math.comb(called, k) * 0.95**k * 0.05 ** (called - k) for k in range(hits + 1))
         assert chance >= 1e-3, (name, hits, called)
 
@@ -375,7 +379,11 @@ def test_intervals_called_separable_cover_the_truth(case):
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_they_cover_it_whichever_law_is_chosen():
-    """Of all cases together, because so few fits of one case could miss every interval by chance."""
+    """The intervals also cover the truth if the program chooses the law.
+
+    The counts of all cases are added because the few fits of one case could miss every interval by
+    chance.
+    """
     together = {}
     for case in CASES:
         for name, counted in coverage(case, selected(1, every=2), "auto").items():
@@ -384,7 +392,10 @@ def test_they_cover_it_whichever_law_is_chosen():
 
 
 def coverage(case: str, fits: int, told: str, seed: int = 7) -> dict[str, tuple[int, int]]:
-    """(covered, called separable) of each parameter over so many fits of one case; told: of the law, `auto` or `given`."""
+    """Return (covered, called separable) of each parameter, counted over several fits of one case.
+
+    The fit uses the true law if `told` is `given`, and chooses the law if it is `auto`.
+    """
     rng, counts = np.random.default_rng(seed), {}
     for _ in range(fits):
         for name, hit in covered(case, told, rng).items():
@@ -394,7 +405,10 @@ def coverage(case: str, fits: int, told: str, seed: int = 7) -> dict[str, tuple[
 
 
 def covered(case: str, told: str, rng: np.random.Generator) -> dict[str, bool]:
-    """Of one fit: whether the interval of each parameter called separable covers the truth, and of the combinations."""
+    """Fit one random map, and return whether each interval covers the truth.
+
+    The result contains the parameters that the fit calls separable and the two combinations.
+    """
     rig, law, truth = CASES[case]
     drive = load_drive(DRIVES / f"{rig}.yaml")
     load = drive.rig.F_payload + truth[LOAD_OFFSET]

@@ -1,4 +1,7 @@
-"""Torque that repeats with the angle: known harmonics found with and without a position channel; real files predicted on."""
+"""Known harmonics of the torque are recovered with and without a position channel.
+
+In real files, the first two turns predict the ripple of the rest.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,11 @@ def start_in(harmonics: Harmonics, angle: np.ndarray, tau: np.ndarray) -> float:
 def simulated(
     direction: int, start: float, position: bool, wheel: float = 0.0, turns: float = 80.0
 ) -> Recording:
-    """A recording of known harmonics: cosines of the screw's angle, a sine of the wheel's, of opposite sign backwards."""
+    """Return a recording with known harmonics of the torque.
+
+    The torque contains cosines of the screw angle, which change their sign with the direction, and
+    a sine of the wheel angle.
+    """
     rng = np.random.default_rng(int(10 * abs(start)) + direction + 1)
     time = np.linspace(0.0, turns * TURN / 10.0, 2000)
     w = np.full_like(time, direction * 10.0)
@@ -82,7 +89,10 @@ def test_a_position_channel_is_read(tmp_path):
 
 
 def file_of(path: Path, rpm: float, start: float, seed: int, position: bool) -> None:
-    """Steady motion of the worm rig with SCREW's harmonics, as a recorder writes it: four turns, channels reversed."""
+    """Write a recording of steady motion of the worm rig with the harmonics SCREW.
+
+    The recording covers four turns. All its channels have the opposite sign of the motion.
+    """
     drive = load_drive(DRIVE)
     w = rpm * np.pi / 30
     time = np.linspace(0.0, 4 * TURN / abs(w), 500)
@@ -138,7 +148,7 @@ def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_
     assert error < 2.5e-5 < 1.5e-4 < without
     assert known.mean_inside
     assert 0.9 <= known.sample_coverage <= 1.0
-    # the phase is known: the band of samples is narrower by the ripple
+    # The known phase makes the band of the samples narrower.
     width, wider = (float(np.mean(p.band.high - p.band.low)) for p in (known, unknown))
     assert width < 0.6 * wider
     assert known.unseen is None

@@ -1,4 +1,4 @@
-"""Intervals of friction parameters against dense quadrature, and their repeatability."""
+"""Intervals of friction parameters agree with dense quadrature and are repeatable."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from tests.support.paths import PROBLEMS
 
 DRIVES = PROBLEMS / "drives"
 CLOSE = 0.03
-"""Largest difference of two ends as a share of the interval's length."""
+"""Largest allowed difference of two interval ends as a fraction of the interval length."""
 LESS_CLOSE = {
     ("rig1_lead_screw", "coulomb"): 0.1,
     ("rig2_antibacklash_screw", "stribeck_exponential"): 0.35,
 }
-"""The same for laws that these rigs do not choose: the data hardly determine their parameters."""
+"""Larger tolerances for laws whose parameters the data of these rigs hardly determine."""
 
 
 def model_of(rig: str, **fixed: float) -> MapModel:
@@ -49,7 +49,7 @@ def model_of(rig: str, **fixed: float) -> MapModel:
 
 
 def ends(model: MapModel, shift: float = 0.5) -> Array:
-    """Return the 95 % ends (2, k) of the coordinates."""
+    """Return the ends (2, k) of the 95 % intervals of the k coordinates."""
     z, weight = sample_posterior(model, most_likely(model), shift).flat
     return np.transpose([weighted_interval(column, weight) for column in z.T])
 
@@ -57,7 +57,10 @@ def ends(model: MapModel, shift: float = 0.5) -> Array:
 @pytest.mark.parametrize("known", [{"b_v": 2e-5, "b_oc": 0.02}, {"b_c": 1e-3, "b_v": 2e-5}])
 @pytest.mark.parametrize("rig", ["rig1_lead_screw", "rig2_antibacklash_screw"])
 def test_intervals_are_those_of_a_dense_grid(rig: str, known: dict[str, float]) -> None:
-    """With all but two parameters known, the posterior is a surface that a grid integrates."""
+    """The sampled intervals equal those of a dense grid.
+
+    All but two parameters are fixed, so the posterior is a surface that the grid integrates.
+    """
     model = model_of(rig, **known, load_offset=0.0)
     sampled = ends(model)
     middle, length = sampled.mean(axis=0), np.diff(sampled, axis=0)[0]
@@ -74,7 +77,7 @@ def test_intervals_are_those_of_a_dense_grid(rig: str, known: dict[str, float]) 
 
 
 def test_the_evidence_is_that_of_a_dense_grid() -> None:
-    """The sum of the weights is the integral of likelihood and normal prior."""
+    """The sampled evidence equals the integral of likelihood and normal prior on a dense grid."""
     model = model_of("rig1_lead_screw", b_v=2e-5, b_oc=0.02, load_offset=0.0)
     z = most_likely(model)
     axes = [np.linspace(middle - 3, middle + 3, 601) for middle in z]
@@ -98,7 +101,7 @@ def fitted(
     load: float | None,
     law: str = "auto",
 ) -> MapFit:
-    """Return the fit of a rig's figures with a sequence of points that starts elsewhere."""
+    """Return the fit of the figures of a rig, with its sequence of points shifted by `shift`."""
     monkeypatch.setattr(
         fit_module, "sample_posterior", lambda model, z: sample_posterior(model, z, shift)
     )
@@ -126,7 +129,11 @@ POINTS = selected(
 def test_intervals_do_not_depend_on_the_points(
     rig: str, law: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every rig, and every law: alone, and all of them together. EVERY_CASE=1 pairs all."""
+    """The intervals do not change if the sequence of points is shifted.
+
+    By default, every rig, every law and the automatic choice of the law occur. EVERY_CASE=1 tests
+    every rig with every law.
+    """
     fits = [fitted(rig, shift, monkeypatch, None, law) for shift in (0.5, 0.123)]
     assert all("not reliable" not in note for fit in fits for note in fit.notes)
     for kind in ("estimates", "combinations"):
@@ -139,6 +146,9 @@ def test_intervals_do_not_depend_on_the_points(
 
 @pytest.mark.slow
 def test_a_sample_that_a_few_sets_dominate_is_remarked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a load of ten times the payload, the posterior is too narrow for the points."""
+    """A note says that the intervals are not reliable if a few parameter sets dominate the sample.
+
+    With ten times the payload as load, the posterior is too narrow for the points.
+    """
     fit = fitted("rig2_antibacklash_screw", 0.5, monkeypatch, 9.4)
     assert any("95 % intervals are not reliable" in note for note in fit.notes)

@@ -1,4 +1,7 @@
-"""Prediction of torque from speed, dynamic identification, and the two commands built on them."""
+"""The identified friction predicts the torque from the speed.
+
+Further tests cover dynamic identification and the two commands that use these functions.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,7 @@ def identified(name="rig3_worm"):
 
 
 def start_stop(rest: float = 2.0, speed: float = 5.0, dt: float = 0.02):
-    """Time and speed of rest, motion forwards, a pause, motion back, rest."""
+    """Return time (s) and speed (rad/s) of a motion forwards and back with a rest around each."""
     time = np.arange(0.0, 4 * rest + 6.0, dt)
     w = np.interp(time, [rest, rest + 0.1, rest + 2.9, rest + 3.0], [0, speed, speed, 0])
     return time, w - np.interp(
@@ -169,7 +172,7 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
         shown, column = result["parameters"][name], drive.friction.posterior.column(name)
         tails = (np.mean(column < shown["low"]), np.mean(column > shown["high"]))
         for tail, end in zip(tails, ("low", "high"), strict=True):
-            # Of 1000 sets, 25 ± 5 lie beyond an end, and fewer if the value is the end.
+            # About 25 ± 5 of 1000 sets lie beyond each end, or fewer if the end is the value.
             assert tail <= 0.045, (name, end)
             assert tail >= 0.005 or shown[end] == shown["value"], (name, end)
 
@@ -216,7 +219,10 @@ def test_figures_show_both_directions_and_the_prediction(tmp_path):
 
 @pytest.mark.usefixtures("few_points")
 def test_the_map_shows_what_further_recordings_stay_within() -> None:
-    """A narrow band for their means, in which the measured ones lie, within a wide one for their samples."""
+    """The figure of the map shows a wide band for samples and a narrow band for means.
+
+    All measured means lie within the wide bands, and more than 90 % lie within the narrow bands.
+    """
     found = identify("rig1_lead_screw")
     outlines = [
         band.get_paths()[0]

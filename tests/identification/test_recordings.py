@@ -1,4 +1,4 @@
-"""Reading recordings: what is accepted, what is repaired and said, what is refused."""
+"""The reader accepts usable recordings, reports every repair and refuses all other files."""
 
 from __future__ import annotations
 

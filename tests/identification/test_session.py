@@ -1,4 +1,7 @@
-"""Order and times of recordings, and a torque of the wrong sign."""
+"""The notes of a session state the order of its speeds and its pauses.
+
+Recordings in which the torque has the wrong sign are refused.
+"""
 
 from __future__ import annotations
 
@@ -68,7 +71,10 @@ def test_pauses_are_stated(minutes: float, words: str) -> None:
 
 @pytest.mark.parametrize("load", [0.0, 3e-3, -3e-3])
 def test_a_motor_that_produces_energy_has_a_wrong_sign(load: float) -> None:
-    """The energy of a load cancels over both directions. Friction takes energy."""
+    """Recordings in which the motor produces energy have a torque of the wrong sign.
+
+    The energy of a load cancels over both directions, and friction takes energy.
+    """
     steady = [
         recording(sign * w, None, load + sign * 1e-3) for w in SPEEDS.tolist() for sign in (1, -1)
     ]
@@ -89,7 +95,10 @@ def test_the_sessions_of_the_paper_went_from_fast_to_slow(rig: int) -> None:
 
 @pytest.mark.skipif(not hasattr(time, "tzset"), reason="the system has no time zones to set")
 def test_pauses_do_not_depend_on_the_time_zone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Clocks in Berlin went forward by an hour at 2:00 on 29 March 2020."""
+    """The stated pause is the same in every time zone.
+
+    Clocks in Berlin went forward by an hour at 2:00 on 29 March 2020.
+    """
     before = Recording("a", np.arange(20.0), w=np.ones(20), tau=np.ones(20))
     dates = ("2020-03-29 01:50:00", "2020-03-29 03:30:00")
     pair = [replace(before, name=date, header={"date": date}) for date in dates]

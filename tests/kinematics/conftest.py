@@ -1,4 +1,4 @@
-"""Mechanisms for the kinematics tests."""
+"""Fixtures with mechanisms for the tests of kinematics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RandomMechanism = Callable[..., Mechanism]
 
 @pytest.fixture(scope="session")
 def vitreoretinal() -> Mechanism:
-    """The published robot: ω1 horizontal, α = 30°, ω3 tilted by −113° about y."""
+    """Return the published robot: ω1 is horizontal, α = 30°, and ω3 is tilted by −113° about y."""
     sine, cosine = math.sin(math.radians(23.0)), math.cos(math.radians(23.0))
     return Mechanism.from_geometry(
         Geometry(
@@ -30,7 +30,10 @@ def vitreoretinal() -> Mechanism:
 
 @pytest.fixture(scope="session")
 def random_mechanism() -> RandomMechanism:
-    """A function of (generator, alpha=None, beta=None): a mechanism anywhere in space, any home, either insertion sign."""
+    """Return a function that builds a random mechanism from a generator and optional angles in rad.
+
+    The orientation, the home configuration and the insertion sign of the mechanism are random.
+    """
 
     def make(
         rng: np.random.Generator, alpha: float | None = None, beta: float | None = None
@@ -58,6 +61,6 @@ def random_mechanism() -> RandomMechanism:
 
 
 def random_rotation(rng: np.random.Generator) -> np.ndarray:
-    """A rotation matrix from the QR decomposition of random numbers."""
+    """Return a random rotation matrix (3, 3) from a QR decomposition."""
     matrix, _ = np.linalg.qr(rng.standard_normal((3, 3)))
     return matrix * np.sign(np.linalg.det(matrix))

@@ -1,4 +1,7 @@
-"""Retina and lens: against dense points along the shaft and over the lens, and what the rows for optimisation promise."""
+"""The distances to retina and lens are compared with dense points on the shaft and the lens.
+
+The constraint rows for optimisation agree with the limits, and their gradients are continuous.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ def random_rotation(rng: np.random.Generator) -> np.ndarray:
 
 
 def random_eye(rng: np.random.Generator) -> Eye:
-    """An eye anywhere about the remote centre, with the lens in front of its centre but clear of the port."""
+    """Return a random eye around the remote centre, with a lens that is clear of the port."""
     while True:
         turned, frame = random_rotation(rng), random_rotation(rng)
         centre = turned @ [0.0, 0.0, -0.012 * rng.uniform(0.9, 1.1)]
@@ -77,7 +80,7 @@ def test_retina_allows_the_inner_ball_and_the_port() -> None:
         beyond = np.linalg.norm(tips, axis=1) > eye.clearance + eye.port
         wall = eye.radius - np.linalg.norm(tips - eye.centre, axis=1)
         assert np.array_equal(distance[beyond & (wall >= 0)], wall[beyond & (wall >= 0)])
-        # no step anywhere: a hundredth of a millimetre changes it by no more than that
+        # The distance changes by no more than the tip moves, so it has no steps.
         moved = tips + rng.uniform(-1, 1, tips.shape) * 1e-5
         change = np.abs(retina_distance(NUMPY, eye, moved.T) - distance)
         assert np.all(change <= np.linalg.norm(moved - tips, axis=1) * (1 + 1e-9))
@@ -98,7 +101,7 @@ def test_lens_ratio_is_the_nearest_of_dense_points_along_the_shaft() -> None:
 
 
 def surface(lens: Lens, enlarged: float, count: int = 20_000) -> np.ndarray:
-    """Points all over the lens, (count, 3)."""
+    """Return points (count, 3) on the surface of the lens enlarged by the factor `enlarged`."""
     k = np.arange(count) + 0.5
     polar, around = np.arccos(1 - 2 * k / count), math.pi * (1 + math.sqrt(5)) * k
     ball = np.stack(
@@ -108,7 +111,7 @@ def surface(lens: Lens, enlarged: float, count: int = 20_000) -> np.ndarray:
 
 
 def to_segment(points: np.ndarray, tip: np.ndarray) -> np.ndarray:
-    """Distances of points from the segment between the origin and the tip."""
+    """Return the distances (n,) of points from the segment between the origin and the tip."""
     share = np.clip(points @ tip / (tip @ tip), 0.0, 1.0)
     return np.linalg.norm(points - share[:, None] * tip, axis=1)
 
@@ -119,21 +122,20 @@ def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
         eye = random_eye(rng)
         tip = eye.lens.centre * rng.uniform(0.7, 1.6) + rng.uniform(-1, 1, 3) * 0.006
         ratio = float(lens_ratio(NUMPY, eye.lens, tip))
-        # a lens of such a size that this shaft is at the limit
+        # The lens is scaled so that this shaft is exactly at the limit.
         size = ratio - eye.shaft_radius / eye.lens.semi_axes.min()
         if size <= 0.05:
             continue
         grown = dataclasses.replace(
             eye.lens, semi_axes=read_only_array(eye.lens.semi_axes * size, (3,))
         )
-        at_limit = unchecked_copy(
-            eye, lens=grown
-        )  # a lens of any size, also one that the eye has no room for
+        # The copy is unchecked because the lens may be too large for the eye.
+        at_limit = unchecked_copy(eye, lens=grown)
         value, least = eye_limits(NUMPY, at_limit, tip)["lens clearance"]
         assert value == pytest.approx(least, rel=1e-12)
         nearest = to_segment(surface(grown, 1.0), tip).min()
         assert nearest >= eye.shaft_radius - 1e-6
-        # and enlarged by the ratio the lens just touches
+        # The lens enlarged by the ratio just touches the shaft.
         assert to_segment(surface(grown, float(value)), tip).min() < 2e-4
 
 
@@ -202,7 +204,11 @@ def test_a_tip_as_near_to_the_retina_as_allowed_is_on_the_edge_of_the_row() -> N
 
 
 def test_rows_are_once_continuously_differentiable() -> None:
-    """Gradients just on both sides of the port's edge, and of where the foot on the shaft leaves its ends, agree."""
+    """The gradients of the constraint rows are continuous.
+
+    They agree on both sides of the edge of the port. They also agree where the point of the shaft
+    nearest to the lens reaches the tip.
+    """
     rng = np.random.default_rng(8)
     symbol = casadi.SX.sym("p", 3)
     for _ in range(20):
@@ -212,7 +218,8 @@ def test_rows_are_once_continuously_differentiable() -> None:
         edge = rng.standard_normal(3)
         edge *= eye.port / np.linalg.norm(edge)
         across = rng.standard_normal(3)
-        # the foot is at the tip where scaled shaft and scaled way from tip to lens are at right angles
+        # The tip is the nearest point of the shaft if the scaled shaft and the scaled vector from
+        # the tip to the lens are orthogonal.
         scale = eye.lens.frame / eye.lens.semi_axes @ eye.lens.frame.T
         at_tip = np.linalg.solve(scale, (scale @ eye.lens.centre + 0.3 * across)) * 0.5
         way = scale @ at_tip
@@ -239,7 +246,7 @@ def test_the_shipped_eye_lies_as_its_comments_say() -> None:
     problem = load_problem(APPROACH)
     eye, mechanism = problem.eye, Mechanism.from_geometry(problem.robot.geometry)
     up, wall = np.array([0.0, 0.0, 1.0]), 0.012
-    # the port: 4 mm along the wall behind a limbus 6 mm from the optical axis
+    # The port lies 4 mm along the wall behind the limbus, which is 6 mm from the optical axis.
     from_axis = math.asin(0.006 / wall) + 0.004 / wall
     assert np.linalg.norm(eye.centre) == pytest.approx(wall, abs=2e-5)
     assert math.acos(-eye.centre @ up / wall) == pytest.approx(from_axis, abs=2e-3)
@@ -247,7 +254,8 @@ def test_the_shipped_eye_lies_as_its_comments_say() -> None:
     assert (cornea - (eye.centre - eye.radius * up)) @ up == pytest.approx(0.0233)
     back = eye.lens.centre - eye.lens.semi_axes[2] * eye.lens.frame[:, 2]
     assert (cornea - back) @ up == pytest.approx(0.008)
-    # the tool points at the macula at the tilt that the file names, in the middle of what the robot reaches
+    # At the tilt that the file states, the tool points at the macula. This tilt is well inside the
+    # range of the robot.
     macula = eye.centre - eye.radius * up
     tips = pose_from_task(mechanism, [0.0, math.radians(-115.3), 0.0, np.linalg.norm(macula)])[1]
     assert np.abs(tips[0] - macula).max() < 5e-5

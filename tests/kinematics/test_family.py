@@ -1,4 +1,4 @@
-"""A family of mechanisms gives what each of its members does."""
+"""A family of mechanisms gives the same results as each of its members."""
 
 from __future__ import annotations
 
@@ -45,9 +45,8 @@ def test_angles_and_joints_agree_with_every_member():
         for branch in (1, -1):
             theta = joints_of_task(NUMPY, member, tuple(task.T), branch * member.home_branch)
             wanted = np.stack(np.broadcast_arrays(*theta), axis=-1)
-            away = np.angle(
-                np.exp(1j * (found[branch][i] - wanted)[:, :3])
-            )  # whole turns are alike
+            # Angles that differ by whole turns are equal.
+            away = np.angle(np.exp(1j * (found[branch][i] - wanted)[:, :3]))
             assert np.abs(away).max() < 1e-9
             assert np.allclose(found[branch][i][:, 3], wanted[:, 3])
 

@@ -1,4 +1,8 @@
-"""Inverse kinematics: FK∘IK on every branch, the boundary, unreachable targets, depth 0, tip targets, bad input."""
+"""The joints of the inverse kinematics reach the given pose on every branch.
+
+Special cases are the boundary of the workspace, unreachable targets, depth 0, tip targets and
+invalid input.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ from tests.support.pose_inverse import LEVER, inverse
 def worst_miss(
     mech: Mechanism, found: Solutions, rotations: np.ndarray, positions: np.ndarray
 ) -> float:
-    """Largest difference between the poses of all branches and the poses asked for."""
+    """Return the largest difference between the given poses and the poses of all branches."""
     worst = 0.0
     for k in range(found.joints.shape[1]):
         reached = forward(mech, found.joints[:, k])
@@ -67,7 +71,7 @@ def test_task_and_pose_agree_on_every_branch(random_mechanism):
         assert np.array_equal(from_pose.branch, from_task.branch)
         assert from_task.reachable.all()
         assert worst_miss(mech, from_task, *pose_from_task(mech, task)) < 1e-10
-        # near the boundary θ2 itself is known to half the digits only
+        # Near the boundary, only half of the digits of θ2 are accurate.
         gap = angle_gap(from_pose.joints[..., :3], from_task.joints[..., :3]).max(axis=(1, 2))
         inside = np.minimum(
             magnitude - np.abs(tilt_interval(mech)).min(),
@@ -175,7 +179,7 @@ def test_a_pose_whose_axis_misses_the_rcm(vitreoretinal):
         turned = Rotation.from_matrix(np.swapaxes(reached, 1, 2) @ rotations).magnitude()
         assert np.abs(turned - found.orientation_error).max() < 1e-7
         assert np.abs(np.linalg.norm(tips - shifted, axis=1) - found.tip_error).max() < 1e-12
-    # no pointing nearby does better in the stated sense, θ4 held
+    # No neighbouring pointing with the same θ4 has a smaller cost.
     theta4 = np.sum(shifted * rotations[:, :, 2], axis=1, keepdims=True)
 
     def cost(pointing: np.ndarray) -> np.ndarray:
@@ -196,7 +200,7 @@ def test_at_depth_zero_the_orientation_alone_points(vitreoretinal):
     found = inverse(vitreoretinal, rotations, positions)
     assert found.reachable.all()
     assert worst_miss(vitreoretinal, found, rotations, positions) < 1e-14
-    # a micrometre of noise on the tip turns the tool by microradians
+    # Noise of a micrometre at the tip turns the tool by microradians.
     noisy = inverse(vitreoretinal, rotations, np.array([1e-6, -1e-6, 1e-6]))
     assert np.abs(noisy.joints[..., :3] - found.joints[..., :3]).max() < 1e-5
 

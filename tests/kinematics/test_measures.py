@@ -1,4 +1,7 @@
-"""Measures along the workspace against differences, determinants and their values at the boundary."""
+"""Measures along the workspace are compared with finite differences and determinants.
+
+Further tests check their values at the boundary of the workspace.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def test_joint_speed_has_no_bound_at_the_boundary(random_mechanism):
         near = np.abs(
             joint_speed_per_tilt_speed(mech, high - np.array([1e-2, 1e-4, 1e-6]), 1)[:, 1]
         )
-        # θ2 goes with the square root of the distance to the boundary
+        # θ2 varies with the square root of the distance to the boundary.
         assert near[1:] / near[:-1] == pytest.approx([10.0, 10.0], rel=0.1)
         assert np.isnan(
             joint_speed_per_tilt_speed(mech, np.array([low - 1e-3, high + 1e-3]), 1)

@@ -1,4 +1,7 @@
-"""Axes, forward kinematics and Jacobians: geometry, laws, and Pinocchio as the independent implementation."""
+"""Axes, forward kinematics and Jacobians obey geometric laws.
+
+Pinocchio is the independent reference.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ RNG_SEED = 3
 
 
 def pinocchio_model(mechanism: Mechanism):
-    """The same mechanism as a Pinocchio model; returns (model, id of the tool frame)."""
+    """Return the same mechanism as a Pinocchio model, and the id of its tool frame."""
     pin = pytest.importorskip("pinocchio")
     model = pin.Model()
     joint = 0

@@ -1,4 +1,7 @@
-"""The functions for users agree with each other, and one point or row gives what a batch gives."""
+"""The user functions of kinematics agree with each other.
+
+A single configuration gives the corresponding row of a batch.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ def test_the_jacobian_is_the_derivative_of_the_tool_pose(robot: Robot, joints: A
         ahead, behind = fk(robot, joints + step), fk(robot, joints - step)
         velocity = (ahead.position - behind.position) / (2 * STEP)
         np.testing.assert_allclose(result[:, :3, i], velocity, atol=1e-9)
-        # the rotation over the step is exp([ω] 2 h), whose skew part holds ω
+        # The rotation over the step is exp([ω] 2h), so its skew part divided by 2h is [ω].
         turning = ahead.rotation @ behind.rotation.transpose(0, 2, 1) / (2 * STEP)
         skew = (turning - turning.transpose(0, 2, 1)) / 2
         omega = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)

@@ -1,4 +1,4 @@
-"""Choosing among solutions: joint limits, distance to a reference, continuity along a path."""
+"""Solutions are chosen by joint limits, distance to a reference and continuity along a path."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_limits_mark_and_whole_turns_move_solutions_inside(vitreoretinal):
     assert 0 < np.count_nonzero(found.valid) < found.valid.size
     turns = (found.joints - free.joints)[..., :3] / (2.0 * math.pi)
     assert np.abs(turns - turns.round()).max() < 1e-12
-    # a solution is outside only if no whole number of turns brings each joint inside
+    # A solution is outside the limits only if whole turns cannot bring each joint inside.
     shifted = free.joints[..., :3, np.newaxis] + 2.0 * math.pi * np.arange(-3, 4)
     low, high = limits[:3, 0, np.newaxis], limits[:3, 1, np.newaxis]
     possible = np.all(np.any((shifted >= low) & (shifted <= high), axis=-1), axis=-1)

@@ -1,4 +1,7 @@
-"""The tool along the axis of joint 1, where any roll will do: it is reached only where α = β."""
+"""A tool along the axis of joint 1 allows any roll angle.
+
+Only a mechanism with α = β reaches this pose.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Paden–Kahan subproblems: exact where there is a solution, least squares where there is none, safe when degenerate."""
+"""The solutions of the Paden–Kahan subproblems are exact where an exact solution exists.
+
+Elsewhere they are least-squares solutions. Degenerate cases give finite results.
+"""
 
 from __future__ import annotations
 
@@ -81,9 +84,8 @@ def test_subproblem_2_is_least_squares_out_of_reach(seed):
 
 def test_subproblem_2_counts_two_one_and_none():
     x, y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-    tool = np.array(
-        [math.sin(0.5), math.cos(0.5), 0.0]
-    )  # 0.5 rad from y, so |φ| is in [π/2 − 0.5, π/2 + 0.5]
+    # The tool is 0.5 rad from y, so |φ| lies in [π/2 − 0.5, π/2 + 0.5].
+    tool = np.array([math.sin(0.5), math.cos(0.5), 0.0])
     for phi, expected in (
         (math.pi / 2, 2),
         (math.pi / 2 + 0.5, 1),

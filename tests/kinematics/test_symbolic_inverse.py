@@ -1,4 +1,7 @@
-"""Symbolic inverse kinematics: equal to the numeric one, and its derivatives to finite differences."""
+"""The symbolic inverse kinematics equals the numeric one.
+
+Its derivatives agree with finite differences.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,17 @@ BRANCHES = (1, -1)
 
 
 def joints_function(mech, branch: int) -> casadi.Function:
-    """Value and Jacobian of the joints of task coordinates."""
+    """Return a function that gives joints (4,) and their Jacobian (4, 4) for task coordinates."""
     task = casadi.SX.sym("task", 4)
     joints = joints_from_task_symbolic(mech, task, branch)
     return casadi.Function("joints", [task], [joints, casadi.jacobian(joints, task)])
 
 
 def tasks_inside(rng: np.random.Generator, mech, count: int) -> np.ndarray:
-    """Task coordinates with tilts on both sides of ω1, not nearer to the boundary than a tenth of the interval."""
+    """Return task coordinates (count, 4) with tilts on both sides of ω1.
+
+    The distance of each tilt from the boundary is at least a tenth of the tilt interval.
+    """
     low, high = tilt_interval(mech)
     task = rng.uniform(-4.0, 4.0, (count, 4))
     task[:, 1] = (low + (high - low) * rng.uniform(0.1, 0.9, count)) * rng.choice(
@@ -48,7 +54,8 @@ def test_symbolic_equals_numeric_on_every_branch(random_mechanism):
 def test_first_derivatives_agree_with_finite_differences(random_mechanism):
     rng = np.random.default_rng(32)
     step = 3e-4
-    weights = {1: 3.0 / 4.0, 2: -3.0 / 20.0, 3: 1.0 / 60.0}  # sixth-order central difference
+    # These weights give the sixth-order central difference.
+    weights = {1: 3.0 / 4.0, 2: -3.0 / 20.0, 3: 1.0 / 60.0}
     for _ in range(10):
         mech = random_mechanism(rng, rng.uniform(0.4, 2.7), rng.uniform(0.4, 2.7))
         for branch in BRANCHES:

@@ -1,4 +1,7 @@
-"""Task coordinates: both ways, both names of a pose, one convention of the sign of tilt; numeric against symbolic."""
+"""Joints and task coordinates are converted in both directions, symbolically and numerically.
+
+A pose has two sets of task coordinates, and the sign of the tilt follows one convention.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +103,7 @@ def test_task_rates_are_differences_of_the_task(random_mechanism):
         q, qd = rng.uniform(-3.0, 3.0, (40, 4)), rng.uniform(-1.0, 1.0, (40, 4))
         ahead = task_from_joints(mech, q + step * qd)
         moved = ahead - task_from_joints(mech, q - step * qd, near=ahead)
-        # towards a tilt of 0 or 180 degrees rates, and what differences miss of them, grow without bound
+        # Near a tilt of 0° or 180°, the rates and the errors of finite differences are unbounded.
         clear = np.abs(np.sin(ahead[:, 1])) > 0.05
         assert np.abs(moved / (2 * step) - task_rates(mech, q, qd))[clear].max() < 1e-6
 

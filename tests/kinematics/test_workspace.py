@@ -1,4 +1,4 @@
-"""The closed forms of the workspace against sweeps of the product of exponentials."""
+"""The closed forms of the workspace are compared with sweeps of the product of exponentials."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ axis_angles = st.floats(0.0, math.pi)
 def tilt_cosine(
     mechanism: Mechanism, theta2: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """f(θ2) = ω1ᵀ e^{ω̂2θ2} v4 = cos φ and its first two derivatives (paper, eqs. 4 and 5), any shape."""
+    """Return f(θ2) = ω1ᵀ e^{ω̂2θ2} v4 = cos φ and its first two derivatives.
+
+    These are equations 4 and 5 of the paper. The results have the shape of `theta2`.
+    """
     angle = np.asarray(theta2, dtype=float)[..., np.newaxis]
     still, cosine, sine = mechanism.exponentials[1] @ mechanism.omega3 @ mechanism.omega1
     f = still + cosine * np.cos(angle) + sine * np.sin(angle)
@@ -37,7 +40,10 @@ def tilt_cosine(
 
 
 def swept_tilt(alpha: np.ndarray, beta: np.ndarray, theta2: np.ndarray) -> np.ndarray:
-    """Angle between ω1 = x and e^{ω̂2 θ2} v4, by Rodrigues' formula; all of one shape."""
+    """Return the angle between ω1 = x and e^{ω̂2 θ2} v4 in rad, by Rodrigues' formula.
+
+    The angles `alpha` and `beta` broadcast to the shape of `theta2`.
+    """
     ones, zeros = np.ones_like(theta2), np.zeros_like(theta2)
     omega2 = np.stack((np.cos(alpha) * ones, np.sin(alpha) * ones, zeros), axis=-1)
     v4 = np.stack((np.cos(alpha + beta) * ones, np.sin(alpha + beta) * ones, zeros), axis=-1)
@@ -48,7 +54,10 @@ def swept_tilt(alpha: np.ndarray, beta: np.ndarray, theta2: np.ndarray) -> np.nd
 
 
 def swept_extreme(alpha: np.ndarray, beta: np.ndarray, sign: int) -> np.ndarray:
-    """Largest (sign +1) or smallest tilt of a sweep that narrows around the best sample."""
+    """Return the largest (sign +1) or smallest (sign −1) tilt of a sweep, in rad.
+
+    The sweep narrows around its best sample.
+    """
     best, width = np.zeros_like(alpha), math.pi
     for _ in range(9):
         theta2 = best[:, np.newaxis] + np.linspace(-width, width, 201)
@@ -186,7 +195,8 @@ def test_design_region_holds_exactly_the_mechanisms_that_reach(one, other, margi
     if region.empty:
         assert not reaches
         return
-    # inside the polygon: on the inner side of each edge, corners counter-clockwise or clockwise alike
+    # A point inside the polygon lies on the same side of every edge, whatever the order of the
+    # corners.
     corners = region.vertices
     edges, offsets = np.roll(corners, -1, axis=0) - corners, np.array([alpha, beta]) - corners
     turns = edges[:, 0] * offsets[:, 1] - edges[:, 1] * offsets[:, 0]

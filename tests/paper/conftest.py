@@ -1,4 +1,4 @@
-"""The document, which the command writes once for all tests of this folder."""
+"""The fixture `made` writes the document once for all tests of this folder."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ kept = sys.argv.pop(1)
 document.write = keep
 sys.exit(main())
 """
-"""Program that runs a command and keeps the document as values too."""
+"""Program that runs a command and also stores the document as a Python object."""
 
 
 @pytest.fixture(scope="session")
@@ -43,7 +43,7 @@ def inputs() -> Inputs:
 
 @pytest.fixture(scope="session")
 def made(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """The document of the command, which runs in a process of its own."""
+    """Return the document of the command, which runs in a separate process."""
 
     def make(folder: Path) -> None:
         words = ("reproduce", "-o", folder, "--recordings", RECORDINGS)
@@ -57,7 +57,7 @@ def made(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Made:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave to the second tier every test that needs the whole document, which takes long to compute."""
+    """Mark every test that needs the whole document as slow because its computation takes long."""
     for item in items:
         if "made" in getattr(item, "fixturenames", ()):
             item.add_marker("slow")

@@ -1,4 +1,4 @@
-"""The document: whole, the same each time, the same as the one that is committed."""
+"""The document is complete, reproducible and equal to the committed document."""
 
 from __future__ import annotations
 
@@ -133,7 +133,11 @@ def test_pictures_are_the_same_bytes_each_time(
 @pytest.mark.slow
 @needs_recordings
 def test_the_command_writes_the_committed_document(made: Made) -> None:
-    """Up to the last digits: the command fixes the kernels, but not the functions of the C library."""
+    """The command writes the committed document except for the last digits of its numbers.
+
+    The command fixes the numeric kernels, but the functions of the C library differ between
+    systems.
+    """
     documents = (COMMITTED / "README.md", made.folder / "README.md")
     flat = [re.sub(r"\s+", " ", path.read_text(encoding="utf-8")) for path in documents]
     assert NUMBER.sub("#", flat[0]) == NUMBER.sub("#", flat[1])

@@ -1,4 +1,7 @@
-"""What the document claims, as laws: bounds that nothing beats, forms that agree where they must, signs that vanish."""
+"""The claims of the document are tested as laws.
+
+No motion exceeds a bound, equivalent formulas agree, and some terms vanish.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +65,8 @@ def test_no_motion_beats_the_bound_of_the_tilt_rate(made: Made) -> None:
         samples = run.plan.motion.uniform(1000.0)
         rates = task_rates(mechanism, samples.q, samples.qd)
         assert 0.0 < np.abs(rates[:, 1]).max() < bound.rate
-    assert bound.rate < math.radians(80.0)  # what the chosen reading rests on
+    # The chosen interpretation relies on this limit.
+    assert bound.rate < math.radians(80.0)
     assert tilt_rate_bound(mechanism, ends, 4.0 * acceleration).rate == pytest.approx(
         2.0 * bound.rate
     )
@@ -103,9 +107,8 @@ def test_unloaded_maps_are_the_closed_form_of_table_ii(robot: Robot) -> None:
         assert m.mesh == pytest.approx(mesh * effort[-1])
         for side, (low, high) in enumerate(m.loaded):
             assert np.all(low <= high)
-            if (
-                m.gravity[0] <= 0.0 <= m.gravity[1]
-            ):  # the load passes through zero, the map without load lies in the band
+            # If the load passes through zero, the band contains the map without load.
+            if m.gravity[0] <= 0.0 <= m.gravity[1]:
                 assert np.all(
                     (low <= m.unloaded[side] + 1e-12) & (m.unloaded[side] <= high + 1e-12)
                 )

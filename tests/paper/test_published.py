@@ -1,4 +1,4 @@
-"""Published figures stand in the program as the paper prints them."""
+"""The published figures in the program equal those that the paper prints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NUMBER = r"-?\d+(?:\.\d+)?"
 
 
 def numbers_of_row(paper: str, label: str) -> list[float]:
-    """The numbers of the table row that starts with a label."""
+    """Return the numbers of the table row that starts with a label."""
     found = re.search(re.escape(label) + r"(.*?)\\\\", paper)
     assert found, label
     return [float(text) for text in re.findall(NUMBER, found.group(1))]

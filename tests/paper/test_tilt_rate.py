@@ -1,4 +1,7 @@
-"""The bound of the tilt rate: what single joints at full acceleration reach, and what no motion passes."""
+"""A single joint at full acceleration reaches the bound of the tilt rate.
+
+No motion exceeds this bound.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ ENDS = (math.radians(-135.0), math.radians(-85.0))
 def test_joint_2_at_full_acceleration_both_ways_meets_the_bound_that_it_sets(
     mechanism: Mechanism,
 ) -> None:
-    """Half way at +a, half way at −a: the fastest that joint 2 can go, by simulation."""
+    """Joint 2 reaches the bound if it accelerates over half of the range and then decelerates.
+
+    The reference is a simulation with the accelerations +a and −a.
+    """
     a = 3.0
     start, end = (float(theta2_from_tilt(mechanism, tilt, mechanism.home_branch)) for tilt in ENDS)
     half = abs(end - start) / 2

@@ -21,5 +21,5 @@ def loads(trajectory: Trajectory, robot: Robot) -> tuple[JointLoad, ...]:
 
 @pytest.fixture(scope="session")
 def complete(robot: Robot) -> DutyCycle:
-    """A duty about which everything is known."""
+    """Return a duty cycle for a random motion of a robot whose files state every figure."""
     return DutyCycle.of_trajectory(random_trajectory(3), equipped(robot))

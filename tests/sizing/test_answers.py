@@ -1,4 +1,4 @@
-"""Margins and answers of a selection, and the bands of a requirement, by hand."""
+"""The margins and answers of a selection and the bands of a requirement equal hand calculations."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ def demands(values: np.ndarray) -> object:
 
 @pytest.mark.parametrize("smooth", [True, False])
 def test_bands_hold_with_their_confidence_at_both_ends(smooth: bool) -> None:
-    """Ten draws: nine of them lie below the ninth, and nine above the first."""
+    """At a confidence of 90 %, the band of ten draws ends at the first and at the ninth draw.
+
+    Nine draws lie above the first, and nine draws do not exceed the ninth.
+    """
     draws = np.arange(1.0, 11.0)
     without = demands(draws / 2) if smooth else None
     band = Band(demands(draws[:1]), demands(draws), demands(draws), True, without)  # type: ignore[arg-type]

@@ -1,4 +1,7 @@
-"""Verdicts on 48 real motors on the three driven axes against brute force: every torque, voltage and temperature anew."""
+"""Verdicts on 48 real motors for the three driven axes are compared with a brute-force oracle.
+
+The oracle computes every torque, voltage and winding temperature independently of the package.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,10 @@ def motors() -> list[Motor]:
 
 @pytest.fixture(scope="module")
 def axes() -> tuple[JointLoad, ...]:
-    """The shipped motion, at fewer instants: what is compared looks at the same ones."""
+    """Return the loads of the three driven joints in the shipped motion, sampled at 50 Hz.
+
+    The verdicts and the oracle use the same instants.
+    """
     problem = load_problem(PROBLEMS / "tilt_insert.yaml")
     trajectory = plan_motion(problem).trajectory
     loads = joint_loads(trajectory, problem.robot, rate=50.0)
@@ -66,7 +72,10 @@ def axes() -> tuple[JointLoad, ...]:
 
 
 def reference_torque(load: JointLoad, inertia: float, values: dict[str, float]) -> Array:
-    """Motor torque (n,) by the law as the paper prints it; mu_static keeps its ratio to mu."""
+    """Return the motor torque (n,) in N·m by the law of the paper.
+
+    The static friction coefficient keeps its ratio to the kinetic coefficient.
+    """
     drive, friction = load.drive, load.drive.friction
     way, w = load.direction, load.qd * drive.ratio
     mu = np.where(load.breakaway > 0, friction.mu_static / friction.mu, 1.0) * values["mu"]
@@ -84,7 +93,11 @@ def reference_torque(load: JointLoad, inertia: float, values: dict[str, float]) 
 
 
 def holds(load: JointLoad, motor: Motor, torque: Array) -> Array:
-    """(cases,): peak, RMS, speed, voltage and winding of a repeated motion with torques (cases, n) all within."""
+    """Return for each case (cases,) whether the motor keeps all limits in the repeated motion.
+
+    Each row of `torque` (cases, n) is the motor torque of one case in N·m. The limits apply to the
+    peak torque, the RMS torque, the speed, the voltage and the winding temperature.
+    """
     span = load.t[-1] - load.t[0]
     speed = np.abs(load.qd * load.drive.ratio)
     rms = np.sqrt(np.trapezoid(torque**2, load.t, axis=1) / span)
@@ -100,7 +113,12 @@ def holds(load: JointLoad, motor: Motor, torque: Array) -> Array:
 
 
 def hottest(load: JointLoad, motor: Motor, torque: Array) -> Array:
-    """(cases,) °C: two bodies in small steps over repetitions from the mean temperatures on."""
+    """Return the highest winding temperature (cases,) in °C of the repeated motion.
+
+    Euler steps integrate the winding temperature over several repetitions of the motion. The
+    integration starts at the steady-state temperature of the RMS torque. The housing keeps its
+    steady-state temperature.
+    """
     inner, outer = motor.resistance_winding_housing, motor.resistance_housing_ambient
     capacity = motor.time_constant_winding / inner
 
@@ -126,7 +144,11 @@ def hottest(load: JointLoad, motor: Motor, torque: Array) -> Array:
 
 
 def answers(load: JointLoad, motor: Motor) -> dict[float, bool | None]:
-    """By spread, of every rotor and friction that there may be: True where all hold, False where none does."""
+    """Return the answer for each relative uncertainty of the friction.
+
+    The answer is True if every case keeps all limits, False if no case does, and None otherwise.
+    The cases are combinations of possible rotor inertias and friction parameters.
+    """
     own, drive = load.motor, load.drive
     stated = own.rotor_inertia
     most = min(own.nominal_torque / 2e4, drive.input_inertia) if stated is None else stated
@@ -151,7 +173,7 @@ def answers(load: JointLoad, motor: Motor) -> dict[float, bool | None]:
             for inertia in (inertias if stated is None else inertias[:1])
             for factor in factors
         ]
-    # all at once, because the small steps in time take long
+    # The cases of all uncertainties are computed together because the small time steps take long.
     kept = holds(load, motor, np.array([*itertools.chain(*torque.values())]))
     ends = np.cumsum([len(rows) for rows in torque.values()])[:-1]
     return {
@@ -186,7 +208,11 @@ def test_no_verdict_is_wrong_and_only_what_is_missing_leaves_one_open(
 def test_what_is_not_stated_is_named(
     axes: tuple[JointLoad, ...], motors: list[Motor], robot: Robot
 ) -> None:
-    """A figure taken away leaves open what needs it, and nothing that another figure rules out."""
+    """A missing figure is named if the verdict depends on it.
+
+    If other figures rule the motor out, the verdict is no. A missing rotor inertia does not change
+    the verdict on a strong motor.
+    """
     load = axes[1]
     strong = max(motors, key=lambda motor: motor.nominal_torque)
     weak = min(motors, key=lambda motor: motor.nominal_torque)

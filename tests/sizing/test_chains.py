@@ -1,6 +1,7 @@
-"""Chains of motor, gearhead and worm against a brute-force oracle, and catalogues of gearheads.
+"""Verdicts on chains of motor, gearhead and worm are compared with a brute-force oracle.
 
-CHAINS=10000 compares 10 000 random chains.
+Further tests read catalogues of gearheads. The environment variable CHAINS sets the number of
+random chains, for example CHAINS=10000.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from ssm_planner.sizing.selection import select_joint
 
 CHAINS = int(os.environ.get("CHAINS", "600"))
 BATCH = (12, 25)
-"""Gearheads and motors of one random task."""
+"""Numbers of gearheads and motors in one random task."""
 EXACT = Conditions(spread=0.0)
 """Conditions with friction that is exactly known."""
 
@@ -54,7 +55,7 @@ def random_drive(rng: np.random.Generator) -> Drive:
 
 
 def random_load(rng: np.random.Generator) -> JointLoad:
-    """Return a load that moves to and fro between rests, with all quantities of one joint."""
+    """Return the load of a joint that moves forth and back once and is at rest at both ends."""
     t = np.linspace(0.0, rng.uniform(0.5, 3.0), 300)
     phase = 2 * np.pi * t / t[-1]
     top = rng.uniform(0.3, 2.0)
@@ -96,10 +97,10 @@ def random_gearhead(rng: np.random.Generator) -> Gearhead:
 
 
 def oracle(load: JointLoad, head: Gearhead, motor: Motor) -> tuple[dict[str, float], bool]:
-    """Return the largest ratio of demand to limit of each check, instant by instant.
+    """Return for each check the largest ratio of demand to limit over all instants.
 
-    Worm, bearings and shaft of the drive follow the gearhead. The second result is true if the
-    motor drives the gearhead at every instant.
+    The gearhead lies between the motor and the drive. The second result is true if the motor drives
+    the gearhead at every instant.
     """
     drive, f = load.drive, load.drive.friction
     shaft = drive.input_inertia - load.motor.rotor_inertia
@@ -211,7 +212,7 @@ def test_a_light_chain_suffices_for_roll():
     assert chain.gearhead.mass + selection.motors[m].mass <= 0.060
     checks = (*selection.verdict(g, m).checks, *selection.verdict(g, m).gear)
     assert all(check.passed for check in checks if check.margin is not None)
-    # The computed gearheads are no products, so the answer stays open.
+    # The gearheads have computed figures and are not products, so the answer stays open.
     assert selection.adequate[g, m] == 0
 
 

@@ -1,4 +1,7 @@
-"""Gears and screws: closed forms from the equations of the beam, and what is not known."""
+"""The checks of gears and screws agree with closed forms of beam theory and hand calculations.
+
+A check without a stated rating never passes.
+"""
 
 from __future__ import annotations
 
@@ -33,16 +36,16 @@ FREQUENCY = {
     "fixed-supported": lambda x: math.tan(x) - math.tanh(x),
     "fixed-fixed": lambda x: math.cos(x) * math.cosh(x) - 1,
 }
-"""Zero at βL of the modes of a uniform beam."""
+"""Functions whose zeros are the values βL of the bending modes of a uniform beam."""
 
 
 @pytest.mark.parametrize("ends", list(BENDING_ROOTS))
 def test_bending_constants_are_roots_of_the_frequency_equation(ends) -> None:
     root = BENDING_ROOTS[ends]
     assert abs(FREQUENCY[ends](root)) < 1e-6
-    # the first: no sign change before it
+    # No sign change lies before the root, so it is the first root.
     before = [FREQUENCY[ends](x) for x in np.linspace(0.3, root - 1e-3, 400)]
-    if ends != "fixed-supported":  # tan has a pole on the way
+    if ends != "fixed-supported":  # The tangent has a pole before the root.
         assert min(before) * max(before) > 0
 
 
@@ -73,7 +76,7 @@ def test_scaling_laws(length: float, diameter: float, factor: float) -> None:
 
 
 def test_against_a_textbook_beam() -> None:
-    """Both ends supported: ω = (π/L)²·√(EI/ρA), F = π²EI/L²."""
+    """A beam supported at both ends has ω = (π/L)²·√(EI/ρA) and F = π²EI/L²."""
     inertia, area = math.pi * 0.01**4 / 64, math.pi * 0.01**2 / 4
     expected = (math.pi / 0.5) ** 2 * math.sqrt(YOUNG_MODULUS * inertia / (STEEL_DENSITY * area))
     assert critical_speed(0.5, 0.01, "supported-supported") == pytest.approx(expected)
@@ -135,7 +138,8 @@ def test_self_locking_at_the_lowest_plausible_friction(loads: tuple[JointLoad, .
     assert check.worst == pytest.approx(
         mu * math.exp(-2.326347874 * sigma - sigma**2 / 2), rel=5e-3
     )
-    # a range whose one end locks and whose other does not leaves it open; one that lies below does not
+    # The answer is open if only one end of the friction range locks the drive. It is no if the
+    # whole range lies below the necessary coefficient.
     straddling = checks_of(load, None, Conditions(spread=0.5))["self_locking"]
     assert straddling.passed is None
     assert "between 0.085 and 0.255" in straddling.needs
@@ -146,7 +150,7 @@ def test_self_locking_at_the_lowest_plausible_friction(loads: tuple[JointLoad, .
         ].passed
         is False
     )
-    # at the stated coefficient alone nothing is claimed, but its figure is there
+    # Without an uncertainty the answer is open, but the check still states its figures.
     bare = checks_of(load, None)["self_locking"]
     assert (bare.passed, bare.nominal, bare.limit) == (None, mu, pytest.approx(needed))
     loose = replace(load, drive=replace(load.drive, self_locking=False))

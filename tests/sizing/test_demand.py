@@ -1,4 +1,7 @@
-"""Bands of the torque: draws by the exact law, the linearised band beside them, ranges, and covariances that are none."""
+"""The bands of the required torque are compared with Monte Carlo draws of the exact law.
+
+Further tests cover ranges of friction parameters and invalid covariances.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ def test_linear_band_agrees_with_monte_carlo(loads: tuple[JointLoad, ...], relat
 
 
 def test_a_draw_is_the_exact_law(loads: tuple[JointLoad, ...]) -> None:
-    """Many drives at once give what each gives alone."""
+    """The demands of many drives computed together equal those of each drive computed alone."""
     load = loads[1]
     spread = friction_spread(with_covariance(load.drive))
     values = spread.values(spread.deviations(7))
@@ -140,7 +143,7 @@ def test_nothing_known_is_no_band(loads: tuple[JointLoad, ...]) -> None:
 
 
 def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
-    """Where most of the motion is rest, a Monte Carlo looks only at the rest of it."""
+    """The Monte Carlo and linear bands also agree for a motion that ends with a long rest."""
     from ssm_planner.problem.motion import Stroke
     from ssm_planner.trajectory import Trajectory, rest_coefficients
 

@@ -1,4 +1,7 @@
-"""Single joints back and forth: closed forms, the shipped files, and files that make no sense."""
+"""Duty cycles of single joints that move back and forth are compared with closed forms.
+
+The shipped files give the expected cycles, and inconsistent files are refused.
+"""
 
 from __future__ import annotations
 
@@ -75,15 +78,17 @@ def test_the_shipped_runs(file: str, speeds: dict[str, tuple[float, float]]) -> 
 
 
 def test_the_screw_at_constant_speed_by_hand() -> None:
-    """Joint 4 at home, away from its ends: gravity along the axis, no acceleration."""
+    """The torque of the screw at constant speed equals the law of the paper computed by hand.
+
+    At constant speed the load of the screw is the component of the weight along the tool axis.
+    """
     found = load_motorisation(SHIPPED / "motorisation" / "package.yaml")
     (load,) = [
         each for each in DutyCycle.of_motorisation(found).loads() if each.joint == "insertion"
     ]
     drive, f = load.drive, load.drive.friction
-    weight = (
-        0.09964338 * 9.81 * math.cos(math.radians(23))
-    )  # the tool axis is 23 deg off the vertical
+    # The tool axis is inclined by 23° to the vertical.
+    weight = 0.09964338 * 9.81 * math.cos(math.radians(23))
     for way in (1, -1):
         cruising = np.flatnonzero((np.abs(load.qdd) < 1e-12) & (load.direction == way))
         F = weight + f.b_oc * way + f.b_ov * 0.03 * way

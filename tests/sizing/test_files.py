@@ -1,4 +1,7 @@
-"""Motor and drive files: slips that other figures reveal, ratings and ranges, and their way through plan.json."""
+"""The reader of motor and drive files refuses figures that contradict each other.
+
+It also reads ratings and friction ranges, and plan.json preserves them.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +100,8 @@ def written(path: Path, folder: Path, *edits: tuple[str, str], append: str = "")
             "weaken",
         ),
         (
-            # every torque a thousand times too large, and nothing to hold it against but the power
+            # The torques are far too large, and without the nominal current only the power reveals
+            # this.
             [
                 ("nominal_torque: 23 mN*m", "nominal_torque: 2.3 N*m"),
                 ("value: 114 mN*m", "value: 4.9 N*m"),
@@ -135,7 +139,11 @@ def test_slips_in_a_motor_file(
 
 
 def test_real_motors_are_shipped_with_their_order_numbers(robot: Robot, tmp_path: Path) -> None:
-    """The paper names neither winding of joint 4: the robot has one, and the other beside it."""
+    """The shipped motors state their order numbers.
+
+    The paper does not name the winding of joint 4. The robot has the standard winding and lists the
+    high-power winding as an alternative.
+    """
     insertion = robot.joints[3]
     orders = {"standard": "ECXZ13M1VF40N1IL1D561A", "high-power": "ECXZ13M2KN48N1IL1D497A"}
     for motor, (winding, order) in zip(

@@ -1,4 +1,7 @@
-"""Drives identified from the rigs' figures, handed on to sizing: peaks against 20 000 draws computed apart."""
+"""Sizing uses drives that were identified from the figures of the test rigs.
+
+The bands of the peak torque are compared with 20 000 independently computed draws.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ RIGS = {
     "rig2_antibacklash_screw": "insertion",
     "rig3_worm": "tilt",
 }
-"""A joint that the drive of each rig can move."""
+"""Name of a joint that the drive of each rig can move."""
 STROKES = {
     "insertion": Stroke("insertion", -0.015, 0.01, 0.02, 0.1),
     "tilt": Stroke("tilt", 0.0, 1.5, 1.13, 3.49),
@@ -35,11 +38,15 @@ DRAWS = 20_000
 
 
 def reference_peaks(load: JointLoad, drive: Drive, posterior: Posterior) -> Array:
-    """(DRAWS,) largest |torque| with ripple: the law as the paper prints it, and a further recording's peak beyond it."""
+    """Return DRAWS random values of the largest absolute motor torque in N·m, with ripple.
+
+    The torque follows the law of the paper, with parameters drawn from the posterior. The ripple is
+    the amount by which the peak of a further recording exceeds this torque.
+    """
     rng = np.random.default_rng(11)
     rows = posterior.draws[rng.integers(len(posterior.draws), size=DRAWS)]
     moving = load.direction != 0
-    # the torque is largest at one of few instants: those of the largest effort, speed and acceleration each way
+    # A subset of the instants suffices for the largest torque: 300 even steps and all starts.
     keep = np.unique(np.linspace(0, moving.sum() - 1, 300).astype(int))
     keep = np.append(keep, np.flatnonzero(load.breakaway[moving] > 0))
     way, qd, qdd, rigid, start = (
@@ -73,7 +80,10 @@ def torque(
     rigid: Array,
     start: Array,
 ) -> Array:
-    """(n,) motor torque; the static coefficient keeps its ratio to that just after the start."""
+    """Return the motor torque (n,) in N·m.
+
+    The static friction coefficient keeps its ratio to the kinetic coefficient at zero speed.
+    """
     friction, w = drive.friction, drive.ratio * qd
     mu = np.full(len(w), values["mu"])
     law = FRICTION_LAWS[int(values[LAW_COLUMN])] if LAW_COLUMN in values else friction.law
@@ -134,7 +144,7 @@ def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
         < band.high("peak_torque", 0.99)
         < 20 * band.nominal_value("peak_torque")
     )
-    # every draw is a set of the posterior as it stands: none is clipped
+    # Every draw is an unchanged parameter set of the posterior, and no value is clipped.
     spread = friction_spread(drive)
     taken = spread.values(spread.deviations(len(posterior.draws)))
     for name, column in taken.items():

@@ -1,4 +1,7 @@
-"""Required torque against the law written out here, with Pinocchio's rigid-body dynamics."""
+"""The required motor torque equals an independent implementation of the law of the paper.
+
+Pinocchio computes the rigid-body dynamics of this reference.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ DRIVEN = (0, 1, 3)
 
 
 def plain_law(drive: Drive, tau: float, qd: float, qdd: float, way: float, starts: bool) -> float:
-    """The motor torque as the paper on these transmissions writes it, one number at a time."""
+    """Return the motor torque (N·m) at one instant by the law of the paper."""
     f = drive.friction
     if way == 0:
         return 0.0
@@ -48,7 +51,8 @@ def test_torque_is_the_law_over_pinocchio(robot: Robot, seed: int) -> None:
     for n in range(0, len(loads[0].t), 3):
         piece_ends = np.any(np.abs(loads[0].t[n] - trajectory.breaks) < 1e-12)
         if piece_ends:
-            continue  # either side of a break is meant; the interior tells which derivatives
+            # The derivatives have two one-sided values at a break of the trajectory.
+            continue
         tau = pin.rnea(model, data, at.q[n], at.qd[n], at.qdd[n])
         for i, load in zip(DRIVEN, loads, strict=True):
             turning = abs(at.qd[n, i]) < 1e-9 * robot.joints[i].velocity
@@ -63,7 +67,7 @@ def test_torque_is_the_law_over_pinocchio(robot: Robot, seed: int) -> None:
 def test_torque_is_that_of_the_motor_side(
     robot: Robot, trajectory: Trajectory, loads: tuple[JointLoad, ...]
 ) -> None:
-    """Away from breaks and turns the loads give what model/actuation.py gives."""
+    """Away from breaks and reversals, the loads have the torque and effort of `motor_motion`."""
     t = loads[0].t
     inside = np.all(np.abs(t[:, None] - trajectory.breaks) > 1e-9, axis=1)
     samples = trajectory.sample(t[inside])
@@ -82,11 +86,12 @@ def test_every_turn_is_an_instant_with_static_friction(
 ) -> None:
     for load in loads:
         inner = np.flatnonzero(np.diff(np.sign(load.qd[np.abs(load.qd) > 1e-7])) != 0)
-        assert load.breakaway.sum() == len(inner) + 1  # the first start and every turn
+        # Static friction acts at the first start and at every reversal.
+        assert load.breakaway.sum() == len(inner) + 1
         at = np.flatnonzero(load.breakaway)
         limit = robot.joints[("roll", "tilt", "spin", "insertion").index(load.joint)].velocity
         assert np.abs(load.qd[at]).max() < 1e-9 * limit
-        # breaking away takes at least what moving on takes
+        # Breaking away needs at least the torque that continued motion needs.
         sign = load.direction[at]
         assert np.all(load.torque()[at] * sign >= load.torque()[at + 1] * sign)
 
@@ -105,7 +110,11 @@ def test_figures_are_those_of_a_dense_quadrature(robot: Robot, trajectory: Traje
 
 
 def test_energy_balance(robot: Robot, trajectory: Trajectory) -> None:
-    """What the motor gives is heat of friction and what the bodies gain; from rest to rest all of it passes the parts."""
+    """The energy that the motor supplies equals the work of all parts of the torque.
+
+    Friction in the mesh and the bearings takes energy. The input inertia takes no energy in total
+    because the motion starts and ends at rest.
+    """
     for load in joint_loads(trajectory, robot, 10_000.0):
         requirement = motor_requirement(load)
         w = load.speed()
@@ -118,7 +127,7 @@ def test_energy_balance(robot: Robot, trajectory: Trajectory) -> None:
         assert requirement.mean_power * load.duration == pytest.approx(total, rel=1e-9)
         assert work["mesh_friction"] > 0
         assert work["bearing_friction"] > 0
-        assert abs(work["input_inertia"]) < 1e-6 * total  # at rest at both ends
+        assert abs(work["input_inertia"]) < 1e-6 * total  # The motion starts and ends at rest.
 
 
 def test_joule_heat_needs_constant_and_resistance(loads: tuple[JointLoad, ...]) -> None:
@@ -151,7 +160,10 @@ def test_a_motion_at_rest_requires_nothing(robot: Robot) -> None:
 def test_loads_in_sections_are_the_loads(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, section: int
 ) -> None:
-    """Sections bound the memory only: loads, torques and requirements are the same, to the bit."""
+    """The division into sections only limits the memory that the computation needs.
+
+    Loads, torques and requirements are equal to the last bit for every section size.
+    """
     trajectory = random_trajectory(5)
     whole = joint_loads(trajectory, robot)
     requirements = [motor_requirement(load).to_dict() for load in whole]

@@ -1,4 +1,7 @@
-"""Random catalogues with missing figures against a brute-force oracle: no pair passes without a figure."""
+"""Verdicts on random catalogues with missing figures are compared with a brute-force oracle.
+
+No pair of motor and gear passes unless every necessary figure is stated.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +58,10 @@ Figures = dict[str, float | None]
 
 
 def random_motor(rng: random.Random) -> Figures:
-    """Figures that fit together, of which some are left out."""
+    """Return figures of a motor that are consistent with each other.
+
+    Each optional figure is missing with a probability of 5 %.
+    """
     rise, r_inner = 130.0, 10 ** rng.uniform(-0.8, 0.5)
     slow = rng.uniform(300.0, 700.0)
     mass = slow / (10 * r_inner) / 450
@@ -120,7 +126,10 @@ def written(file: Path, units: dict[str, str], rows: list[Figures]) -> Path:
 
 
 def torques(load: JointLoad, gear: Figures, inertia: float, motor_friction: float) -> Any:
-    """Yield torque and mesh effort (n,) of each extreme of the friction, by the printed law."""
+    """Yield the motor torque (n,) and the absolute effort in the mesh (n,) by the law of the paper.
+
+    There is one result for each combination of extreme values of the five friction parameters.
+    """
     drive, friction = load.drive, load.drive.friction
     assert friction is not None
     geometry: Any = gear
@@ -147,14 +156,14 @@ def torques(load: JointLoad, gear: Figures, inertia: float, motor_friction: floa
 
 
 def passes(load: JointLoad, motor: Figures, gear: Figures) -> bool:
-    """Whether every figure is stated and every limit is kept at every extreme, with full heat.
+    """Return whether every necessary figure is stated and every limit is kept.
 
-    The heat is bounded from above: all copper loss of a period at the hottest winding, in steady
-    state, must stay below the limit. The oracle therefore says yes too seldom only for the heat,
-    and the test compares the heat separately.
+    The limits must be kept for every combination of extreme friction parameters. The winding
+    temperature is the steady-state temperature of the RMS torque, which is a lower bound of the
+    peak temperature.
     """
     needed = [name for name in MOTOR if name not in ("nominal_current", "no_load_current", "mass")]
-    needed.remove("rotor_inertia")  # bounded by the nominal torque
+    needed.remove("rotor_inertia")  # Its bound follows from the nominal torque.
     if any(motor[name] is None for name in needed) or any(x is None for x in gear.values()):
         return False
     m: Any = motor
@@ -186,7 +195,7 @@ def passes(load: JointLoad, motor: Figures, gear: Figures) -> bool:
             k = m["torque_constant"] * max(1 - 0.0012 * (t - 298.15), 0.05)
             ohm = m["terminal_resistance"] * (1 + 0.00393 * (t - 298.15))
             t = min(298.15 + r * ohm * (mean / k) ** 2, 2000.0)
-        kept &= t <= hottest + 1e-6  # the mean temperature is below the peak
+        kept &= t <= hottest + 1e-6  # The mean temperature does not exceed the peak.
         kept &= effort.max() <= g["ratings.peak_output"] * (1 + 1e-9)
         share = load.weight[moving]
         cube = (share @ effort[moving] ** 3 / share.sum()) ** (1 / 3)
@@ -204,7 +213,8 @@ def test_no_pair_of_a_random_catalogue_passes_without_a_figure(
     axes: tuple[JointLoad, ...], tmp_path: Path
 ) -> None:
     answers: Counter[tuple[bool | None, bool]] = Counter()
-    pairs = [(0, 1), (2, 3), (4, 5)]  # one catalogue for each axis
+    # The two seeds of a pair select different axes.
+    pairs = [(0, 1), (2, 3), (4, 5)]
     for seed in itertools.chain(*drawn(1, pairs)):
         answers += compared(axes, tmp_path, seed)
     assert answers[True, True] > 20
@@ -215,7 +225,10 @@ def test_no_pair_of_a_random_catalogue_passes_without_a_figure(
 def compared(
     axes: tuple[JointLoad, ...], tmp_path: Path, seed: int
 ) -> Counter[tuple[bool | None, bool]]:
-    """The answers of one random catalogue beside those of the oracle."""
+    """Count the answers on one random catalogue by answer of the package and answer of the oracle.
+
+    A yes or a no of the package must agree with the oracle.
+    """
     rng = random.Random(seed)
     motors = [random_motor(rng) for _ in range(40)]
     gears = [random_gear(rng) for _ in range(8)]
@@ -247,7 +260,10 @@ def compared(
 
 
 def assert_ranked(selection: JointSelection) -> None:
-    """Pairs that pass are first, and a pair without a stated mass is never before one with it."""
+    """Assert that pairs that pass come before open pairs.
+
+    Among pairs of equal rank, those with a stated mass precede those without.
+    """
     adequate = selection.adequate
     pairs = selection.ranked("mass")
     ranks = [int(adequate[pair]) for pair in pairs]

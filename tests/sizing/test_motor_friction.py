@@ -1,4 +1,8 @@
-"""The friction of a motor follows from its no-load current, and only another motor than the drive's adds it."""
+"""The friction of a motor follows from its no-load current.
+
+The friction of a drive contains that of its original motor, so only the excess of another motor is
+added.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +50,10 @@ def test_it_is_the_torque_of_the_no_load_current() -> None:
 def test_the_torque_is_that_of_a_drive_with_so_much_more_bearing_friction(
     load: JointLoad, original: float | None
 ) -> None:
-    """The friction acts in the direction of motion, like b_c. What the original motor has is in the drive."""
+    """The excess friction of another motor acts in the direction of motion, like the parameter b_c.
+
+    The friction of the drive already contains that of the original motor.
+    """
     load = with_original(load, no_load_current=original)
     extra = max(0.3 - (original or 0.0), 0.0) * COMPLETE.torque_constant
     verdict = assess(load, OTHER, KNOWN)
@@ -82,7 +89,11 @@ def test_a_motor_without_the_figure_has_the_friction_of_the_drive(load: JointLoa
 
 
 def test_between_the_ends_of_the_friction_the_answer_is_open(load: JointLoad) -> None:
-    """If the original motor's friction is not known, a limit that only the whole friction exceeds is open."""
+    """The answer is open if it depends on the unknown friction of the original motor.
+
+    The limit lies between the torque without and the torque with the whole friction of the
+    candidate.
+    """
     without = check_of(assess(load, replace(OTHER, no_load_current=None), KNOWN), "torque").worst
     with_all = check_of(assess(load, OTHER, KNOWN), "torque").worst
     assert with_all == pytest.approx(without + 0.3 * COMPLETE.torque_constant, rel=1e-3)
@@ -112,7 +123,10 @@ def test_the_voltage_is_that_of_the_larger_current(load: JointLoad) -> None:
 
 
 def test_plans_store_the_figure_and_certificates_without_it_stay_valid(robot: Robot) -> None:
-    """A certificate contains the text of the robot, which must not change if the figure is missing."""
+    """The text of a robot in a certificate does not change if the no-load current is missing.
+
+    Certificates of robots without this figure therefore stay valid.
+    """
     assert "no_load_current" not in robot_text(robot)
     joints = [
         joint

@@ -1,4 +1,7 @@
-"""Speed–torque line, regions, derating, and conditions that make no sense."""
+"""The speed–torque line, the operating regions and the derating of a motor obey their formulas.
+
+Impossible conditions are refused.
+"""
 
 from __future__ import annotations
 

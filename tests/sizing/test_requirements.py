@@ -1,4 +1,4 @@
-"""The parts of the torque are the torque, and each is what it says."""
+"""The parts of the required torque add up to the torque, and each part equals its formula."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def antibacklash(drive: Drive) -> Drive:
 
 
 def sloppy(drive: Drive) -> Drive:
-    """A drive that does not hold by itself: a motor torque at rest too."""
+    """Return a drive that does not lock itself, so that its motor needs torque at rest too."""
     return replace(
         drive, self_locking=False, lead_angle=0.6, friction=replace(drive.friction, mu_static=0.18)
     )
@@ -69,7 +69,7 @@ def test_each_part_by_its_formula(loads: tuple[JointLoad, ...]) -> None:
         bearing = f.b_c * load.direction + f.b_v * drive.ratio * load.qd
         bearing = bearing + arm * (f.b_oc * load.direction + f.b_ov * load.qd)
         assert split.bearing_friction[moving] == pytest.approx(bearing[moving], abs=1e-15)
-        # friction in the mesh always opposes the motion
+        # Friction in the mesh always opposes the motion.
         assert np.all(split.mesh_friction[moving] * load.direction[moving] >= -1e-18)
 
 

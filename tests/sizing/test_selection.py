@@ -1,4 +1,7 @@
-"""Selection from catalogues: equal to the verdict of each pair, ranked, and refused with a file's line."""
+"""A selection from catalogues gives each pair of motor and gear the verdict of `size`.
+
+The pairs are ranked, and a faulty row is refused with the number of its line.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,11 @@ def duty():
 
 @pytest.fixture(scope="module")
 def motors():
-    """Of the shipped catalogue some, one of them without its rotor's inertia and one without its thermal figures."""
+    """Return every ninth motor of the shipped catalogue.
+
+    The first has no rotor inertia. The second has no winding time constant and no terminal
+    resistance.
+    """
     some = read_motors(MOTORS)[::9]
     first, second, *rest = some
     return [
@@ -93,7 +100,7 @@ def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_t
         pairs = joint.ranked("mass")
         assert all(joint.adequate[pair] >= 0 for pair in pairs)
         assert len(pairs) == int((joint.adequate >= 0).sum())
-        # a gear of unknown mass is not a gear without mass
+        # A gear of unknown mass must not count as a gear without mass.
         unknown = [joint.gears[g].gear.mass is None for g, _ in pairs]
         assert unknown == sorted(unknown)
         without_mass += sum(unknown)
@@ -103,7 +110,7 @@ def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_t
             if joint.gears[g].gear.mass is not None
         ]
         assert mass == sorted(mass)
-        # the smallest margin of a pair is not known if one of its margins is not
+        # The smallest margin of a pair is unknown if any of its margins is unknown.
         worst = [
             np.min([margins[pair] for margins in joint.margins.values()])
             for pair in joint.ranked("margin")
@@ -115,7 +122,11 @@ def test_pairs_are_ranked_by_what_is_asked_and_none_that_is_ruled_out_is_among_t
 
 
 def test_a_mass_that_no_gear_states_leaves_the_rank_to_the_motors(duty, motors):
-    """Without --gears, every motor has the joint's present drive, whose mass no file states."""
+    """Motors are ranked by their own mass if no gear states a mass.
+
+    Without the option --gears, every motor drives the present gear of the joint, whose mass no file
+    states.
+    """
     heavier = [replace(part, mass=1.0 + k) for k, part in enumerate(reversed(motors))]
     (joint, *_) = select_motors(duty, [*heavier, replace(motors[0], mass=None)], {})
     order = [m for _, m in joint.ranked("mass")]
@@ -123,7 +134,10 @@ def test_a_mass_that_no_gear_states_leaves_the_rank_to_the_motors(duty, motors):
 
 
 def test_energy_to_the_bus_and_inertia_ratio_follow_from_their_definitions(duty):
-    """A motor driven by its load with little resistance gives back almost all the mechanical energy that it takes up."""
+    """With little resistance, the energy to the bus equals the returned mechanical energy.
+
+    The load inertia of a joint is its largest effort per unit of acceleration.
+    """
     motor = replace(COMPLETE, terminal_resistance=1e-9)
     for joint in select_motors(duty, [CatalogueEntry("complete", motor)], {}):
         verdict = joint.verdict(0, 0)

@@ -1,4 +1,7 @@
-"""Verdicts: what is missing is never passed, what binds binds, and the smallest that suffices is found."""
+"""A verdict of sizing never passes an unknown figure, and it names the binding check.
+
+The smallest adequate motor is selected.
+"""
 
 from __future__ import annotations
 
@@ -147,7 +150,12 @@ def test_margins_by_hand(sizing: Sizing) -> None:
 
 
 def test_three_answers_by_the_share_of_the_draws_that_hold(complete: DutyCycle) -> None:
-    """Yes from the demand at 99 % upwards, no below that at 1 %, between them not known, with what would decide it."""
+    """The fraction of draws that keep a limit decides between yes, open and no.
+
+    A limit at or above the demand at 99 % gives yes, and a limit below the demand at 1 % gives no.
+    A limit between them leaves the answer open, and the check names the recordings that would
+    decide.
+    """
     load = complete.loads()[1]
     band = assess(load, COMPLETE, KNOWN).band
     ends = band.low("peak_torque", 0.99), band.high("peak_torque", 0.99)
@@ -280,7 +288,7 @@ def test_an_unknown_rotor_counts_whole_and_leaves_open_only_what_it_decides(
         check = next(
             each for each in assess(load, motor, Conditions()).checks if each.name == "torque"
         )
-        # the bound on a rotor that is not stated follows the nominal torque
+        # The bound on an unknown rotor inertia depends on the nominal torque.
         if which != "candidate":
             assert check.passed is expected
             assert expected is not None or "rotor" in check.needs

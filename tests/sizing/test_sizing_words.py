@@ -1,4 +1,7 @@
-"""What the page and the terminal say of the motors follows from the sizing, and names what it rests on."""
+"""The texts about motors on the web page and in the terminal follow from the sizing.
+
+They name the figures on which the verdict depends.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ def with_motor(robot: Robot, name: str, motor: Motor | None) -> Robot:
 
 
 def locking(robot: Robot) -> Robot:
-    """A drive whose lowest friction is known still locks itself."""
+    """Return a robot whose lowest friction coefficient is stated and still locks its drives."""
     joints = []
     for joint in equipped(robot, CONFIRMED).joints:
         if joint.drive is not None and joint.drive.friction is not None:
@@ -98,7 +101,11 @@ def test_what_is_wrong_or_unknown_is_named(
 def test_a_conditional_verdict_holds_up_to_the_error_that_it_permits(
     known: Robot, trajectory: Trajectory
 ) -> None:
-    """With its stand-in figure lower by almost that share the motors suffice, by more they do not."""
+    """A conditional verdict states by how much an assumed figure may be lower.
+
+    The motor passes if its figure is lower by slightly less, and fails if it is lower by slightly
+    more.
+    """
     stand_in = replace(CONFIRMED, placeholders=("nominal_torque",))
     sizing = size_motion(trajectory, with_motor(known, "tilt", stand_in)).to_dict()
     state, word, reason = summarise_sizing(sizing)

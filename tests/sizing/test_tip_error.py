@@ -1,4 +1,7 @@
-"""The bound on the tip error against closed forms and Monte Carlo errors of the complete kinematics."""
+"""The bound on the tip error is compared with closed forms and Monte Carlo draws.
+
+The draws use the complete kinematics.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ FIGURES = {
     "spin": (1e-3, 1e-3, 1e-3, 20.0),
     "insertion": (3e-5, 2e-5, 1e-5, 2e5),
 }
-"""Backlash, homing error, tracking error and stiffness of each joint."""
+"""Backlash, homing error and tracking error (rad or m) and stiffness (N·m/rad or N/m) by joint."""
 
 
 @cache
@@ -30,7 +33,10 @@ def made() -> Plan:
 
 
 def accurate(**changes: float) -> Robot:
-    """Return the robot of the plan with all figures of its joints, some of them changed."""
+    """Return the robot of the plan with stated error figures of all joints.
+
+    The keyword arguments replace figures of every joint.
+    """
     joints = []
     for joint in made().robot.joints:
         backlash, homing, tracking, stiffness = FIGURES[joint.name]
@@ -46,7 +52,10 @@ def accurate(**changes: float) -> Robot:
 
 
 def monte_carlo(robot: Robot, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Draw joint errors, and return the largest errors of tip (m) and direction (rad), (count,)."""
+    """Draw random joint errors, and return the largest errors of tip position and orientation.
+
+    Both results have the shape (count,). Positions are in m and angles in rad.
+    """
     rng = np.random.default_rng(7)
     times = np.linspace(0.0, made().motion.duration, 60)
     samples = made().motion.sample(times)

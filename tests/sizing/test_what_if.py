@@ -1,4 +1,7 @@
-"""What a set of motors allows: just within passes, just beyond fails."""
+"""The largest payload and the shortest duration of a set of motors are sharp limits.
+
+The motors suffice just within a limit and fail just beyond it.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,10 @@ def test_loads_are_linear_in_the_payload(robot: Robot, trajectory: Trajectory) -
 
 
 def test_the_payload_hangs_at_the_tip(robot: Robot) -> None:
-    """Holding still, it adds its weight along the tool and its moments about the remote centre."""
+    """At rest, a payload adds its weight at the tip to the loads of the joints.
+
+    The reference is the transposed Jacobian times the wrench that holds the payload.
+    """
     from ssm_planner.kinematics.forward import space_jacobian, tip_position
     from ssm_planner.kinematics.mechanism import Mechanism
 
@@ -45,7 +51,7 @@ def test_the_payload_hangs_at_the_tip(robot: Robot) -> None:
     motion = Trajectory(np.array([0.0, 1.0]), still, ())
     empty, loaded = joint_loads(motion, robot), joint_loads(motion, with_payload(robot, 0.5))
     mechanism = Mechanism.from_geometry(robot.geometry)
-    force = -0.5 * robot.gravity  # what holds it
+    force = -0.5 * robot.gravity  # This force holds the payload.
     wrench = np.concatenate([force, np.cross(tip_position(mechanism, q)[0], force)])
     expected = space_jacobian(mechanism, q)[0].T @ wrench
     for i, a, b in zip((0, 1, 3), empty, loaded, strict=True):

@@ -1,4 +1,4 @@
-"""No hostile figure of a catalogue ends in a wrong yes or in an internal fault."""
+"""An extreme or invalid figure of a catalogue never causes a wrong yes or an internal error."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ SCREW: Figures = {
     "ratings.duty": "1",
 }
 TEXTS = ("name", "order_number", "terminal_inductance", "ratings.ends")
-"""Columns that are no figures, or that are ignored."""
+"""Columns that contain no figures or are ignored."""
 ODD = ("0", "-1", "nan", "inf", "1e-320", "1e-200", "1e-45", "1e-30", "1e30", "1e45", "1e320")
 ALSO = ("true", "abc", "")
 
@@ -157,7 +157,11 @@ def test_the_joint_decides_on_self_locking(tmp_path: Path, duty: DutyCycle) -> N
 
 
 def test_a_placeholder_is_named_and_never_a_yes(tmp_path: Path, duty: DutyCycle) -> None:
-    """A motor or gear with an assumed figure has the answer of the stated one, but never yes."""
+    """A motor or gear with an assumed figure never gets the answer yes.
+
+    Its other answers equal those of the same part with stated figures. An assumed encoder count
+    does not change the answer.
+    """
     motors = [
         replace(part, of=replace(part.of, placeholders=placeholders))
         for part in read_motors(Path("motors_24v.csv"))[::6]
