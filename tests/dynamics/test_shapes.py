@@ -182,11 +182,13 @@ def test_an_arc_of_the_second_link_ends_on_the_third_axis():
     ],
 )
 def test_what_no_part_can_be_is_named(old, new, message):
+    """An impossible part is refused with a message that names the error."""
     with pytest.raises(ProblemError, match=message):
         link(parts=PARTS.replace(old, new))
 
 
 def test_a_body_says_its_mass_once():
+    """A body that states its mass neither once nor by parts alone is refused."""
     for body in (
         {"name": "a", "frame": []},
         {"name": "a", "frame": [], "mass": "1 kg", "parts": yaml.safe_load(PARTS)},

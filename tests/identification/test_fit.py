@@ -123,6 +123,10 @@ def test_intervals_cover_the_truth_as_often_as_they_say(law, truth):
 
 
 def test_what_the_map_gives_only_together_is_called_so():
+    """Parameters that the map determines only together are reported as inseparable.
+
+    Their combinations, which are the torques of slow motion, have narrow intervals.
+    """
     drive, load = rig("rig3_worm")
     fit = fit_map(
         drive,
@@ -158,6 +162,7 @@ def test_what_the_map_gives_only_together_is_called_so():
 
 
 def test_preload_and_mu_of_the_antibacklash_screw_trade_off():
+    """The preload and mu of the antibacklash screw are highly correlated."""
     drive, load = rig("rig2_antibacklash_screw")
     truth = {"b_c": 2e-3, "b_v": 3e-5, "b_oc": 2e-2, "mu": 0.2, "preload": 0.8}
     data = synthetic(drive, load, "coulomb", truth, 0.005, np.random.default_rng(2))
@@ -180,6 +185,7 @@ def test_lost_contact_of_the_half_nuts_is_reported():
 
 @pytest.mark.usefixtures("few_points")
 def test_reference_values_decide_only_what_the_data_leave_open():
+    """Reference values change only the parameters that the data do not determine."""
     drive, load = rig("rig3_worm")
     data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))
     alone = fit_map(drive, data, load, law="coulomb")
@@ -197,6 +203,7 @@ def test_reference_values_decide_only_what_the_data_leave_open():
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_the_criterion_finds_the_law():
+    """The information criterion selects the friction law that generated the map."""
     drive, load = rig("rig1_lead_screw")
     rng = np.random.default_rng(4)
     truth = {
@@ -215,6 +222,7 @@ def test_the_criterion_finds_the_law():
 
 @pytest.mark.slow
 def test_every_set_has_its_law_wherever_sets_are_drawn():
+    """Each parameter set of a posterior is evaluated with the friction law that belongs to it."""
     drive, load = rig("rig2_antibacklash_screw")
     fit = fit_map(
         drive, read_torque_map(DRIVES / "rig_figures.csv", "rig2_antibacklash_screw"), load
@@ -263,6 +271,7 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
 @pytest.mark.usefixtures("few_points")
 @pytest.mark.parametrize("law", FRICTION_LAWS[1:])
 def test_the_law_chosen_has_sets_however_unlikely_its_evidence(law, monkeypatch):
+    """The chosen law has parameter sets in the posterior even if its evidence is very small."""
     drive, load = rig("rig3_worm")
     data = synthetic(
         drive,
@@ -296,6 +305,7 @@ def test_an_outlier_is_listed_and_hardly_counts():
 
 
 def test_a_law_that_fits_badly_makes_no_outliers():
+    """A smooth deviation from a law does not count as outliers."""
     w = np.sort(np.concatenate([-SPEEDS, SPEEDS]))
     assert (
         find_outliers(w, np.sign(w) * (1.0 + 3.0 * np.exp(-np.abs(w))) + 1e-3 * np.sin(40 * w))

@@ -113,6 +113,7 @@ def replaced(index: int, line: str) -> list[str]:
     ],
 )
 def test_repairs_are_made_and_said(tmp_path, lines, said, kept):
+    """A damaged line is repaired or left out, and the recording reports this."""
     r = read(write(tmp_path / "a.csv", lines))
     assert len(r.time) == kept
     assert np.ptp(r.tau) < 0.1 * NOMINAL
@@ -162,6 +163,7 @@ def test_decimal_commas_with_units_in_the_header_and_quoted(tmp_path, header, li
     ],
 )
 def test_marks_of_decimals_and_thousands_are_told_by_column(tmp_path, header, line):
+    """The reader distinguishes decimal and thousands separators separately in each column."""
     lines, plain = [], []
     for k in range(300):
         t, tau = 10.0 * k, 20 + 0.1 * (k % 7)
@@ -216,6 +218,11 @@ def test_bare_decimal_commas_between_commas_are_refused(tmp_path):
 
 
 def test_doubtful_torque_is_remarked_and_only_that(tmp_path):
+    """Implausible channels are reported, and no real recording gets such a report.
+
+    Examples are a torque that stays constant, a torque in the wrong unit and a time in the wrong
+    unit.
+    """
     said = [r.repairs for r in read_recordings([RECORDINGS], nominal_torque=NOMINAL)]
     doubts = ("stays at", "does not change", "‰", "unit of time")
     assert not any(doubt in text for repairs in said for text in repairs for doubt in doubts)
@@ -342,6 +349,7 @@ def test_slow_motion_below_the_resolution_is_not_rest():
 
 @pytest.mark.parametrize("rig", ["drive1_lead_screw", "drive2_antibacklash_screw", "drive3_worm"])
 def test_every_real_recording_is_read_and_told_apart(rig):
+    """Every real recording is read, and steady and start-stop recordings are distinguished."""
     steady = read_recordings(
         [RECORDINGS / rig / "steady_state"], nominal_torque=NOMINAL, direction=-1
     )

@@ -63,6 +63,7 @@ def test_pose_of_the_published_robot_is_its_published_formula(vitreoretinal):
 
 
 def test_both_names_are_one_pose(random_mechanism):
+    """The opposite tilt, with roll and spin turned by π, gives the same pose."""
     rng = np.random.default_rng(8)
     mech = random_mechanism(rng)
     task = rng.uniform(-3.0, 3.0, (100, 4))

@@ -80,6 +80,10 @@ def test_limits_are_the_extremes_of_a_dense_sweep():
 
 
 def test_published_robot(vitreoretinal):
+    """The rounded angles α = 30° and β = 110° give tilts from −140° to −80°.
+
+    With its unrounded angles, the published robot has almost the same interval.
+    """
     assert np.degrees(tilt_interval(vitreoretinal)) == pytest.approx(
         [-139.778393, -79.778393], abs=1e-6
     )
@@ -103,6 +107,7 @@ def test_published_robot(vitreoretinal):
     ],
 )
 def test_beyond_the_easy_case(alpha, beta, expected):
+    """The limits of the tilt also hold for α = β, for α + β > π and for angles of 0 and π."""
     assert tilt_magnitudes(alpha, beta) == pytest.approx(expected, abs=1e-15)
     mech = Mechanism.from_angles(alpha, beta)
     low, high = tilt_interval(mech)

@@ -193,6 +193,7 @@ def test_fits_of_the_map_beat_the_published_parameters(made: Made) -> None:
 
 
 def test_parameters_called_outside_the_bounds_are(inputs: Inputs) -> None:
+    """The document lists exactly the published parameters that lie outside their bounds."""
     for name, drive in inputs.rigs.items():
         assert drive.rig is not None
         outside = {each.parameter for each in outside_bounds(name, drive)}

@@ -14,6 +14,10 @@ from ssm_planner.sizing.size import JointSizing
 
 
 def test_a_margin_is_the_share_of_the_limit_that_is_left() -> None:
+    """The margin is (limit − demand)
+
+    limit, and it is at least −1.
+    """
     limit = np.array([2.0, 2.0, 2.0, 0.0, -1.0])
     worst = np.array([1.0, 2.0, 3.0, 0.0, -2.0])
     assert relative_margin(worst, limit) == pytest.approx([0.5, 0.0, -0.5, -1.0, -1.0])
@@ -21,6 +25,11 @@ def test_a_margin_is_the_share_of_the_limit_that_is_left() -> None:
 
 
 def test_an_answer_is_yes_no_or_not_known() -> None:
+    """The worst margin decides on yes, and the best margin decides on no.
+
+    The answer is yes if the worst margin is kept and no if even the best margin is not kept. It is
+    open otherwise.
+    """
     keeps, breaks = -MARGIN_TOLERANCE, -1.01 * MARGIN_TOLERANCE
     worst = np.array([keeps, 1.0, breaks, breaks, breaks])
     best = np.array([keeps, 1.0, keeps, 0.5, breaks])

@@ -190,6 +190,10 @@ def needed(verdict: MotorVerdict) -> str:
 def test_no_verdict_is_wrong_and_only_what_is_missing_leaves_one_open(
     axes: tuple[JointLoad, ...], motors: list[Motor]
 ) -> None:
+    """Every verdict equals the answer of the oracle.
+
+    An open verdict names the missing rotor inertia or the ranges of friction that would decide it.
+    """
     found: dict[float, list[bool | None]] = {spread: [] for spread in SPREADS}
     for load in axes:
         for motor in motors[::3]:

@@ -96,6 +96,7 @@ def checks_of(
 
 
 def test_without_ratings_nothing_passes(loads: tuple[JointLoad, ...]) -> None:
+    """A check without a rating is open and names the missing rating."""
     for load in loads:
         for name, check in checks_of(load, None).items():
             assert check.passed is None, name
@@ -103,6 +104,7 @@ def test_without_ratings_nothing_passes(loads: tuple[JointLoad, ...]) -> None:
 
 
 def test_margins_by_hand(loads: tuple[JointLoad, ...]) -> None:
+    """The margins of a gear equal those computed by hand from its ratings."""
     ratings = Ratings(0.4, 0.5, 200.0, 0.5, 0.06, 2.4e-3, "fixed-free")
     for load in loads:
         found = checks_of(load, ratings, Conditions(pause=1.0))

@@ -130,6 +130,7 @@ def test_the_static_coefficient_moves_with_the_kinetic_one(loads: tuple[JointLoa
 
 
 def test_nothing_known_is_no_band(loads: tuple[JointLoad, ...]) -> None:
+    """A band without a stated uncertainty has no width and counts as unknown."""
     load = loads[0]
     spread = friction_spread(load.drive)
     assert not spread.is_stated
@@ -175,6 +176,7 @@ def test_a_standing_joint_adds_nothing_but_its_load(robot: Robot) -> None:
     ],
 )
 def test_what_is_no_covariance(loads: tuple[JointLoad, ...], table: dict, reason: str) -> None:
+    """An invalid covariance is refused with the name of its file and key."""
     drive = loads[0].drive
     with pytest.raises(ProblemError, match=reason) as caught:
         friction_spread(replace(drive, friction=replace(drive.friction, covariance=table)))

@@ -123,6 +123,7 @@ def test_the_screw_at_constant_speed_by_hand() -> None:
 def test_files_that_make_no_sense(
     tmp_path: Path, old: str, new: str, parts: tuple[str, ...]
 ) -> None:
+    """An invalid file is refused, and the message names its key."""
     text = (SHIPPED / "motorisation" / "package.yaml").read_text(encoding="utf-8")
     text = text.replace("../robots", str(SHIPPED / "robots"))
     assert old in text

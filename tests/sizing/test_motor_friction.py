@@ -40,6 +40,7 @@ def check_of(verdict: MotorVerdict, name: str):
 
 
 def test_it_is_the_torque_of_the_no_load_current() -> None:
+    """The friction of a motor is its no-load current times its torque constant."""
     assert no_load_torque(OTHER) == pytest.approx(0.3 * COMPLETE.torque_constant)
     for name in ("no_load_current", "torque_constant"):
         assert no_load_torque(replace(OTHER, **{name: None})) is None
@@ -73,6 +74,7 @@ def test_the_torque_is_that_of_a_drive_with_so_much_more_bearing_friction(
 
 
 def test_the_own_motor_adds_nothing(load: JointLoad) -> None:
+    """The friction of the drive already contains the friction of its original motor."""
     own = replace(COMPLETE, no_load_current=0.3)
     verdict = assess(with_original(load, no_load_current=0.3), own, KNOWN)
     assert verdict.load.motor_friction == (0.0, 0.0)

@@ -29,6 +29,11 @@ from tests.support.sizing_cases import COMPLETE
 def test_on_the_line_the_voltage_is_the_supply(
     speed: float, temperature: float, supply: float, current: float
 ) -> None:
+    """The available torque needs at most the supply voltage.
+
+    It needs the whole supply voltage unless the limit of torque or current is lower. It is zero
+    only if the speed alone needs at least the supply voltage.
+    """
     conditions = Conditions(supply_voltage=supply, current_limit=current)
     w = np.array([speed])
     torque = available_torque(COMPLETE, conditions, w, temperature)
@@ -44,6 +49,7 @@ def test_on_the_line_the_voltage_is_the_supply(
 
 
 def test_the_line_ends_at_stall_and_at_no_load() -> None:
+    """The available torque falls linearly from the stall torque to zero at the no-load speed."""
     motor = replace(COMPLETE, max_torque=100.0, max_speed=1e4)
     stall, no_load = 24 / 0.5 * 0.026, 24 / 0.026
     torque = available_torque(motor, Conditions(), np.array([0.0, no_load / 2, no_load]))
@@ -52,6 +58,7 @@ def test_the_line_ends_at_stall_and_at_no_load() -> None:
 
 
 def test_copper_and_magnets_warm() -> None:
+    """At a higher temperature, the resistance is larger and the torque constant is smaller."""
     assert resistance(COMPLETE, 398.15) == pytest.approx(0.5 * 1.393)
     assert torque_constant(COMPLETE, 398.15) == pytest.approx(0.026 * 0.89)
     assert (
@@ -95,5 +102,6 @@ def test_shares_of_the_regions() -> None:
     ],
 )
 def test_conditions_that_make_no_sense(given: dict) -> None:
+    """An impossible condition is refused, and the message names it."""
     with pytest.raises(ProblemError, match=next(iter(given))):
         Conditions(**given)

@@ -42,6 +42,7 @@ def sizing(complete: DutyCycle) -> Sizing:
 
 
 def test_when_everything_is_known_and_within_it_is_adequate(sizing: Sizing) -> None:
+    """A motor is adequate if every figure is known and every check passes."""
     assert [verdict.adequate for verdict in sizing.verdicts] == [True] * 3
     assert sizing.adequate is True
     for verdict in sizing.verdicts:
@@ -71,6 +72,7 @@ def test_a_missing_figure_is_never_passed(complete: DutyCycle, name: str) -> Non
     "name", ["continuous_output", "peak_output", "input_speed", "duty", "root_diameter", "ends"]
 )
 def test_a_missing_rating_leaves_the_whole_unknown(robot: Robot, name: str) -> None:
+    """A missing rating of a gear leaves the verdicts on its joint and on the robot open."""
     full = equipped(robot)
     joints = [
         joint
@@ -97,6 +99,7 @@ def test_a_missing_rating_leaves_the_whole_unknown(robot: Robot, name: str) -> N
 
 
 def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> None:
+    """Without a stated uncertainty, the verdict is open and has no probability."""
     duty = DutyCycle.of_trajectory(trajectory, robot)
     motors = {name: [COMPLETE] for name in ("roll", "tilt", "insertion")}
     for verdict in size(duty, motors, KNOWN).verdicts:
@@ -106,6 +109,7 @@ def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> Non
 
 
 def test_a_failing_check_says_no_whatever_else_is_missing(robot: Robot, trajectory) -> None:
+    """A failed check decides on no even if other figures are missing."""
     weak = Motor("weak", nominal_torque=1e-5, max_torque=1e-5, max_speed=1.0)
     found = size(DutyCycle.of_trajectory(trajectory, robot), {"tilt": [weak]})
     (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
@@ -130,6 +134,7 @@ def test_an_overloaded_gear_fails_every_motor(robot: Robot, trajectory) -> None:
 
 
 def test_margins_by_hand(sizing: Sizing) -> None:
+    """Margins and limits equal hand calculations, and the check with the smallest margin binds."""
     for verdict in sizing.verdicts:
         margins = {check.name: check for check in verdict.checks}
         load, motor = verdict.load, verdict.motor
@@ -190,6 +195,7 @@ def test_more_confidence_leaves_less_margin(complete: DutyCycle) -> None:
 
 
 def test_a_pause_helps_the_heat_and_nothing_else(complete: DutyCycle) -> None:
+    """A pause increases the margins of heat and RMS torque and no other margin."""
     load = complete.loads()[0]
     without, with_pause = (
         assess(load, COMPLETE, KNOWN),
@@ -208,6 +214,7 @@ def test_a_pause_helps_the_heat_and_nothing_else(complete: DutyCycle) -> None:
 
 
 def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
+    """Torques scaled by the heat capacity heat the winding exactly to its limit."""
     from ssm_planner.sizing.demand import select_instants
     from ssm_planner.sizing.thermal_network import Cycle, ThermalModel, steady_state
 
@@ -221,6 +228,7 @@ def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
 
 
 def test_too_hot_says_when(complete: DutyCycle) -> None:
+    """A verdict that fails by heat states the time until the winding reaches its limit."""
     load = complete.loads()[0]
     rms = load.rms(load.torque())
     small = replace(COMPLETE, resistance_housing_ambient=900.0, nominal_torque=10 * float(rms))
@@ -246,6 +254,10 @@ def test_the_candidates_rotor_takes_the_place_of_the_old_one(complete: DutyCycle
 def test_an_unknown_rotor_counts_whole_and_leaves_open_only_what_it_decides(
     complete: DutyCycle, which: str
 ) -> None:
+    """An unknown rotor inertia is assumed such that the total inertia is largest.
+
+    The answer is open only if it depends on the value of this inertia.
+    """
     load = complete.loads()[0]
     original: Motor | None = replace(COMPLETE, name="original")
     candidate, bound = COMPLETE, COMPLETE.nominal_torque / 2e4
@@ -342,6 +354,7 @@ def test_monte_carlo_and_linear_verdicts_agree(complete: DutyCycle) -> None:
 
 
 def test_extrapolation_and_placeholders_are_said(complete: DutyCycle) -> None:
+    """The notes of a verdict name extrapolated friction and assumed figures."""
     load = complete.loads()[0]
     doubtful = replace(COMPLETE, placeholders=("max_speed",))
     verdict = assess(load, doubtful, KNOWN)

@@ -58,6 +58,7 @@ def test_the_verdict_on_a_motion_is_that_of_the_command(
 
 
 def test_good_only_where_all_is_known_and_within(known: Robot, trajectory: Trajectory) -> None:
+    """The state is good if every motor is known to suffice."""
     assert size_motion(trajectory, known).adequate is True
     state, word, reason = said(known, trajectory)
     assert state == "good"
@@ -90,6 +91,7 @@ CHANGES: dict[str, tuple[Callable[[Motor], Motor | None], str, list[str]]] = {
 def test_what_is_wrong_or_unknown_is_named(
     change: str, known: Robot, trajectory: Trajectory
 ) -> None:
+    """The reason names the failed check or the unknown figure of the changed motor."""
     changed, expected, parts = CHANGES[change]
     state, word, reason = said(with_motor(known, "tilt", changed(CONFIRMED)), trajectory)
     assert state == expected

@@ -61,6 +61,7 @@ def test_the_payload_hangs_at_the_tip(robot: Robot) -> None:
 def test_stretching_the_loads_is_stretching_the_motion(
     robot: Robot, trajectory: Trajectory
 ) -> None:
+    """Loads stretched in time equal the loads of the slower motion."""
     factor = 1.7
     coefficients = trajectory.coefficients / factor ** np.arange(6)[:, None]
     slower = Trajectory(trajectory.breaks * factor, coefficients, ())
@@ -108,6 +109,7 @@ def test_shortest_duration(strong: DutyCycle) -> None:
 
 
 def test_a_motor_that_never_suffices(robot: Robot) -> None:
+    """Both limits have the status `never` if the motor does not suffice without payload."""
     weak = replace(COMPLETE, max_torque=2e-5, nominal_torque=1e-5)
     duty = DutyCycle.of_trajectory(random_trajectory(3), equipped(robot, weak))
     assert largest_payload(duty, {}, KNOWN).status == "never"

@@ -95,6 +95,10 @@ def duty() -> DutyCycle:
 def test_every_figure_is_refused_or_assessed(
     tmp_path: Path, duty: DutyCycle, row: Figures, key: str
 ) -> None:
+    """Each extreme value of a figure is either refused or gives a table of finite numbers.
+
+    A refusal names the file.
+    """
     joint = duty.robot.joints[3 if row is SCREW else 0]
     unit = row[key].partition(" ")[2]
     faults = []
