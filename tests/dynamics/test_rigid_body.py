@@ -122,6 +122,10 @@ def test_mass_matrix_is_symmetric_positive_definite_and_that_of_the_dynamics(rob
 
 
 def test_the_load_along_a_path_is_that_of_the_dynamics(robot: Robot) -> None:
+    """The load along a path is linear in path acceleration and squared path speed.
+
+    It equals the load of the inverse dynamics.
+    """
     rng = np.random.default_rng(5)
     q, dq, ddq = rng.uniform(-1, 1, (3, 40, 4))
     speed, acceleration = rng.uniform(-3, 3, (2, 40, 1))

@@ -148,6 +148,7 @@ def test_a_body_of_parts_follows_the_geometry_and_the_motor():
 
 
 def test_an_arc_of_the_second_link_ends_on_the_third_axis():
+    """An arc of link 2 extends between the negative second axis and the third axis."""
     said = tree()
     parts = {
         "shape": "arc",
@@ -188,7 +189,7 @@ def test_what_no_part_can_be_is_named(old, new, message):
 
 
 def test_a_body_says_its_mass_once():
-    """A body that states its mass neither once nor by parts alone is refused."""
+    """A body must state its mass exactly once, either directly or by its parts."""
     for body in (
         {"name": "a", "frame": []},
         {"name": "a", "frame": [], "mass": "1 kg", "parts": yaml.safe_load(PARTS)},

@@ -137,6 +137,10 @@ def test_a_drive_starts_against_the_larger_of_static_and_kinetic_friction():
 
 
 def test_broadcasting_and_standstill():
+    """The torque broadcasts its arguments and is zero at standstill without a direction.
+
+    With a direction and static friction, it equals the breakaway torque.
+    """
     drive = worm()
     tau = tr.motor_torque(drive, np.full((5, 1), 0.1), np.array([[-2.0, 0.0, 2.0]]), 0.0)
     assert tau.shape == (5, 3)

@@ -191,7 +191,7 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     alone = fit_map(drive, data, load, law="coulomb")
     told = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
     # The undetermined mu moves to within half of its prior deviation from the reference. The
-    # determined b_v does not move, although its reference is 7 prior deviations away.
+    # determined b_v does not move, although its reference is over 7 prior deviations away.
     assert abs(np.log(told.estimates["mu"].value / 0.07)) < 0.5 * PRIOR_DEVIATIONS["mu"]
     known = alone.estimates["b_v"]
     assert told.estimates["b_v"].value == pytest.approx(
@@ -203,7 +203,7 @@ def test_reference_values_decide_only_what_the_data_leave_open():
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_the_criterion_finds_the_law():
-    """The information criterion selects the friction law that generated the map."""
+    """The criterion selects the friction law that generated the map."""
     drive, load = rig("rig1_lead_screw")
     rng = np.random.default_rng(4)
     truth = {

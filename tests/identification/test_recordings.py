@@ -113,7 +113,7 @@ def replaced(index: int, line: str) -> list[str]:
     ],
 )
 def test_repairs_are_made_and_said(tmp_path, lines, said, kept):
-    """A damaged line is repaired or left out, and the recording reports this."""
+    """Damaged lines are repaired or left out, and the recording reports every such change."""
     r = read(write(tmp_path / "a.csv", lines))
     assert len(r.time) == kept
     assert np.ptp(r.tau) < 0.1 * NOMINAL

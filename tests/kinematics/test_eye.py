@@ -140,6 +140,7 @@ def test_a_shaft_at_the_limit_keeps_its_radius_from_the_lens() -> None:
 
 
 def test_everything_turns_with_the_eye() -> None:
+    """A rotation of eye and tip around the remote centre changes no limit and no constraint row."""
     rng = np.random.default_rng(4)
     eye = random_eye(rng)
     tips = tips_in(rng, eye)
@@ -160,6 +161,7 @@ def test_everything_turns_with_the_eye() -> None:
 
 @pytest.mark.parametrize("kind", [casadi.SX, casadi.MX])
 def test_symbolic_equals_numeric(kind) -> None:
+    """The symbolic limits and constraint rows equal the numeric ones, also near the remote centre."""
     rng = np.random.default_rng(5)
     for _ in range(5):
         eye = random_eye(rng)
@@ -179,6 +181,7 @@ def test_symbolic_equals_numeric(kind) -> None:
 
 
 def test_beyond_the_port_the_retina_row_allows_what_is_allowed() -> None:
+    """Outside the port, the retina row is satisfied exactly where the clearance is kept."""
     rng = np.random.default_rng(6)
     for _ in range(50):
         eye = random_eye(rng)
@@ -193,6 +196,7 @@ def test_beyond_the_port_the_retina_row_allows_what_is_allowed() -> None:
 
 
 def test_a_tip_as_near_to_the_retina_as_allowed_is_on_the_edge_of_the_row() -> None:
+    """The retina row is zero at a tip whose distance from the retina equals the clearance."""
     rng = np.random.default_rng(7)
     for _ in range(50):
         eye = random_eye(rng)

@@ -42,6 +42,11 @@ def angle_gap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def test_a_million_random_poses_of_random_mechanisms(random_mechanism):
+    """Both branches reach each of a million random poses.
+
+    The mechanisms are random too. One of the branches gives the joints from which the pose was
+    computed.
+    """
     rng = np.random.default_rng(11)
     for _ in range(500):
         mech = random_mechanism(rng)
@@ -256,6 +261,7 @@ def test_bad_tip_targets_name_the_argument(vitreoretinal):
 
 
 def test_an_empty_batch_is_a_batch(vitreoretinal):
+    """An empty batch of targets gives an empty batch of solutions."""
     assert inverse(vitreoretinal, np.empty((0, 3, 3)), np.empty((0, 3))).joints.shape == (0, 2, 4)
     assert inverse_task(vitreoretinal, np.empty((0, 4))).joints.shape == (0, 2, 4)
     assert inverse_tip(vitreoretinal, np.empty((0, 3))).joints.shape == (0, 4, 4)

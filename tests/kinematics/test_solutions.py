@@ -104,6 +104,7 @@ def test_bad_arguments_are_named(vitreoretinal):
 
 
 def test_joints_without_limits_may_turn_without_end(vitreoretinal):
+    """Joints without limits take the number of whole turns that is nearest to the reference."""
     unlimited = [(-math.inf, math.inf)] * 3 + [(-0.03, 0.0)]
     found = inverse_task(
         vitreoretinal, [[40.0, -2.0, 0.0, 0.02]], limits=unlimited, reference=np.full(4, 37.0)

@@ -112,6 +112,7 @@ def test_inverse_undoes_forward_symbolically(random_mechanism):
 
 
 def test_a_reference_moves_by_whole_turns(vitreoretinal):
+    """A reference shifts the joints by whole turns and does not change their derivatives."""
     task = casadi.SX.sym("task", 4)
     near = np.array([20.0, -15.0, 9.0, 0.0])
     plain = joints_from_task_symbolic(vitreoretinal, task, -1)

@@ -164,6 +164,7 @@ def test_theta2_and_tilt_are_inverse_on_a_branch(random_mechanism, branch):
 
 
 def test_degrees_and_other_branches_are_refused(vitreoretinal):
+    """Angles in degrees and a branch other than 1 or −1 are refused."""
     with pytest.raises(GeometryError, match="degrees"):
         design_region(-140.0, -80.0)
     with pytest.raises(GeometryError, match="branch = 2"):
@@ -171,6 +172,7 @@ def test_degrees_and_other_branches_are_refused(vitreoretinal):
 
 
 def test_the_design_question_returns_the_published_design():
+    """The required tilts from −140° to −80° give the published angles α = 30° and β = 110°."""
     region = design_region(math.radians(-140.0), math.radians(-80.0))
     assert np.degrees(region.smallest_alpha) == pytest.approx([30.0, 110.0], abs=1e-12)
     assert not region.empty
@@ -214,6 +216,7 @@ def test_design_region_holds_exactly_the_mechanisms_that_reach(one, other, margi
 
 
 def test_no_mechanism_reaches_too_much():
+    """The design region is empty if no mechanism reaches the required tilts."""
     region = design_region(math.radians(-170.0), math.radians(-5.0), margin=math.radians(11.0))
     assert region.empty
     assert math.isnan(region.smallest_alpha[0])

@@ -14,10 +14,7 @@ from ssm_planner.sizing.size import JointSizing
 
 
 def test_a_margin_is_the_share_of_the_limit_that_is_left() -> None:
-    """The margin is (limit − demand)
-
-    limit, and it is at least −1.
-    """
+    """The margin is (limit − demand)/limit, or −1 if the limit is not positive."""
     limit = np.array([2.0, 2.0, 2.0, 0.0, -1.0])
     worst = np.array([1.0, 2.0, 3.0, 0.0, -2.0])
     assert relative_margin(worst, limit) == pytest.approx([0.5, 0.0, -0.5, -1.0, -1.0])
@@ -25,7 +22,7 @@ def test_a_margin_is_the_share_of_the_limit_that_is_left() -> None:
 
 
 def test_an_answer_is_yes_no_or_not_known() -> None:
-    """The worst margin decides on yes, and the best margin decides on no.
+    """A yes depends on the worst margin, and a no depends on the best margin.
 
     The answer is yes if the worst margin is kept and no if even the best margin is not kept. It is
     open otherwise.

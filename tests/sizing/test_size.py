@@ -109,7 +109,7 @@ def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> Non
 
 
 def test_a_failing_check_says_no_whatever_else_is_missing(robot: Robot, trajectory) -> None:
-    """A failed check decides on no even if other figures are missing."""
+    """A failed check gives the verdict no even if other figures are missing."""
     weak = Motor("weak", nominal_torque=1e-5, max_torque=1e-5, max_speed=1.0)
     found = size(DutyCycle.of_trajectory(trajectory, robot), {"tilt": [weak]})
     (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
