@@ -90,7 +90,7 @@ def test_a_direct_drive_without_friction_gives_what_the_load_takes(tmp_path: Pat
     ],
 )
 def test_mistakes_in_a_file(tmp_path: Path, kind: str, more: str, message: str) -> None:
-    """A mistake in a drive file is refused with its key."""
+    """A mistake in a drive file is refused with a message that describes it."""
     with pytest.raises(ProblemError) as caught:
         drive(tmp_path, kind, more, "kg" if kind == "ball_screw" else "kg*m^2")
     assert message in str(caught.value)

@@ -161,7 +161,7 @@ def test_everything_turns_with_the_eye() -> None:
 
 @pytest.mark.parametrize("kind", [casadi.SX, casadi.MX])
 def test_symbolic_equals_numeric(kind) -> None:
-    """The symbolic limits and constraint rows equal the numeric ones, also near the remote centre."""
+    """The symbolic limits and constraint rows equal the numeric ones."""
     rng = np.random.default_rng(5)
     for _ in range(5):
         eye = random_eye(rng)

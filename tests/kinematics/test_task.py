@@ -40,7 +40,7 @@ def test_task_names_the_pose_that_the_joints_make(random_mechanism):
 
 
 def test_home_is_home(random_mechanism):
-    """Zero joint positions have the roll and tilt of the home configuration and no spin or depth."""
+    """At zero joint positions, roll and tilt are those of home, and spin and depth are zero."""
     rng = np.random.default_rng(6)
     for _ in range(200):
         mech = random_mechanism(rng)

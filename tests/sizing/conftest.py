@@ -1,3 +1,5 @@
+"""Fixtures with a motion, its joint loads and a duty cycle for the tests of sizing."""
+
 from __future__ import annotations
 
 import pytest
