@@ -1,4 +1,6 @@
-"""Kinds of fault × seeds × sampling rates × speeds: what `compare` may say of each, and its cause."""
+"""`compare` reaches the right verdict and cause for healthy and faulty executions. The executions
+vary the kind of fault, the seed, the sampling rate and the speed.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,7 @@ from tests.support.paths import RESULTS
 
 Recordings = list[AxisRecording]
 RATE = 2000
-"""Hz of the executions before their samples are decimated."""
+"""Sampling rate of the executions in Hz, before samples are omitted."""
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,10 @@ def without_position(recordings: Sequence[AxisRecording]) -> Recordings:
 
 @pytest.mark.parametrize("rate", [2000, 1000, 200, 100, 50, 20, 10, 5])
 def test_a_healthy_run_is_not_called_faulty_at_any_rate(shipped: Executions, rate: int) -> None:
-    """It is held where samples are at most 10 ms apart, and cannot be told below."""
+    """A healthy run is held if its samples are at most 10 ms apart.
+
+    Otherwise the verdict is "cannot tell".
+    """
     for seed in range(5):
         recordings = decimated(shipped.healthy(seed), RATE // rate, seed % (RATE // rate))
         for chosen in (recordings, without_position(recordings)):
@@ -62,7 +67,7 @@ def test_a_healthy_run_is_not_called_faulty_at_any_rate(shipped: Executions, rat
 @pytest.mark.parametrize("rate", [1000, 100, 50, 10])
 @pytest.mark.parametrize("kind", FAULTS)
 def test_a_fault_is_found_or_cannot_be_told(shipped: Executions, kind: str, rate: int) -> None:
-    """A fault is never held. From 100 Hz on, its verdict and its cause are right."""
+    """From 100 Hz on, verdict and cause are right. Below 100 Hz, no faulty run is held."""
     for seed in range(2):
         recordings, verdict, cause = shipped.faulty(kind, seed)
         found = compared(shipped, decimated(recordings, RATE // rate, seed))
@@ -73,7 +78,11 @@ def test_a_fault_is_found_or_cannot_be_told(shipped: Executions, kind: str, rate
 
 
 def test_a_burst_between_two_samples_is_not_held(shipped: Executions) -> None:
-    """70 ms with 90 mN·m (limit 78) and 1.8 times the speed, sampled at 10 Hz in every phase."""
+    """For 70 ms, the torque is 90 mN·m (limit 78 mN·m) and the speed is 1.8 times the planned
+    speed.
+
+    The sampling at 10 Hz begins at different phases, most of which miss the burst.
+    """
     run = shipped.run()
     fast = np.flatnonzero(np.abs(run.w["roll"]) > 0.9 * shipped.plans["roll"].peak)[100:240]
     run.tau["roll"][fast] = 90e-3 * np.sign(run.w["roll"][fast])
@@ -89,14 +98,17 @@ def test_a_burst_between_two_samples_is_not_held(shipped: Executions) -> None:
 
 @pytest.mark.parametrize("rate", [1000, 250, 100])
 def test_the_stated_smallest_fault_is_found(shipped: Executions, rate: int) -> None:
-    """A torque above its limit by the stated size, for the stated duration, is not held."""
+    """A torque is not held if it exceeds its limit by 1.6 times the stated size, for the stated
+    duration.
+    """
     for seed in range(4):
         rng = np.random.default_rng(seed)
         run = shipped.run()
         healthy = compared(shipped, decimated(shipped.measured(run, rng), RATE // rate))[0]
         visible = healthy.visible
         limit = shipped.joints["roll"].motor.max_torque
-        # The noise of the recording itself may lower a sample by some standard deviations.
+        # The noise of the recording may lower a sample by some standard deviations, so the excess
+        # is larger than the stated size.
         size = limit + 1.6 * visible["torque"]
         begin = int(rng.choice(np.flatnonzero(run.w["roll"])[:-100]))
         length = int(np.ceil(visible["duration"] * RATE)) + 1
@@ -109,7 +121,9 @@ def test_the_stated_smallest_fault_is_found(shipped: Executions, rate: int) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", drawn(2, [0.05, 0.1, 0.137, 0.5, 0.9]))
 def test_a_slower_run_is_compared_at_its_speed(speed: float) -> None:
-    """Alone, with other axes, with and without positions, declared and estimated."""
+    """The speed is declared or estimated. Recordings have positions or none, and other axes or
+    none.
+    """
     it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 2e-3, speed)
     for seed in range(2):
         recordings = it.healthy(seed)
@@ -156,7 +170,7 @@ def test_a_run_that_is_too_fast_or_a_little_slow_is_not_held() -> None:
 
 
 def changed(recordings: Recordings, k: int, **changes: float) -> Recordings:
-    """One recording with channels that are multiplied by factors."""
+    """Return recordings of which one has channels that are multiplied by factors."""
     scaled = {name: factor * getattr(recordings[k], name) for name, factor in changes.items()}
     return [*recordings[:k], replace(recordings[k], **scaled), *recordings[k + 1 :]]
 
@@ -197,7 +211,7 @@ CAUSES: dict[str, tuple[Callable[[Recordings, int], Recordings], str]] = {
 
 
 SPOILT = [(cause, speed) for cause in CAUSES for speed in drawn(1, [1.0, 0.1], cause)]
-"""Every cause at one of the speeds."""
+"""Each cause is tested at one of the speeds."""
 
 
 @pytest.mark.slow
@@ -216,7 +230,10 @@ def test_a_wrong_recording_is_not_held_and_its_cause_is_named(cause: str, speed:
 
 
 def test_a_part_of_a_motion_has_a_verdict(shipped: Executions) -> None:
-    """Any part of a recording cannot be told, and a motor at rest stands."""
+    """A recording of a part of the motion has the verdict "cannot tell".
+
+    A motor that never moves has the verdict "not held" and the cause "stall".
+    """
     healthy = shipped.healthy(0)
     for share in (0.1, 0.4, 0.8):
         end = LEAD + share * shipped.duration
@@ -236,14 +253,14 @@ def test_a_speed_that_no_run_can_have_is_refused(shipped: Executions, speed: flo
 
 @cache
 def simulated(speed: float) -> SimulationResult:
-    """Return the shipped plan as simulated at a speed."""
+    """Return the simulation of the shipped plan at a speed, relative to the planned speed."""
     plan = load_plan(RESULTS / "tilt_insert" / "plan.json")
     return simulate(plan, Scenario(speed=speed, instants=1))
 
 
 @pytest.mark.slow
 def test_a_simulated_commissioning_run_is_held(shipped: Executions, tmp_path: Path) -> None:
-    """Controllers, encoders and friction of the simulation, which shares no code with `compare`."""
+    """The simulation has controllers, encoders and friction, and shares no code with `compare`."""
     plan = shipped.plan
     result = simulated(0.1)
     recordings = [
@@ -256,14 +273,14 @@ def test_a_simulated_commissioning_run_is_held(shipped: Executions, tmp_path: Pa
 
 
 def joint_and_begin(it: Executions, run: Run, rng: np.random.Generator) -> tuple[str, int]:
-    """A joint, and an instant at which it moves fast."""
+    """Return the name of a joint, and the index of a sample at which it moves fast."""
     joint = str(rng.choice(it.names))
     fast = np.flatnonzero(np.abs(run.w[joint]) > 0.3 * it.plans[joint].peak)
     return joint, int(rng.choice(fast[: len(fast) // 2]))
 
 
 def alternating(count: int, period: int) -> np.ndarray:
-    """+1 and −1 in turn, `period` samples for both."""
+    """Return a square wave (count,) of +1 and −1, with a period in samples."""
     return np.where(np.arange(count) % period < period // 2, 1.0, -1.0)
 
 
@@ -283,14 +300,14 @@ def spikes(it: Executions, run: Run, rng: np.random.Generator) -> None:
 
 
 def broken_burst(it: Executions, run: Run, rng: np.random.Generator) -> None:
-    """A burst of torque in which one sample of ten is normal."""
+    """The torque is too high for 43 samples, except in every tenth sample."""
     joint, begin = joint_and_begin(it, run, rng)
     burst = np.array([k for k in range(begin, begin + 43) if k % 10])
     run.tau[joint][burst] = 6 * it.joints[joint].motor.max_torque
 
 
 def vibrating_speed(it: Executions, run: Run, rng: np.random.Generator) -> None:
-    """The speed vibrates around the plan beyond its limit, and its means are right."""
+    """The speed vibrates around the plan and exceeds its limit, although its means are right."""
     joint, _ = joint_and_begin(it, run, rng)
     swing = alternating(len(run.w[joint]), int(rng.choice([2, 4, 8])))
     limit = it.joints[joint].velocity * it.plans[joint].ratio
@@ -307,14 +324,14 @@ def vibrating_torque(it: Executions, run: Run, rng: np.random.Generator) -> None
 
 
 def oscillating_torque(it: Executions, run: Run, rng: np.random.Generator) -> None:
-    """The torque oscillates below its limit, with the planned torque on average."""
+    """The torque oscillates around the planned torque, and stays below its limit."""
     joint, _ = joint_and_begin(it, run, rng)
     swing = np.sign(np.sin(2 * np.pi * rng.uniform(3, 12) * run.time[joint]))
     run.tau[joint] *= 1 + rng.uniform(0.7, 1.0) * swing
 
 
 def oscillating_speed(it: Executions, run: Run, rng: np.random.Generator) -> None:
-    """Several times the largest acceleration, although position and speed keep their limits."""
+    """The acceleration exceeds its limit several times, although position and speed keep theirs."""
     joint, _ = joint_and_begin(it, run, rng)
     t = run.time[joint] - LEAD
     inside = np.where((t > 0.1) & (t < it.duration - 0.1), np.sin(np.pi * t / it.duration) ** 2, 0)
@@ -332,7 +349,7 @@ def low_speed(it: Executions, run: Run, rng: np.random.Generator) -> None:
 
 
 def late_recorder(it: Executions, run: Run, rng: np.random.Generator) -> None:
-    """The first 12 ms, or the last 0.6 % of the motion, are not recorded."""
+    """The first 12 ms of a short motion, or the last 0.6 % of a long motion, are not recorded."""
     begin, end = LEAD + 0.012, LEAD + 0.994 * it.duration
     for name in it.names:
         t = run.time[name]
@@ -340,7 +357,7 @@ def late_recorder(it: Executions, run: Run, rng: np.random.Generator) -> None:
 
 
 def saturated_after_a_rest(it: Executions, run: Run, rng: np.random.Generator) -> None:
-    """The largest torque for 70 ms in a recording with a long rest."""
+    """The torque is almost at its limit for 70 ms, in a recording with a long rest."""
     joint, begin = joint_and_begin(it, run, rng)
     sign = np.sign(run.w[joint][begin])
     run.tau[joint][begin : begin + round(0.07 / it.step)] = (
@@ -373,12 +390,12 @@ HIDDEN: dict[str, Callable[[Executions, Run, np.random.Generator], None]] = {
         saturated_after_a_rest,
     )
 }
-"""Faults that could pass for spikes, for noise or for rest."""
+"""These faults resemble spikes, noise or rest."""
 
 
 @pytest.fixture(scope="module")
 def executions(shipped: Executions) -> dict[tuple[float, float], Executions]:
-    """Executions by rate, Hz, and speed."""
+    """Return executions by their sampling rate in Hz and their speed."""
     cases = ((1000, 1.0), (100, 1.0), (200, 0.1))
     return {(rate, speed): Executions(shipped.plan, 1 / rate, speed) for rate, speed in cases}
 

@@ -1,4 +1,6 @@
-"""Recordings of an executed motion against its plan: made from the plan with known delay, noise and faults."""
+"""Recordings of executed motions are compared with their plan. The recordings are computed from the
+plan with known delays, noise and faults, which the comparison must recover.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def plan(tmp_path_factory: pytest.TempPathFactory, robot: Robot) -> Plan:
 
 @dataclasses.dataclass
 class Executed:
-    """What the recorder of one axis saw."""
+    """The samples of one axis are times in s, speeds in rpm, torques in % of the nominal torque,
+    and encoder counts.
+    """
 
     time: np.ndarray
     rpm: np.ndarray
@@ -48,7 +52,7 @@ class Executed:
     counts: np.ndarray
 
     def write(self, path: Path, position: bool = False) -> Path:
-        """As an EPOS recorder export."""
+        """Write the samples in the format of an EPOS recorder, and return the path."""
         names, units = (
             [";Velocity actual value averaged;Torque actual value averaged"],
             ["ms;rpm;%"],
@@ -73,7 +77,10 @@ class Executed:
 def executed(
     plan: Plan, name: str, delay: float = 0.3, direction: int = 1, noise: float = 0.0
 ) -> Executed:
-    """The plan as carried out after a delay, sampled every 2 ms, with noise as a share of the largest value."""
+    """Return the motion of one axis that follows the plan after a delay, sampled every 2 ms.
+
+    `noise` is its standard deviation relative to the largest value of a channel.
+    """
     i = [joint.name for joint in plan.robot.joints].index(name)
     joint = plan.robot.joints[i]
     t = np.arange(0.0, delay + plan.trajectory.duration + 0.4, 0.002)
@@ -95,7 +102,7 @@ def executed(
 
 
 def test_positions_of_a_recording_in_utf_16(plan: Plan, tmp_path: Path) -> None:
-    """Excel writes text with tabs and all characters in UTF-16."""
+    """Excel writes its Unicode text files in UTF-16."""
     path = executed(plan, "roll").write(tmp_path / "roll.csv", position=True)
     other = tmp_path / "roll.txt"
     other.write_text(path.read_text(encoding="utf-8"), encoding="utf-16")
@@ -128,7 +135,7 @@ def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
 
 
 def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> None:
-    """NRMSD of a constant torque error e is e / (max − min of the measured)."""
+    """The NRMSD of a constant torque error e is e / (max − min) of the measured torque."""
     recorded = executed(plan, "roll", delay=0.0)
     inside = recorded.time <= plan.trajectory.duration
     recorded = Executed(*(x[inside] for x in dataclasses.astuple(recorded)))
@@ -202,7 +209,7 @@ def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
 def test_a_limit_that_was_exceeded_in_reality(
     plan: Plan, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Torque up to 130 % of the largest for some samples: found, named, and exit status 1."""
+    """The torque is 130 % of its limit for ten samples. The exit status is 1."""
     good = [
         str(executed(plan, name).write(tmp_path / f"{name}.csv")) for name in ("insertion", "tilt")
     ]
@@ -275,7 +282,7 @@ def test_a_motor_that_should_stand_and_does() -> None:
 
 
 def test_a_recording_of_another_motion_is_named_by_its_speed(plan: Plan, tmp_path: Path) -> None:
-    """Five strokes to and fro, as a rig makes them."""
+    """The recording has five strokes to and fro, as on a test rig."""
     other = executed(plan, "roll")
     stroke = np.sin(10 * np.pi * other.time / other.time[-1])
     recording = dataclasses.replace(other, rpm=300 * stroke, percent=20 * np.sign(stroke))
@@ -408,7 +415,7 @@ def test_executions_of_the_shipped_plan_are_called_what_they_are(
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_seeded_faults_are_called_rightly(shipped: Executions, kind: str) -> None:
-    """Two seeds of each here, fifty in the benchmark."""
+    """This test uses two seeds of each kind of fault."""
     for seed in (0, 1):
         recordings, verdict, finding = shipped.faulty(kind, seed)
         found = compare(
@@ -427,7 +434,10 @@ def test_a_healthy_run_raises_no_alarm(shipped: Executions) -> None:
 
 
 def test_noise_hides_no_limit_it_does_not_reach(shipped: Executions) -> None:
-    """A limit is broken by more than the noise and by nothing less: the same excess under little and much noise."""
+    """A limit is violated only by an excess beyond the noise.
+
+    The same excess is judged under little noise and under much noise.
+    """
     joint = shipped.joints["roll"]
     for rpm, held in ((0.5, False), (200.0, True)):
         run = shipped.run()
@@ -445,7 +455,7 @@ def test_noise_hides_no_limit_it_does_not_reach(shipped: Executions) -> None:
 
 
 def verdict_of(paths: dict[str, Path], *options: str) -> int:
-    """Exit status of the command for the shipped plan."""
+    """Return the exit status of the command for the shipped plan."""
     words = [f"{joint}={path}" for joint, path in paths.items()]
     parser = argparse.ArgumentParser()
     add_arguments(parser, "compare")
@@ -461,7 +471,7 @@ def edit(path: Path, change: Callable[[int, list[str]], list[str]]) -> None:
 
 
 def in_torque(text: str) -> Callable[[int, list[str]], list[str]]:
-    """Write a text instead of the torque for 9 samples."""
+    """Return a function for `edit` that replaces the torque of 9 samples by a text."""
     return lambda k, row: [*row[:2], text, row[3]] if 600 <= k < 609 else row
 
 
@@ -505,7 +515,9 @@ def test_a_value_that_no_channel_can_have_is_refused(
 
 
 def lost(it: Executions, folder: Path) -> dict[str, Path]:
-    """A run that loses increments in the middle of the motion."""
+    """Write the recordings of a run that loses increments within the motion, and return their
+    paths.
+    """
     run = it.run()
     run.q["roll"][1500:] += 0.3 * it.joints["roll"].velocity
     return write(it, it.measured(run, np.random.default_rng(1)), folder)
@@ -543,7 +555,10 @@ def test_an_option_out_of_range_is_refused(shipped: Executions, tmp_path: Path) 
 def test_a_remark_does_not_read_as_a_verdict(
     shipped: Executions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A run at full speed that was declared as slower: the speed is the only right thing."""
+    """The run has the planned speed, but half of this speed was declared.
+
+    No line of the output may begin with the word "held".
+    """
     paths = write(shipped, shipped.healthy(1), tmp_path)
     assert verdict_of(paths, "--speed", "50%") == 1
     assert not re.search(r"^held", capsys.readouterr().out, re.MULTILINE)

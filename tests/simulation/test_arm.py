@@ -1,4 +1,7 @@
-"""Laws of the forward simulation of the whole arm: it holds, it falls, energy balances, two forms agree, it is fast."""
+"""The forward simulation of the whole arm obeys the laws of mechanics. A self-locking arm holds its
+position, an arm with little friction falls, and the energy balances. The motor torques agree with
+the inverse dynamics, and fixed steps agree with an adaptive integration.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,9 @@ def arm(robot):
 
 
 def polynomial(t, start, step, duration):
-    """Rest-to-rest quintic: (q, qd, qdd) at t."""
+    """Return position, velocity and acceleration (n, 4) of a quintic between two rests at times
+    (n,).
+    """
     s = np.clip(np.asarray(t) / duration, 0.0, 1.0)[..., None]
     p, v, a = (
         s**3 * (10 - 15 * s + 6 * s**2),
@@ -41,7 +46,10 @@ def polynomial(t, start, step, duration):
 
 
 def tilt_and_insert(period=1e-3):
-    """Joints 1 and 2 turn the tool while 3 keeps its spin, then joint 4 inserts 20 mm; 3.2 s."""
+    """Return positions and velocities (n, 4) of a motion of 3.2 s, one row for each period.
+
+    Joints 1 to 3 turn the tool for 2 s. Then joint 4 inserts the tool by 20 mm within 1 s.
+    """
     t = np.arange(0.0, 3.2, period)
     turn = np.array([1.87, -2.02, -0.04, 0.0])
     q, qd, _ = polynomial(t, Q0, turn, 2.0)
@@ -50,7 +58,7 @@ def tilt_and_insert(period=1e-3):
 
 
 def slippery(robot, mu):
-    """The robot with well-oiled drives."""
+    """Return the robot with drives that have little friction and do not lock themselves."""
 
     def oiled(joint):
         if joint.drive is None:
@@ -105,7 +113,7 @@ def test_motors_give_what_the_inverse_law_asks(arm, robot):
 
 
 def test_a_second_of_the_whole_arm_takes_ten_million_instructions_at_most(arm):
-    """At 5 ns for each instruction of CasADi this is twenty times faster than real time."""
+    """If CasADi needs 5 ns for each instruction, one simulated second takes at most 50 ms."""
     assert arm._period_function().n_instructions() / arm.period < 10e6
 
 

@@ -1,4 +1,7 @@
-"""Laws of the motor controller: the supply binds, the loop is the stated PID, the encoder rounds."""
+"""The supply voltage limits the current of the simulated motor controller, and the encoder rounds
+to whole increments. The loop agrees with an independent PID recursion, and its phase margin agrees
+with the open loop in closed form.
+"""
 
 from __future__ import annotations
 
@@ -50,16 +53,19 @@ def test_the_current_keeps_to_the_supply_against_the_back_emf():
     assert np.all(np.abs(voltage[inside]) <= MOTOR.voltage * (1 + 1e-12))
     assert np.all(np.abs(found) <= MOTOR.max_current)
     assert np.all(found[:, 0] <= found[:, 1])
-    # beyond the no-load speed the motor can only brake
+    # Beyond the no-load speed, the motor can only brake.
     fast = speeds > MOTOR.voltage / MOTOR.torque_constant
     assert fast.any()
     assert np.all(found[fast, 1] < 0)
-    # at rest nothing but the power stage binds: 5 A through 0.763 ohm need 3.8 V
+    # At rest, only the power stage limits the current: 5 A through 0.763 Ω need just 3.8 V.
     np.testing.assert_allclose(ranges(MOTOR, [0.0])[0], [-5.0, 5.0])
 
 
 def test_without_a_resistance_the_supply_binds_at_the_no_load_speed_alone():
-    """Beyond it, no current in its direction; without a supply voltage none of it matters."""
+    """Beyond the no-load speed, no current flows in the direction of the motion.
+
+    An unlimited supply voltage leaves only the limit of the current.
+    """
     no_load = MOTOR.voltage / MOTOR.torque_constant
     speeds = [-1.01 * no_load, -0.99 * no_load, 0.0, 0.99 * no_load, 1.01 * no_load]
     found = ranges(replace(MOTOR, resistance=0.0), speeds)
@@ -117,7 +123,11 @@ def test_gains_need_an_inertia_or_p_and_d(robot):
 @pytest.mark.parametrize(("period", "lag"), [(4e-4, 1e-4), (1e-3, 5e-4)])
 @pytest.mark.parametrize("share", [0.3, 1.0, 2.0])
 def test_the_phase_margin_is_that_of_the_stated_loop_at_its_crossing(period, lag, share):
-    """P, I and D on an inertia, T_f = D / (10 P), the lag of the current, and half a period of delay."""
+    """The loop has P, I and D gains that act on an inertia.
+
+    It also has a filter of the derivative with T_f = D / (10 P), the lag of the current, and a
+    delay of half a period.
+    """
     bandwidth = share * default_bandwidth(period, lag)
     omega = 2 * np.pi * bandwidth
     p, d, i = omega**2, 2 * 0.7 * omega, 0.1 * omega**3
@@ -128,7 +138,7 @@ def test_the_phase_margin_is_that_of_the_stated_loop_at_its_crossing(period, lag
         return pid / s**2 / (1 + lag * s) * np.exp(-s * period / 2)
 
     crossing = brentq(lambda w: abs(loop(w)) - 1, omega, 20 * omega)
-    # from the phase of the three poles at 0, without jumps
+    # The phase is unwrapped from low frequencies, where the three poles at 0 give −270°.
     way = np.unwrap(np.angle(loop(np.geomspace(1e-6 * omega, crossing, 4000))))
     margin = 180 + np.degrees(way[-1] - way[0]) - 270
     assert phase_margin(bandwidth, period, lag) == pytest.approx(margin, abs=0.3)
@@ -151,7 +161,7 @@ def test_a_loop_is_the_stated_pid():
         found = [
             float(v) for v in function([current, integral, derivative], [error, before], 100.0, 0.3)
         ]
-        # backward Euler of a filtered derivative
+        # The backward Euler method integrates the filtered derivative.
         derivative = (delay * derivative + gains.d * (error - before)) / (delay + period)
         demanded = gains.p * error + integral + derivative + 0.3
         current = demanded + (current - demanded) * lag
@@ -195,7 +205,7 @@ def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robo
         tuned = loop_gains(joint, Controller(), electrics)
         assert loop_gains(joint, shipped, motor_electrics(joint, shipped)) == tuned
         k, inertia = electrics.torque_constant, joint.drive.input_inertia
-        # closed on the bare motor the loop has its bandwidth and a damping ratio of 0.7
+        # With the bare motor, the closed loop has the default bandwidth and a damping ratio of 0.7.
         omega = np.sqrt(k * tuned.p / inertia)
         assert omega == pytest.approx(2 * np.pi * default_bandwidth(4e-4, 1e-4))
         assert k * tuned.d / inertia == pytest.approx(2 * 0.7 * omega)
@@ -208,14 +218,18 @@ def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robo
 
 
 def test_the_default_bandwidth_leaves_its_phase_margin(robot):
-    """The loop in discrete time, its gain or its delay moved until the closed loop is no longer stable."""
+    """The closed loop in discrete time is stable. Two more periods of delay make it unstable."""
     period, lag = 4e-4, 1e-4
     bandwidth = default_bandwidth(period, lag)
     assert 100 < bandwidth < 200
     assert default_bandwidth(2 * period, 2 * lag) == pytest.approx(bandwidth / 2, rel=1e-6)
 
     def radius(delay):
-        """Largest |eigenvalue| of position, speed, current, integral, filtered derivative and last error; delay: periods."""
+        """Return the largest absolute eigenvalue of the closed loop, with a delay in periods.
+
+        The state consists of position, speed, current, integral, filtered derivative, last error,
+        and the delayed demands.
+        """
         joint, controller = robot.joints[0], Controller()
         gains, k = loop_gains(joint, controller, motor_electrics(joint, controller)), 1.0
         unit = motor_electrics(joint, controller).torque_constant / joint.drive.input_inertia
@@ -243,7 +257,8 @@ def test_the_default_bandwidth_leaves_its_phase_margin(robot):
         return np.abs(np.linalg.eigvals(state)).max()
 
     assert radius(0) < 1
-    # 30 degrees at the crossing, at 1.5 times the bandwidth, are 0.4 ms: one period of dead time uses them up
+    # A phase margin of 30° at the crossing, which is at 1.5 times the bandwidth, permits a delay of
+    # 0.4 ms. One period of dead time uses up this margin.
     assert radius(2) > 1
 
 

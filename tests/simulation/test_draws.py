@@ -1,4 +1,4 @@
-"""Laws of playing one motion under many frictions, with an arm whose motion is known."""
+"""One motion is played under many frictions. The reference is a fake arm whose motion is known."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COUNT, PERIODS = 3, 12
 
 
 def commands() -> Commands:
-    """Commands whose demand of joint 1 counts the periods."""
+    """Return commands whose demand of joint 1 is the index of the period."""
     zero = np.zeros((PERIODS, 4))
     demand = zero.copy()
     demand[:, 0] = np.arange(PERIODS)
@@ -35,7 +35,7 @@ def commands() -> Commands:
 def playback(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, moved: Any, halved: Any = None
 ) -> tuple[Draws, list[tuple[str, np.ndarray, np.ndarray]], list[Step]]:
-    """Return the result, the calls (function, states, inputs), and the progress.
+    """Play the commands. Return the result, the calls (function, states, inputs), and the progress.
 
     `moved` changes the states, errors and saturations of a period in place.
     """
@@ -100,7 +100,7 @@ def test_every_period_passes_commands_offsets_and_frictions(
 def test_a_result_is_the_largest_value_of_all_periods(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each draw has its peak in a different period, and with the negative sign."""
+    """The largest absolute value counts. Each draw has a negative peak in a different period."""
 
     def moved(m: int, x: np.ndarray, following: np.ndarray, cut: np.ndarray) -> None:
         for draw in range(COUNT):
@@ -123,7 +123,10 @@ def test_a_result_is_the_largest_value_of_all_periods(
 def test_the_tip_error_is_that_of_the_instants_that_are_evaluated(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The tip leaves its plan for one period, which is evaluated (draw 2) or is not (draw 1)."""
+    """The tip leaves its plan for one period.
+
+    The tip error is evaluated in this period for draw 2, and is not evaluated for draw 1.
+    """
     instants = {1: TIP_INTERVAL + 1, 2: 2 * TIP_INTERVAL}
     away = START + [0.0, 0.0, 0.0, -1e-3]
 

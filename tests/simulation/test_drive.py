@@ -1,4 +1,6 @@
-"""Laws of the forward simulation of one drive: inverse of the inverse, standstill, energy, convergence."""
+"""The forward simulation of one drive inverts the inverse dynamics and balances the energy. A drive
+that locks itself stands still, and fixed steps converge to an adaptive integration.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,7 @@ RIGS = tuple(FRICTION)
 
 
 def rig(name: str):
-    """(drive, load effort, load inertia)."""
+    """Return the drive of a rig, the load effort and the load inertia, in SI units."""
     drive = load_drive(DRIVES / f"{name}.yaml")
     return replace(drive, friction=FRICTION[name]), drive.rig.F_payload, drive.rig.payload_inertia
 
@@ -229,7 +231,10 @@ def test_breakaway_is_exactly_at_its_torque():
 
 @pytest.mark.parametrize("name", RIGS)
 def test_a_step_of_a_drive_balances_its_energy_whether_it_slides_stops_or_stands(name):
-    """Work of motor and load, kinetic energy and loss, for steps that are as long as a stop takes, and longer."""
+    """The work of motor and load equals the gain of kinetic energy plus the friction loss.
+
+    The drive slides through the step, stops within it, or stands during it.
+    """
     drive, scale, _ = rig(name)
     w, rest, tau, load = (ca.SX.sym(each) for each in ("w", "rest", "tau", "load"))
     h = 4e-4
@@ -261,13 +266,14 @@ def test_a_step_of_a_drive_balances_its_energy_whether_it_slides_stops_or_stands
         if speed == 0.0 and after == 0.0:
             kind = "stands"
             assert (mean, loss) == (0.0, 0.0)
-            # friction at rest lies between that of motion and the static one
+            # The friction coefficient at rest lies between the kinetic and the static one.
             mu = [drive.friction.mu, drive.friction.mu_static + drive.friction.mu_stribeck]
             allowed = [float(breakaway_torque(drive, pull, s, m)) for s in (-1.0, 1.0) for m in mu]
             assert min(allowed) - 1e-12 <= torque <= max(allowed) + 1e-12
         elif after == 0.0:
             kind = "stops"
-            # it brakes evenly and stands for the rest of the step: a longer step leads as far
+            # The drive brakes evenly and then stands for the rest of the step. A step of twice the
+            # length therefore leads equally far.
             assert 0 < mean / speed <= 0.5
             again, further, *_ = np.ravel(longer(speed, since, torque, pull))
             assert again == 0.0

@@ -1,6 +1,7 @@
-"""The loop closed: friction put into the simulation is found by identification in its recordings, within its intervals.
+"""Identification recovers the friction of a simulation from its recordings: the true parameters lie
+within the estimated intervals.
 
-How often? python tests/simulation/test_identified.py DRAWS
+The command `python tests/simulation/test_identified.py DRAWS` prints how often this is the case.
 """
 
 from __future__ import annotations
@@ -29,15 +30,17 @@ from tests.support.paths import RESULTS
 PLAN = RESULTS / "tilt_insert" / "plan.json"
 SPEEDS = 1e-3 * np.array([1.0, 2.0, 4.0, 7.0, 10.0, 14.0, 18.0, 20.0])
 RAMP, STEADY, SETTLED = 0.25, 0.5, 0.1
-"""s; the controller has settled so long after the ramp."""
+"""Durations in s of the ramp, of the steady motion, and of the settling after the ramp."""
 INSERTION = 3
 DRAWN = ("mu", "b_c", "b_v")
 SPREAD, SCATTER = 0.2, 0.01
-"""Of the parameters from drive to drive, and of the friction from recording to recording, as shares."""
+"""Relative standard deviations of the parameters between drives, and of the friction between
+recordings.
+"""
 
 
 def sliding(q: np.ndarray, speed: float, sign: int) -> Trajectory:
-    """Joint 4 alone: speeds up, goes on evenly, brakes."""
+    """Return a motion in which only joint 4 moves. It accelerates, keeps its speed, and brakes."""
     breaks = np.cumsum([0.0, RAMP, STEADY, RAMP])
     coefficients = np.zeros((3, 6, 4))
     coefficients[:, 0] = q
@@ -51,7 +54,7 @@ def sliding(q: np.ndarray, speed: float, sign: int) -> Trajectory:
 
 
 class Bench:
-    """The arm that slides its joint 4 at every speed, both ways, at one tilt."""
+    """The arm slides joint 4 at every speed in both directions, at one tilt."""
 
     def __init__(self, plan: Plan, folder: Path) -> None:
         q = plan.motion.sample(plan.motion.breaks[-1:]).q[0]
@@ -69,7 +72,10 @@ class Bench:
         self.load = float(self.arm.body.gravity_load(q[None])[0, INSERTION])
 
     def identified(self, rng: np.random.Generator) -> tuple[dict[str, float], MapFit]:
-        """Parameters drawn, and what identification makes of recordings with them."""
+        """Draw friction parameters, and fit them to simulated recordings.
+
+        Return the drawn parameters with the torques of slow motion, and the fit.
+        """
         place = {name: FRICTION_PARAMETERS.index(name) for name in FRICTION_PARAMETERS}
         truth = {
             name: self.friction[place[name]] * float(np.exp(rng.normal(0, SPREAD)))
@@ -86,7 +92,10 @@ class Bench:
         return {**truth, "forwards": slow[0], "backwards": slow[1]}, fit
 
     def _recorded(self, stage: _Simulation, truth: dict[str, float], scatter: float) -> Recording:
-        """The even part of one motion, as the drive's recorder would write it; scatter: times bearing friction."""
+        """Return the part with constant speed of one motion, as read from a recorder file.
+
+        `scatter` multiplies the friction of the bearings.
+        """
         friction = stage.friction.reshape(4, -1).copy()
         values = {
             **truth,
@@ -118,7 +127,10 @@ class Bench:
 
 
 def coverage(draws: int, folder: Path, seed: int = 3) -> dict[str, float]:
-    """Share of the draws in which each parameter, and the torque of slow motion either way, lies in its interval."""
+    """Return the relative frequency with which each true value lies in its interval.
+
+    The values are the drawn parameters and the torque of slow motion in both directions.
+    """
     bench, rng, hits = Bench(load_plan(PLAN), folder), np.random.default_rng(seed), {}
     for _ in range(draws):
         truth, fit = bench.identified(rng)
@@ -132,8 +144,8 @@ def coverage(draws: int, folder: Path, seed: int = 3) -> dict[str, float]:
 @pytest.mark.usefixtures("few_points")
 def test_identification_finds_the_friction_of_simulated_recordings(tmp_path: Path) -> None:
     found = coverage(selected(3, every=5), tmp_path)
-    # of 15 or 25 intervals of 95 % that come in fives, fewer than 12 or 20 are hardly ever right;
-    # run this file for more draws
+    # There are 15 or 25 intervals of 95 %, which depend on each other in groups of five. It is very
+    # unlikely that fewer than 12 or 20 of them are right. Run this file for more draws.
     assert np.mean(list(found.values())) >= 0.8, found
 
 

@@ -1,4 +1,6 @@
-"""Laws of an arm with controllers: the state that it begins in, and the periods in half steps."""
+"""An arm with controllers starts in equilibrium, and has half steps after a breakaway. Set points,
+offsets and compliance are converted as the drives use them.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ from ssm_planner.simulation.playback import (
 )
 
 COUNTS = 2**22
-"""Counts of an encoder that is so fine that it hardly rounds."""
+"""Counts per turn of an encoder that is so fine that it hardly rounds."""
 QA = np.array([0.3, 1.15, 0.1, -0.005])
 QD_A = np.array([0.4, -0.3, 0.2, -0.004])
 QDD_A = np.array([1.5, -1.0, 0.5, -0.02])
@@ -46,7 +48,7 @@ def arms(robot: Robot) -> dict[bool, ControlledArm]:
 def commands(
     made: ControlledArm, qd: np.ndarray, qdd: np.ndarray, periods: int, torque: Any = None
 ) -> Commands:
-    """Set points of an even acceleration, with the torque offsets of the controller."""
+    """Return commands with a constant acceleration qdd and, if given, torque offsets in N·m."""
     t = made.period * np.arange(periods + 0.0)[:, None]
     ratios = np.array([made.drive(k).ratio if k in made.driven else 0.0 for k in range(4)])
     one, zero = np.ones((periods, 1)), np.zeros((periods, 4))
@@ -119,7 +121,7 @@ def test_a_drive_without_load_is_in_the_middle_of_its_backlash(robot: Robot) -> 
 
 
 def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, ControlledArm]) -> None:
-    """A chunk has half steps if a drive starts in it or shortly before it."""
+    """A chunk of periods has half steps if a drive starts in it or shortly before it."""
     made, periods = arms[True], 6 * _PERIODS_PER_CHUNK - 7
     for first in (
         1,
@@ -147,7 +149,7 @@ def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, Controlled
 def test_the_integrals_make_up_for_what_the_first_commands_lack(
     arms: dict[bool, ControlledArm],
 ) -> None:
-    """Later commands are of no account."""
+    """Only the first commands determine the integrals, and later commands do not."""
     made, rng = arms[True], np.random.default_rng(3)
     told = commands(made, QD_A, QDD_A, 3, np.zeros(4))
     for column in (told.speed, told.acceleration, told.torque):
@@ -166,7 +168,7 @@ def test_the_integrals_make_up_for_what_the_first_commands_lack(
 def test_offsets_hold_for_a_period_and_positions_are_interpolated(
     robot: Robot, period: float
 ) -> None:
-    """Offsets are those of the set point at the end of the period, as drives take them."""
+    """A drive uses the offsets of the set point at the end of the period."""
     axis = replace(drive_axes(robot, 1000)["tilt"], direction=-1)
     sent = np.arange(6.0)
     stream = {
@@ -205,7 +207,10 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
 
 
 def test_compliance_comes_from_the_controller_or_is_assumed(robot: Robot) -> None:
-    """The stiffness goes with the square of the frequency, the damping with frequency and ratio."""
+    """The stiffness is proportional to the square of the frequency.
+
+    The damping is proportional to the product of frequency and damping ratio.
+    """
     plain = robot_compliance(robot, Controller())
     assert plain.backlash == pytest.approx(module.ASSUMED_BACKLASH)
     part = JointCompliance(

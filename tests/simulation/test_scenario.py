@@ -1,4 +1,6 @@
-"""What may happen while a plan is played, and the verdict on results that are made by hand."""
+"""Only possible scenarios are accepted. The verdict on results that are written by hand names every
+reason of a failure with its joint and time.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +81,7 @@ MOTOR = MotorUse("tilt", 0.02, 0.05, False, False, 3.0, 50, False)
 
 
 def result(robot: Robot, **changes: Any) -> SimulationResult:
-    """Eight instants; the drives lose their power before the last two."""
+    """Return a result with eight instants. The drives lose their power before the last two."""
     n = 8
     zero = np.zeros((n, 4))
     tip = np.array([0.0, 1.0, 5.0, 2.0, 1.0, 0.0, 80.0, 90.0]) * 1e-6
@@ -113,7 +115,7 @@ def test_a_result_states_its_largest_values(robot: Robot) -> None:
     made = result(robot)
     assert made.passed
     assert not replace(made, reasons=("x",)).passed
-    assert made.tip_error == pytest.approx(5e-6)  # while there is power
+    assert made.tip_error == pytest.approx(5e-6)  # the largest error while the drives have power
     assert made.travel == 3e-4
     assert made.losses.worst == 1
     assert made.holds
@@ -212,7 +214,7 @@ def test_increments_come_from_the_motor_then_the_controller(robot: Robot) -> Non
 
 
 def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None:
-    """Positions in between are interpolated; offsets are those of the coming set point."""
+    """Positions between set points are interpolated. Offsets are those of the next set point."""
     axes = {name: axis for name, axis in drive_axes(robot, 4096).items() if name == "tilt"}
     axis = axes["tilt"]
     stream = {

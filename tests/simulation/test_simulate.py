@@ -1,4 +1,7 @@
-"""Laws of a simulated playback: balances, set points as exported, scenarios that must fail do, recordings read back."""
+"""A simulated playback balances energy and momentum, and uses the exported set points. Impossible
+scenarios are refused, harmful scenarios fail with their reason, and `compare` accepts the
+recordings of a healthy run.
+"""
 
 from __future__ import annotations
 
@@ -51,13 +54,13 @@ def nominal(plan):
 
 @pytest.fixture(scope="module")
 def short(plan):
-    """A plan of half a second, in which every motor moves."""
+    """Return a plan of half a second in which every motor moves."""
     motion = (Straight(roll=0.04, tilt=plan.problem.start.tilt - 0.05, depth=0.003),)
     return pipeline.plan(replace(plan.problem, motion=motion))
 
 
 def without_controller(loop_period=4e-4):
-    """No feedback and no feed-forward: motors without torque, and no window to leave."""
+    """Return a controller without feedback and feed-forward, with a wide following-error window."""
     axis = AxisController(p=0, i=0, d=0, ff_velocity=0, ff_acceleration=0, following_error=10.0)
     return Controller(
         loop_period=loop_period, torque_offset=False, joints=dict.fromkeys(DRIVEN, axis)
@@ -65,7 +68,7 @@ def without_controller(loop_period=4e-4):
 
 
 def stage_of(plan, controller, steps):
-    """A stage whose arm takes so many steps in each period of the position loop."""
+    """Return a simulation whose arm takes a number of steps in each period of the position loop."""
     stage = _Simulation(plan, Scenario(), controller)
     windows = {
         name: 2 * np.pi / axis.counts_per_turn * stage.windows[name]
@@ -79,9 +82,11 @@ def stage_of(plan, controller, steps):
 
 
 def momentum_error(arm, x):
-    """Of the momentum about joint 1, on whose angle the kinetic energy does not depend: dp/dt = effort − gravity.
+    """Return the largest error of the momentum about joint 1, relative to the sum of its impulses.
 
-    Between two states the twist goes evenly: its mean and the damper's impulse, damping · Δstretch, are closed forms.
+    The kinetic energy does not depend on the angle of joint 1, so dp/dt = effort − gravity. Between
+    two states, the twist changes at a constant rate. The mean effort of the spring and the impulse
+    of the damper, damping · Δstretch, therefore have closed forms.
     """
     h, q, qd = arm.period, x[:, Q], x[:, QD]
     p = np.einsum("nij,nj->ni", arm.body.mass_matrix(q), qd)[:, 0]
@@ -97,7 +102,7 @@ def momentum_error(arm, x):
 
 @pytest.mark.parametrize("torques", [False, True])
 def test_energy_and_momentum_balance_without_feedback(plan, torques):
-    """At the length of a step as simulated; motors without torque, and with the planned torques."""
+    """The motors have no torque or the planned torques, and the steps have the usual length."""
     controller = without_controller(Controller().loop_period / STEPS_PER_PERIOD)
     stage = stage_of(plan, replace(controller, torque_offset=torques), 1)
     played = stage.play()
@@ -108,7 +113,7 @@ def test_energy_and_momentum_balance_without_feedback(plan, torques):
         played.states[:, :STATE_SIZE],
         np.zeros((1, 4)),
     )
-    assert np.ptp(motion.q[:, 2]) > 0.2  # what has no drive moves, and shakes the rest
+    assert np.ptp(motion.q[:, 2]) > 0.2  # Joint 3 has no drive, and its motion moves the others.
     assert (np.ptp(motion.q[:, 0]) > 1.0) == torques
     assert energy_error(motion) <= 1e-6
     assert momentum_error(arm, played.states) <= 1e-6
@@ -116,7 +121,7 @@ def test_energy_and_momentum_balance_without_feedback(plan, torques):
 
 @pytest.mark.parametrize("torques", [True, False])
 def test_a_motion_that_begins_in_motion_continues_it(plan, torques):
-    """A re-plan begins in motion. The arm that plays it has the state of an arm that tracked it."""
+    """A re-plan that begins in motion starts from the state of an arm that has tracked the plan."""
     controller, begin = Controller(torque_offset=torques), 1.2
     whole = simulate(plan, controller=controller)
     t = np.append(np.arange(begin, plan.motion.duration, 1e-3), plan.motion.duration)
@@ -132,7 +137,7 @@ def test_a_motion_that_begins_in_motion_continues_it(plan, torques):
     errors = [(result.q - result.planned)[:, :2] for result in (part, whole)]
     count = round(0.5 / controller.loop_period)
     difference = errors[0][:count] - errors[1][skipped:][:count]
-    # The encoders were set elsewhere, so a constant differs.
+    # The zero positions of the encoders differ, so the difference may have a constant part.
     assert np.ptp(difference, axis=0).max() <= 5e-5
 
 
@@ -150,7 +155,7 @@ def test_halving_the_step_changes_the_torque_little_and_four_times_less_each_tim
 
 
 def with_fine_encoders(plan):
-    """The plan with encoders whose rounding does not count, as far as increments fit 32 bits."""
+    """Return the plan with encoders of negligible rounding, whose counts still fit into 32 bits."""
     counts = {"roll": 2**23, "tilt": 2**23, "insertion": 2**24}
     fine = [
         j if j.motor is None else replace(j, motor=replace(j.motor, encoder_counts=counts[j.name]))
@@ -206,8 +211,8 @@ def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, pl
     helped, unhelped = (np.mean(each[:, [0, 1, 3]] ** 2, axis=0) for each in errors)
     assert np.all(unhelped > 10 * helped)
     alone = simulate(plan, controller=without)
-    # with the real encoder of insertion both are the rounding of set point and encoder, which
-    # differs with where its increments lie
+    # With the real encoder of the insertion, both errors are rounding errors of set point and
+    # encoder. They depend on the positions of the increments.
     increment = 2 * np.pi / nominal.axes["insertion"].counts_per_turn
     rounding = [np.sqrt(np.mean(each.following[:, 3] ** 2)) for each in (alone, nominal)]
     assert rounding[0] == pytest.approx(rounding[1], rel=0.15)
@@ -253,7 +258,7 @@ def test_a_payload_bends_the_arm_by_its_weight(plan, nominal):
 def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
     result = simulate(plan, Scenario(power_loss="everywhere", instants=40))
     assert result.holds
-    assert result.losses.travel[0] < 1e-9  # at rest before the start
+    assert result.losses.travel[0] < 1e-9  # The arm is at rest before the start.
     single = simulate(plan, Scenario(power_loss=float(result.losses.time[result.losses.worst])))
     assert single.travel == pytest.approx(result.travel, rel=0.05)
     assert Scenario(power_loss=1).power_loss == 1.0
@@ -262,7 +267,10 @@ def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
 
 @pytest.mark.slow
 def test_what_stands_without_power_does_so_at_half_the_step_too(plan):
-    """From the same states: whether it stands, and the way of the tip within a thousandth of the largest."""
+    """Losses of power from the same states have the same standstills with both lengths of a step.
+
+    The travels of the tip agree within a thousandth of the largest travel.
+    """
     stages = [
         stage_of(plan, Controller(), steps) for steps in (STEPS_PER_PERIOD, 2 * STEPS_PER_PERIOD)
     ]
@@ -347,7 +355,7 @@ def test_what_cannot_happen_is_refused(plan, scenario):
 
 
 def test_a_second_with_controllers_takes_twenty_million_instructions_at_most(plan):
-    """At 2.5 ns for each instruction of CasADi this is twenty times faster than real time."""
+    """If CasADi needs 2.5 ns for each instruction, one simulated second takes at most 50 ms."""
     stage = _Simulation(plan, Scenario(), Controller())
     assert stage.arm(0.0).control_step.n_instructions() / stage.period < 20e6
 

@@ -1,4 +1,6 @@
-"""What a playback asks of the arm, and what it makes of the arm's motion: with an arm whose motion is known."""
+"""A playback sends the right commands to the arm, and evaluates the motion of the arm. The
+reference is a fake arm whose motion is known.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ FINE = Controller(counts_per_turn=ASSUMED_ENCODER_COUNTS)
 
 @pytest.fixture(scope="module")
 def plan(robot: Robot) -> Plan:
-    """One quintic from rest to rest."""
+    """Return a plan of one quintic from rest to rest."""
     zero, breaks = np.zeros((1, 4)), np.array([0.0, DURATION])
     piece = quintic_coefficients(
         np.diff(breaks), (START[None], zero, zero), (END[None], zero, zero)
@@ -51,7 +53,11 @@ def plan(robot: Robot) -> Plan:
 
 
 class FakeArm:
-    """An arm that records what it is told; its state counts the periods in joint 1's position."""
+    """The fake arm records its commands and initial states.
+
+    `moves` computes the states of n periods from the initial state. Without `moves`, the state
+    stays constant.
+    """
 
     torque_constants = np.ones(4)
 
@@ -129,7 +135,7 @@ def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Pla
         assert column == pytest.approx(own)
     lost = differing(stage(plan, dropped=0.1))
     assert set(lost) == {"demand", "speed", "acceleration", "torque"}
-    # the drives interpolate to and from a set point that repeats the one before
+    # The lost set point repeats the one before it, and the drives interpolate on both sides of it.
     demand = lost["demand"]
     changed = np.flatnonzero((demand != plain.commands.demand).any(axis=1))
     assert time[changed].min() > 0.099 - 1e-9
@@ -171,7 +177,7 @@ def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) ->
     assert np.array_equal(played.states[change], begin)
     told = np.vstack([arm.demand for arm in (*empty.commands, *loaded.commands)])
     assert np.array_equal(told, made.commands.demand)
-    # a loss of power before the payload is picked up is one of the empty arm
+    # If the power is lost before the payload is picked up, the empty arm stops.
     off = Commands(**{key: column[:1000] for key, column in vars(made.commands).items()})
     for instant, arm in ((0.05, loaded if pick == 0.0 else empty), (0.2, loaded)):
         count = len(arm.commands)
@@ -180,7 +186,10 @@ def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) ->
 
 
 def falling(seconds: float, period: float) -> Any:
-    """Joint 4 slides evenly by 2 mm within some seconds and stops; states count their age in the integral."""
+    """Return a function that moves joint 4 by 2 mm at constant speed within some seconds.
+
+    The last element of a state counts the periods since the start.
+    """
 
     def moves(state: np.ndarray, n: int) -> np.ndarray:
         states = np.tile(state, (n + 1, 1))
@@ -219,7 +228,7 @@ def test_after_a_loss_of_power_travel_and_time_are_those_of_the_motion(
 
 
 def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
-    """The tip slides by 2 mm and comes back by 1 mm before it stands."""
+    """The largest distance counts: the tip slides by 2 mm and returns by 1 mm before it stands."""
     made = stage(plan, power_loss=0.1)
 
     def moves(state: np.ndarray, n: int) -> np.ndarray:
@@ -241,7 +250,7 @@ def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ends)
     assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-3)
     assert losses.standing[0] == pytest.approx(200 * made.period)
-    assert said == []  # only many instants are long work
+    assert said == []  # Few instants report no progress.
 
 
 def test_tracking_counts_from_the_first_period_and_ends_with_the_power(plan: Plan) -> None:
@@ -289,7 +298,10 @@ def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) ->
 
 
 def played_by_hand(made: _Simulation) -> Playback:
-    """The plan followed 2 µrad late by joint 1; currents, a saturated and a tripped drive."""
+    """Return a playback in which joint 1 is 2 µrad away from the plan.
+
+    The currents grow evenly, one drive saturates, and one drive trips in the middle of the motion.
+    """
     n = len(made.time)
     states = np.zeros((n + 1, CONTROLLED_STATE_SIZE))
     states[:-1, Q], states[-1, Q] = made.planned, made.planned[-1]
@@ -319,7 +331,7 @@ def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> No
         known = plan.robot.joints[k].motor
         assert known is not None
         current = np.abs([1.0, -2.0, 0.0, 0.5])[k] / n
-        # the current of a period is that of the state after it
+        # The current of a period is the current of the state at its end.
         assert motor.peak_torque == pytest.approx(current * (n // 2) * known.torque_constant)
         assert motor.limit == known.max_torque
         assert motor.saturated is (k == 3)
@@ -417,7 +429,7 @@ def test_draws_play_the_same_commands_under_scaled_frictions(
 
 @pytest.mark.parametrize(("dropped", "lost"), [(0.0, 1), (0.1, 100), (DURATION, 400)])
 def test_a_lost_set_point_repeats_the_one_before(plan: Plan, dropped: float, lost: int) -> None:
-    """A set point holds for a period, and the last one to the end."""
+    """A set point holds for one period of the stream, and the last one holds to the end."""
     plain, made = stage(plan), stage(plan, dropped=dropped)
     speed, period = plain.commands.speed, round(1e-3 / plain.period)
     expected = speed.copy()
