@@ -81,7 +81,7 @@ def test_a_burst_between_two_samples_is_not_held(shipped: Executions) -> None:
     """For 70 ms, the torque is 90 mN·m (limit 78 mN·m) and the speed is 1.8 times the planned
     speed.
 
-    The sampling at 10 Hz begins at different phases, most of which miss the burst.
+    Samples at 10 Hz can miss this burst, so the sampling begins at different phases.
     """
     run = shipped.run()
     fast = np.flatnonzero(np.abs(run.w["roll"]) > 0.9 * shipped.plans["roll"].peak)[100:240]

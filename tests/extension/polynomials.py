@@ -1,4 +1,6 @@
-"""An export format that another package adds: the polynomials of the joints as a NumPy archive."""
+"""An example of an external package adds an export format, which writes the polynomials of the
+joints as a NumPy archive.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A kind of drive that another package adds: a pinion on the motor moves a rack."""
+"""An example of an external package adds a kind of drive, in which a pinion on the motor moves a
+rack.
+"""
 
 from __future__ import annotations
 

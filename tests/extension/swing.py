@@ -1,4 +1,6 @@
-"""A key of the motion list that another package adds: motions to and fro between two tilts."""
+"""An example of an external package adds a key of the motion list, which stands for motions to and
+fro between two tilts.
+"""
 
 from __future__ import annotations
 

@@ -18,13 +18,17 @@ from tests.support.paths import RESULTS
 
 @pytest.fixture(scope="session")
 def shipped() -> Plan:
-    """The shipped plan that all extensions export."""
+    """Return the shipped plan, which all extensions export."""
     return load_plan(RESULTS / "tilt_insert")
 
 
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory: pytest.TempPathFactory, shipped: Plan) -> Callable[[str], Path]:
-    """Return a function that exports the shipped plan in the format of a package, once."""
+    """Return a function that exports the shipped plan in the format of a package, and returns the
+    folder.
+
+    Each format is exported only once.
+    """
 
     def folder_of(name: str) -> Path:
         package = PACKAGES[name]

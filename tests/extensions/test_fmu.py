@@ -1,4 +1,6 @@
-"""The FMI unit is valid, and computes the plan and the torques of the exact law."""
+"""The exported FMI unit is valid. It computes the plan, and its torques agree with the functions of
+the package.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ def extracted(unit: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def instance(extracted: Path) -> Iterator[Any]:
-    """An initialised instance of the unit."""
+    """Yield an initialised instance of the unit."""
     description = fmpy.read_model_description(str(extracted))
     loaded = fmpy.fmi3.FMU3Slave(
         guid=description.instantiationToken,
@@ -116,7 +118,7 @@ def test_a_simulation_gives_the_plan(unit: Path, shipped: Plan) -> None:
     s = shipped.motion.sample(shipped.motion.breaks[0] + result["time"], clamp=True)
     assert result["time"][-1] == pytest.approx(shipped.motion.duration, abs=0.011)
     for name in ("q", "qd", "qdd"):
-        inner = slice(1, -1)  # the sampler is at rest at both ends
+        inner = slice(1, -1)  # The sampler is at rest at both ends.
         assert np.abs(result[f"plan.{name}"] - getattr(s, name))[inner].max() <= AGREEMENT
     torque = motor_torque(shipped.robot, s.q, s.qd, s.qdd)
     for k, joint in enumerate(shipped.robot.joints):

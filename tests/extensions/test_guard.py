@@ -1,4 +1,6 @@
-"""The run-time guard: every kind of fault within 20 ms, no alarm in healthy runs, C and Python alike."""
+"""The run-time guard raises an alarm within 20 ms after every kind of fault, and no alarm in
+healthy runs. The guards in C and in Python raise the same alarms.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror
 
 @dataclasses.dataclass
 class Run:
-    """Clock (n,), and instants, positions, velocities and torques (n, 4) of the measurements."""
+    """A run has a clock (n,), and instants, positions, velocities and torques (n, 4) of the
+    measurements.
+    """
 
     clock: np.ndarray
     time: np.ndarray
@@ -63,7 +67,7 @@ class Run:
 
 
 class Bench:
-    """Set points of a plan, and measured runs of it."""
+    """A bench provides the set points of a plan, and measured runs of it."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -73,7 +77,10 @@ class Bench:
         self.reference = reference(plan, t - LEAD)
 
     def run(self, seed: int, healthy: bool) -> Run:
-        """A measured run; `healthy`: friction and lag differ from those of the plan."""
+        """Return a measured run.
+
+        If `healthy`, friction and lag differ a little from those of the plan.
+        """
         rng = np.random.default_rng([seed, 7])
         it = self.executions
         measured = it.healthy(seed) if healthy else it.measured(it.run(), rng, 3.0, 0.01)
@@ -90,7 +97,7 @@ class Bench:
     def first_alarm(
         self, guard: Guard | NativeGuard, run: Run, rows: range | None = None
     ) -> tuple[int, Alarm] | None:
-        """Row and alarm of a run, or None."""
+        """Return the row and the alarm of the first alarm in a run, or None."""
         for i in rows or range(len(run.clock)):
             point = tuple(column[i] for column in self.reference)
             alarm = guard.tick(float(run.clock[i]), point, run.sample(i))
@@ -100,7 +107,9 @@ class Bench:
 
 
 def reference(plan: Plan, t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Set points q, qd, qdd and torques (n, 4) at times since the start of a plan."""
+    """Return set points q, qd, qdd and motor torques (n, 4) at times in s since the start of a
+    plan.
+    """
     samples = plan.motion.sample(plan.motion.breaks[0] + np.clip(t, 0, plan.motion.duration))
     inside = ((t >= 0) & (t < plan.motion.duration))[:, None]
     qd, qdd = samples.qd * inside, samples.qdd * inside
@@ -117,7 +126,7 @@ def bench(plan: Plan) -> Bench:
     return Bench(plan)
 
 
-# --- faults: each changes a run from a row on, in joint k -----------------------------------------------
+# Faults. Each function changes the joint k of a run from the row i on.
 
 Spoil = Callable[[Bench, Run, int, int, np.random.Generator], None]
 
@@ -205,11 +214,11 @@ FAULTS: dict[str, tuple[Spoil, set[Cause]]] = {
     "coupling lost": (coupling_lost, {Cause.TORQUE}),
 }
 AT_FULL_SPEED = {"too fast"}
-"""Faults that begin while the joint moves at its largest speed."""
+"""These faults begin while the joint moves almost at its largest speed."""
 
 
 def faulty(bench: Bench, kind: str, seed: int) -> tuple[Run, int]:
-    """A run with a fault, and the row at which the fault begins."""
+    """Return a run with a fault, and the row at which the fault begins."""
     rng = np.random.default_rng([sorted(FAULTS).index(kind), seed])
     run = bench.run(seed, healthy=False)
     k = int(rng.choice(np.flatnonzero(bench.thresholds.driven)))
@@ -217,7 +226,7 @@ def faulty(bench: Bench, kind: str, seed: int) -> tuple[Run, int]:
     torque = np.abs(bench.reference[3][:, k])
     share = 0.95 if kind in AT_FULL_SPEED else 0.3
     moving = (speed > share * speed.max()) & (torque > 0.3 * torque.max())
-    # The fault shows while the joint keeps moving, for as long as the guard may take.
+    # Only a moving joint shows the fault, so it keeps moving for longer than the guard may take.
     steady = [i for i in np.flatnonzero(moving) if moving[i - BEFORE // 3 : i + WITHIN + 5].all()]
     i = int(rng.choice(steady))
     FAULTS[kind][0](bench, run, k, i, rng)
@@ -240,7 +249,10 @@ def test_every_fault_raises_an_alarm_within_20_ms(kind: str, bench: Bench) -> No
 
 @needs_compiler
 def test_healthy_runs_raise_no_alarm(bench: Bench) -> None:
-    """Friction up to 15 % beside the plan's, 2 ms of lag, 3 rpm and 3 % of noise: no alarm."""
+    """The friction differs by up to 15 % from that of the plan, and the lag is up to 2 ms.
+
+    The noise is up to 3 rpm and 3 %.
+    """
     guard = NativeGuard(bench.plan, bench.thresholds)
     for seed in range(200 if EVERY_CASE else 5):
         guard.restart()
@@ -267,11 +279,13 @@ def test_c_and_python_raise_the_same_alarms(bench: Bench) -> None:
 
 @pytest.mark.parametrize("friction", (0.85, 0.9, 1.0, 1.1, 1.15) if EVERY_CASE else (1.0,))
 def test_a_simulated_arm_with_its_controllers_raises_no_alarm(plan: Plan, friction: float) -> None:
-    """Elastic joints, backlash, breakaway and controllers that react to whole increments."""
+    """The simulation has elastic joints, backlash, breakaway, and controllers with encoder
+    increments.
+    """
     result = simulate(plan, Scenario(friction=friction))
     thresholds = thresholds_of(plan, STEP)
     guard, count = Guard(thresholds), int(plan.motion.duration / STEP)
-    # The latest period of the position loop before each tick.
+    # Each row is the latest period of the position loop before a tick.
     rows = (np.arange(count) * STEP / (result.time[1] - result.time[0]) + 1e-9).astype(int)
     ratios = np.array([joint.drive.ratio if joint.drive else 1.0 for joint in plan.robot.joints])
     offsets = result.motor_angle[0] / ratios - plan.motion.sample(plan.motion.breaks[:1]).q[0]

@@ -1,4 +1,4 @@
-"""Other people's reader finds the plan in the MCAP file."""
+"""The reader of the package mcap finds the values of the plan in the exported file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ AGREEMENT = 1e-9
 
 @pytest.fixture(scope="module")
 def messages(exported: Callable[[str], Path]) -> dict[str, list[tuple[int, Any]]]:
-    """Times in ns and contents of the messages by topic, each checked against its schema."""
+    """Return the times in ns and the contents of the messages by topic.
+
+    Every fiftieth message of a topic is validated by its schema.
+    """
     from jsonschema import Draft202012Validator
     from mcap.reader import make_reader
 
@@ -61,7 +64,9 @@ def test_the_channels_have_the_values_of_the_plan(
 def test_the_transforms_lead_to_the_tool(
     messages: dict[str, list[tuple[int, Any]]], shipped: Plan
 ) -> None:
-    """The chain of rotations gives the orientation of the tool, and its messages state their time."""
+    """The chain of rotations gives the orientation of the tool, and every transform states its
+    time.
+    """
     from scipy.spatial.transform import Rotation
 
     for time, content in messages["/tf"][::40]:

@@ -1,4 +1,6 @@
-"""The model for MuJoCo moves by the exact law, and follows a plan as `simulate` says."""
+"""The exported model for MuJoCo agrees with the torques of the C export, and follows a plan like
+the simulation of the package.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ def folder(exported: Callable[[str], Path]) -> Path:
 
 @pytest.fixture(scope="module")
 def module(folder: Path) -> Iterator[Any]:
-    """The exported Python module."""
+    """Yield the exported Python module."""
     spec = importlib.util.spec_from_file_location("ssm_mujoco", folder / "ssm_mujoco.py")
     assert spec is not None
     assert spec.loader is not None
@@ -76,10 +78,11 @@ def random_states(plan: Plan, count: int) -> tuple[np.ndarray, ...]:
 
 
 def torque_errors(arm: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, excess: float) -> Any:
-    """Return by how much the torques of the motors seem to be wrong in MuJoCo, (n, driven), N·m.
+    """Return the errors of the motor torques in MuJoCo (n, driven), N·m.
 
-    The springs carry the efforts of the motion, and the motors have the torques of the C export and
-    an excess, N·m. Every motor shaft should have the acceleration of the motion.
+    The springs carry the efforts of the motion. The motors have the torques of the C export plus an
+    excess, N·m. The error is the inertia of a motor shaft times the difference of its acceleration
+    from that of the motion.
     """
     shafts = arm.model.jnt_dofadr[[arm.model.actuator(k).trnid[0] for k in arm.driven]]
     step, arm.model.opt.timestep = arm.model.opt.timestep, SHORT
@@ -142,13 +145,13 @@ def test_the_arm_follows_the_plan_as_simulate_says(
 
 
 def test_without_power_the_tip_stays(arm: Any, played: dict[str, np.ndarray]) -> None:
-    """It drifts by less than 1 µm in 10 s, and not at all within rounding errors."""
+    """The tip moves by rounding errors only in 10 s."""
     assert len(played["time"])
     assert arm.switch_off(10.0) <= 1e-12
 
 
 def test_a_drive_that_does_not_lock_lets_the_arm_fall(arm: Any) -> None:
-    """Without the force of the drives, the arm moves, so the self-locking is what holds it."""
+    """Without the force of the drives, the arm moves, so the drives hold it otherwise."""
     arm.place(arm.sample(0.0)[0])
     start = arm.tip()
     mujoco.set_mjcb_passive(None)
@@ -188,7 +191,7 @@ for callback in (None, ctypes.CDLL(library).ssm_passive):
 def test_as_a_plugin_the_library_moves_the_model_alike(
     module: Any, arm: Any, folder: Path, tmp_path: Path
 ) -> None:
-    """A callback that is installed besides does not add the force twice."""
+    """A callback that is installed in addition to the plugin does not add the force twice."""
     text = (folder / "robot.xml").read_text(encoding="utf-8")
     model = tmp_path / "robot.xml"
     model.write_text(text.replace("<worldbody>", f"{EXTENSION}<worldbody>"), encoding="utf-8")
@@ -219,7 +222,9 @@ def test_the_files_of_an_unverified_plan_compile(
 
 
 def test_a_drive_without_inertia_can_be_simulated(folder: Path, shipped: Plan) -> None:
-    """MuJoCo requires an inertia. The law moves the shaft, so any inertia serves."""
+    """MuJoCo requires an inertia of the shaft. Its value has no effect, because the law moves the
+    shaft.
+    """
     assert folder.is_dir()
     joint = shipped.robot.joints[0]
     light = replace(joint, drive=replace(joint.drive, input_inertia=0.0))
@@ -240,7 +245,7 @@ def test_an_impossible_time_step_is_refused(
 
 
 def test_the_c_example_of_the_guide_runs(folder: Path, tmp_path: Path) -> None:
-    """It needs two files of the export, and its drives come to rest."""
+    """The example needs two files of the export, and its drives come to rest."""
     guide = (ROOT / "docs/simulation.md").read_text(encoding="utf-8")
     (source,) = re.findall(r"```c\n(.*?)```", guide, re.S)
     (tmp_path / "main.c").write_text(source, encoding="utf-8")

@@ -24,14 +24,16 @@ for words in json.load(sys.stdin):
 LONGEST = 250
 """Largest number of lines of code of a package in one language."""
 LONGER = {"guard": 400}
-"""The same for a package that also runs without its export: the guard in Python and by ctypes."""
+"""Larger numbers of lines for packages that also run without an export. The guard runs in Python
+and in C.
+"""
 HEAVY = {"rerun"}
 """Packages that cannot export without a large dependency, which may be missing."""
 
 
 @pytest.mark.slow
 def test_installed_packages_add_their_formats(tmp_path: Path) -> None:
-    """The command line offers and writes them, and `check` reads the trajectory for ROS 2."""
+    """The command line offers and writes the formats, and `check` reads the files for ROS 2."""
     forms = {name: package.form for name, package in PACKAGES.items() if name not in HEAVY}
     commands = [
         ["export", str(RESULTS / "tilt_insert"), "--to", form, "-o", str(tmp_path / form)]
@@ -81,14 +83,14 @@ def code_lines(path: Path) -> int:
 
 
 PROGRAMS = {"ssm_passive.c", "ssm_mujoco.py", "CMakeLists.txt"}
-"""Files that contain nothing of the plan."""
+"""These files do not depend on the plan."""
 
 
 @pytest.mark.parametrize("name", sorted(set(PACKAGES) - HEAVY))
 def test_an_unverified_plan_is_marked_in_every_file(
     name: str, exported: Callable[[str], Path], shipped: Plan, tmp_path: Path
 ) -> None:
-    """The mark is in the name of a file or in its text."""
+    """The name or the text of every file states that the plan is unverified."""
     exported(name)
     module = PACKAGES[name].entry.partition(":")[0]
     sys.modules[module].write(shipped, None, tmp_path, "_unverified")

@@ -1,4 +1,6 @@
-"""Playing an export: what is sent, how it stops, and that nothing ends with an enabled drive."""
+"""The player sends every set point of an export, and stops on the certified path. No motion and no
+fault leaves a drive enabled. The drives and the bus are simulated.
+"""
 
 from __future__ import annotations
 
@@ -48,13 +50,13 @@ EVERY_CASE = bool(os.environ.get("EVERY_CASE"))
 COUNTS = 4096
 RATE = 250.0
 MOVING = 75
-"""A row at which every axis of the first move is in motion."""
+"""In this row, every axis of the first motion moves."""
 SYNC = 0x80
 
 
 @dataclasses.dataclass(frozen=True)
 class Export:
-    """An exported folder, and what a playback computes from it."""
+    """An export has a folder. A playback computes its program and its table of stops."""
 
     folder: Path
     program: Program
@@ -76,7 +78,7 @@ def exported(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Export:
 
 
 class Machine:
-    """Simulated drives, and a player for them."""
+    """A machine has simulated drives on a simulated bus, and a player that controls them."""
 
     def __init__(self, exported: Export) -> None:
         program = exported.program
@@ -100,7 +102,7 @@ class Machine:
         self.player = Player(program, exported.stops, guard, self.link, clients)
 
     def at_sync(self, number: int, action: Callable[[], Any]) -> None:
-        """Do something when the controller sends a SYNC, counted from 0."""
+        """Call a function when the controller sends its SYNC of this number, counted from 0."""
         count = iter(range(10**6))
 
         def listen(message: can.Message) -> None:
@@ -116,12 +118,12 @@ class Machine:
         return self.player.run()
 
     def received(self) -> np.ndarray:
-        """Target positions (n, m) that the drives have executed."""
+        """Return the target positions (n, m) that the drives have executed."""
         return np.array([[row[0] for row in drive.received] for drive in self.drives]).T
 
     @property
     def enabled(self) -> list[int]:
-        """Nodes of the drives that are enabled."""
+        """Return the nodes of the drives that are enabled."""
         return [drive.node_id for drive in self.drives if drive.state == "enabled"]
 
 
@@ -132,7 +134,7 @@ def machine(exported: Export) -> Iterator[Machine]:
     machine.bus.shutdown()
 
 
-# --- the motion -----------------------------------------------------------------------------------------
+# Motion without faults
 
 
 def test_the_drives_receive_every_set_point_and_end_disabled(
@@ -173,7 +175,7 @@ def test_the_syncs_come_at_the_period(exported: Export, machine: Machine) -> Non
 
 
 def test_a_late_set_point_delays_the_rest(exported: Export, machine: Machine) -> None:
-    """It is counted, and no drive gets two set points at once."""
+    """The delay is counted, and no drive gets two set points within one period."""
     times: list[float] = []
     period = exported.program.period
     machine.at_sync(MOVING, lambda: machine.clock.wait(0.6 * period))
@@ -189,19 +191,19 @@ def test_a_late_set_point_delays_the_rest(exported: Export, machine: Machine) ->
     assert np.diff(times).min() >= period * (1 - 1e-6)
 
 
-# --- stops ----------------------------------------------------------------------------------------------
+# Stops
 
 
 @pytest.fixture(scope="module")
 def certified(exported: Export) -> Stops:
-    """The certified stops of the plan from all set points."""
+    """Return the certified stops of the plan from all set points."""
     program = exported.program
     times = np.minimum(program.t, program.plan.motion.duration)
     return controlled_stops(program.plan.motion, program.plan.robot, program.plan.limits, times)
 
 
 def certified_counts(program: Program, certified: Stops, row: int) -> np.ndarray:
-    """Target positions after a row in its certified stop."""
+    """Return the target positions (n, m) after a row in its certified stop."""
     assert certified.passed
     stop = certified.motions[row]
     if stop is None:
@@ -265,7 +267,7 @@ def test_stops_of_a_long_stream_begin_at_every_nth_row(
     assert machine.enabled == []
 
 
-# --- what goes wrong during the motion ------------------------------------------------------------------
+# Faults during the motion
 
 
 def sticks(machine: Machine) -> None:
@@ -323,7 +325,9 @@ TROUBLE = {
     "the clock jumps back": (clock_back, MOVING, "clock jumped back|0x8130"),
     "the clock jumps by an hour": (clock_forward_far, MOVING, "0x8130"),
 }
-"""What happens, at which SYNC, and what the outcome says."""
+"""Each entry has the cause, the number of the SYNC at which it occurs, and a pattern of the
+outcome.
+"""
 
 
 @pytest.mark.parametrize("kind", TROUBLE)
@@ -338,7 +342,7 @@ def test_trouble_ends_the_motion_without_an_enabled_drive(
     assert re.search(text, outcome.cause), outcome.cause
     if "lost" in kind or "disappears" in kind or "power" in kind:
         assert not outcome.disabled
-        # the drives that the program cannot reach stop by themselves
+        # Drives that the program cannot reach stop by themselves, because its heartbeat is missing.
         machine.bus.lost = False
         for drive in machine.drives:
             drive.dead = False
@@ -364,7 +368,9 @@ def test_an_alarm_during_a_requested_stop_is_stated(exported: Export, machine: M
 def test_after_a_pause_the_drives_hold_their_last_set_points(
     where: str, exported: Export, machine: Machine
 ) -> None:
-    """They stand already, and would jump to the speed of the motion on the path."""
+    """After the pause, the drives already stand. A set point on the path would make them jump to
+    the speed of the motion.
+    """
 
     def pause(message: can.Message) -> None:
         wanted = SYNC if where == "at the SYNC" else 0x301
@@ -419,7 +425,7 @@ def test_an_interruption_at_any_message_before_the_motion_moves_nothing(exported
                 machine.player.request.set("Ctrl-C")
 
         machine.bus.listeners.append(listen)
-        with suppress(PlayError):  # an interruption before the drives are enabled
+        with suppress(PlayError):  # It is interrupted before the drives are enabled.
             assert not machine.play().finished
         assert machine.enabled == []
         moved = [
@@ -429,7 +435,7 @@ def test_an_interruption_at_any_message_before_the_motion_moves_nothing(exported
         assert np.abs(moved).max() <= 3
 
 
-# --- what is wrong before the motion --------------------------------------------------------------------
+# Faults before the motion
 
 
 def wrong_encoder(machine: Machine) -> None:
@@ -460,7 +466,7 @@ def elsewhere(machine: Machine) -> None:
 
 
 def stubborn(machine: Machine) -> None:
-    """A drive that keeps its own following-error window."""
+    """Let the first drive keep its following-error window."""
     data = machine.drives[0].node.data_store
 
     class Kept(dict[int, bytes]):
@@ -494,7 +500,7 @@ def test_nothing_is_enabled_if_a_drive_differs_from_the_export(kind: str, machin
 
 
 def prepare_only(machine: Machine) -> None:
-    """Everything before the drives are enabled, as the command does it."""
+    """Perform all steps of the command before it enables the drives."""
     differences = machine.player.inspect()
     if differences:
         raise PlayError("\n".join(differences))
@@ -554,12 +560,12 @@ def test_a_folder_that_is_not_the_plan_s_is_refused(
 def test_a_motion_that_keeps_the_limits_but_is_not_the_plan_s_is_refused(
     exported: Export, tmp_path: Path
 ) -> None:
-    """The check accepts it; the comparison with the plan does not."""
+    """The check accepts this motion, but the comparison with the plan refuses it."""
     folder = copied(exported, tmp_path)
     program = exported.program
     exact = program.plan.motion.positions(program.t[:-1])[:, 0] * program.axes[0].per_unit
     error = program.rows.counts[:-1, 0] - exact
-    k = 1 + int(np.argmin(error))  # the row that is rounded down most, below the header
+    k = 1 + int(np.argmin(error))  # Row 0 is the header. Row k is rounded down most.
     for name in ("roll.csv", "roll_time_position.csv"):
         lines = (folder / name).read_text(encoding="utf-8").splitlines()
         words = lines[k].split(",")
@@ -577,14 +583,14 @@ def test_another_plan_is_refused(exported: Export, tmp_path: Path) -> None:
         prepare(folder)
 
 
-# --- the command ----------------------------------------------------------------------------------------
+# The command
 
 
 @pytest.fixture
 def command(
     exported: Export, machine: Machine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> SimpleNamespace:
-    """The command on the simulated machine, whatever bus its options name."""
+    """Return the command, which uses the simulated machine for every bus that its options name."""
     monkeypatch.setattr(cli, "_open", lambda *_: machine.link)
     monkeypatch.setattr(cli, "stop_table", lambda program: exported.stops)
     monkeypatch.setattr(cli, "bus_load", lambda *_: 0.5)

@@ -1,4 +1,4 @@
-"""The package rerun-sdk finds the plan in the recording."""
+"""The package rerun-sdk reads the values of the plan from the exported recording."""
 
 from __future__ import annotations
 

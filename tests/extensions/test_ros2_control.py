@@ -1,4 +1,4 @@
-"""The ROS 2 package is complete, and its parts agree with each other and with the robot."""
+"""The exported ROS 2 package is complete. Its parts agree with each other and with the robot."""
 
 from __future__ import annotations
 

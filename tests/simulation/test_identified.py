@@ -1,4 +1,4 @@
-"""Identification recovers the friction of a simulation from its recordings: the true parameters lie
+"""Identification recovers the friction of a simulation from its recordings. The true parameters lie
 within the estimated intervals.
 
 The command `python tests/simulation/test_identified.py DRAWS` prints how often this is the case.

@@ -1,4 +1,4 @@
-"""Bernstein polynomials agree with NumPy's polynomials: values, extremes and sign changes."""
+"""The values, extremes and sign changes of Bernstein polynomials agree with NumPy's polynomials."""
 
 from __future__ import annotations
 
@@ -42,7 +42,10 @@ def test_both_forms_have_the_same_values(powers: np.ndarray) -> None:
 def test_maxima_are_those_of_a_dense_evaluation_at_the_argument_that_is_stated(
     powers: np.ndarray,
 ) -> None:
-    """Each group has three polynomials. A larger value that is already known ends the search."""
+    """The result is the largest value of each group of three polynomials.
+
+    A larger value that is already known ends the search.
+    """
     coefficients = from_powers(powers).T.reshape(6, 10, 3).swapaxes(0, 1)
     dense = np.array([Polynomial(row)(S) for row in powers]).reshape(10, 3, -1)
     value, index, s = find_group_maxima(coefficients, np.full(10, 1e-9), np.full(10, -np.inf))

@@ -1,4 +1,6 @@
-"""Cases of a range of friction and payload: no other case requires more of a motor."""
+"""The check selects cases from ranges of friction and payload. No other case in the ranges requires
+more torque or heat from a motor.
+"""
 
 from __future__ import annotations
 
@@ -34,14 +36,18 @@ def test_outermost_sets_are_those_that_no_other_exceeds_or_is_below() -> None:
 
 
 def test_a_smaller_friction_of_the_output_can_need_more_torque() -> None:
-    """It reduces a load that a self-locking drive lowers less than the larger one."""
+    """A self-locking drive lowers a load against its friction, and friction of the output carries a
+    part of the load.
+
+    A smaller friction of the output therefore leaves more load to the drive.
+    """
     sets = {"mu": np.array([0.1, 0.2, 0.2]), "b_oc": np.array([0.2, 0.1, 0.2])}
     found = cases._extreme_parameter_sets(sets)
     assert set(zip(*found.values(), strict=True)) == {(0.1, 0.2), (0.2, 0.1), (0.2, 0.2)}
 
 
 def motion() -> Trajectory:
-    """Return a motion of two pieces, in which joints 1 and 4 start from rest and stop."""
+    """Return a motion of two pieces, in which joints 1, 2 and 4 start from rest and stop."""
     coefficients = np.zeros((2, 6, 4))
     coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
     way = np.array([0.5, -0.3, 0.0, 4e-3])
@@ -138,7 +144,7 @@ def test_a_joint_without_motor_or_drive_has_no_cases(robot: Robot, lacking: str)
 
 
 def test_the_check_reports_the_worst_of_all_payloads(robot: Robot) -> None:
-    """Each torque belongs to the payload that loads the motor most, in any order of the payloads."""
+    """Each torque belongs to the payload that loads the motor most, in any order of payloads."""
     payloads = (0.0, 0.08, 0.03)
     certificate = check(motion(), robot, TaskLimits(payload=payloads))
     alone = [check(motion(), with_payload(robot, mass)) for mass in payloads]
@@ -217,12 +223,15 @@ def test_zeros_on_the_ends_of_halves_are_found_once(zeros: list[float], sign: fl
 def test_extreme_sets_ask_for_the_largest_torques_and_heat(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    """The sets are extreme in either direction and in the mean square, in blocks of any size."""
+    """The selected sets have the largest torque, the smallest torque and the largest mean square.
+
+    Blocks of any size give the same sets.
+    """
     monkeypatch.setattr(cases, "TORQUES_PER_BLOCK", block)
     masses = [0.0, 0.05]
     coefficients = np.zeros((1, 6, 4))
     coefficients[0, 0], way = [0.3, 1.15, 0.1, -0.01], np.array([0.5, -0.3, 0.2, 4e-3])
-    coefficients[0, 2], coefficients[0, 3] = way, -way  # there and back
+    coefficients[0, 2], coefficients[0, 3] = way, -way  # The motion returns to its start.
     whole = cases._SampledMotion(Trajectory(np.array([0.0, 1.0]), coefficients, ()), robot, masses)
     sets = {"mu": np.array([0.06, 0.15, 0.09, 0.12, 0.07])}
     instants = np.arange(len(whole.qd))

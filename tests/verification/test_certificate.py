@@ -1,4 +1,6 @@
-"""Entries of a certificate, their margins, and the seal."""
+"""A certificate states the worst value and the margin of each limit. Its seal detects every change
+of the motion, the robot or the limits.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +43,7 @@ def test_margins_are_shares_of_the_limit(robot: Robot) -> None:
 
 
 def test_a_limit_is_kept_up_to_rounding() -> None:
-    assert ROUNDING_TOLERANCE == 1e-6  # relative to the limit, as documented
+    assert ROUNDING_TOLERANCE == 1e-6  # This is relative to the limit, as documented.
     assert replace(LINE, margin=-ROUNDING_TOLERANCE).passed
     assert not replace(LINE, margin=-1.01 * ROUNDING_TOLERANCE).passed
     good, bad = Certificate((LINE,), "x", 3), replace(LINE, margin=-0.1)
@@ -125,7 +127,7 @@ def test_a_range_is_judged_at_its_nearer_end(value: float) -> None:
     assert (check.worst, check.time) == (value, 0.7)
     assert check.limit == (-1.0 if value >= -1.5 else -2.0)
     worst.update(float(excess), 6.0, 1.1)
-    assert worst.value == value  # the first of equal values
+    assert worst.value == value  # The first of equal values counts.
 
 
 def test_a_magnitude_is_stated_without_its_sign(robot: Robot) -> None:

@@ -1,3 +1,7 @@
+"""The check reports the worst value of every limit of a motion. The references are closed forms,
+and dense evaluations with the functions of the model.
+"""
+
 from __future__ import annotations
 
 import dataclasses
@@ -66,10 +70,10 @@ def screw(robot: Robot) -> Robot:
 def dense(
     trajectory: Trajectory, robot: Robot, per_piece: int = 4000
 ) -> dict[tuple[str, str | None], np.ndarray]:
-    """Evaluate every limited value at many instants of every piece with the functions of the model."""
+    """Return every limited value at many instants of every piece, from the model's functions."""
     count = len(trajectory.breaks) - 1
     piece = np.repeat(np.arange(count), per_piece)
-    # Instants next to the ends of a piece count as inside it, where the directions are constant.
+    # Just inside the ends of a piece, the directions of motion are those of the piece.
     share = np.tile(np.linspace(1e-7, 1 - 1e-7, per_piece), count)
     samples = trajectory.sample_pieces(piece, share * np.diff(trajectory.breaks)[piece])
     direction, breakaway = motion_directions(robot, samples, 1)
@@ -115,13 +119,14 @@ LENS = Lens(
 EYE = Eye(read_only_array([0.006, 0.0, -0.010], (3,)), 0.0115, 0.001, 0.003, 0.0002, LENS)
 LIMITS = of_task(RANGES, 0.02, RATES, EYE)
 LOW = ("nut contact", "retina clearance", "lens clearance")
-"""Limits that are lower bounds."""
+"""These limits are lower bounds."""
 
 
 def along_the_shaft(tip: np.ndarray) -> np.ndarray:
-    """Return the least distance of the shaft from the lens, in sizes of the lens.
+    """Return the least distance (n,) of the shaft from the centre of the lens, in sizes of the
+    lens.
 
-    The points between the origin and each tip are dense.
+    The shaft goes from the origin to each tip (n, 3), and is sampled densely.
     """
     best, width = np.full(len(tip), 0.5), 0.5
     for _ in range(3):
@@ -158,7 +163,7 @@ def test_worst_values_are_those_of_dense_evaluation_by_the_model(
             joint.position if limit.name == "position" else (-limit.limit, limit.limit)
         )
         margin = float(np.minimum(high - found, found - low).min()) / ((high - low) / 2)
-        # Dense samples may miss a peak or the instant of a start by a little. The check may not.
+        # Dense samples may miss a little of a peak or the instant of a start. The check must not.
         assert limit.margin <= margin + 1e-9
         if limit.name != "motor torque":
             assert limit.margin == pytest.approx(margin, abs=2e-5 * max(1.0, abs(margin)))
@@ -166,9 +171,9 @@ def test_worst_values_are_those_of_dense_evaluation_by_the_model(
 
 
 def test_the_way_through_the_port_is_looked_at_where_port_and_retina_meet(robot: Robot) -> None:
-    """The tool moves straight in.
+    """The tool is inserted along its axis.
 
-    Its least distance is at a kink, where two distances are equal.
+    Its least clearance is at a kink, where the distances from port and retina are equal.
     """
     q = np.array([[0.0, 0.55, 0.0, 0.0]])
     zero, end = np.zeros((1, 4)), q - [0.0, 0.0, 0.0, 0.012]
@@ -246,9 +251,9 @@ def test_a_start_is_charged_with_static_friction(robot: Robot) -> None:
 
 
 def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot) -> None:
-    """Coefficients at rounding level are not a motion.
+    """Coefficients of the size of rounding errors are not a motion.
 
-    A self-locking drive holds without torque.
+    A self-locking drive holds its load without torque.
     """
     rng = np.random.default_rng(0)
     coefficients = np.zeros((20, 6, 4))
@@ -282,7 +287,10 @@ def test_jumps_are_found_on_either_side_of_a_block(
 def test_the_first_look_hides_nothing(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, seed: int
 ) -> None:
-    """The worst values equal those at the full rate, also for friction that changes quickly."""
+    """The coarse first pass finds the same worst values as a check at the full rate.
+
+    This includes friction that changes quickly.
+    """
     robot, trajectory = screw(robot), wavy(np.random.default_rng(seed))
     limits = dataclasses.replace(LIMITS, duty=0.0)
     found = check(trajectory, robot, limits)

@@ -1,6 +1,6 @@
-"""The check finds one limit that is exceeded by 0.1 % between samples, and reports no false ones.
+"""The check finds a limit that is exceeded by 0.1 % between samples, and reports no other limit.
 
-tests/benchmarks/bench_check.py repeats this a thousand times.
+The program tests/benchmarks/bench_check.py repeats this test for many more seeds.
 """
 
 from __future__ import annotations

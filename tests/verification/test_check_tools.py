@@ -1,4 +1,6 @@
-"""Tools of the check: Bernstein polynomials, evaluation in blocks, and the law of the motors."""
+"""Bernstein polynomials agree with dense evaluation, the evaluation in blocks agrees with CasADi,
+and the symbolic torques of the motors agree with the model.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +117,7 @@ def test_bulk_evaluation_refuses_wrong_shapes() -> None:
 
 
 def random_samples(rng: np.random.Generator, count: int) -> Samples:
-    """Return random states. Many of them rest, in one or all derivatives."""
+    """Return random states. In many of them, one or all derivatives of a joint are 0."""
     q, qd, qdd, qddd = (rng.normal(size=(count, 4)) for _ in range(4))
     for values in (qd, qdd, qddd):
         values[rng.random(values.shape) < 0.3] = 0.0
@@ -124,7 +126,10 @@ def random_samples(rng: np.random.Generator, count: int) -> Samples:
 
 
 def variants(robot: Robot) -> list[Robot]:
-    """Return robots with other drives: antibacklash, Stribeck friction, and not self-locking."""
+    """Return robots whose joint 4 has other drives.
+
+    The drives have an antibacklash nut and Stribeck friction, or do not lock themselves.
+    """
     joint = robot.joints[3]
     stribeck = {"mu_stribeck": 0.05, "stribeck_speed": 3.0}
     drives = []
@@ -151,7 +156,7 @@ def variants(robot: Robot) -> list[Robot]:
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
-    """Torque, effort and directions equal those of the model.
+    """The torque, the effort and the directions equal those of the model.
 
     The joints move, rest, start or are held.
     """

@@ -45,9 +45,9 @@ def with_static_friction(robot: Robot, mu: float) -> Robot:
 
 
 def back_and_forth(robot: Robot, count: int) -> Trajectory:
-    """Return sines of all joints as quintics.
+    """Return sinusoidal motions of all joints as quintics.
 
-    Each joint reverses within pieces at other instants.
+    Each joint reverses within pieces, at other instants than the others.
     """
     t = np.linspace(0.0, 4.0, count)
     angle = t[:, None] * [3.1, 4.3, 2.2, 5.7] + [0.1, 0.7, 1.3, 2.0]

@@ -30,7 +30,7 @@ ENDS = {"start velocity", "end velocity"}
 
 
 def part(trajectory: Trajectory, first: int, last: int) -> Trajectory:
-    """Return some of the pieces of a trajectory."""
+    """Return the pieces from the index `first` to the index before `last`."""
     breaks = trajectory.breaks[first : last + 1].copy()
     return Trajectory(
         breaks, trajectory.coefficients[first:last].copy(), (Span("part", breaks[0], breaks[-1]),)
@@ -153,7 +153,10 @@ def test_limits_of_a_slower_motion_ask_for_slower_ends() -> None:
 
 
 def stairs(order: int, joint: int, size: float, pieces: int, length: float) -> Trajectory:
-    """Return a trajectory with equal jumps at every break, of the position or the speed."""
+    """Return a motion whose position (order 0) or speed (order 1) rises and falls in equal jumps.
+
+    The jumps are at the breaks. Each piece has a length in s.
+    """
     breaks = length * np.arange(pieces + 1)
     coefficients = np.zeros((pieces, 6, 4))
     coefficients[:, 0] = [0.3, 1.15, 0.1, -0.02]
@@ -203,7 +206,10 @@ def test_small_jumps_of_velocity_add_up_to_an_acceleration(robot: Robot) -> None
 
 
 def test_jumps_that_time_excuses_do_not_add_up(robot: Robot) -> None:
-    """The reported jump is the largest single jump, to the last bit."""
+    """Jumps within the tolerated drift do not add up.
+
+    The reported jump is exactly the largest single jump.
+    """
     rng = np.random.default_rng(8)
     motion = stairs(0, 0, 0.0, 400, 0.05)
     coefficients = motion.coefficients.copy()

@@ -1,4 +1,7 @@
-"""The check of the farthest stop, and of motions that are performed once."""
+"""The check finds the farthest stop of a motion with a coarse and a closer search. It also handles
+motions that are performed once, missing motors and drives, and the lowest friction of self-locking
+drives.
+"""
 
 from __future__ import annotations
 
@@ -115,7 +118,10 @@ def test_what_is_missing_for_the_torque_of_a_joint_is_named(robot: Robot) -> Non
 
 
 def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Robot) -> None:
-    """The friction that a drive needs to lock follows from its lead, and not from its range."""
+    """The lowest friction of the range is compared with the friction that a drive needs to lock.
+
+    The needed friction follows from the lead, and not from the range.
+    """
 
     def lines(share: float | None, low: float) -> dict[str | None, object]:
         joints = []
@@ -154,7 +160,10 @@ def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Rob
 def test_the_closer_look_lies_between_the_neighbours_of_the_farthest_stop(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, k: int
 ) -> None:
-    """The farther stop of both searches is reported with its time."""
+    """A second search lies between the neighbours of the farthest stop.
+
+    The farther stop of both searches is reported with its time.
+    """
     coarse = np.array([0.0, 0.1, 0.15, 0.3, 0.5])
     looks = []
 
@@ -182,7 +191,7 @@ def test_the_closer_look_lies_between_the_neighbours_of_the_farthest_stop(
 
 
 def test_straight_pieces_have_no_torque_in_any_case(robot: Robot) -> None:
-    """Their acceleration is undefined for every required payload."""
+    """Linear pieces have no defined acceleration, and therefore no torque for any payload."""
     line = Trajectory(
         np.array([0.0, 1.0]), np.zeros((1, 6, 4)) + START * (np.arange(6) == 0)[:, None], ()
     )

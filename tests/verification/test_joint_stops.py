@@ -1,4 +1,6 @@
-"""Stops of robots with limits on the jerk: as quick as possible, always possible, and exported."""
+"""Stops of robots with jerk limits are as quick as those of the package ruckig. They exist at every
+instant, keep every limit, and pass the check after an export.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,7 @@ joints: {roll: {jerk: 4000 deg/s^3}, tilt: {jerk: 4000 deg/s^3}, insertion: {jer
 
 
 def with_jerk(robot: Robot, ratio: float) -> Robot:
-    """The robot with jerk limits: the acceleration limit of each joint times a ratio in 1/s."""
+    """Return the robot with jerk limits, which are the acceleration limits times a ratio in 1/s."""
     joints = [replace(joint, jerk=ratio * joint.acceleration) for joint in robot.joints]
     return replace(robot, joints=tuple(joints))
 
@@ -41,7 +43,7 @@ def plan(tilt_insert: Problem) -> Plan:
 
 
 def state(velocity: np.ndarray, acceleration: np.ndarray) -> Samples:
-    """One instant of a motion at the position 0."""
+    """Return one instant of a motion at the position 0."""
     zeros = np.zeros((1, 4))
     return Samples(np.zeros(1), zeros, velocity[None], acceleration[None], zeros)
 
@@ -99,7 +101,7 @@ def test_stops_are_short_where_nothing_forbids_them(plan: Plan) -> None:
     robot = plan.robot
     stops = ssm.controlled_stops(plan)
     longest = robot.velocities / robot.accelerations + 1 / 20.0  # v/A + A/J
-    # An accelerating joint first loses its acceleration, and gains A²/2J of velocity meanwhile.
+    # An accelerating joint first loses its acceleration, and gains the speed A²/2J in this time.
     assert stops.duration.max() <= longest.max() + 2 / 20.0
 
 
@@ -126,7 +128,10 @@ def test_the_motion_continues_where_no_stop_is_possible(plan: Plan) -> None:
 
 @pytest.fixture(scope="module")
 def jerky(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The file of a problem with limits on the jerk, beside the folder `plan` of its plan."""
+    """Write a problem with jerk limits, and save its plan in the folder `plan` beside it.
+
+    Return the file of the problem.
+    """
     text = (PROBLEMS / "tilt_insert.yaml").read_text(encoding="utf-8")
     problem = tmp_path_factory.mktemp("jerky") / "jerky.yaml"
     robots = f"robot: {PROBLEMS}/robots/"
@@ -147,7 +152,7 @@ def test_exported_stops_pass_the_check(
     capsys.readouterr()
     judged = 0 if format == "csv" else 4  # Positions alone do not show jerks.
     assert main(["check", str(folder), "--problem", str(problem)]) == judged
-    # A stop that is faster than the joints can is refused, also with new hashes.
+    # A forged stop that is too fast for the joints is refused, also with updated hashes.
     manifest = folder / "manifest.json"
     rows = [line.split(",") for line in stops.read_text(encoding="utf-8").splitlines()]
     first = next(k for k, row in enumerate(rows[1:], 1) if row[1] == "0.000000" and k > 300)

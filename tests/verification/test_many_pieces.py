@@ -1,4 +1,6 @@
-"""Tables with more than 20 000 pieces: the check finds every short dip of the speed."""
+"""The check finds every short dip of the speed in tables with more than 20 000 pieces. The
+reference is a denser check of the pieces around the dip.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +44,8 @@ def dipping(
 ) -> Trajectory:
     """Return uniform pieces in which the roll joint slows down once to `low`, at `angle`.
 
-    width: number of pieces before and after it. shift: distance of the slowest instant from the
-    knot in the middle, in lengths of a piece.
+    `width` is the number of pieces before and after the dip. `shift` is the distance of the slowest
+    instant from the knot in the middle, in lengths of a piece.
     """
     index = np.arange(COUNT + 1)
     t = index * length
@@ -61,7 +63,10 @@ def dipping(
 
 
 def agrees(robot: Robot, motion: Trajectory) -> bool:
-    """Compare with the 200 pieces in the middle, which are sampled 20 times as densely."""
+    """Return whether the check finds the torque of the 200 pieces in the middle.
+
+    The reference samples these pieces 20 times as densely.
+    """
     k = len(motion.breaks) // 2
     few = Trajectory(motion.breaks[k - 100 : k + 101], motion.pieces(slice(k - 100, k + 100)), ())
     alone = check(few, robot, ANY_SPEED, rate=200_000.0)["motor torque", "roll"]
@@ -80,7 +85,7 @@ def agrees(robot: Robot, motion: Trajectory) -> bool:
 def test_a_dip_of_speed_at_a_knot_is_found(
     law: str, speed: float, motion: tuple[float, float, float, int, float, float]
 ) -> None:
-    """Samples in the middles of the pieces, and slopes at extreme states, miss 80 % of these dips."""
+    """Samples in the middles of pieces, and slopes at extreme states, miss most of these dips."""
     assert agrees(sticking(law, speed, 0.15), dipping(*motion))
 
 

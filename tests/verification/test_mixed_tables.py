@@ -1,4 +1,6 @@
-"""A table with linear and smooth pieces: the smooth ones keep every limit of their dynamics."""
+"""A table may have linear and smooth pieces. The smooth pieces must keep every limit of their
+dynamics.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,10 @@ PERIOD = 0.02
 
 
 def roll_sine(robot: Robot, share: float, lacking: list[int]) -> Points:
-    """Return points of a roll motion whose acceleration is a share of the limit.
+    """Return points of a sinusoidal roll motion.
 
-    The points with the indices `lacking` have neither a velocity nor an acceleration.
+    The largest acceleration is `share` times the limit. The points with the indices `lacking` have
+    neither a velocity nor an acceleration.
     """
     rate = 8.0
     amplitude = share * robot.joints[0].acceleration / rate**2
@@ -45,7 +48,7 @@ def test_linear_pieces_do_not_excuse_the_smooth_ones(robot: Robot, lacking: list
     whole, part = limits(10.0, []), limits(10.0, lacking)
     worst, time, passed = part["acceleration", "roll"]
     assert not passed
-    # The remaining smooth pieces contain one of both peaks.
+    # The remaining smooth pieces contain at least one of the two peaks.
     assert worst == pytest.approx(whole["acceleration", "roll"][0], rel=1e-6)
     peaks = np.array([0.5, 1.5]) * np.pi / 8.0
     assert np.abs(time - peaks).min() < PERIOD

@@ -101,7 +101,7 @@ def test_rows_are_joined_as_the_client_joins_them() -> None:
 
 @pytest.mark.parametrize("name", ["trapezoids", "smooth", "tilt_insert"])
 def test_the_worst_values_are_those_of_the_certificate(robot: Robot, name: str) -> None:
-    """The oracle samples instants. It may miss a little of an extreme, but it never finds more."""
+    """The oracle samples instants. It may miss a part of an extreme, but never reports more."""
     motion = load_plan(ROOT / "results/tilt_insert").motion
     if name != "tilt_insert":
         motion = (trapezoids if name == "trapezoids" else smooth)(robot)
@@ -122,7 +122,10 @@ def test_the_worst_values_are_those_of_the_certificate(robot: Robot, name: str) 
 
 @pytest.mark.parametrize(("size", "broken"), [(5e-7, False), (2e-6, True)])
 def test_steps_count_as_speed(robot: Robot, size: float, broken: bool) -> None:
-    """One step of 1 µrad does not count. Many such steps, or a larger step, count."""
+    """One step of less than 1 µrad does not count.
+
+    Several such steps, or a larger step, count as an excess.
+    """
     motion = trapezoids(robot)
     for times in (1, 4):
         coefficients = motion.coefficients.copy()

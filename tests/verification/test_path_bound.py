@@ -50,7 +50,7 @@ def test_the_bound_of_a_single_joint_is_its_bang_bang_time(joint: int, distance:
 
 
 def test_the_bound_is_valid_for_any_guess_of_the_timing() -> None:
-    """The timing only guides the search for multipliers. A bad one gives a smaller bound."""
+    """The timing only guides the search for multipliers. A bad timing gives a smaller bound."""
     made = load_plan(ROOT / "results/tilt_insert")
     span = made.motion.phases[0].start, made.motion.phases[0].end
     path = path_rows.PathRows.from_trajectory(made.motion, made.robot, span, (0.0, 1.0))
@@ -131,7 +131,7 @@ def test_the_smallest_value_is_exact() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [50, 91, 129])
 def test_random_motions_where_the_limits_alternate(seed: int) -> None:
-    """These motions touch a speed limit briefly, stay at a torque limit, or begin to brake early."""
+    """The motions touch a speed limit briefly, stay at a torque limit, or begin to brake early."""
     problem: Any = random_problem(load_problem("tilt_insert"), 94000 + seed)
     made = plan(unchecked_copy(problem, planner="fast"), relaxations=False)
     assert made.trajectory is not None
@@ -157,7 +157,10 @@ def test_a_rest_keeps_its_duration() -> None:
 
 
 def test_a_joint_that_returns_within_an_interval_does_not_rest() -> None:
-    """Every piece is one interval, in which joint 2 moves out and back. Only the ends are at ṡ = 1."""
+    """Joint 2 moves out and back within each interval.
+
+    Only the ends of the motion are rests, where ṡ is at most 1.
+    """
     problem = load_problem("tilt_insert")
     count, speed = 250, 0.05
     coefficients = np.zeros((count, 6, 4))
@@ -198,7 +201,10 @@ def test_the_sensitivity_of_a_bang_bang_motion_follows_from_its_closed_form() ->
 
 @pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
 def test_sensitivities_satisfy_the_scaling_of_time(name: str) -> None:
-    """If only limits of speed and acceleration bind, T(v/λ, a/λ²) = λ T(v, a): Euler's theorem."""
+    """If only limits of speed and acceleration bind, T(v/λ, a/λ²) = λ T(v, a).
+
+    Euler's theorem then gives a weighted sum of the sensitivities.
+    """
     made = load_plan(ROOT / "results" / name)
     for span in made.motion.phases:
         opinion = shortest_path_duration(

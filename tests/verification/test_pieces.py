@@ -23,7 +23,7 @@ GRID = np.linspace(0.0, 1.0, 201)
 
 
 def random_motion(seed: int, count: int = COUNT) -> Trajectory:
-    """Return discontinuous polynomials that start at 3 s."""
+    """Return random polynomials with jumps between them, which start at 3 s."""
     rng = np.random.default_rng(seed)
     breaks = 3.0 + np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1.5, count))])
     coefficients = rng.normal(size=(count, 6, 4)) * [0.5, 0.5, 0.5, 0.02]
@@ -172,7 +172,7 @@ def vars_of(robot: Robot) -> dict[str, object]:
 
 
 def with_jerk(robot: Robot) -> tuple[object, ...]:
-    """Return the joints. The jerk of the first one is limited."""
+    """Return the joints of a robot. The jerk of the first joint is limited."""
     from dataclasses import replace
 
     return (replace(robot.joints[0], jerk=100.0), *robot.joints[1:])

@@ -1,4 +1,6 @@
-"""Linear pieces: speeds and jumps that rounding cannot explain agree with sums by hand."""
+"""The check of linear pieces subtracts the part of speeds and jumps that rounding explains. The
+reference is a direct computation from the points.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,7 @@ def test_speeds_and_jumps_are_those_of_the_points(
     undefined = {u.name for u in found.unjudged if "not defined on straight pieces" in u.reason}
     assert undefined >= {"continuous torque"}
     assert all(not line.passed for line in found.limits if line.name == "acceleration")
-    # Torques are only kept if the accelerations are.
+    # Torques can only be kept if the accelerations are kept.
     torques = [line for line in found.limits if line.name == "motor torque"]
     assert all(not line.passed for line in torques) or not found.violations
 
@@ -108,7 +110,7 @@ def test_speeds_of_the_tool_are_reduced_by_what_rounding_explains(
         )
     fast = TaskLimits((TipSpeed(10.0),))
     within = of_joint(check(table, robot, fast, resolution=np.full(4, 1e-3)), "tip speed", None)
-    assert within.worst == pytest.approx(tip_speed(q, qd).max(), rel=0.05)  # unchanged
+    assert within.worst == pytest.approx(tip_speed(q, qd).max(), rel=0.05)  # not reduced
 
 
 def test_the_tool_speed_that_rounding_leaves_may_be_of_another_piece(robot: Robot) -> None:
@@ -144,7 +146,7 @@ def test_points_with_velocities_are_judged_by_these(robot: Robot) -> None:
     coefficients[:, 0] = START
     coefficients[0, 2, 0], coefficients[0, 3, 0] = 0.3, -0.2  # q̇ = 0.6 t − 0.6 t², 0.15 at most
     coefficients[1, 0, 0] += 0.3 * 0.25 - 0.2 * 0.125
-    coefficients[1, 1:3, 0] = 0.1, -0.1  # jumps from 0.15 at 0.5 s to 0.1, and rests after 0.5 s
+    coefficients[1, 1:3, 0] = 0.1, -0.1  # The speed jumps to 0.1 and falls to 0 in 0.5 s.
     motion = Trajectory(np.array([0.0, 0.5, 1.0]), coefficients, ())
     found = check(motion, robot, resolution=np.full(4, 1e-9))
     line = of_joint(found, "velocity", "roll")
@@ -155,7 +157,10 @@ def test_points_with_velocities_are_judged_by_these(robot: Robot) -> None:
 
 
 def test_declared_speeds_at_the_ends_are_no_jumps(robot: Robot) -> None:
-    """A steady motion jumps at both ends if it must rest there, and not if any speed is allowed."""
+    """A steady motion jumps at an end where it must rest.
+
+    It does not jump at an end where any speed is allowed.
+    """
     times = np.linspace(0.0, 1.0, 5)
     steady = through(START + times[:, None] * np.array([0.2, 0.0, 0.0, 0.0]), times)
     line = of_joint(check(steady, robot, resolution=EXACT), "velocity jump", "roll")

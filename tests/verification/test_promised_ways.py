@@ -92,7 +92,9 @@ def test_motions_between_rounded_corners_are_one_phase() -> None:
 
 
 def way(**changes: object) -> PathPromise:
-    """Return two lines along x and y with a corner at the origin, rounded within 1 mm."""
+    """Return a promise of two lines along x and y, whose corner at the origin is rounded within 1
+    mm.
+    """
     lines = tuple(
         (lambda s, p=p, q=q: promises._line_points(np.array(p), np.array(q), s))
         for p, q in (((-0.01, 0.0, 0.0), (0.0,) * 3), ((0.0,) * 3, (0.0, 0.01, 0.0)))
@@ -164,7 +166,7 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     class Motion:
-        """From −10 mm to 10 mm along x within a second."""
+        """The tip moves from −10 mm to 10 mm along x between 1 s and 2 s."""
 
         def __init__(self, count: int) -> None:
             self.breaks = np.linspace(0.5, 2.5, count + 1)
@@ -192,7 +194,8 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
         turning = PathPromise(Span("way", 1.0, 2.0), lines, (1e-3,))
         t = promises._checked_instants(Motion(40), None, turning)  # type: ignore[arg-type]
         assert len(t) > promises.CORNER_INSTANTS
-        # from the last regular instant before the neighbourhood to the first one after it
+        # The dense instants go from the last regular instant before the neighbourhood to the first
+        # one after it.
         even = np.linspace(1.0, 2.0, 61)
         near = np.flatnonzero(np.abs(0.02 * (even - 1.5) - corner) < 1.5e-3)
         begin, end = even[max(near[0] - 1, 0)], even[min(near[-1] + 1, 60)]
@@ -203,7 +206,7 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
 
 
 def test_each_corner_counts_with_its_own_distance() -> None:
-    """Two corners are 10 mm apart along x, and rounded within 1 mm and 2 mm."""
+    """Two corners are 10 mm apart along x, and are rounded within 1 mm and 2 mm."""
     ends = [np.array([x, 0.0, 0.0]) for x in (-0.01, 0.0, 0.01, 0.02)]
     lines = tuple(
         (lambda s, p=p, q=q: promises._line_points(p, q, s)) for p, q in itertools.pairwise(ends)
@@ -223,7 +226,7 @@ def test_each_corner_counts_with_its_own_distance() -> None:
 
 
 def test_a_phase_begins_on_the_branch_and_turn_of_its_motion(robot: Robot) -> None:
-    """Rolls are counted so that the last one equals the roll in the problem."""
+    """The turns of the roll are counted so that the last roll equals the roll in the problem."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     start = np.array([0.3, 1.15, 0.1, -0.01])
     coefficients = np.zeros((1, 6, 4))

@@ -131,7 +131,7 @@ def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(
 ) -> None:
     made = planned(line(constant_speed=4e-3))
     t = made.motion.breaks
-    # the same path, 10 % faster or slower in its middle
+    # The motion has the same path, but is 10 % faster or slower in its middle.
     for faster in (0.1, -0.1):
         at = np.linspace(0.0, t[-1], 2001)
         warped = at - faster * 0.1 * np.exp(-(((at - t[-1] / 2) / 0.1) ** 2)) * np.sin(
@@ -192,7 +192,7 @@ def test_a_table_says_nothing_of_phases(planned: Callable[..., Plan]) -> None:
 
 
 def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> None:
-    """A straight motion is compared with lines that turn by 60° 2 mm before its end."""
+    """A straight motion is compared with promised lines that turn by 60° at 2 mm before its end."""
     mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
     q = np.array([[0.0, 0.6, 0.0, -0.010], [0.0, 0.6, 0.0, -0.014]])
     breaks, rest = np.array([0.0, 1.0]), np.zeros((1, 4))
@@ -223,7 +223,10 @@ def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> Non
 def test_arcs_and_lines_after_tables_and_scans(
     planned: Callable[..., Plan], laser_scan: Problem
 ) -> None:
-    """Phases are found after any number of phases, and an arc passes its intermediate point."""
+    """The check finds the phases of arcs and lines after other phases.
+
+    An arc passes its intermediate point.
+    """
     arc = Follow(
         Task(tilt=-1.9, depth=0.009),
         (Task(roll=0.1, tilt=-1.8, depth=0.008),),

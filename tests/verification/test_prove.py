@@ -1,4 +1,6 @@
-"""The proof of limits for all times: enclosures, verdicts, and motions that it must not prove."""
+"""The proof encloses every limited value at all times. Exact arithmetic gives the references, and
+the proof must not accept motions that exceed a limit.
+"""
 
 from __future__ import annotations
 
@@ -109,7 +111,7 @@ def test_a_file_that_is_no_plan_has_status_2(text: str, reason: str, tmp_path: P
 
 
 def value_at(model: Any, index: tuple[int, ...], s: Decimal) -> tuple[Decimal, float]:
-    """Return the exact value of the polynomial of a model at s, and its error."""
+    """Return the exact value of a model's polynomial at s, and the error bound of the model."""
     value = sum((Decimal(float(c[index])) * s**k for k, c in enumerate(model.c)), start=Decimal(0))
     return value, float(model.r[index])
 
@@ -207,9 +209,10 @@ def shifted(c: np.ndarray, x: float) -> np.ndarray:
 
 
 def with_bump(document: Document, rng: np.random.Generator) -> tuple[Document, float]:
-    """Return a plan with a short bump t² (h − t)² in the acceleration of one joint.
+    """Return a plan with a short bump 4 x (1 − x) in the acceleration of one joint.
 
-    The second result is its peak as a share of the limit.
+    The argument x goes from 0 to 1 during the bump. The second result is the peak of the bump,
+    relative to the acceleration limit.
     """
     plan = copy.deepcopy(document)
     trajectory = plan["trajectory"]
@@ -221,7 +224,7 @@ def with_bump(document: Document, rng: np.random.Generator) -> tuple[Document, f
     top = plan["problem"]["robot"]["joints"][j]["acceleration"]
     share = 10 ** rng.uniform(0.4, 1)
     middle = shifted(pieces[piece], begin)
-    # the acceleration rises to the share of the limit and returns to that of the piece: a cubic
+    # The added acceleration is a parabola that rises from 0 to its peak and returns to 0.
     middle[3, j] += 4 * share * top / width / 6
     middle[4, j] -= 4 * share * top / width**2 / 12
     end = shifted(pieces[piece], begin + width)

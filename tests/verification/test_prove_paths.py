@@ -1,4 +1,6 @@
-"""The proof of promises along paths: enclosures of distances and speeds, and motions that break them."""
+"""The proof encloses the distances and speeds that are promised along paths. It must not accept
+motions that break these promises.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,7 @@ def planned(kind: str) -> Document:
 
 
 def claims_of(document: Document) -> dict[str, Any]:
-    """Return the claims about promises alone, which takes less time."""
+    """Prove only the promises, which takes less time, and return the claims by name."""
     with np.errstate(all="ignore"):
         proof = prove.Proof(document)
         proof.promises(*proof.task())
@@ -90,7 +92,7 @@ def test_promises_along_paths_are_proven(kind: str, names: set[str]) -> None:
             claim = claims[line["name"]]
             assert claim.verdict == "PROVEN", claim
             assert claim.excess >= -line["margin"] - 1e-6, claim
-    if "corner rounding" in claims:  # the check samples it
+    if "corner rounding" in claims:  # The check only samples this value.
         assert claims["corner rounding"].excess == pytest.approx(-0.113, abs=0.01)
 
 
@@ -105,7 +107,7 @@ def test_random_paths_are_proven(seed: int) -> None:
 
 
 def at_rest(document: Document, *, shift: np.ndarray, piece: int, time: float) -> np.ndarray:
-    """Return the position of the tip (3,) at a time of a piece, with joints shifted by (4,)."""
+    """Return the tip position (3,) at a time of a piece, after a shift (4,) of the joints."""
     robot = ssm.load_problem("rounded_corners").robot
     powers = time ** np.arange(6)
     position = powers @ np.array(document["trajectory"]["coefficients"][piece]) + shift
@@ -113,7 +115,7 @@ def at_rest(document: Document, *, shift: np.ndarray, piece: int, time: float) -
 
 
 def from_line(document: Document, place: np.ndarray) -> float:
-    """Return the distance of a place from the line of the last motion, m."""
+    """Return the distance of a point from the line of the last motion, m."""
     first = document["trajectory"]["breaks_s"].index(
         document["trajectory"]["phases"][-1]["start_s"]
     )
@@ -123,7 +125,10 @@ def from_line(document: Document, place: np.ndarray) -> float:
 
 
 def with_bump(document: Document, piece: int, width: float, amplitude: np.ndarray) -> Document:
-    """Return a plan with a bump 16 t² (w − t)² / w⁴ times an amplitude (4,) at the start of a piece."""
+    """Return a plan with a bump 16 t² (w − t)² / w⁴ at the start of a piece.
+
+    The bump of each joint has an amplitude (4,).
+    """
     plan = copy.deepcopy(document)
     trajectory = plan["trajectory"]
     coefficients = np.array(trajectory["coefficients"][piece])
@@ -142,7 +147,7 @@ def with_bump(document: Document, piece: int, width: float, amplitude: np.ndarra
 
 
 def piece_at(document: Document, share: float) -> int:
-    """Return a piece of the last phase, at a share of its duration."""
+    """Return the index of a piece of the last phase, at a fraction of the duration of the phase."""
     trajectory = document["trajectory"]
     span = trajectory["phases"][-1]
     time = span["start_s"] + share * (span["end_s"] - span["start_s"])
@@ -173,7 +178,7 @@ def test_a_tip_that_changes_its_speed_for_a_moment_is_refuted(seed: int) -> None
     document, rng = planned("arc"), np.random.default_rng(seed)
     piece, width = piece_at(document, rng.uniform(0.2, 0.8)), 10 ** rng.uniform(-6, -3)
     velocity = np.array(document["trajectory"]["coefficients"][piece])[1]
-    steepest = 32 / (6 * math.sqrt(3))  # of 16 x² (1 − x)², at x = 1/2 ± 1/(2 √3)
+    steepest = 32 / (6 * math.sqrt(3))  # slope of 16 x² (1 − x)² at x = 1/2 ± 1/(2 √3)
     for excess, verdict in ((2e-6, "REFUTED"), (0.9e-6, "PROVEN")):
         shift = velocity * excess * width / steepest
         changed = with_bump(document, piece, width, shift)

@@ -1,4 +1,6 @@
-"""The proof over ranges of friction and payload contains every case, and refutes what a corner breaks."""
+"""The proof over ranges of friction and payload covers every case in the ranges. It refutes a limit
+that a corner of the ranges exceeds.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from tests.support.paths import ROOT
 
 PLAN = json.loads((ROOT / "results/tilt_insert/plan.json").read_text(encoding="utf-8"))
 
-# The end of the first motion and the begin of the second one are enough, and take less time.
+# The tests use the end of the first motion and the start of the second one, which takes less time
+# than the whole plan.
 BETWEEN = PLAN["trajectory"]["breaks_s"].index(PLAN["trajectory"]["phases"][0]["end_s"])
 PLAN["trajectory"] = {
     "breaks_s": PLAN["trajectory"]["breaks_s"][BETWEEN - 60 : BETWEEN + 61],
@@ -27,7 +30,10 @@ Document = dict[str, Any]
 
 
 def changed(seed: int, *, friction: bool, payload: bool) -> Document:
-    """Return a plan with ranges. Its drives lock or not, and its loads may have either sign."""
+    """Return a plan with ranges of friction and payload.
+
+    The seed decides whether the drives lock themselves, and gives the direction of gravity.
+    """
     rng, plan = np.random.default_rng(seed), copy.deepcopy(PLAN)
     problem = plan["problem"]
     problem["payload"] = [0.01, 0.2] if payload else None
@@ -56,7 +62,7 @@ def claims_of(plan: Document) -> dict[tuple[str, str | None], Any]:
 
 
 def case_of(plan: Document, rng: np.random.Generator) -> Document:
-    """Return the plan with friction and a payload of its ranges in place of the ranges."""
+    """Return the plan with one friction and one payload from its ranges in place of the ranges."""
     case = copy.deepcopy(plan)
     problem = case["problem"]
     for drive in (joint["drive"] for joint in problem["robot"]["joints"] if joint["drive"]):

@@ -1,4 +1,6 @@
-"""Intervals, brackets of the values between samples, and mean squares."""
+"""The check samples intervals of a motion, brackets the values between the samples, and integrates
+mean squares. The references are dense evaluations and closed forms.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ SMOOTH = np.array([False])
 
 
 def random_motion(seed: int) -> Trajectory:
-    """Return seven discontinuous polynomials that start at 3 s."""
+    """Return seven random polynomials with jumps between them, which start at 3 s."""
     rng = np.random.default_rng(seed)
     breaks = 3.0 + np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 1.5, 7))])
     return Trajectory(breaks, rng.normal(size=(7, 6, 4)) * [0.5, 0.5, 0.5, 0.02], ())
@@ -37,7 +39,8 @@ def test_a_bracket_holds_the_cubic_twice_as_far_beyond_the_values() -> None:
         over, under = dense.max() - values.max(), values.min() - dense.min()
         assert high >= values.max() + 2 * over - 1e-12
         assert low <= values.min() - 2 * under + 1e-12
-        # twice the inner Bernstein coefficients: a0 + a1/3 and a0 + 2 a1/3 + a2/3
+        # The bracket doubles the excess of the inner Bernstein coefficients, which are a0 + a1/3
+        # and a0 + 2 a1/3 + a2/3.
         inner = powers[0] + powers[1] / 3, powers[0] + 2 * powers[1] / 3 + powers[2] / 3
         assert high == pytest.approx(values.max() + 2 * max(*inner - values.max(), 0.0))
         assert low == pytest.approx(values.min() - 2 * max(*(values.min() - inner), 0.0))

@@ -1,4 +1,5 @@
-"""The package toppra times the paths of plans, without code of the planner.
+"""The package toppra computes the fastest timing on the paths of plans, without code of the
+planner.
 
 A plan that is faster than toppra breaks a limit. A plan that is slower is not optimal.
 """
@@ -29,11 +30,11 @@ from tests.support.paths import ROOT
 from tests.support.random_problems import random_problem
 
 SLOWER = 5e-4
-"""Largest share by which a plan on a given path is slower."""
+"""Largest relative difference by which a plan on a given path is slower."""
 SLOW_ERROR = 0.01
-"""Error of durations along the paths of motions that are several times too slow."""
+"""Relative error of durations along the paths of motions that are several times too slow."""
 FREE_SLOWER = 2e-3
-"""The same for free motions on the coarser meshes of the planner `fast`."""
+"""Largest relative difference of free motions on the coarser meshes of the planner `fast`."""
 
 
 def assert_agreement(made: Plan) -> int:
@@ -166,7 +167,7 @@ def test_it_says_why_it_cannot_judge() -> None:
 
 
 def test_nothing_of_the_planner_is_loaded_on_its_way() -> None:
-    """A new process judges a stored motion. The modules of the planner stay out of it."""
+    """A new process judges a stored motion without loading the modules of the planner."""
     code = (
         "import json, sys\n"
         "from ssm_planner.problem.serialization import problem_from_plain\n"

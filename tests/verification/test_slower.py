@@ -1,4 +1,6 @@
-"""A slower motion agrees with a scan of a thousand speeds and with the check of this motion."""
+"""The search for the worst speed agrees with a scan of a thousand speeds. The check of a slower
+motion agrees with the direct check of the slowed motion.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ def plan():
 
 
 def with_stribeck(plan, rise: float, speed: float):
-    """Return the plan with drives whose friction rises towards low speed."""
+    """Return the robot of a plan, with drives whose friction rises towards low speed."""
     joints = []
     for joint in plan.robot.joints:
         if joint.drive is not None:
@@ -39,7 +41,7 @@ def with_stribeck(plan, rise: float, speed: float):
 
 
 def scan(plan, robot, factors):
-    """Return the largest torques (m, 4) of a motion at each speed, one after the other."""
+    """Return the largest motor torques (m, 4) of a motion at each of m factors of its speed."""
     found = []
     for factor in factors:
         slow = plan.motion.slower(factor)
@@ -85,7 +87,7 @@ def test_a_certificate_at_one_speed_is_that_of_the_slowed_motion(plan):
 
 
 def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
-    """The largest torque of the motor lies between those at full speed and at the worst speed."""
+    """The motor can give more torque than full speed needs, but less than the worst speed needs."""
     robot = with_stribeck(plan, 0.8, 40.0)
     free = check_speeds(plan.motion, robot, plan.limits)
     worst = next(

@@ -1,4 +1,6 @@
-"""Parts of the search for stops: nodes of the path, and polynomials with given ends."""
+"""The search for stops divides the path at its breaks, bounds the deceleration by accelerations and
+torques, and gives the same stops in separate parts.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,7 @@ def motion(robot: Robot) -> Trajectory:
 
 
 def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -> None:
-    """Other instants add a node. The path has its states on both sides of every node."""
+    """Other instants add a node. The path has the states on both sides of every node."""
     breaks = motion.breaks - 3.0
     plain = module._StopPath.from_motion(motion, robot, np.zeros(0))
     for shift in (-0.4 * module.MIN_BREAK_DISTANCE, 0.4 * module.MIN_BREAK_DISTANCE):

@@ -1,4 +1,6 @@
-"""Torques of tables are judged only if the independent oracle agrees."""
+"""The check bounds the motor torques of tables from below and above. Its verdicts agree with the
+independent oracle, which knows the exact motion.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ def peaks(motion: Trajectory, robot: Robot) -> dict[str, float]:
 
 
 def with_torques(robot: Robot, largest: dict[str, float]) -> Robot:
-    """Return the robot with other largest motor torques."""
+    """Return the robot with other largest motor torques, N·m."""
 
     def weaker(joint: Joint) -> Joint:
         if joint.name not in largest or joint.motor is None:
@@ -67,7 +69,10 @@ def rows(motion: Trajectory, rng: np.random.Generator, digits: float) -> Traject
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_verdict_is_that_of_the_oracle(robot: Robot, seed: int) -> None:
-    """The cases vary Stribeck friction, jerk limits, roundings and the density of the rows."""
+    """A verdict never contradicts the oracle.
+
+    The cases vary Stribeck friction, jerk limits, roundings and the density of the rows.
+    """
     rng = np.random.default_rng(seed)
     stiff = rng.random() < 0.5
     joints = tuple(varied(joint, rng, stiff) for joint in robot.joints)
@@ -129,7 +134,7 @@ def test_a_band_that_contains_the_limit_is_stated(robot: Robot) -> None:
 
 @pytest.mark.parametrize("cause", ["too fast", "range of payload"])
 def test_a_band_has_no_upper_end_if_its_assumption_fails(robot: Robot, cause: str) -> None:
-    """The upper end assumes the limits of acceleration and the nominal payload."""
+    """The upper end of a band assumes the limits of acceleration and the nominal payload."""
     motion = smooth(robot)
     s = motion.uniform(1000.0)
     strong = with_torques(robot, {name: 3 * x for name, x in peaks(motion, robot).items()})
@@ -164,7 +169,7 @@ def test_rows_that_do_not_move_need_no_torque(robot: Robot) -> None:
 def test_rounding_hides_no_acceleration_over_longer_windows(
     robot: Robot, factor: float, violated: bool
 ) -> None:
-    """Rounding explains the acceleration of every three rows, but not that of rows farther apart."""
+    """Rounding explains the acceleration of three adjacent rows, but not that of distant rows."""
     joint, dt = robot.joints[1], 1e-3
     bend = factor * joint.acceleration
     quarter = 0.5 * joint.velocity / bend

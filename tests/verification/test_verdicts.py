@@ -1,4 +1,4 @@
-"""The verdicts kept, violated and not judged, and attempts to hide a violation behind rounding."""
+"""The verdicts are `kept`, `violated` and `not judged`. Rounding of a table hides no violation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ LINE = LimitCheck("velocity", "roll", 0.5, 2.0, 0.75, 1.5, "rad/s")
 
 
 def table(path: Path, robot: Robot, quicker: float = 1.0, velocities: bool = False) -> Path:
-    """Write a motion of 401 points that keeps every limit unless it is played faster."""
+    """Write a table of 401 points that keeps every limit unless it is played faster. Return its
+    path.
+    """
     motion = smooth(robot)
     s = motion.sample(np.linspace(0, motion.duration, 401))
     columns = [s.t / quicker, s.q, *([s.qd * quicker] if velocities else [])]
@@ -98,7 +100,7 @@ def test_positions_alone_leave_the_acceleration_unjudged_and_a_script_can_tell(
 def test_no_name_allows_a_violation(robot: Robot, tmp_path: Path) -> None:
     """The motion is played ten times faster.
 
-    With velocities, the torque is violated. Without them, it is at least not judged.
+    A table with velocities is violated. A table without velocities is at least not kept.
     """
     quick = table(tmp_path / "v.csv", robot, quicker=10.0, velocities=True)
     everything = "acceleration,torque,velocity,jump"
@@ -114,7 +116,7 @@ def test_an_unknown_limit_is_refused(robot: Robot, tmp_path: Path) -> None:
 
 
 def oracle(t: np.ndarray, q: np.ndarray, bound: float, resolution: float) -> str:
-    """Judge the speed of one joint over all n² pairs of points."""
+    """Return the verdict on the speed of one joint, from all pairs of points."""
     late, early = np.triu_indices(len(t), 1)[::-1]
     distance = np.abs(q[late] - q[early])
     if np.any(distance - 2 * resolution > bound * (1 + 2e-6) * (t[late] - t[early])):
@@ -134,7 +136,7 @@ def oracle(t: np.ndarray, q: np.ndarray, bound: float, resolution: float) -> str
 def test_rounding_hides_no_speed(
     joint: int, digits: float, rate: float, factors: list[float], sizes: list[int]
 ) -> None:
-    """The speeds exceed the limit many times, and few digits are written."""
+    """The speeds may exceed the limit many times, and the positions have few digits."""
     robot = load_robot("vitreoretinal")
     bound = robot.joints[joint].velocity
     speed = bound * np.repeat(factors, sizes[: len(factors)])

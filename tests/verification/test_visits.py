@@ -1,4 +1,4 @@
-"""The check of a task: a shipped motion performs its own task, and no other."""
+"""The check of a task accepts a shipped motion for its own problem, and refuses it for others."""
 
 from __future__ import annotations
 
@@ -47,7 +47,10 @@ def asking(problem: Problem, *motion: object, **changes: object) -> Problem:
 
 
 def holding(motion: Trajectory, pauses: Iterable[tuple[int, float]]) -> Trajectory:
-    """Return a motion with a rest of a duration in s before each piece with one of these indices."""
+    """Return a motion with rests before the pieces of the given indices.
+
+    `pauses` has pairs of an index and a duration in s.
+    """
     breaks, pieces = list(motion.breaks), list(motion.coefficients)
     for k, pause in sorted(pauses, reverse=True):
         rest = np.zeros((6, 4))
@@ -181,7 +184,7 @@ def test_a_table_that_leaves_its_line_is_noticed(
     distance = np.linalg.norm(tips[0] - tips[1], axis=1).max()
     (departure,) = (line for line in found.limits if line.name == "path departure")
     assert departure.worst <= distance + 2e-6
-    if joint == 0:  # the roll moves the tip across its line
+    if joint == 0:  # The roll moves the tip across its line.
         assert departure.worst == pytest.approx(distance, rel=0.05, abs=1e-6)
         assert (departure.margin < 0) == (departure.worst > 1e-5)
 

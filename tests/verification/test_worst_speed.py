@@ -1,4 +1,4 @@
-"""The search for the worst speed in a range, for torques with known maxima."""
+"""The search for the worst speed in a range finds the known maxima of given torques."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ class Limits:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Return the speeds that are checked.
+    """Replace the torques by given functions, and return a list of the speeds that are checked.
 
-    The torque has a maximum at 0.3, and grows beyond full speed.
+    The peak torque has a maximum at 0.3 and grows beyond full speed. The RMS torque has a maximum
+    at 0.02.
     """
     speeds: list[float] = []
 
@@ -55,7 +56,8 @@ def test_no_speed_beyond_full_speed_is_the_worst(robot: Robot, asked: list[float
     assert [speed for speed, _ in found.certificates] == asked
     assert not found.passed
     assert SpeedRange(0.1, (), found.certificates[2:]).passed
-    # one line for each kind and joint with a motor, of the certificate at its own worst speed
+    # The result has a line for each kind and each joint with a motor. The line belongs to the
+    # certificate at its worst speed.
     driven = [joint.name for joint in robot.joints if joint.motor is not None]
     expected = [
         (kind, name) for kind in (MotorTorque.name, ContinuousTorque.name) for name in driven
@@ -67,9 +69,9 @@ def test_no_speed_beyond_full_speed_is_the_worst(robot: Robot, asked: list[float
 
 
 def test_torques_of_a_slower_motion_are_those_of_its_samples(robot: Robot) -> None:
-    """A joint accelerates evenly.
+    """One joint accelerates and brakes evenly.
 
-    The law gives the torque at each speed, and a pause cools the motor.
+    Its torques are those of the slowed motion, and a pause lowers the RMS torque.
     """
     coefficients = np.zeros((2, 6, 4))
     coefficients[:, 0] = [0.3, 1.15, 0.1, -0.01]
@@ -109,7 +111,7 @@ def test_a_jump_of_acceleration_counts_on_both_its_sides(robot: Robot, last: boo
         0.0,
         0.0,
         500.0 / h,
-    )  # acceleration grows to 3000 rad/s² at its end
+    )  # The acceleration grows to 3000 rad/s² at its end.
     motion = Trajectory(breaks, coefficients, ())
     peak, _ = slower._peak_and_rms_torques(motion, robot, np.array([1.0]), 0.0)
     samples = motion.sample(breaks[short + 1 : short + 2], "left")
