@@ -78,8 +78,7 @@ def test_a_fault_is_found_or_cannot_be_told(shipped: Executions, kind: str, rate
 
 
 def test_a_burst_between_two_samples_is_not_held(shipped: Executions) -> None:
-    """For 70 ms, the torque is 90 mN·m (limit 78 mN·m) and the speed is 1.8 times the planned
-    speed.
+    """For 70 ms, the torque is 90 mN·m (limit 78 mN·m), and the speed is 1.8 times as high.
 
     Samples at 10 Hz can miss this burst, so the sampling begins at different phases.
     """
@@ -121,9 +120,7 @@ def test_the_stated_smallest_fault_is_found(shipped: Executions, rate: int) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", drawn(2, [0.05, 0.1, 0.137, 0.5, 0.9]))
 def test_a_slower_run_is_compared_at_its_speed(speed: float) -> None:
-    """The speed is declared or estimated. Recordings have positions or none, and other axes or
-    none.
-    """
+    """The speed is declared or estimated, with and without positions and other axes."""
     it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 2e-3, speed)
     for seed in range(2):
         recordings = it.healthy(seed)

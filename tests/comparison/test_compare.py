@@ -195,6 +195,7 @@ def test_without_a_position_channel_the_speed_is_integrated(plan: Plan, tmp_path
 
 
 def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
+    """A recording of a part of the motion has the verdict "cannot tell"."""
     recorded = executed(plan, "roll", delay=0.2)
     some = (recorded.time > 0.35) & (recorded.time < 1.2)
     part = Executed(*(x[some] for x in dataclasses.astuple(recorded)))
@@ -242,6 +243,7 @@ def test_a_limit_that_was_exceeded_in_reality(
 
 
 def test_which_joint_a_file_is_of(robot: Robot) -> None:
+    """The joint is given before the path, or follows from the name of the file."""
     words = ["roll=a.csv", "run3_tilt.csv", "axis4.csv"]
     assert [joint for joint, _ in assign_recordings(words, robot)] == ["roll", "tilt", "insertion"]
     for bad, message in (
@@ -275,6 +277,7 @@ def test_alignment_finds_any_delay(delay: float) -> None:
 
 
 def test_a_motor_that_should_stand_and_does() -> None:
+    """The correlation is 1 if a motor rests as planned, and 0 if it moves instead."""
     t = np.linspace(0, 1, 100)
     found = align_axis(t, np.zeros(100), t, np.zeros(100))
     assert found.correlation == 1.0
@@ -312,6 +315,7 @@ def shipped() -> Executions:
 
 
 def sagging(it: Executions) -> list:
+    """Return recordings in which the roll torque is cut off and the speed drops."""
     run = it.run()
     high = np.abs(run.tau["roll"]) > 20e-3
     run.tau["roll"] = np.clip(run.tau["roll"], -20e-3, 20e-3)
@@ -321,6 +325,7 @@ def sagging(it: Executions) -> list:
 
 
 def two_late(it: Executions) -> list:
+    """Return recordings in which two axes are late."""
     run = it.run()
     for name, late in (("tilt", 50), ("insertion", 200)):
         run.time[name] = run.time[name] + late * 1e-3
@@ -328,6 +333,7 @@ def two_late(it: Executions) -> list:
 
 
 def more_torque(it: Executions) -> list:
+    """Return recordings with 1.4 times the usual torques."""
     run = it.run()
     for name in it.names:
         run.tau[name] = 1.4 * run.tau[name]
@@ -339,6 +345,7 @@ def noisy(it: Executions) -> list:
 
 
 def stalled_tilt(it: Executions) -> list:
+    """Return recordings in which the tilt axis stalls at 0.8 s."""
     run = it.run()
     blocked = (run.time["tilt"] > 0.8) & (run.w["tilt"] != 0)
     run.w["tilt"][run.time["tilt"] > 0.8] = 0.0
@@ -348,6 +355,7 @@ def stalled_tilt(it: Executions) -> list:
 
 
 def some_missing(it: Executions) -> list:
+    """Return recordings that lack 5 % of their samples."""
     rng, run = np.random.default_rng(6), it.run()
     for name in it.names:
         run.keep(name, rng.random(len(run.time[name])) > 0.05)
@@ -355,12 +363,14 @@ def some_missing(it: Executions) -> list:
 
 
 def a_gap(it: Executions) -> list:
+    """Return recordings in which the roll axis has no samples between 1.0 s and 1.4 s."""
     run = it.run()
     run.keep("roll", (run.time["roll"] < 1.0) | (run.time["roll"] > 1.4))
     return it.measured(run, np.random.default_rng(7))
 
 
 def wrong_clock(it: Executions) -> list:
+    """Return recordings with a clock that is wrong by 1 %."""
     run = it.run()
     for name in it.names:
         run.time[name] = 1.01 * run.time[name]
@@ -515,9 +525,7 @@ def test_a_value_that_no_channel_can_have_is_refused(
 
 
 def lost(it: Executions, folder: Path) -> dict[str, Path]:
-    """Write the recordings of a run that loses increments within the motion, and return their
-    paths.
-    """
+    """Write the recordings of a run that loses increments, and return their paths."""
     run = it.run()
     run.q["roll"][1500:] += 0.3 * it.joints["roll"].velocity
     return write(it, it.measured(run, np.random.default_rng(1)), folder)

@@ -24,10 +24,9 @@ def shipped() -> Plan:
 
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory: pytest.TempPathFactory, shipped: Plan) -> Callable[[str], Path]:
-    """Return a function that exports the shipped plan in the format of a package, and returns the
-    folder.
+    """Return a function that exports the shipped plan in the format of a package.
 
-    Each format is exported only once.
+    The function returns the folder, and exports each format only once.
     """
 
     def folder_of(name: str) -> Path:

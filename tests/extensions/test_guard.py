@@ -107,9 +107,7 @@ class Bench:
 
 
 def reference(plan: Plan, t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return set points q, qd, qdd and motor torques (n, 4) at times in s since the start of a
-    plan.
-    """
+    """Return set points q, qd, qdd and motor torques (n, 4) at times (n,) from the start, s."""
     samples = plan.motion.sample(plan.motion.breaks[0] + np.clip(t, 0, plan.motion.duration))
     inside = ((t >= 0) & (t < plan.motion.duration))[:, None]
     qd, qdd = samples.qd * inside, samples.qdd * inside
@@ -279,9 +277,7 @@ def test_c_and_python_raise_the_same_alarms(bench: Bench) -> None:
 
 @pytest.mark.parametrize("friction", (0.85, 0.9, 1.0, 1.1, 1.15) if EVERY_CASE else (1.0,))
 def test_a_simulated_arm_with_its_controllers_raises_no_alarm(plan: Plan, friction: float) -> None:
-    """The simulation has elastic joints, backlash, breakaway, and controllers with encoder
-    increments.
-    """
+    """The simulation has elastic joints, backlash, breakaway, and controllers with encoders."""
     result = simulate(plan, Scenario(friction=friction))
     thresholds = thresholds_of(plan, STEP)
     guard, count = Guard(thresholds), int(plan.motion.duration / STEP)
@@ -301,6 +297,7 @@ def test_a_simulated_arm_with_its_controllers_raises_no_alarm(plan: Plan, fricti
 
 
 def test_an_alarm_stays(bench: Bench) -> None:
+    """After an alarm, the guard returns the same alarm for healthy measurements."""
     run, begin = faulty(bench, "not a number", 0)
     guard = Guard(bench.thresholds)
     seen = bench.first_alarm(guard, run, range(begin - BEFORE, begin + AFTER))
@@ -330,6 +327,7 @@ def test_a_rate_at_which_the_guard_cannot_judge_is_refused(plan: Plan, rate: flo
 def test_the_band_of_a_posterior_replaces_the_assumed_one(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A posterior of the friction gives the torque margin, and no spread is assumed."""
     from ssm_planner_guard import thresholds as module
 
     def with_posterior(*arguments: object) -> list[object]:

@@ -509,6 +509,7 @@ def prepare_only(machine: Machine) -> None:
 
 
 def test_homing_declares_the_start(exported: Export, machine: Machine) -> None:
+    """Homing takes the present positions of the drives as the start of the motion."""
     for drive in machine.drives:
         drive.position = 17
         drive._report()

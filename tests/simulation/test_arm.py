@@ -33,9 +33,7 @@ def arm(robot):
 
 
 def polynomial(t, start, step, duration):
-    """Return position, velocity and acceleration (n, 4) of a quintic between two rests at times
-    (n,).
-    """
+    """Return position, velocity and acceleration (n, 4) of a rest-to-rest quintic at times (n,)."""
     s = np.clip(np.asarray(t) / duration, 0.0, 1.0)[..., None]
     p, v, a = (
         s**3 * (10 - 15 * s + 6 * s**2),

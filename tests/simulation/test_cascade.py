@@ -40,6 +40,7 @@ def robot():
 
 
 def ranges(motor, speeds):
+    """Return the smallest and the largest current (n, 2) in A at motor speeds (n,) in rad/s."""
     w = ca.SX.sym("w")
     function = ca.Function("range", [w], list(current_range(motor, w)))
     return np.array([[float(x) for x in function(speed)] for speed in speeds])
@@ -147,6 +148,7 @@ def test_the_phase_margin_is_that_of_the_stated_loop_at_its_crossing(period, lag
 
 
 def test_a_loop_is_the_stated_pid():
+    """The loop agrees with a PID recursion with a filtered derivative and a lag of the current."""
     gains, period = LoopGains(p=3.0, i=40.0, d=0.02, ff_velocity=0.0, ff_acceleration=0.0), 4e-4
     x, e, w, f = ca.SX.sym("x", 3), ca.SX.sym("e", 2), ca.SX.sym("w"), ca.SX.sym("f")
     step = advance_loops(gains, MOTOR, period, error=e, previous=x, w=w, feedforward=f)

@@ -118,6 +118,7 @@ def test_steady_state_is_the_inverse_law(name, w):
 
 @pytest.mark.parametrize("name", RIGS)
 def test_move_rest_move_back(name):
+    """The drive starts, stops, starts backwards and stops. A start needs the breakaway torque."""
     drive, load, inertia = rig(name)
     servo = servo_for(drive, 0.02, bandwidth=200.0)
 
@@ -185,6 +186,7 @@ def test_a_self_locking_drive_stays_without_power_and_a_slippery_one_runs(name):
 
 
 def test_stick_slip_where_static_friction_exceeds_kinetic():
+    """The drive sticks and slips only if its static friction exceeds the kinetic friction."""
     drive, load, inertia = rig("rig3_worm")
     soft = Servo(2e-5, 2e-3, 0.02)
     rough = replace(drive, friction=Friction(0.12, 0.3, 5.5e-4, 0.0, 4e-3))

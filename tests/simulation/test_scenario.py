@@ -61,6 +61,7 @@ def test_only_what_can_happen_is_accepted(
 
 
 def test_a_payload_taken_up_late_goes_with_no_draws(robot: Robot) -> None:
+    """A payload that is picked up during the motion cannot be combined with draws."""
     with pytest.raises(ProblemError, match="not possible with draws"):
         Scenario(draws=5, payload=0.1, payload_time=1.0).check(robot, DURATION)
     for fine in (
@@ -72,6 +73,7 @@ def test_a_payload_taken_up_late_goes_with_no_draws(robot: Robot) -> None:
 
 
 def test_an_instant_given_as_a_whole_number_is_one() -> None:
+    """An integer instant is converted to a float."""
     assert isinstance(Scenario(power_loss=1).power_loss, float)
     assert Scenario(power_loss=EVERYWHERE).power_loss == EVERYWHERE
     assert Scenario().power_loss is None
@@ -293,6 +295,7 @@ def test_recordings_are_averages_in_the_controller_s_units(robot: Robot, tmp_pat
 
 
 def test_averages_end_with_the_values() -> None:
+    """The last average uses only the values up to the end."""
     values = np.array([1.0, 3.0, 5.0, 7.0, 9.0])
     assert _period_means(values, np.array([0, 2, 4])) == pytest.approx([2.0, 6.0, 9.0])
     assert _period_means(values, np.array([1])) == pytest.approx([3.0])

@@ -205,6 +205,7 @@ def test_the_shipped_motion_is_followed_and_held(nominal, plan):
 
 
 def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, plan):
+    """Without torque offsets, the following errors are much larger."""
     without = Controller(torque_offset=False)
     fine = with_fine_encoders(plan)
     errors = [simulate(fine).following, simulate(fine, controller=without).following]
@@ -232,6 +233,7 @@ def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, pl
     ],
 )
 def test_what_must_fail_does_with_its_reason(plan, scenario, word):
+    """A harmful scenario fails, and the result names the reason."""
     result = simulate(plan, scenario)
     assert not result.passed
     assert any(word in reason for reason in result.reasons), result.reasons
@@ -256,6 +258,10 @@ def test_a_payload_bends_the_arm_by_its_weight(plan, nominal):
 
 @pytest.mark.slow
 def test_power_lost_everywhere_stops_the_arm_soonest_at_rest(plan):
+    """An arm at rest does not travel after a loss of power.
+
+    The loss with the longest travel gives the same travel as a single scenario.
+    """
     result = simulate(plan, Scenario(power_loss="everywhere", instants=40))
     assert result.holds
     assert result.losses.travel[0] < 1e-9  # The arm is at rest before the start.
@@ -290,6 +296,7 @@ def test_an_arm_that_does_not_lock_falls_without_power(plan):
 
 
 def test_a_slower_playback_goes_the_same_way(plan):
+    """A slower motion has the same positions at later times, and lower velocities."""
     slow = plan.motion.slower(0.1)
     assert slow.duration == pytest.approx(10 * plan.motion.duration)
     t = np.linspace(0, plan.motion.duration, 50)
@@ -299,12 +306,14 @@ def test_a_slower_playback_goes_the_same_way(plan):
 
 
 def test_a_lost_set_point_is_felt(plan, nominal):
+    """A lost set point increases the following error."""
     lost = simulate(plan, Scenario(dropped=1.0))
     assert lost.motors[0].following_error > 3 * nominal.motors[0].following_error
 
 
 @pytest.mark.parametrize("scale", [0.3, 3.0])
 def test_the_compliance_matters_as_a_spring_does(plan, nominal, scale):
+    """A lower stiffness increases the tracking errors, and a higher stiffness reduces them."""
     result = simulate(plan, Scenario(compliance=scale))
     worst = [each.rms for each in result.tracking][:2]
     known = [each.rms for each in nominal.tracking][:2]
@@ -312,6 +321,7 @@ def test_the_compliance_matters_as_a_spring_does(plan, nominal, scale):
 
 
 def test_backlash_is_free_play(plan):
+    """A twist within the backlash does not deflect the spring."""
     stiff = {name: JointCompliance(backlash=0.0) for name in DRIVEN}
     loose = {
         name: JointCompliance(backlash=0.01 if name != "insertion" else 2e-5) for name in DRIVEN
@@ -361,6 +371,7 @@ def test_a_second_with_controllers_takes_twenty_million_instructions_at_most(pla
 
 
 def test_draws_are_what_single_playbacks_are(short):
+    """A draw with the nominal friction agrees with the single playback."""
     nominal = simulate(short)
     frictions, notes = draw_frictions(short.robot, 6, 0.15)
     assert notes == ()
@@ -385,6 +396,9 @@ def test_draws_are_what_single_playbacks_are(short):
 
 
 def test_frictions_are_drawn_from_the_posterior_or_said_to_be_as_stated(plan, short):
+    """Frictions are drawn from the posterior of a drive. A note names each drive without a
+    posterior.
+    """
     drive = plan.robot.joints[0].drive
     sets = np.column_stack([np.linspace(0.12, 0.14, 50), np.full(50, 3e-3)])
     known = replace(

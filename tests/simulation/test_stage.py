@@ -161,6 +161,7 @@ def test_joints_without_a_drive_are_prescribed_what_the_plan_accelerates_them_by
 
 @pytest.mark.parametrize("pick", [0.0, 0.1])
 def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) -> None:
+    """The arm has no payload until a given time, and has the payload afterwards."""
     made = stage(plan, payload=0.05, payload_time=pick, friction=2.0)
     empty, loaded = FakeArm(lambda s, n: s + np.arange(n + 1.0)[:, None]), FakeArm()
     made.arms = {0.0: empty, 0.05: loaded}  # type: ignore[dict-item]

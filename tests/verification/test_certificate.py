@@ -35,6 +35,7 @@ def motion(last: float = 1.0) -> Trajectory:
 
 
 def test_margins_are_shares_of_the_limit(robot: Robot) -> None:
+    """A margin is the unused fraction of a limit, and is negative for a violation."""
     limit = robot.joints[0].limit(JointVelocity)
     found = LimitCheck.from_extreme(limit, 0.25 * limit.high, 1.5)
     assert found.margin == pytest.approx(0.75)
@@ -78,6 +79,7 @@ def test_a_certificate_survives_json_and_refuses_what_is_none() -> None:
 
 
 def test_the_seal_breaks_with_whatever_it_was_given_for(robot: Robot) -> None:
+    """The seal detects a change of the certificate, the motion, the robot or the limits."""
     limits, way = TaskLimits((TaskRange("tilt", -2.0, -1.5),)), motion()
     certificate = with_seal(Certificate((LINE,), "x", 3), way, robot, limits)
     other = with_seal(Certificate((LINE,), "x", 3), motion(2.0), robot, limits)
@@ -103,6 +105,7 @@ def test_the_seal_breaks_with_whatever_it_was_given_for(robot: Robot) -> None:
 
 
 def test_promises_are_part_of_the_seal_of_those_who_made_them(robot: Robot) -> None:
+    """The seal covers the motions of the problem if the certificate has promises about them."""
     way = motion()
     promise = replace(LINE, name="path departure", joint=None)
     one, other = (TaskLimits(motion=(Straight(tilt=tilt),)) for tilt in (-1.8, -1.9))

@@ -123,8 +123,7 @@ LOW = ("nut contact", "retina clearance", "lens clearance")
 
 
 def along_the_shaft(tip: np.ndarray) -> np.ndarray:
-    """Return the least distance (n,) of the shaft from the centre of the lens, in sizes of the
-    lens.
+    """Return the least distance (n,) of the shaft from the lens, in sizes of the lens.
 
     The shaft goes from the origin to each tip (n, 3), and is sampled densely.
     """
@@ -267,6 +266,7 @@ def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot)
 def test_jumps_are_found_on_either_side_of_a_block(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Jumps inside blocks of pieces and between blocks are found."""
     monkeypatch.setattr("ssm_planner.verification.pieces.PIECES_PER_BLOCK", 4)
     trajectory = wavy(np.random.default_rng(1), pieces=11)
     assert limit_of(check(trajectory, robot), "position jump", "tilt").passed
@@ -305,6 +305,7 @@ def test_the_first_look_hides_nothing(
 
 
 def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of pieces in a block does not change the result."""
     trajectory = wavy(np.random.default_rng(2), pieces=10)
     whole = check(trajectory, robot, LIMITS)
     monkeypatch.setattr("ssm_planner.verification.pieces.PIECES_PER_BLOCK", 3)
@@ -327,6 +328,7 @@ def test_a_jerk_limit_is_checked(robot: Robot) -> None:
 
 
 def test_no_motor_no_torque_limit_and_it_is_said(robot: Robot) -> None:
+    """Without motors, the check has no limits on torques, and it lists what is not checked."""
     bare = dataclasses.replace(
         robot,
         joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints),

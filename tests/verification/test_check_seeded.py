@@ -1,6 +1,6 @@
 """The check finds a limit that is exceeded by 0.1 % between samples, and reports no other limit.
 
-The program tests/benchmarks/bench_check.py repeats this test for many more seeds.
+The program tests/benchmarks/bench_check.py repeats this test a thousand times.
 """
 
 from __future__ import annotations

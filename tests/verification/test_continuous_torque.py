@@ -65,6 +65,7 @@ def back_and_forth(robot: Robot, count: int) -> Trajectory:
 
 
 def test_it_is_the_rms_of_the_sizing_on_the_shipped_plan() -> None:
+    """The continuous torque of the certificate equals the RMS torque of the sizing."""
     plan = load_plan(ROOT / "results/tilt_insert/plan.json")
     found = continuous(check(plan.trajectory, plan.robot, plan.limits))
     sized = by_sizing(plan.trajectory, plan.robot)
@@ -75,6 +76,7 @@ def test_it_is_the_rms_of_the_sizing_on_the_shipped_plan() -> None:
 
 @pytest.mark.parametrize("make", [trapezoids, smooth, lambda robot: back_and_forth(robot, 9)])
 def test_it_is_the_rms_of_the_sizing_with_starts_turns_and_jumps(robot: Robot, make) -> None:
+    """The continuous torque equals that of the sizing, also with starts, reversals and jumps."""
     robot = with_static_friction(robot, 0.6)
     trajectory = make(robot)
     found = continuous(check(trajectory, robot))
@@ -135,6 +137,7 @@ def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> Non
 
 
 def test_static_friction_is_a_peak_and_no_heat(robot: Robot) -> None:
+    """Static friction raises the peak torque, but not the continuous torque."""
     trajectory = smooth(robot)
     low, high = (check(trajectory, with_static_friction(robot, mu)) for mu in (0.3, 0.9))
     for joint in ("roll", "tilt"):

@@ -72,6 +72,7 @@ def test_a_cut_of_the_shipped_motion_fails(
     "word", ["tilt", "tilt=3mm/s", "tlt=3deg/s", "", "tilt=1deg/s;roll=2deg/s"]
 )
 def test_rates_that_are_none_are_refused(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """An option that does not state valid rates is refused."""
     assert main(["check", str(SHIPPED), "--robot", ROBOT, "--end-rate", word]) == 2
     assert "--end-rate" in capsys.readouterr().err
 
@@ -110,6 +111,7 @@ def test_joint_rates_are_those_of_the_task(robot: Robot) -> None:
 
 
 def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_path: Path) -> None:
+    """Exports keep the last speed of a plan that ends in motion."""
     whole = trapezoids(robot)
     moving = part(whole, 0, 1)
     limits = TaskLimits(end_rate=rates_at(moving, robot, 1))
@@ -146,6 +148,7 @@ def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_p
 
 
 def test_limits_of_a_slower_motion_ask_for_slower_ends() -> None:
+    """A motion at half speed has half the required end rates."""
     limits = TaskLimits(end_rate={"tilt": 0.2})
     assert limits.slower(2.0).end_rate == {"tilt": 0.1}
     assert limits.slower(2.0).start_rate == {}

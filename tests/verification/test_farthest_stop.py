@@ -40,6 +40,7 @@ def of_stop(trajectory: Trajectory, robot: Robot, way: float, **more: object) ->
 
 
 def test_the_farthest_stop_is_that_of_a_closer_look(robot: Robot) -> None:
+    """The reported travel is at least that of the coarse search."""
     whole = motion()
     stops = quickest_stops(whole, robot)
     line = of_stop(whole, robot, 0.01)
@@ -52,6 +53,7 @@ def test_the_farthest_stop_is_that_of_a_closer_look(robot: Robot) -> None:
 
 
 def test_a_motion_that_ends_moving_has_no_stops_to_rely_on(robot: Robot) -> None:
+    """A motion that does not end at rest fails the limit on the stop travel."""
     line = of_stop(motion(ends_at_rest=False), robot, 0.01, end_rate=None)
     assert line.case == "the motion does not end at rest"
     assert line.margin == -1.0
@@ -91,6 +93,7 @@ def test_stops_are_joined_one_after_the_other(robot: Robot) -> None:
 
 
 def test_a_motion_done_once_is_not_held_against_what_motors_give_for_all_time(robot: Robot) -> None:
+    """The continuous torque is not checked for a motion that is performed once."""
     for duty, count in ((None, 0), (0.0, 3), (10.0, 3)):
         found = check(motion(), robot, TaskLimits(duty=duty))
         lines = [line for line in found.limits if line.name == ContinuousTorque.name]

@@ -35,6 +35,8 @@ def roll_sine(robot: Robot, share: float, lacking: list[int]) -> Points:
 
 @pytest.mark.parametrize("lacking", [[-1], [0], [10, 20], list(range(28))])
 def test_linear_pieces_do_not_excuse_the_smooth_ones(robot: Robot, lacking: list[int]) -> None:
+    """Linear pieces of a table do not hide an excessive acceleration of the smooth pieces."""
+
     def limits(
         share: float, missing: list[int]
     ) -> dict[tuple[str, str | None], tuple[float, float, bool]]:

@@ -83,6 +83,7 @@ def test_tilt_and_speed_of_the_tip_are_those_of_the_kinematics(tilt_insert: Prob
 
 
 def test_rows_are_joined_as_the_client_joins_them() -> None:
+    """The oracle joins rows by cubics or quintics, and by lines where a velocity is missing."""
     q, qd, qdd = states(6, 8)
     t = np.cumsum(np.random.default_rng(6).uniform(1e-3, 1.0, 8))
     h = np.diff(t)

@@ -159,7 +159,7 @@ def test_a_rest_keeps_its_duration() -> None:
 def test_a_joint_that_returns_within_an_interval_does_not_rest() -> None:
     """Joint 2 moves out and back within each interval.
 
-    Only the ends of the motion are rests, where ṡ is at most 1.
+    The path speed ṡ is fixed to 1 only at the ends of the motion.
     """
     problem = load_problem("tilt_insert")
     count, speed = 250, 0.05

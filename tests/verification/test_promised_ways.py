@@ -92,9 +92,7 @@ def test_motions_between_rounded_corners_are_one_phase() -> None:
 
 
 def way(**changes: object) -> PathPromise:
-    """Return a promise of two lines along x and y, whose corner at the origin is rounded within 1
-    mm.
-    """
+    """Return a promise of two lines along x and y, rounded within 1 mm at the origin."""
     lines = tuple(
         (lambda s, p=p, q=q: promises._line_points(np.array(p), np.array(q), s))
         for p, q in (((-0.01, 0.0, 0.0), (0.0,) * 3), ((0.0,) * 3, (0.0, 0.01, 0.0)))

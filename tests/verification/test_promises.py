@@ -70,6 +70,7 @@ def over_retina(distance: float) -> Follow:
 
 
 def exceeded(motion: Trajectory, robot: Any, limits: TaskLimits) -> set[str]:
+    """Return the names of the violated limits."""
     return {found.name for found in check(motion, robot, limits).violations}
 
 
@@ -184,6 +185,7 @@ def test_check_refuses_changed_plans_and_passes_others(
 
 
 def test_a_table_says_nothing_of_phases(planned: Callable[..., Plan]) -> None:
+    """A table has no phases, so the promises about its path are not checked."""
     made = planned(line())
     bare = Trajectory(made.motion.breaks, made.motion.coefficients, ())
     found = check(bare, made.robot, made.limits)
@@ -251,6 +253,7 @@ def test_arcs_and_lines_after_tables_and_scans(
 
 
 def test_roll_beyond_half_a_turn(planned: Callable[..., Plan], tilt_insert: Problem) -> None:
+    """A straight motion may roll by more than half a turn."""
     q = Joints((0.0, 0.6, 0.0, -0.010))
     robot = replace(tilt_insert.robot, limits=(), joints=tuple(
         replace(joint, position=(-7.0, 7.0)) if k in (0, 2) else joint for k, joint in enumerate(tilt_insert.robot.joints)

@@ -118,6 +118,7 @@ def value_at(model: Any, index: tuple[int, ...], s: Decimal) -> tuple[Decimal, f
 
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.parent.name)
 def test_points_by_other_arithmetic_lie_in_the_models(file: Path) -> None:
+    """Exact decimal values of motions, efforts and torques lie within the enclosures."""
     plan = json.loads(file.read_text(encoding="utf-8"))
     with np.errstate(all="ignore"):
         proof = prove.Proof(plan)
@@ -180,6 +181,10 @@ MOTOR = {
 
 
 def test_limits_just_kept_and_just_exceeded(document: Document) -> None:
+    """Limits that exceed the worst values by 1e-8 are proven.
+
+    Limits that are smaller than the worst values by 3e-6 are refuted.
+    """
     claims = proven(document)
     for share, verdict in ((-1e-8, "PROVEN"), (3e-6, "REFUTED")):
         plan, names = copy.deepcopy(document), set()

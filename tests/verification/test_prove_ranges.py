@@ -97,6 +97,10 @@ def test_no_case_exceeds_what_is_proven_of_a_range(
 
 
 def test_limits_just_kept_and_just_exceeded_by_a_corner() -> None:
+    """A torque limit that exceeds the worst corner by 1e-8 is proven.
+
+    A limit that is smaller by 3e-6 is refuted.
+    """
     plan = changed(0, friction=True, payload=True)
     whole = claims_of(plan)
     for share, verdict in ((1 + 1e-8, "PROVEN"), (1 - 3e-6, "REFUTED")):

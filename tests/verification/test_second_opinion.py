@@ -90,6 +90,7 @@ def test_random_plans(first: int) -> None:
 
 @pytest.mark.parametrize("speed", [0.85, 0.5])
 def test_the_timing_of_a_motion_does_not_count(speed: float) -> None:
+    """The fastest duration depends on the path of a motion, and not on its timing."""
     made = load_plan(ROOT / "results/tilt_insert")
     motions = made.motion, made.motion.slower(speed)
     durations = [
@@ -150,6 +151,7 @@ def test_friction_that_the_planner_underestimates_is_noticed(strength: float) ->
 
 
 def test_it_says_why_it_cannot_judge() -> None:
+    """The result names the reason for each phase that is not judged."""
     made = load_plan(ROOT / "results/tilt_insert")
     problem = made.problem
     joints = problem.robot.joints

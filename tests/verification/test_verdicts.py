@@ -31,9 +31,7 @@ LINE = LimitCheck("velocity", "roll", 0.5, 2.0, 0.75, 1.5, "rad/s")
 
 
 def table(path: Path, robot: Robot, quicker: float = 1.0, velocities: bool = False) -> Path:
-    """Write a table of 401 points that keeps every limit unless it is played faster. Return its
-    path.
-    """
+    """Write a table of 401 points that keeps every limit unless it is played faster."""
     motion = smooth(robot)
     s = motion.sample(np.linspace(0, motion.duration, 401))
     columns = [s.t / quicker, s.q, *([s.qd * quicker] if velocities else [])]
@@ -44,6 +42,7 @@ def table(path: Path, robot: Robot, quicker: float = 1.0, velocities: bool = Fal
 
 
 def test_a_certificate_is_violated_before_it_is_not_judged() -> None:
+    """A violated limit has priority over limits that are not judged."""
     torque = Unjudged("motor torque", "roll", "no reason")
     broken = LimitCheck("jerk", None, 3.0, 2.0, -0.5, 0.0, "")
     kept = Certificate((LINE,), "x", 3)

@@ -99,6 +99,7 @@ def test_another_start_is_refused(table: Trajectory, problem: Problem) -> None:
 
 
 def test_points_of_every_kind_are_the_same_point(table: Trajectory, problem: Problem) -> None:
+    """A target has joint positions, a tip position or task coordinates."""
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     end = table.positions(table.breaks[-1:])
     roll, tilt, spin, depth = task_from_joints(mechanism, end)[0]
@@ -190,6 +191,7 @@ def test_a_table_that_leaves_its_line_is_noticed(
 
 
 def test_lines_of_a_plan_are_left_to_the_check(problem: Problem) -> None:
+    """The check of a plan with phases judges its lines, so they are not judged twice."""
     found = with_task_results(EMPTY, load_plan(SHIPPED).motion, problem)
     assert "path departure" not in {line.name for line in found.limits}
 
@@ -204,6 +206,7 @@ def test_rounded_corners_and_constant_speeds_of_tables_are_not_judged(
 
 
 def test_what_is_unknown_is_not_judged(table: Trajectory, problem: Problem) -> None:
+    """The targets and lines of a problem with a scan are not judged for a table."""
     eye = load_problem(PROBLEMS / "eye_approach.yaml").eye
     spots = Scan(Task(tilt=-2.0), 0.0015, rows=2, columns=2)
     found = with_task_results(EMPTY, table, asking(problem, TILT, spots, INSERT, eye=eye))
