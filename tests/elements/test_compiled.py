@@ -1,4 +1,7 @@
-"""Elements in C: the numbers of the CasADi functions, for any robot, drive, law, load, eye and aim."""
+"""Verify that the elements in C return the numbers of the CasADi functions.
+
+The cases cover random robots, every drive, friction law, load and aim, and eyes.
+"""
 
 from __future__ import annotations
 
@@ -48,19 +51,23 @@ from tests.support.random_problems import random_problem
 WithJerk = Callable[[Robot, float, float], Robot]
 RELATIVE = 1e-11
 COUNT = 6
-"""Elements: one whole block of the vectors, and a part of one."""
+"""The number of elements fills one block of SIMD lanes and a part of a second block."""
 pytestmark = pytest.mark.skipif(
     library.load() is None, reason="installed without the compiled part"
 )
 
 
 def _by_name(functions: ElementFunctions) -> dict[str, ca.Function]:
-    """Return the functions that exist."""
+    """Return the element functions that are not None, by name."""
     return {name: function for name, function in vars(functions).items() if function is not None}
 
 
 def drives(robot: Robot, rng: np.random.Generator) -> Robot:
-    """Every law of friction, and drives with one nut or two, wherever; a payload and other friction at its corners."""
+    """Return the robot with other drives, so that its joints use all three friction laws.
+
+    Each sliding drive has one nut or, with probability 0.5, two. With probability 0.6 the robot has
+    two corner cases, which have payloads of 0 and 0.03 kg and other friction.
+    """
     laws = itertools.cycle(["stribeck_exponential", "coulomb", "stribeck_gaussian"])
 
     def other(drive: Drive) -> Drive:
@@ -98,12 +105,13 @@ def drives(robot: Robot, rng: np.random.Generator) -> Robot:
 
 
 def agree(mine: Array, its: Array) -> None:
+    """Assert that two arrays agree within RELATIVE times the largest reference value."""
     scale = max(float(np.abs(its).max(initial=0.0)), 1e-12)
     assert float(np.abs(mine.reshape(its.shape) - its).max(initial=0.0)) <= RELATIVE * scale
 
 
 def breakaway_functions(element: ElementModel) -> dict[str, ca.Function]:
-    """Breakaway rows with their derivatives, by CasADi."""
+    """Return CasADi functions of the breakaway rows, their Jacobian and their Hessian, by name."""
     function = element.breakaway
     symbols = [ca.SX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
     rows = function(*symbols)
@@ -118,7 +126,10 @@ def breakaway_functions(element: ElementModel) -> dict[str, ca.Function]:
 
 
 def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
-    """Everything in C against CasADi."""
+    """Assert that every compiled function of the model agrees with CasADi's.
+
+    `z` (count, n) contains the variables of each element.
+    """
     rng = np.random.default_rng(1)
     symbols = [ca.SX.sym("x", element.state_size), *element.parameter_symbols(ca.SX)]
     assert element.row_names == [(row.name, row.joint) for row in element._active_rows(*symbols)]
@@ -154,7 +165,10 @@ def check(element: ElementModel, z: Array, parameters: list[Array]) -> None:
 def at_once(
     native: NativeElements, z: Array, lam: Array, sigma: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """What the structured solver asks for: values, then derivatives with J' diag(sigma) J in the Hessian; by name."""
+    """Return values and derivatives in the two calls that the structured solver uses, by name.
+
+    The Hessian in the second dictionary contains the additional term J' diag(sigma) J.
+    """
 
     def addresses(names: tuple[str, ...]) -> tuple[dict[str, Array], list[ctypes.c_void_p]]:
         shapes = {name: native.shapes.get(name, (0,)) for name in names}
@@ -174,7 +188,11 @@ def at_once(
 def multipliers_of(
     native: NativeElements, aim: Aim, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Of the rows and the cost, and stiffness of the rows."""
+    """Return random multipliers of the rows and the cost, and random stiffnesses of the rows.
+
+    The first array has the shape (count, rows), or (count, rows + 1) with a cost. The second has
+    the shape (count, rows).
+    """
     shape = native.shapes["rows"]
     return rng.uniform(-1, 1, (shape[0], shape[1] + (aim != "time"))), rng.uniform(0, 2, shape)
 
@@ -184,6 +202,7 @@ def multipliers_of(
 def test_all_at_once_is_one_by_one(
     tilt_insert: Problem, with_jerk: WithJerk, kind: str, aim: Aim
 ) -> None:
+    """One call for all derivatives returns the same as a separate call for each."""
     rng = np.random.default_rng(5)
     element, z, parameters = elements_of(with_jerk(tilt_insert.robot, 35.0, 1.0), kind, aim, rng)
     native = native_elements(element, parameters, COUNT)
@@ -200,6 +219,7 @@ def test_all_at_once_is_one_by_one(
 
 
 def test_angles_of_many_turns(tilt_insert: Problem) -> None:
+    """The compiled functions reduce angles of many turns as accurately as CasADi."""
     element, z, parameters = elements_of(
         tilt_insert.robot, "free", "time", np.random.default_rng(6)
     )
@@ -216,6 +236,7 @@ def test_angles_of_many_turns(tilt_insert: Problem) -> None:
 def test_every_variant_gives_the_same_bits(
     tilt_insert: Problem, with_jerk: WithJerk, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The library variants for different instruction sets return the same bits."""
     rng = np.random.default_rng(7)
     element, z, parameters = elements_of(
         with_jerk(tilt_insert.robot, 35.0, 1.0), kind, "cooling", rng
@@ -236,7 +257,9 @@ def test_every_variant_gives_the_same_bits(
 def elements_of(
     robot: Robot, kind: str, aim: Aim, rng: np.random.Generator
 ) -> tuple[Any, Array, list[Array]]:
-    """A model with several elements of its kind."""
+    """Return a model, the variables of COUNT elements of this kind (COUNT, n), and their
+    parameters.
+    """
     cases = [CASES[kind](robot, aim, rng) for _ in range(COUNT)]
     z, *each = (np.array(values) for values in zip(*(numbers for _, numbers in cases), strict=True))
     element, packed = cases[0][0], each[-1][0]
@@ -274,7 +297,7 @@ def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk,
     robot = unchecked_copy(robot, joints=(robot.joints[0], undriven, *robot.joints[2:]))
     element, z, (_, _, packed) = elements_of(robot, "straight", get_args(Aim)[seed], rng)
     sigma = rng.choice([-1.0, 1.0], (COUNT, 4))
-    sigma[:, 1] = 0.0  # a path gives no direction to a joint without a drive
+    sigma[:, 1] = 0.0  # A path gives no direction to a joint without a drive.
     fits = rng.normal(size=(COUNT, element.parameters[1].size))
     fits[:, :2] = 0.42, 0.05
     check(dataclasses.replace(element, jerk=bool(seed)), z, [sigma, fits, packed])
@@ -282,6 +305,9 @@ def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk,
 
 @pytest.mark.parametrize("kind", CASES)
 def test_ipopt_is_given_the_same(tilt_insert: Problem, kind: str) -> None:
+    """The compiled functions that Ipopt calls have the values and the sparsity of CasADi's
+    functions.
+    """
     rng = np.random.default_rng(5)
     element, z, parameters = elements_of(tilt_insert.robot, kind, "heat", rng)
     native = mapped_elements(element, COUNT)
@@ -301,6 +327,7 @@ def test_ipopt_is_given_the_same(tilt_insert: Problem, kind: str) -> None:
 def test_an_interruption_within_is_raised(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A KeyboardInterrupt in a compiled function is raised again by `check`, once."""
     element, z, parameters = elements_of(
         tilt_insert.robot, "free", "time", np.random.default_rng(5)
     )
@@ -321,7 +348,10 @@ def test_an_interruption_within_is_raised(
 
 
 def test_what_stands_is_finite(tilt_insert: Problem) -> None:
-    """Rows without a limit, and what stands, are finite."""
+    """The rows and their Jacobian are finite for joints at rest without a direction of motion.
+
+    This includes rows without a limit.
+    """
     element, z, parameters = elements_of(
         tilt_insert.robot, "free", "time", np.random.default_rng(2)
     )
@@ -334,7 +364,7 @@ def test_what_stands_is_finite(tilt_insert: Problem) -> None:
 
 
 def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
-    """The same bits alone and among others."""
+    """The Hessian of an element has the same bits alone and in a block with others."""
     element, z, parameters = elements_of(
         tilt_insert.robot, "free", "heat", np.random.default_rng(2)
     )
@@ -351,6 +381,9 @@ def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) -> None:
+    """The joint efforts from the compact load parameters agree with the inverse dynamics of the
+    rigid bodies.
+    """
     robot = random_problem(tilt_insert, seed).robot
     rng = np.random.default_rng(seed)
     q, qd, qdd = rng.uniform(-2, 2, (3, 4))
@@ -378,7 +411,10 @@ def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) ->
 
 
 def test_the_c_is_what_the_laws_give() -> None:
-    """By the version of CasADi that wrote it: `python -m ssm_planner.elements.kernels`."""
+    """The C header in the repository equals the output of `python -m ssm_planner.elements.kernels`.
+
+    The comparison needs the version of CasADi that wrote the header.
+    """
     text = kernels.KERNELS_HEADER.read_text(encoding="utf-8")
     if f"CasADi {ca.CasadiMeta.version()}:" not in text:
         pytest.skip("written by another CasADi")

@@ -1,4 +1,8 @@
-"""Curves that a problem gives: the tip keeps to them, and the forms of a table mean the same."""
+"""Verify that the tip follows the curves of a problem within 2 µm.
+
+Equivalent tables of task, joint and tip samples must give the same path. References are geometric
+distances and closed-form times.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ def base(tilt_insert: Problem) -> Problem:
 
 
 def planned(problem: Problem) -> tuple[PlannerResult, Array]:
-    """The motion, and the tip along it, (n, 3)."""
+    """Return the planner's result and 2000 tip positions along its motion, (2000, 3) in m."""
     found = plan_motion(problem)
     assert found.trajectory is not None, found.reason
     q = found.trajectory.sample(np.linspace(0.0, found.trajectory.duration, 2000)).q
@@ -45,7 +49,8 @@ def test_the_tip_keeps_to_a_line_below_its_speed_and_the_plan_passes(base: Probl
     assert tips[-1] == pytest.approx((0.002, -0.006, -0.012), abs=1e-9)
     off = np.linalg.norm(np.cross(tips - tips[0], way / np.linalg.norm(way)), axis=1)
     assert off.max() < 2e-6
-    # nothing but the tip's speed and the ramps: the way at that speed is nearly all of the time
+    # Only the tip's speed and the ramps limit the motion, so it takes little longer than the line
+    # at full speed.
     assert (
         np.linalg.norm(way) / 0.008
         < found.trajectory.duration
@@ -75,6 +80,9 @@ def test_the_tip_keeps_to_an_arc(base: Problem) -> None:
 
 
 def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
+    """A line or a table of samples that changes only the depth takes the time of the straight
+    insertion.
+    """
     straight, _ = planned(replace(base, motion=(Straight(depth=0.015),), planner="toppra"))
     line, _ = planned(replace(base, motion=(Follow(Task(depth=0.015), curve="line"),)))
     samples = tuple(Task(depth=depth) for depth in np.linspace(0.005, 0.015, 30).tolist())
@@ -84,6 +92,9 @@ def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
 
 
 def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
+    """Tables of task coordinates, joint positions and tip positions give the same path and
+    duration.
+    """
     task = np.column_stack(
         [s := np.linspace(0, 0.3, 40), np.radians(-95) - 0.4 * s, s**2, 0.005 + 0.02 * s]
     )
@@ -113,6 +124,9 @@ def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
 
 
 def test_samples_begin_elsewhere_and_turn(base: Problem) -> None:
+    """A table that begins elsewhere gets an approach, and the robot stops at a corner of the
+    table.
+    """
     places = ((-100, 5e-3), (-101, 5e-3), (-102, 5e-3), (-102, 6e-3), (-102, 7e-3))
     points = [Task(tilt=np.radians(tilt), depth=depth) for tilt, depth in places]
     found, _ = planned(
@@ -138,7 +152,7 @@ def test_a_constant_speed_is_kept_between_the_ramps(base: Problem, curve: Any) -
     assert outcome.passed, outcome.reason
     (phase,) = outcome.phases
     assert phase.constant_speed == 4e-3
-    # by another measure than the check's: differences of positions of the tip
+    # The reference differs from the check's method: it takes finite differences of tip positions.
     start, end = phase.constant_from, phase.constant_to
     t, h = np.linspace(start + 1e-3, end - 1e-3, 500), 1e-5  # type: ignore[operator]
     mechanism = Mechanism.from_geometry(base.robot.geometry)
@@ -147,7 +161,7 @@ def test_a_constant_speed_is_kept_between_the_ramps(base: Problem, curve: Any) -
     )
     assert np.linalg.norm(behind - before, axis=1) / (2 * h) == pytest.approx(4e-3, rel=1e-6)
     assert phase.constant_error < 1e-6  # type: ignore[operator]
-    # the ramps are short, and as fast as a joint allows
+    # The ramps are short, and a joint reaches its acceleration limit on the first one.
     assert 0 < start < 0.2 < phase.duration - 0.2 < end < phase.duration  # type: ignore[operator]
     ramp = np.abs(outcome.motion.sample(np.linspace(0.0, 0.8 * start, 50)).qdd)  # type: ignore[operator]
     assert (ramp / [joint.acceleration for joint in base.robot.joints]).max() == pytest.approx(
@@ -158,6 +172,9 @@ def test_a_constant_speed_is_kept_between_the_ramps(base: Problem, curve: Any) -
 
 
 def test_a_constant_speed_that_cannot_be_is_told_with_the_one_that_can(base: Problem) -> None:
+    """The reason states the largest constant speed, and that speed separates solved from
+    infeasible.
+    """
     motion = Follow(
         Tip((0.004, -0.004, -0.012), 0.2), curve="line", name="line", constant_speed=0.2
     )
@@ -215,13 +232,13 @@ def test_a_spline_by_optimal_control_keeps_jerk_limits_and_durations(base: Probl
         assert found.passed, found.reason
         assert "jerk" in {limit.name for limit in found.certificate.limits}  # type: ignore[union-attr]
         durations.append(found.motion.duration)
-        # the points are met, to the spacing of the samples
+        # The motion passes the points, within the spacing of the samples.
         tasks = task_from_joints(
             mechanism, found.motion.sample(np.linspace(0, durations[-1], 20_001)).q
         )
         for point in BENT:
             assert np.abs(tasks - list(point.set_coordinates.values())).max(axis=1).min() < 1e-4
-    # as the limit grows the time becomes TOPP-RA's
+    # For very large jerk limits, the duration approaches that of TOPP-RA.
     assert 1.0 <= durations[0] / fastest.motion.duration < 1.005
     assert durations[1] > 1.02 * durations[0]
     for timed in (
@@ -234,6 +251,7 @@ def test_a_spline_by_optimal_control_keeps_jerk_limits_and_durations(base: Probl
 
 
 def test_what_toppra_alone_times_says_so_at_its_place(base: Problem) -> None:
+    """Options that only optimal control supports are refused with the position of the motion."""
     joints = tuple(replace(joint, jerk=20 * joint.acceleration) for joint in base.robot.joints)
     jerky = replace(base, robot=replace(base.robot, joints=joints))
     points = tuple(Task(tilt=np.radians(-95 - k)) for k in range(1, 23))
@@ -269,6 +287,7 @@ def test_what_toppra_alone_times_says_so_at_its_place(base: Problem) -> None:
     ],
 )  # fmt: skip
 def test_what_no_joint_can_follow(base: Problem, motion: Follow, message: str) -> None:
+    """A curve that the mechanism cannot follow is refused."""
     robot = replace(base.robot, limits=())
     with pytest.raises(ProblemError, match=message):
         plan_motion(replace(base, robot=robot, motion=(motion,), limits=()))
@@ -279,7 +298,8 @@ def test_a_curve_out_of_the_tilt_range_is_refused_before_it_is_timed(base: Probl
         Task(roll=roll, tilt=np.radians(tilt))
         for tilt, roll in ((-90, 0.0), (-81.1, 0.0), (-81.1, 0.3))
     )
-    beyond = Follow(Task(tilt=np.radians(-95)), through)  # the spline overshoots between its points
+    # The spline overshoots between its points.
+    beyond = Follow(Task(tilt=np.radians(-95)), through)
     found = plan_motion(replace(base, motion=(beyond,)))
     assert found.status == "infeasible"
     assert found.reason is not None
@@ -301,7 +321,7 @@ def test_along_the_retina_the_tip_keeps_its_distance(laser_scan: Problem) -> Non
         Mechanism.from_geometry(laser_scan.robot.geometry), outcome.motion.sample(t).q
     )
     assert eye.radius - np.linalg.norm(tips - eye.centre, axis=1) == pytest.approx(1.5e-3, abs=1e-9)
-    # the shortest way on the sphere
+    # The tip follows the shortest curve on the sphere.
     first, last = tips[[0, -1]] - eye.centre
     length = np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()
     arc = (eye.radius - 1.5e-3) * np.arccos(

@@ -1,4 +1,8 @@
-"""The structured solver: Ipopt's optimum on the same mesh, which Ipopt confirms; Ipopt where it gives up; what is said."""
+"""Verify the structured solver against Ipopt, which solves the same programs on the same mesh.
+
+The tests also verify that Ipopt confirms its optimum, that Ipopt replaces it if it does not
+converge, and that the plan and its report name the solver.
+"""
 
 from __future__ import annotations
 
@@ -35,13 +39,13 @@ pytestmark = pytest.mark.skipif(
     not compiled_library(), reason="the package is built without its compiled part"
 )
 SAME = 1e-6
-"""Share of the duration within which both solvers agree."""
+"""Relative tolerance for the durations of the two solvers."""
 Solve = tuple[Any, Any, Any, Any, NlpSolution | None, NlpSolution]
 
 
 @pytest.fixture
 def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
-    """What the structured solver was asked, and its answers."""
+    """Return a list that records the arguments and the solution of every structured solve."""
     found: list[Solve] = []
 
     def noted(structure: Any, element: Any, data: Any, start: Any, **options: Any) -> NlpSolution:
@@ -58,14 +62,16 @@ def fast(problem: Problem) -> Problem:
 
 
 def gives_up(structure: Any, element: Any, data: Any, start: Any, **options: Any) -> NlpSolution:
+    """Solve the program, but return the solution marked as not converged."""
     solution = solve_structured(structure, element, data, start, **options)
     return dataclasses.replace(solution, message=NOT_CONVERGED)
 
 
 def agree(solves: list[Solve]) -> tuple[int, int]:
-    """Hold every converged solve against Ipopt's optimum of the same program: it may be shorter.
+    """Assert that no converged solve is slower than Ipopt's optimum of the same program.
 
-    Returns how many converged, and how many Ipopt solved too.
+    Return the number of converged solves, and the number of those that Ipopt solved too. Only
+    programs that minimise the time are compared.
     """
     converged = compared = 0
     for structure, element, data, start, _, own in solves:
@@ -97,7 +103,7 @@ def test_shipped_problems(
         problem = unchecked_copy(problem, robot=with_jerk(problem.robot, jerk, jerk / 10))
     planned = plan_motion(
         fast(problem), may_reverse=False
-    )  # with turning points Ipopt solves alone
+    )  # Ipopt alone solves motions with turning points
     assert planned.status == "solved"
     assert {phase.motion.solver for phase in planned.phases} <= {"structured", ""}
     converged, compared = agree(solves)
@@ -107,7 +113,7 @@ def test_shipped_problems(
 
 @pytest.mark.parametrize("seed", drawn(6, range(12)))
 def test_random_problems(seed: int, solves: list[Solve], tilt_insert: Problem) -> None:
-    """Of each seed the first problem with a solve that Ipopt can be compared with."""
+    """Each seed uses its first random problem that has a solve to compare with Ipopt's."""
     for more in range(10):
         try:
             problem = random_problem(tilt_insert, 100 + seed + 1000 * more, most=1)
@@ -138,6 +144,7 @@ def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem)
 def test_ipopt_solves_where_it_does_not_converge(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """If the structured solver does not converge, Ipopt solves every phase."""
     monkeypatch.setattr(refinement, "solve_structured", gives_up)
     found = plan(fast(tilt_insert))
     assert found.certificate is not None
@@ -149,6 +156,7 @@ def test_ipopt_solves_where_it_does_not_converge(
 def test_joints_that_turn_back_at_points_need_no_ipopt(
     monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
 ) -> None:
+    """A motion whose joints reverse at waypoints is solved although Ipopt cannot be called."""
     monkeypatch.delattr(Transcription, "solve")
     planned = plan_motion(fast(load_problem("problems/waypoints.yaml")))
     assert planned.status == "solved"
@@ -173,7 +181,9 @@ def test_ipopt_solves_alone_without_the_compiled_part(
 def test_a_solution_is_where_its_neighbour_starts(
     tilt: float, speed: float, solves: list[Solve], tilt_insert: Problem
 ) -> None:
-    """Bounds lowered by little: a few iterations, none of them in vain."""
+    """A solve that starts from a solution with similar bounds converges in at most 20
+    iterations.
+    """
     to = Task(roll=0.3, tilt=np.radians(tilt), spin=-0.4, depth=0.02)
     problem = dataclasses.replace(
         tilt_insert,
@@ -198,7 +208,7 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
     assert found.passed
     assert {phase.solver for phase in found.phases} == {"structured"}
     for phase in found.phases:
-        # the fastest motion and that of least heat
+        # The solver computes the fastest motion first, and then the motion with the least heat.
         assert phase.confirmation_iterations is not None
         assert 0 <= phase.confirmation_iterations <= 8
         assert phase.confirmation_difference is not None
@@ -214,7 +224,7 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
 
 
 def free_phase(problem: Problem) -> Phase:
-    """A free motion of all four joints from rest to rest."""
+    """Return a phase with a free motion of all four joints from rest to rest."""
     points = np.array([[-0.5, 0.6, 0.0, 0.0], [0.3, -0.2, 0.5, -0.015]])
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     start, end = task_from_joints(mechanism, points)
@@ -224,6 +234,9 @@ def free_phase(problem: Problem) -> Phase:
 def test_what_is_longer_than_what_is_known_is_neither_cooled_nor_confirmed(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
 ) -> None:
+    """A motion longer than the cutoff, here 1 ms, is neither optimised for heat nor confirmed
+    by Ipopt.
+    """
     monkeypatch.delattr(Transcription, "solve")
     phase = free_phase(tilt_insert)
     found = solve_free(phase, method="confirmed", cutoff=1e-3)
@@ -260,6 +273,9 @@ def test_a_motion_without_torque_limits_that_bind_takes_the_time_of_its_slowest_
 def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
     tilt_insert: Problem, weaker: Any
 ) -> None:
+    """A fastest motion that is confirmed in a later call gives the same bits as a solve with
+    immediate confirmation.
+    """
     problem = dataclasses.replace(
         tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time"
     )
@@ -276,6 +292,9 @@ def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
 def test_ipopt_alone_where_there_is_nothing_to_confirm(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """If Ipopt does not confirm the solution, or the structured solver fails, the plan is that
+    of Ipopt alone.
+    """
     problem = dataclasses.replace(
         tilt_insert, objective="time", motion=tilt_insert.motion[1:], start=tilt_insert.motion[0].to
     )
@@ -303,6 +322,9 @@ def test_ipopt_alone_where_there_is_nothing_to_confirm(
 
 
 def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If Ipopt's confirmation is 0.1 % slower, the plan keeps the motion of the structured
+    solver.
+    """
     problem = dataclasses.replace(tilt_insert, objective="time")
     solve = Transcription.solve
 
@@ -325,6 +347,7 @@ def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.M
 
 @pytest.mark.parametrize("planner", ["fast", "optimal"])
 def test_same_bits_in_any_order(tilt_insert: Problem, planner: Planner) -> None:
+    """A plan has the same bits if another problem was planned in between."""
     other = load_problem("problems/waypoints.yaml")
     chosen = dataclasses.replace(tilt_insert, planner=planner)
     first = plan_motion(chosen).trajectory
@@ -339,7 +362,11 @@ def test_same_bits_in_any_order(tilt_insert: Problem, planner: Planner) -> None:
 def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
     exceeds: bool, tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where it exceeds one between the collocation points, nothing is confirmed: Ipopt solves alone, and refines."""
+    """A shorter motion of Ipopt replaces the structured one unless it exceeds a row.
+
+    If it exceeds a row between the collocation points, the plan has no confirmation: Ipopt solves
+    the problem alone and refines the mesh.
+    """
     problem = dataclasses.replace(tilt_insert, objective="time", motion=tilt_insert.motion[:1])
     solve = Transcription.solve
 
@@ -365,12 +392,15 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
 
 @pytest.mark.slow
 def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
-    """Where the tip passes the port the retina's row begins: at a border between two segments."""
+    """The row of the retina begins where the tip passes the port, at a border between two
+    segments.
+    """
     problem = load_problem("eye_approach")
     quick, long = plan(fast(problem)), plan(unchecked_copy(problem, planner="ipopt"))
     assert quick.passed
     assert quick.duration <= (1 + 1e-4) * long.duration
-    assert quick.duration == pytest.approx(long.duration, rel=5e-4)  # meshes differ
+    # The two solvers refine their meshes differently.
+    assert quick.duration == pytest.approx(long.duration, rel=5e-4)
     assert solves
     assert all(solution.solved for *_, solution in solves)
     assert {phase.solver for phase in quick.phases} == {"structured"}
@@ -383,7 +413,11 @@ def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
 @pytest.mark.parametrize("clearance", [5e-4, 1e-3])
 @pytest.mark.parametrize("strength", [0.6, 1.0])
 def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
-    """The structured solver alone gets there and back, for other clearances, motors and rates too, in the same time."""
+    """The structured solver alone plans the motion into the eye and back in the same time.
+
+    The cases vary the clearance from the retina and the motor torque, and have no limits of task
+    rates.
+    """
     problem = load_problem("eye_approach")
     assert problem.eye is not None
     joints = tuple(
@@ -411,7 +445,10 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
 
 
 def faster_starting(problem: Problem, times: float, **to: float) -> Problem:
-    """One straight motion, with jerk limits that let every joint reach its acceleration in 1/times s."""
+    """Return a problem with one straight motion and high jerk limits.
+
+    Every joint can reach its largest acceleration in 1/times s.
+    """
     joints = tuple(
         unchecked_copy(joint, jerk=times * joint.acceleration) for joint in problem.robot.joints
     )
@@ -426,6 +463,7 @@ def faster_starting(problem: Problem, times: float, **to: float) -> Problem:
 def test_a_jerk_limited_insertion_is_that_of_its_joint_alone(
     tilt_insert: Problem, depth: float, times: float
 ) -> None:
+    """A straight insertion takes the closed-form time of the sliding joint under its jerk limit."""
     problem = faster_starting(tilt_insert, times, depth=depth)
     own = problem.robot.joints[3]
     found = plan(problem)
@@ -439,6 +477,7 @@ def test_a_jerk_limited_insertion_is_that_of_its_joint_alone(
 def test_jerk_limited_joints_in_step_are_as_fast_as_on_a_fine_mesh(
     tilt_insert: Problem, to: dict[str, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The plan is at most 0.05 % slower than a plan on a mesh with four times as many elements."""
     problem = faster_starting(tilt_insert, 3.0, tilt=np.radians(-120.0), **to)
     found = plan(problem)
     monkeypatch.setattr(straight, "MIN_ELEMENTS", 4 * straight.MIN_ELEMENTS)
