@@ -1,4 +1,8 @@
-"""Free motions over all joints that reach their targets: the other branch of the inverse kinematics, and whole turns."""
+"""Verify that free motions use the fastest joint configuration at their target.
+
+The cases cover the other branch of the inverse kinematics, whole turns, free spin, and
+interruptions.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +35,10 @@ from ssm_planner.progress import Progress, Step
 def turning(
     problem: Problem, *, tilt: float, roll: tuple[float, float], limits: tuple[TaskRange, ...] = ()
 ) -> Problem:
-    """Roll freely at a tilt, deg; the robot has no ranges but these."""
+    """Return a problem with a free roll motion at a constant tilt, all in deg.
+
+    The robot has no task ranges except `limits`.
+    """
     start = Task(roll=np.radians(roll[0]), tilt=np.radians(tilt), spin=0.0, depth=5e-3)
     motion = (Free(Task(roll=np.radians(roll[1]))),)
     robot = replace(problem.robot, limits=())
@@ -41,7 +48,10 @@ def turning(
 
 
 def weaker(robot: Robot, strength: float) -> Robot:
-    """With motors of a share of their largest torque, and next to no continuous one."""
+    """Return the robot with motors of `strength` times their largest torque.
+
+    The nominal torque is only 1 mN m.
+    """
     joints = []
     for joint in robot.joints:
         motor = joint.motor
@@ -52,13 +62,17 @@ def weaker(robot: Robot, strength: float) -> Robot:
 
 
 def ends(made: Plan) -> np.ndarray:
+    """Return the joint positions at both ends of the plan, (2, 4), each times 180/π."""
     return np.degrees(made.motion.sample(np.array([0.0, made.motion.duration])).q)
 
 
 def test_a_sketch_that_is_too_long_is_given_up(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By the bounds of its phases before any is solved, or as soon as those that are take too long."""
+    """The estimate of a duration gives up as soon as the motion must be too long.
+
+    It does so by lower bounds before any phase is solved, or when the solved phases take too long.
+    """
     target = Free(Task(tilt=np.radians(-120.0), depth=0.01))
     problem = replace(
         tilt_insert, motion=(target, Straight(depth=0.002), Straight(depth=0.02)), objective="time"
@@ -112,6 +126,7 @@ def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> N
 
 
 def test_a_branch_beyond_the_tilt_range_is_not_taken(tilt_insert: Problem) -> None:
+    """The faster branch is not used if it exceeds the tilt range."""
     within = (TaskRange("tilt", np.radians(-139), np.radians(-81)),)
     made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30), limits=within))
     assert made.passed
@@ -119,7 +134,9 @@ def test_a_branch_beyond_the_tilt_range_is_not_taken(tilt_insert: Problem) -> No
 
 
 def test_a_branch_is_found_where_the_nearest_joints_give_no_motion(tilt_insert: Problem) -> None:
-    """The joints of the branch of the start lie beyond the range of joint 1."""
+    """The joints of the starting branch are beyond the range of joint 1, so the plan uses the
+    other branch.
+    """
     free = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     first, _ = ends(plan(free))
     roll = replace(free.robot.joints[0], position=tuple(np.radians([first[0] - 40, first[0] + 10])))
@@ -143,6 +160,9 @@ def test_nothing_more_is_planned_where_no_other_joints_can_be_faster(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_branch_planned_by_itself_is_faster(tilt_insert: Problem, seed: int) -> None:
+    """No joint configuration of the inverse kinematics gives a faster plan than the automatic
+    choice.
+    """
     rng = np.random.default_rng(seed)
     near = np.radians([rng.uniform(-139.7, -136), rng.uniform(-84, -80)])
     start = Task(
@@ -175,13 +195,18 @@ def test_no_branch_planned_by_itself_is_faster(tilt_insert: Problem, seed: int) 
 
 
 def freely(problem: Problem, to: Task, *, spin_free: bool = True) -> Problem:
+    """Return a problem with one free motion from a tilt of -85 deg."""
     start = Task(roll=0.0, tilt=np.radians(-85), spin=0.0, depth=0.0)
     return replace(problem, start=start, motion=(Free(to, spin_free=spin_free),), objective="time")
 
 
 @pytest.mark.parametrize("strength", [1.0, pytest.param(0.35, marks=pytest.mark.slow)])
 def test_no_spin_is_faster_than_a_free_one(tilt_insert: Problem, strength: float) -> None:
-    """With strong motors the present spin is as fast as any and stays; weak ones are helped by the load's turning."""
+    """A plan with free spin is at least as fast as plans with three fixed spins.
+
+    Strong motors keep the present spin, because no other spin is faster. Weak motors use a spin
+    that makes their load easier to move.
+    """
     weak = replace(
         tilt_insert, robot=weaker(tilt_insert.robot, strength), duty=None, planner="fast"
     )
@@ -232,7 +257,9 @@ def test_a_free_spin_is_read_written_and_refused_elsewhere(
 
 
 def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
-    """Joint 1 cannot lift the arm on the nearest way to its target, but lets it down on another."""
+    """Joint 1 cannot lift the arm on the nearest path to the target, but can lower it on
+    another path.
+    """
     robot = replace(weaker(tilt_insert.robot, 0.45), limits=())
     start = Task(roll=-1.8326, tilt=-1.6714, spin=-1.901, depth=0.025)
     motion = (Free(Task(roll=-1.6099, tilt=-2.3619, spin=0.8735, depth=0.0155)),)
@@ -245,7 +272,9 @@ def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
 
 
 def interrupting(times: int) -> Progress:
-    """Progress that presses Ctrl-C when other joints are tried."""
+    """Return a progress callback that raises SIGINT when other joints are tried, at most
+    `times` times.
+    """
     left = [times]
 
     def tell(step: Step) -> None:
@@ -263,6 +292,7 @@ def interrupting(times: int) -> Progress:
 def test_a_search_that_is_stopped_gives_the_best_so_far(
     tilt_insert: Problem, tmp_path: Path
 ) -> None:
+    """The first Ctrl-C during the search returns the best plan so far in `plan_to_folder`."""
     problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     whole = plan(problem)
     before = signal.getsignal(signal.SIGINT)
@@ -292,7 +322,7 @@ def test_a_search_that_is_stopped_gives_the_best_so_far(
 def test_nothing_is_certified_yet_when_the_first_motion_is_planned(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An interruption then ends the program, as it does everywhere else."""
+    """An interruption ends the program if no motion has passed the check yet."""
     problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
 
     def interrupted(*_: object, **__: object) -> None:
@@ -305,7 +335,10 @@ def test_nothing_is_certified_yet_when_the_first_motion_is_planned(
 
 @pytest.mark.parametrize("depth", [0.0208, 0.0235])
 def test_no_other_joints_are_tried_for_a_target_in_the_retina(depth: float) -> None:
-    """Where the tip is does not depend on the joints that bring it there: neither they nor another limit helps."""
+    """The plan tries neither other joints nor another limit for a target in the retina.
+
+    The tip position at the target does not depend on the joints that reach it.
+    """
     eye_approach = load_problem(Path(__file__).parents[2] / "problems/eye_approach.yaml")
     joints = tuple(
         replace(joint, position=(-2 * np.pi, 2 * np.pi)) if k < 3 else joint

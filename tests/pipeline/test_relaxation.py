@@ -1,4 +1,7 @@
-"""What moves a limit that the independent check found exceeded."""
+"""Verify the relaxations that a failed plan or a failed check suggests.
+
+A plan with the printed value passes, and a plan with a clearly smaller change fails.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ MOVABLE = [
 
 
 def certificate(limit: Limit, worst: float, bound: float) -> Certificate:
-    """A check that found one limit exceeded."""
+    """Return a certificate in which one limit is exceeded."""
     found = LimitCheck(
         name=limit.name,
         joint=limit.joint,
@@ -82,7 +85,7 @@ def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
 @pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.key}")
 @pytest.mark.parametrize("beyond", [0.12345678, 1.2345612, 12.3456789])
 def test_a_value_is_tried_as_it_is_printed(limit: Limit, beyond: float) -> None:
-    """Rounded so that no less is allowed than what was asked for."""
+    """A value is rounded to the printed digits so that it never allows less than was asked for."""
     bound = limit.low if limit.is_floor else limit.high
     asked = bound + (-1e-3 if limit.is_floor else 1) * beyond * (abs(bound) or 1.0)
     value = limit.rounded(asked)
@@ -96,13 +99,13 @@ def test_a_value_is_tried_as_it_is_printed(limit: Limit, beyond: float) -> None:
 
 
 def typed_in(text: str) -> float:
-    """The value in a relaxation, as a reader types it."""
+    """Return the value in the text of a relaxation, as a reader would type it."""
     words = text.split(" instead")[0].split()
     return float(words[-2])
 
 
 def test_the_range_that_is_printed_plans_when_it_is_typed_in(tilt_insert: Problem) -> None:
-    """Both ends of joint roll's range are in the way: each alone does not do."""
+    """Both ends of the range of joint roll must move, and either one alone does not suffice."""
     joints = tilt_insert.robot.joints
     narrow = replace(joints[0], position=(-np.radians(45), np.radians(45)))
     problem = replace(
@@ -125,7 +128,7 @@ def test_a_motor_too_weak_for_now_and_for_all_time_is_relaxed_in_both(tilt_inser
     assert joints[0].motor is not None
     motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=12e-3)
     robot = replace(tilt_insert.robot, joints=(replace(joints[0], motor=motor), *joints[1:]))
-    # roll moves all along, and has no rest to cool in
+    # Joint roll moves all the time and cannot cool at rest.
     tilt = replace(tilt_insert, motion=tilt_insert.motion[:1], planner="fast")
     reason = plan(replace(tilt, robot=robot)).reason
     assert reason is not None
@@ -159,6 +162,7 @@ def test_a_start_too_fast_is_slowed_down(tilt_insert: Problem) -> None:
 
 @pytest.mark.slow
 def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
+    """A plan with the suggested dwell passes, and a plan with 90 % of it fails."""
     joints = tilt_insert.robot.joints
     assert joints[0].motor is not None
     motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=40e-3)
@@ -183,7 +187,7 @@ def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
 
 @pytest.mark.parametrize("needed", [0.02, 0.3, 0.85, 0.95, 1.0, 1.02, 1.2, 1.9])
 def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, needed: float) -> None:
-    """needed: share of the relaxation that the reason asks for."""
+    """The case states the needed fraction of the relaxation that the reason asks for."""
     joint = tilt_insert.robot.joints[0]
     limit = next(each for each in joint.limits if isinstance(each, MotorTorque))
     there, required = limit.largest, 1.5 * limit.largest
@@ -210,9 +214,10 @@ def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, need
 def test_what_is_printed_is_planned_in_full(
     tilt_insert: Problem, needed: float, more: float
 ) -> None:
-    """Once, where trials that only look whether there is a motion are right; else with every value.
+    """Only the printed value is planned in full if the feasibility trials are right.
 
-    needed: share of the relaxation that the reason asks for; more: of it that a trial does not see.
+    Otherwise, every tried value is planned. `needed` is the fraction of the relaxation that a trial
+    requires. A full plan requires the fraction `needed + more`.
     """
     joint = tilt_insert.robot.joints[0]
     limit = next(each for each in joint.limits if isinstance(each, MotorTorque))
@@ -244,7 +249,7 @@ def test_what_is_printed_is_planned_in_full(
 
 
 def test_a_motion_that_is_too_short_is_longer_than_the_whole_was(tilt_insert: Problem) -> None:
-    """Both durations are relaxed: that of the motion, and that of all together."""
+    """The relaxation changes both the duration of the motion and the total duration."""
     tilt, insert = tilt_insert.motion
     problem = replace(
         tilt_insert, motion=(replace(tilt, duration=0.2), insert), duration=1.0, objective="effort"
@@ -267,7 +272,7 @@ def test_a_motion_that_is_too_short_is_longer_than_the_whole_was(tilt_insert: Pr
 
 @pytest.mark.slow
 def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
-    """With a motor of 92 % of the torque that the nearest joints need, others at the target do."""
+    """Another joint configuration at the target needs 92 % of the torque of the nearest one."""
     problem = random_problem(tilt_insert, 61129, most=1)
     reason = plan(problem).reason
     assert reason is not None
@@ -291,14 +296,14 @@ def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
 
 @pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.name} {limit.joint}")
 def test_a_share_of_a_change_moves_the_limit_by_this_share(limit: Limit) -> None:
-    """The bound lies at the share of the change, rounded to the digits that are printed."""
+    """The bound moves by the given fraction of the change, rounded to the printed digits."""
     end = limit.high if np.isfinite(limit.high) else limit.low
     outside = end + 0.01 * (abs(end) or 1.0) * (1 if end == limit.high else -1)
     moved = limit.relaxed(outside)
     try:
         relaxed = PROBLEM if moved is None else moved.on(PROBLEM)
     except ProblemError:
-        return  # no problem holds another limit of this kind
+        return  # No problem accepts another limit of this kind.
     changes = changes_of_limits(PROBLEM, relaxed)
     assert set(changes) <= set(OFFERED_SHARES)
     for share, (words, changed) in changes.items():
@@ -314,7 +319,10 @@ def test_an_unchanged_problem_has_no_changes() -> None:
 
 @pytest.mark.parametrize("preload", [0.0, 0.2, 0.6])
 def test_lost_contact_of_the_nuts_names_the_preload_that_plans(preload: float) -> None:
-    """The contact force grows by as much as the preload, so the missing force is added to it."""
+    """The contact force grows by the same amount as the preload.
+
+    Therefore the needed preload is the present one plus the missing force.
+    """
     problem = load_problem("tilt_insert")
     *others, insertion = problem.robot.joints
     drive = unchecked_copy(insertion.drive, kind="antibacklash_screw", preload=preload)

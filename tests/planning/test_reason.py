@@ -1,4 +1,8 @@
-"""Why there is no plan: what stands in the way, where, by how much, and a relaxation that was tried."""
+"""Verify the reason that a failed plan states, and the relaxation that it suggests.
+
+The reason names the limit, the joint, the motion, and the required and available values. A plan of
+the relaxed problem must pass.
+"""
 
 from __future__ import annotations
 
@@ -52,12 +56,15 @@ def weak(problem: Problem, i: int, factor: float) -> Problem:
 
 
 def narrow(problem: Problem) -> Problem:
-    """Joint 2's range ends 0.1 rad before where the motion leads."""
+    """Return the problem with a range of joint 2 that ends 0.1 rad before the smallest position
+    of the motion.
+    """
     q = plan(problem).trajectory.sample(plan(problem).trajectory.breaks).q[:, 1]
     return with_joint(problem, 1, position=(float(q.min()) + 0.1, float(q.max()) + 1.0))
 
 
 def slippery(problem: Problem) -> Problem:
+    """Return the problem with a lowest friction coefficient of 0.015 in the drive of joint 1."""
     drive = problem.robot.joints[0].drive
     assert drive is not None
     friction = dataclasses.replace(required_friction(drive), mu_lowest=0.015)
@@ -69,7 +76,10 @@ def in_eye(problem: Problem, eye: Eye | None, to: dict[str, float]) -> Problem:
 
 
 def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
-    """Inserted past a ball of 1.2 mm: the axis at 1.1 of its radius, where a shaft of 0.25 mm needs 1.21 of it."""
+    """Return an insertion whose tool axis passes a lens of 1.2 mm radius too closely.
+
+    The axis is 1.1 radii from the centre of the lens. A shaft of 0.25 mm radius needs 1.21 radii.
+    """
     assert eye is not None
     tilt, depth = START["tilt"], 0.0075
     aside = tilt - np.arcsin(1.1 * 1.2e-3 / depth)
@@ -88,7 +98,10 @@ def beside_lens(problem: Problem, eye: Eye | None) -> Problem:
 
 
 def rolled(problem: Problem, _: Eye | None) -> Problem:
-    """To joints, each within its own range, that roll the tool further than the problem allows."""
+    """Return a motion to joints that roll the tool beyond the roll range of the problem.
+
+    Each joint is within its own range.
+    """
     mechanism, limits = (
         Mechanism.from_geometry(problem.robot.geometry),
         [j.position for j in problem.robot.joints],
@@ -102,7 +115,7 @@ def rolled(problem: Problem, _: Eye | None) -> Problem:
 
 @dataclass(frozen=True)
 class Case:
-    """A problem without a plan, what its reason names, and whether less than what was found to do cannot do."""
+    """A problem without a plan, and what its reason must name."""
 
     problem: Callable[[Problem, Eye | None], Problem]
     constraint: str
@@ -111,7 +124,7 @@ class Case:
 
 
 def tilt(problem: Problem, **changes: Any) -> Problem:
-    """A short tilt."""
+    """Return the problem with one short tilt motion."""
     start = Task(**START)
     return dataclasses.replace(
         problem, **{"start": start, "motion": (straight(tilt=-1.9),), **changes}
@@ -201,7 +214,9 @@ Unplanned = Callable[[str], Outcome]
 
 @pytest.fixture(scope="module")
 def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
-    """The outcome of a case by its name, with the relaxation that was tried; each planned once."""
+    """Return a function that plans a case by name, once, and returns the plan and the tried
+    relaxation.
+    """
     outcomes: dict[str, Outcome] = {}
     cures: list[TriedRelaxation | None] = []
 
@@ -223,6 +238,7 @@ def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_reason_says_what_where_and_by_how_much(unplanned: Unplanned, name: str) -> None:
+    """The reason of each case names the expected limit, joint and motion, and two finite values."""
     case, result = CASES[name], unplanned(name).plan
     assert not result.passed
     assert result.reason is not None
@@ -244,6 +260,7 @@ def test_a_reason_says_what_where_and_by_how_much(unplanned: Unplanned, name: st
 def test_its_relaxation_does_and_five_per_cent_less_does_not(
     unplanned: Unplanned, name: str
 ) -> None:
+    """The suggested relaxation makes the problem solvable, and 95 % of the change does not."""
     result, cure = unplanned(name).plan, unplanned(name).cure
     assert cure is not None
     assert cure.works
@@ -268,6 +285,7 @@ def test_the_problem_relaxed_is_solved(unplanned: Unplanned) -> None:
 
 
 def test_what_no_limit_could_cure_a_file_is_refused_for(tilt_insert: Problem) -> None:
+    """Problems that no other limit can repair are refused when they are built."""
     timed = (dataclasses.replace(straight(depth=0.015), duration=2.0),)
     timed_twice = insertion(tilt_insert, motion=timed, objective="effort", duration=3.0)
     with pytest.raises(ProblemError, match="every motion already has a duration"):
@@ -279,7 +297,11 @@ def test_what_no_limit_could_cure_a_file_is_refused_for(tilt_insert: Problem) ->
 
 
 def test_two_limits_in_the_way_are_relaxed_together(tilt_insert: Problem) -> None:
-    """What the first one would need is tried; what then is in the way is relaxed too."""
+    """A problem with two weak motors gets one relaxation that states both torques.
+
+    The search first relaxes the limit that the reason names, and then the limit that prevents the
+    relaxed plan.
+    """
     problem = tilt(tilt_insert, motion=(straight(tilt=-1.9, depth=0.01),))
     for i, torque in ((0, 0.0156), (3, 0.00011)):
         problem = weak(problem, i, torque / problem.robot.joints[i].motor.max_torque)
@@ -308,7 +330,8 @@ def test_the_workspace_boundary_is_named_with_the_joint_whose_speed_grows(
 def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(
     tilt_insert: Problem,
 ) -> None:
-    # joint 1 cannot go on beyond its range, and back it would take the tool around
+    # Joint 1 cannot move beyond its range, and moving back would turn the tool by almost a
+    # revolution.
     start = Joints((np.radians(294.1), np.radians(73.2), np.radians(39.4), -0.01))
     target = Free(Task(np.radians(16.7), np.radians(-136.5), np.radians(35.0), 0.01))
     found = plan_motion(dataclasses.replace(tilt_insert, start=start, motion=(target,)))
@@ -324,7 +347,9 @@ def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(
 def test_the_clock_does_not_bound_what_is_searched(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The same reason is found however long it takes: what counts is what was solved, not the time that it took."""
+    """The search for a relaxation is limited by the work that it did, not by the time that it
+    took.
+    """
     asked: list[Problem] = []
     work = Work()
 
@@ -348,7 +373,10 @@ def test_the_clock_does_not_bound_what_is_searched(
 
 
 def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
-    """Without patience one value of the limit that the reason names is tried, and none where it names none."""
+    """With a budget of zero, the search tries one value of the limit that the reason names.
+
+    It tries nothing if the reason names no limit.
+    """
     asked: list[Problem] = []
 
     def never(problem: Problem) -> Reason:
@@ -364,7 +392,8 @@ def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
     assert not found.works
     assert len(asked) == 1
     assert find_relaxation(tilt_insert, nameless, never) is None
-    # torque and velocity of every joint that has them, both sides of three ranges, by a tenth and by the whole
+    # The search changes the torque and the velocity of every joint that has them and both sides of
+    # three ranges. It changes each by a tenth and by the full amount.
     assert len(asked) == 1 + 2 * (3 + 4 + 6)
 
 
@@ -372,7 +401,10 @@ def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
 def test_joint_2_past_the_workspace_boundary_is_named_before_anything_is_solved(
     tilt_insert: Problem, begin: float, end: float
 ) -> None:
-    """On the second branch the range of joint 2 leaves one way, past the boundary at -79.778 deg of tilt."""
+    """On the second branch, joint 2 must pass the workspace boundary at a tilt of -79.778 deg.
+
+    The range of joint 2 allows no motion in the other direction.
+    """
     start, target = (Joints((0.0, np.radians(angle), 0.0, -0.004)) for angle in (begin, end))
     problem = dataclasses.replace(
         tilt_insert, start=start, motion=(Free(target),), limits=(), objective="time"

@@ -1,4 +1,4 @@
-"""Rows of limits along a path, held against the dynamics of the motion that they are rows of."""
+"""Verify the linear constraints along a path against the dynamics of the motion on that path."""
 
 from __future__ import annotations
 
@@ -38,16 +38,18 @@ def path(robot: Robot) -> PolylinePath:
 
 
 def rows_at(path: PolylinePath, robot: Robot, x: float, **limits: object) -> LinearConstraints:
+    """Return the constraints on GRID at the squared path speed x."""
     along = PathLimits.on_grid(path, GRID, robot, TaskLimits(**limits))  # type: ignore[arg-type]
     return along.constraints(np.full(9, x), static_start=False)
 
 
 def random_rows(seed: int) -> LinearConstraints:
+    """Return nine rows of random coefficients, with k ≥ 0."""
     rng = np.random.default_rng(seed)
     a, b, c, k = rng.uniform(-0.3, 0.3, (4, 9, 5))
     k = np.abs(k)
     k[:, 1:3] = 0.0
-    k[:4, 3] = 0.0  # a joint that stands at the first points
+    k[:4, 3] = 0.0  # This joint stands still at the first points.
     return LinearConstraints(a, b, c, k, np.full(9, 4.0))
 
 
@@ -64,6 +66,7 @@ def test_tangents_touch_and_over_estimate() -> None:
 
 
 def test_the_active_row_is_the_largest_in_the_middle() -> None:
+    """The active row is the row with the largest value at the middle of an interval."""
     rows, grid = random_rows(2), np.array([0.0, 0.1, 0.2, 0.35, 0.5, 0.6, 0.8, 0.9, 1.0])
     x = np.linspace(0.5, 1.5, 9) ** 2
     u = np.diff(x) / (2 * np.diff(grid))
@@ -98,7 +101,10 @@ def test_acceleration_rows_are_the_joints(path: PolylinePath, robot: Robot) -> N
 
 @pytest.mark.parametrize("u", [3.0, 0.0, -3.0])
 def test_torque_rows_bound_the_motor_model(path: PolylinePath, robot: Robot, u: float) -> None:
-    """Driving, the largest row is the model's torque; braking, a row is at least as strict."""
+    """While the motor drives, the largest row equals the torque of the motor model.
+
+    While it brakes, its row is at least as strict as the model.
+    """
     x = 0.8
     rows = rows_at(path, robot, x)
     values = rows.a * u + rows.b * x + rows.c + rows.k * np.sqrt(x)
@@ -123,7 +129,10 @@ def test_torque_rows_bound_the_motor_model(path: PolylinePath, robot: Robot, u: 
 def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
     path: PolylinePath, robot: Robot, way: int
 ) -> None:
-    """Without viscous friction, whichever way the load pulls; while a joint speeds up, it only bounds the torque."""
+    """Without viscous friction, the braking row equals the negative torque at constant speed.
+
+    This holds for both directions of the load. While a joint accelerates, the row is only a bound.
+    """
     joints = []
     for joint in robot.joints:
         if joint.drive is not None:
@@ -156,7 +165,9 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
 
 
 def test_directions_and_starts_along_a_path_that_turns_back(robot: Robot) -> None:
-    """A joint has the direction of its motion behind each grid point, also on the point where it turns."""
+    """Each grid point has the direction of the joint's motion after it, also where the joint
+    reverses.
+    """
     mechanism = Mechanism.from_geometry(robot.geometry)
     there, back = START + WAY, START + WAY * [-0.5, 2.0, 1.0, 1.0]
     path = PolylinePath(mechanism, np.stack([START, there, back, back + 0.5 * WAY]))
@@ -219,7 +230,7 @@ def test_grids_have_a_point_on_every_knot(path: PolylinePath, robot: Robot) -> N
 def test_a_motion_within_acceleration_alone_is_the_triangle(
     path: PolylinePath, robot: Robot
 ) -> None:
-    """Without motors, from rest to rest: T = 2 √(|Δq| / a) of the slowest joint."""
+    """Without motors, a motion from rest to rest takes T = 2 √(|Δq| / a) of its slowest joint."""
     joints = tuple(replace(joint, drive=None, motor=None, velocity=1e3) for joint in robot.joints)
     free = replace(robot, joints=joints)
     found = retime(path, free, points=300)
@@ -247,7 +258,11 @@ def test_times_add_up_evenly_accelerated_intervals() -> None:
 
 
 def test_a_speed_at_an_end_may_be_rounded_but_not_more() -> None:
-    """One row |s̈| ≤ 1 and a ceiling of 1: ṡ² ≤ 2 s from rest at the end."""
+    """A speed at an end may exceed the possible speed by rounding, but not by 1e-6.
+
+    The path has the length 1 and the constraints |s̈| ≤ 1 and ṡ² ≤ 1, so ṡ² ≤ min(1, 2 s, 2 (1 −
+    s)) from rest to rest.
+    """
     grid = np.linspace(0.0, 1.0, 101)
     one, zero = np.ones((101, 1)), np.zeros((101, 2))
     rows = LinearConstraints(np.hstack([one, -one]), zero, zero, zero, np.ones(101))
@@ -264,7 +279,7 @@ def test_a_speed_at_an_end_may_be_rounded_but_not_more() -> None:
 
 
 def with_stribeck(robot: Robot) -> Robot:
-    """The robot with friction that falls with the speed at its first joint."""
+    """Return the robot with friction that decreases with the speed at its first joint."""
     joint = robot.joints[0]
     assert joint.drive is not None
     assert joint.drive.friction is not None

@@ -1,4 +1,7 @@
-"""Paths that TOPP-RA times: joints and their derivatives by s, turning points, and grids, held against differences."""
+"""Verify the paths that TOPP-RA times: joint positions, derivatives by s, reversals and grids.
+
+The references are finite differences and closed forms.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,10 @@ def mechanism(robot: Robot) -> Mechanism:
 
 
 def straight(mechanism: Mechanism, way: tuple[float, ...], turns: int = 0) -> StraightPath:
-    """From START along a line in task coordinates, joint 1 counted from so many turns off."""
+    """Return the path from START along `way`, a line in task coordinates (4,), in rad and m.
+
+    Its first position of joint 1 is shifted by `turns` revolutions.
+    """
     first = START + np.array([2 * np.pi * turns, 0.0, 0.0, 0.0])
     task = task_from_joints(mechanism, START[None])[0]
     branch = int(mechanism.branch_of(START))
@@ -47,7 +53,10 @@ def straight(mechanism: Mechanism, way: tuple[float, ...], turns: int = 0) -> St
 
 
 def arc(mechanism: Mechanism, angle: float) -> TipPath:
-    """About a centre beside the tip at START, by an angle, in the plane of x and z; and along y by 0.4 mm."""
+    """Return a tip path around a centre 0.5 mm beside the tip at START, by the angle in rad.
+
+    The arc lies in the plane of x and z. The tip also moves 0.4 mm along y.
+    """
     tip = tip_position(mechanism, START[None])[0]
     u, v = np.array([5e-4, 0.0, 0.0]), np.array([0.0, 0.0, 5e-4])
     way = np.array([0.0, 4e-4, 0.0])
@@ -58,7 +67,7 @@ def arc(mechanism: Mechanism, angle: float) -> TipPath:
 
 
 def derivatives_hold(path: JointPath) -> None:
-    """q' and q'' are the differences of q and q'."""
+    """Assert that q' and q'' equal central differences of q and q'."""
     here, ahead, behind = (path.sample(S + h) for h in (0.0, H, -H))
     scale = 1 + np.abs(here.ddq).max()
     assert (ahead.q - behind.q) / (2 * H) == pytest.approx(here.dq, abs=1e-6 * scale)
@@ -66,7 +75,7 @@ def derivatives_hold(path: JointPath) -> None:
 
 
 def directions_hold(path: JointPath) -> None:
-    """Between two knots no joint turns back, and each knot inside is where one does."""
+    """Assert that no joint reverses between two knots, and that one reverses at each inner knot."""
     knots, signs = path.directions
     assert (knots[0], knots[-1]) == (0.0, 1.0)
     assert signs.shape == (len(knots) - 1, 4)
@@ -121,11 +130,14 @@ def test_a_turning_point_that_rounding_hides_is_the_end_with_the_smaller_slope(
 def spline(mechanism: Mechanism) -> SplinePath:
     rng = np.random.default_rng(8)
     points = START + rng.normal(size=(7, 4)) * [0.2, 0.1, 0.1, 2e-3]
-    points[:, 2] = 0.1  # a joint that stands
+    points[:, 2] = 0.1  # Joint 3 stands still.
     return SplinePath(mechanism, points, np.array([1.0, 1.0, 1.0, 0.01]))
 
 
 def test_a_spline_passes_its_points_at_the_share_of_their_way(spline: SplinePath) -> None:
+    """A spline passes its points at the nodes, which are proportional to the distance along the
+    points.
+    """
     steps = np.linalg.norm(np.diff(spline.points, axis=0) / spline.scale, axis=1)
     assert spline.nodes == pytest.approx(np.append(0.0, np.cumsum(steps)) / steps.sum())
     assert spline.sample(spline.nodes).q == pytest.approx(spline.points)
@@ -143,6 +155,7 @@ def test_a_spline_passes_its_points_at_the_share_of_their_way(spline: SplinePath
 
 
 def test_pieces_of_a_spline_are_knots_where_they_are_told_apart(spline: SplinePath) -> None:
+    """With `pieces=True`, each node of the spline is also a knot."""
     apart = SplinePath(spline.mechanism, spline.points, spline.scale, pieces=True)
     assert np.array_equal(apart.breaks, apart.nodes)
     knots, _ = apart.directions
@@ -173,7 +186,7 @@ def test_curves_are_cut_where_they_turn_by_more_than_thirty_degrees() -> None:
         turned = np.cumsum(np.radians(angles))
         steps = np.column_stack([np.cos(turned), 2 * np.sin(turned), 0 * turned, 0 * turned])
         points = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
-        points = np.insert(points, 2, points[2], axis=0)  # nothing moves: counts once
+        points = np.insert(points, 2, points[2], axis=0)  # A repeated point counts once.
         runs = split_at_corners(points, np.array([1.0, 2.0, 1.0, 1.0]))
         for before, after in pairwise(runs):
             assert np.array_equal(before[-1], after[0])
@@ -201,13 +214,16 @@ def test_joints_begin_where_their_direction_changes() -> None:
     expected = np.zeros((5, 4), dtype=bool)
     expected[0, :2] = expected[2, 1:3] = True
     assert np.array_equal(joint_starts(samples, knots, signs), expected)
-    expected[0, 0] = False  # the motion is fast there already
+    expected[0, 0] = False  # The motion has speed at this start.
     assert np.array_equal(joint_starts(samples, knots, signs, moving=True), expected)
 
 
 @pytest.fixture(scope="module")
 def motion_path(mechanism: Mechanism) -> MotionPath:
-    """2 s; joint 1 turns back at 1 s, where its acceleration jumps; the others stand."""
+    """Return the path of a motion of 2 s in which only joint 1 moves.
+
+    Joint 1 reverses at 1 s, where its acceleration jumps.
+    """
     coefficients = np.zeros((2, 6, 4))
     coefficients[:, 0] = START
     coefficients[0, 1:3, 0] = 0.4, -0.2
@@ -251,7 +267,10 @@ def test_the_rate_along_a_path_follows_from_the_joints_speeds(spline: SplinePath
 
 
 class Waves(paths.ClosedPath):
-    """Joints whose slopes are known: cosines of several turns, a constant, and one at rest."""
+    """A path whose joints are sine waves of s, with known slopes.
+
+    Joint 3 stands still, and joint 4 is not in `driven`.
+    """
 
     branch = 1
     driven = (0, 1, 2)
@@ -269,7 +288,7 @@ class Waves(paths.ClosedPath):
 
 
 def test_knots_lie_where_watched_joints_reverse(mechanism: Mechanism) -> None:
-    """A joint that is not watched, or that rests, has no direction and no knot."""
+    """A joint that has no drive, or that stands still, has no direction and no knot."""
     path = Waves(mechanism)
     knots, signs = path.directions
     assert knots == pytest.approx([0.0, 1 / 6, 1 / 2, 5 / 6, 1.0], abs=1e-12)
@@ -282,7 +301,7 @@ def test_knots_lie_where_watched_joints_reverse(mechanism: Mechanism) -> None:
 @pytest.mark.parametrize("root", [0.2, 0.25, 0.7])
 @pytest.mark.parametrize("swapped", [False, True])
 def test_sign_changes_are_found_to_the_last_digits(root: float, swapped: bool) -> None:
-    """Whichever end is the lower one; of several roots, the first counts."""
+    """The order of the two limits does not matter. Of several roots, the first one is returned."""
     low, high = (1.0, 0.1) if swapped else (0.1, 1.0)
     for sign in (1.0, -1.0):
         found = paths.find_sign_change(lambda s: sign * (s - root), low, high)  # noqa: B023
