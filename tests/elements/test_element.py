@@ -1,4 +1,8 @@
-"""What an optimisation is told of one element: exact derivatives, and integrals of costs."""
+"""Verify the derivatives and the cost integrals of one element.
+
+The references are derivatives of the whole element by CasADi, Gauss quadrature, and the exact
+friction law.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +46,9 @@ Case = tuple[Any, list[Array]]
 
 
 def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
-    """A element with every row of a straight motion, and a random element of a real path with all its arguments."""
+    """Return an element with every row of a straight motion, and random arguments on a real
+    path.
+    """
     mechanism = Mechanism.from_geometry(robot.geometry)
     start, end = np.array([0.1, -1.7, 0.2, 4e-3]), np.array([-0.3, -2.2, 0.5, 15e-3])
     path = StraightPath(mechanism, start, end, mechanism.home_branch, np.zeros(4))
@@ -62,7 +68,7 @@ def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
 
 
 def free_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
-    """The same for a free motion of all joints."""
+    """Return an element of a free motion of all joints, and random arguments."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     moving = (0, 1, 2, 3)
     first, unit = np.array([-0.5, 0.6, 0.1, -2e-3]), np.array([0.8, 0.8, 0.5, 15e-3])
@@ -96,7 +102,11 @@ CASES = {"straight": straight_case, "free": free_case}
 
 
 def reference(element: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Rows and their Jacobian, cost and its gradient, Hessian of λᵀ rows + κ cost: all by CasADi from the whole element."""
+    """Return reference functions that CasADi derives from the whole element at once.
+
+    They compute the rows and their Jacobian, the cost and its gradient, and the Hessian of λᵀ rows
+    + κ cost.
+    """
     z = ca.MX.sym("z", element.size)
     arguments = [ca.MX.sym(f"a{i}", size) for i, (size, _) in enumerate(element.parameters)]
     symbol = ca.SX.sym("z", element.size)
@@ -156,7 +166,11 @@ def test_derivatives_are_those_of_the_whole_element(
 
 @pytest.mark.parametrize("kind", CASES)
 def test_a_cost_is_the_integral_over_the_element(tilt_insert: Problem, kind: str) -> None:
-    """Simpson's rule: halves of an element are sixteen times nearer to the integral by Gauss' rule."""
+    """The cost uses Simpson's rule, so two half elements have a much smaller error than one
+    element.
+
+    Their error is nearly sixteen times smaller. Gauss quadrature gives the reference.
+    """
     element, numbers = CASES[kind](tilt_insert.robot, "heat", np.random.default_rng(3))
     z, *arguments = numbers
     z[-1] *= 10
@@ -176,7 +190,7 @@ def test_a_cost_is_the_integral_over_the_element(tilt_insert: Problem, kind: str
 
 
 def _halves(z: Array) -> tuple[Array, Array]:
-    """An element cut in two: the cubic stays the same."""
+    """Return the two halves of an element. The cubic polynomial stays the same."""
     m = (len(z) - 1) // 4
     u, v, a0, a1 = (z[k * m : (k + 1) * m] for k in range(4))
     t, middle = z[-1] / 2, (a0 + a1) / 2
@@ -189,7 +203,10 @@ def _halves(z: Array) -> tuple[Array, Array]:
 
 
 def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
-    """Against the model's motors, which the check uses too, to the smoothing between the two sides of a mesh."""
+    """The heat of an element agrees with the motor model that the check uses too.
+
+    The tolerance allows for the smoothing between the two sides of a gear contact.
+    """
     robot, rng = tilt_insert.robot, np.random.default_rng(5)
     nominal = np.array(
         [joint.motor.nominal_torque if joint.motor else np.inf for joint in robot.joints]
@@ -210,7 +227,9 @@ def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
 
 
 def test_effort_counts_only_what_speed_and_acceleration_ask(tilt_insert: Problem) -> None:
-    """At an endlessly slow pace there is none, whatever weight and friction are."""
+    """The effort tends to zero as the motion becomes slower, although weight and friction
+    remain.
+    """
     element, (z, sigma, numbers) = free_case(tilt_insert.robot, "effort", np.random.default_rng(5))
     heat = dataclasses.replace(element, aim="heat")
     efforts = []

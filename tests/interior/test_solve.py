@@ -1,4 +1,7 @@
-"""The structured interior point on problems whose optimum is a formula, and on what it must refuse."""
+"""Verify the structured interior-point solver on problems whose optimum has a closed form.
+
+The solver must also report that an infeasible program does not converge.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,10 @@ def chain(
     acceleration: float = np.inf,
     jerk: float = np.inf,
 ) -> Program:
-    """One coordinate from rest at 0 to rest at `distance` > 0, as fast as possible."""
+    """Return the program that moves one coordinate from rest at 0 to rest at `distance` > 0.
+
+    It minimises the time.
+    """
     n = len(fractions)
     smooth = np.isfinite(jerk)
     spline = Spline(
@@ -43,7 +49,7 @@ def chain(
         np.zeros(n, dtype=int),
         None if smooth else 1.0,
     )
-    # z = (u, u̇, ü_0, ü_1, h, u̇_b)
+    # Each element has the variables z = (u, u̇, ü_0, ü_1, h, u̇_b).
     matrix = np.array(
         [
             *([0, side, 0, 0, 0, 0] for side in (1, -1)),
@@ -74,7 +80,7 @@ def chain(
 
 
 def start(program: Program, distance: float, time: float) -> Point:
-    """A cubic from rest to rest."""
+    """Return the cubic from rest to rest as the starting point."""
     s = np.append(0.0, np.cumsum(program.spline.fractions))
     u, v, a = (3 - 2 * s) * s**2, 6 * s * (1 - s) / time, (6 - 12 * s) / time**2
     rest = np.array([1.0, *np.ones(len(s) - 2), 1.0])
@@ -89,7 +95,9 @@ def start(program: Program, distance: float, time: float) -> Point:
 
 
 def pieces(*lengths: float, each: int = 4) -> Array:
-    """Fractions of a mesh whose elements end where pieces of these lengths do."""
+    """Return the fractions of a mesh with element borders at the ends of pieces of these
+    lengths.
+    """
     total = sum(lengths)
     return np.concatenate(
         [np.full(each, length / each / total) for length in lengths if length > 1e-9 * total]
@@ -114,7 +122,9 @@ def solved(program: Program, point: Point) -> Outcome:
 def rows_of(
     symbolic: Callable[[ca.SX], list[ca.SX]], fractions: Array, at: tuple[float, ...] = (0.0, 1.0)
 ) -> RowGroup:
-    """Rows of (u, u̇, ü) at these shares of every element, each at most 1."""
+    """Return rows of (u, u̇, ü) at these fractions of every element, each with the upper bound
+    1.
+    """
     z = ca.SX.sym("z", 5)
     u, v, a0, a1, h = ca.vertsplit(z)
     rows = []
@@ -137,11 +147,15 @@ def rows_of(
 
 @settings(deadline=None, max_examples=40)
 @given(distance=some, velocity=some, acceleration=some)
-@example(distance=5.0, velocity=0.5, acceleration=6.0)  # it begins with a dozen short steps
+# The solver begins this case with a dozen short steps.
+@example(distance=5.0, velocity=0.5, acceleration=6.0)
 def test_bang_bang_with_a_velocity_limit(
     distance: float, velocity: float, acceleration: float
 ) -> None:
-    """T = D/v + v/a where the limit is reached, else 2 √(D/a); elements end where the acceleration switches."""
+    """The duration is T = D/v + v/a if the velocity limit is reached, and T = 2 √(D/a) otherwise.
+
+    The mesh has element borders at the times when the acceleration switches.
+    """
     profile = rest_to_rest(distance, velocity, acceleration)
     program = chain(
         pieces(*profile.lengths), distance, velocity=velocity, acceleration=acceleration
@@ -163,7 +177,8 @@ def test_jerk_limited_rest_to_rest_is_ruckigs(
     task.max_velocity, task.max_acceleration, task.max_jerk = [velocity], [acceleration], [jerk]
     assume(ruckig.Ruckig(1).calculate(task, reference) == ruckig.Result.Working)
     lengths = rest_to_rest(distance, velocity, acceleration, jerk).lengths
-    assume(lengths.min() >= 1e-2 * lengths.sum())  # the mesh would be a test of its own
+    # Very short pieces would test the mesh instead of the solver.
+    assume(lengths.min() >= 1e-2 * lengths.sum())
     program = chain(
         pieces(*lengths), distance, velocity=velocity, acceleration=acceleration, jerk=jerk
     )
@@ -174,7 +189,10 @@ def test_jerk_limited_rest_to_rest_is_ruckigs(
 
 
 def test_a_torque_limit_against_gravity() -> None:
-    """|ü + g| ≤ 1: accelerations 1 − g and 1 + g, T = √(2 D (1/(1 − g) + 1/(1 + g)))."""
+    """The constraint |ü + g| ≤ 1 allows the accelerations 1 − g and −(1 + g).
+
+    The duration is T = √(2 D (1/(1 − g) + 1/(1 + g))).
+    """
     gravity, distance = 0.4, 3.0
     up, down = 1 - gravity, 1 + gravity
     time = np.sqrt(2 * distance * (1 / up + 1 / down))
@@ -187,9 +205,13 @@ def test_a_torque_limit_against_gravity() -> None:
 
 @pytest.mark.parametrize("each", [10, 20, 40])
 def test_a_torque_limit_with_viscous_friction(each: int) -> None:
-    """|ü + k u̇| ≤ 1: accelerating v = (1 − e^{−k t})/k, braking v' = −1 − k v; the error falls with the square of h."""
+    """With |ü + k u̇| ≤ 1, the error of the duration decreases with the square of the step h.
+
+    The motion accelerates with v = (1 − e^{−k t})/k and brakes with v' = −1 − k v.
+    """
     k, distance = 1.0, 2.0
-    # after t1 of accelerating, braking from v1 takes ln(1 + k v1)/k over v1/k − ln(1 + k v1)/k²
+    # After the time t1 of acceleration, braking from v1 takes ln(1 + k v1)/k. The distance of
+    # braking is v1/k − ln(1 + k v1)/k².
     low, high = 0.0, 50.0
     for _ in range(200):
         t1 = (low + high) / 2
@@ -205,9 +227,9 @@ def test_a_torque_limit_with_viscous_friction(each: int) -> None:
 
 
 def test_least_effort_in_a_given_time() -> None:
-    """∫ ü² dt from rest to rest is least for the cubic: 12 D²/T³."""
+    """The cubic from rest to rest has the least ∫ ü² dt, which is 12 D²/T³."""
     fractions, distance, time = pieces(1.0, 2.0, each=5), 2.0, 1.7
-    # h (a_0² + a_0 a_1 + a_1²) / 3 is the integral over an element
+    # The integral over an element is h (a_0² + a_0 a_1 + a_1²) / 3.
     program = replace(
         chain(fractions, distance),
         duration=(time, time),
@@ -222,7 +244,9 @@ def test_least_effort_in_a_given_time() -> None:
 
 
 def test_a_point_on_the_way_of_a_jerk_limited_motion() -> None:
-    """u = D/2 in the middle is what the symmetric optimum does anyway; at D/3 the motion takes longer."""
+    """The symmetric optimum passes u = D/2 at the middle anyway. With u = D/3, the motion takes
+    longer.
+    """
     profile = rest_to_rest(2.0, 1.0, 1.0, 2.0)
     fractions = pieces(*profile.lengths)
     program = chain(fractions, 2.0, velocity=1.0, acceleration=1.0, jerk=2.0)
@@ -241,7 +265,10 @@ def test_a_point_on_the_way_of_a_jerk_limited_motion() -> None:
 @settings(deadline=None, max_examples=20)
 @given(distance=some, faster=st.floats(0.3, 3.0))
 def test_time_scales_with_the_limits(distance: float, faster: float) -> None:
-    """Velocity limits λ times and acceleration limits λ² times as large: 1/λ of the time, on any mesh."""
+    """The time is 1/λ if velocity limits are λ times and acceleration limits λ² times as large.
+
+    This holds on any mesh.
+    """
     fractions = np.full(17, 1 / 17)
     times = [
         fastest(
@@ -258,6 +285,7 @@ def test_time_scales_with_the_limits(distance: float, faster: float) -> None:
 
 
 def test_what_cannot_be_kept_does_not_converge() -> None:
+    """A program with a row that no motion can keep does not converge."""
     fractions = pieces(1.0, 1.0)
     group = rows_of(lambda x: [x[0] + 3.0], fractions)
     assert not fastest(
@@ -266,7 +294,7 @@ def test_what_cannot_be_kept_does_not_converge() -> None:
 
 
 def test_rows_that_are_identically_zero_are_masked() -> None:
-    """u̇ ≥ 0 of a node at rest: its slack could only be zero."""
+    """The row u̇ ≥ 0 of a node at rest is masked, because its slack can only be zero."""
     program = chain(pieces(1.0, 1.0), 2.0, acceleration=1.0)
     state = fastest(program, 2.0, 5.0).state
     mask = state.multipliers[:-1].reshape(program.bound.shape) > 0

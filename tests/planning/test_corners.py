@@ -1,4 +1,8 @@
-"""Plans that hold for a range of friction and payload: every corner and random draws inside, by code apart."""
+"""Verify plans for a range of friction and payload.
+
+An independent computation of the motor torques covers every corner of the ranges and random values
+inside.
+"""
 
 from __future__ import annotations
 
@@ -37,6 +41,7 @@ RANGED = ("mu", "b_c", "b_v", "b_oc")
 
 
 def with_ranges(drive: Drive) -> Drive:
+    """Return the drive with ranges of ±15 % for its friction parameters."""
     stated = {name: getattr(drive.friction, name) for name in RANGED}
     return replace(
         drive,
@@ -62,7 +67,7 @@ KINDS = {"ranges": with_ranges, "covariance": with_covariance}
 
 
 def stated(name: str, kind: str) -> Problem:
-    """A shipped problem whose drives state how far their friction may be off."""
+    """Return a shipped problem whose drives state the uncertainty of their friction."""
     problem = load_problem(PROBLEMS / f"{name}.yaml")
     joints = (
         joint if joint.drive is None else replace(joint, drive=KINDS[kind](joint.drive))
@@ -90,7 +95,11 @@ def weakened(name: str, kind: str, factor: float) -> Problem:
 
 
 def draws(drive: Drive, rng: np.random.Generator, count: int = 1000) -> dict[str, Array]:
-    """Every corner of the ranges and random draws, or draws that are inside and mixtures of two; so many of them."""
+    """Return friction parameters by name, each an array of random values.
+
+    For ranges, the arrays contain every corner and `count` uniform random values. For a covariance,
+    they contain `count` samples of the 95 % region; the second half are mixtures of two samples.
+    """
     if drive.friction_ranges:
         ends = list(drive.friction_ranges.values())
         rows = [*itertools.product(*ends), *(rng.uniform(*np.array(ends).T) for _ in range(count))]
@@ -105,9 +114,10 @@ def draws(drive: Drive, rng: np.random.Generator, count: int = 1000) -> dict[str
 
 
 def largest_excess(made: Plan, robot: Robot, payload: tuple[float, ...]) -> float:
-    """Of every motor torque over its limit, as a share of it, over corners, draws, and payloads.
+    """Return the largest excess of a motor torque over its limit, as a fraction of the limit.
 
-    EVERY_CASE=1 takes five times as many draws.
+    It covers the ends of the payload range, two random payloads, corners and random friction
+    values. EVERY_CASE=1 uses five times as many random values.
     """
     rng = np.random.default_rng(4)
     worst = -np.inf
@@ -144,7 +154,7 @@ def test_few_drives_bound_all_within_a_range(robot: Robot, kind: str) -> None:
 
             inside = taken(drive_with_values(drive, sets))
             bound = np.max([taken(each) for each in upper], axis=0)
-            # as far as the motor goes
+            # The comparison covers torques up to that of the motor.
             assert np.all(np.minimum(inside.max(axis=0), torque) <= bound + 1e-6 * torque)
             assert np.all(np.minimum(bound, torque) <= inside.max(axis=0) + 0.05 * torque)
             assert np.all(inside.min(axis=0) >= np.minimum(taken(least), 0.0) - 1e-3 * torque)
@@ -179,16 +189,19 @@ def test_torques_hold_at_every_corner_and_draw(
         "mu " in limit.case and ("payload" in limit.case) == bool(payload) for limit in torques
     )
     assert min(limit.margin for limit in torques) < 0.02
-    # where heat counts too, a motion may be a little longer than the fastest
+    # With heat in the objective, a motion may be slightly longer than the fastest one.
     assert made.duration > made.nominal_duration * (1 - 5e-3)
-    # the motion for friction as stated does not hold
+    # The motion for the nominal friction exceeds a torque limit.
     nominal = plan(problem)
     assert nominal.duration == pytest.approx(made.nominal_duration, rel=1e-6)
     assert largest_excess(nominal, ranged.robot, masses) > 0.01
 
 
 def test_toppra_keeps_the_rows_of_every_corner() -> None:
-    """With weak motors rows of other corners than the first bind, so the motion takes longer than with the first alone."""
+    """With weak motors, the constraints of other corners bind too.
+
+    Therefore the motion takes longer than a motion for the first corner alone.
+    """
     weak = replace(weakened("tilt_insert", "ranges", 1.12), planner="toppra")
     problem = replace(weak, friction=0.95, payload=PAYLOAD, motion=weak.motion[:1])
     made = plan(problem)
@@ -199,6 +212,7 @@ def test_toppra_keeps_the_rows_of_every_corner() -> None:
 
 
 def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None:
+    """The report states the cost and the worst case of a range, and the plan file stores both."""
     ranged = replace(weakened("tilt_insert", "ranges", 1.12), friction=0.95, payload=PAYLOAD)
     made = plan(ranged)
     said = "\n".join(solver_and_condition_lines(made))
@@ -214,7 +228,7 @@ def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None
     assert [limit.case for limit in again.certificate.limits] == [
         limit.case for limit in made.certificate.limits
     ]
-    # who widens the range afterwards has no certificate for it
+    # A plan file whose range was widened afterwards has no valid certificate.
     document = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
     document["problem"]["payload"] = [0.0, 0.05]
     (tmp_path / "plan.json").write_text(json.dumps(document), encoding="utf-8")
@@ -222,6 +236,7 @@ def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None
 
 
 def test_the_range_of_friction_counts_for_self_locking(robot: Robot) -> None:
+    """The check of self-locking uses the lower end of the friction range."""
     problem = load_problem(PROBLEMS / "tilt_insert.yaml")
     motion = plan_motion(problem).trajectory
     joint = robot.joints[0]

@@ -1,4 +1,7 @@
-"""Limits of the task: rates, tip speed, the retina and the lens. Each kept, and used where it stands in the way."""
+"""Verify limits of task rates, tip speed, retina clearance and lens clearance.
+
+Plans keep each limit, and they reach the limit if it makes the motion slower.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,7 @@ def test_a_rate_that_binds_is_kept_and_used(tilt_insert: Problem, kind: str, nam
     result = plan(moving(tilt_insert, kind, START, GOAL, TaskRate(name, RATES[name])))
     assert result.passed
     assert -1e-6 <= limit(result, LIMIT[name]).margin < 1e-3
-    # a coordinate that could not go faster takes at least its way over its rate
+    # A coordinate at its rate limit takes at least its displacement divided by the rate.
     assert result.duration > loose.duration
     assert result.duration > abs(GOAL[name] - START[name]) / RATES[name]
 
@@ -94,7 +97,9 @@ def test_all_rates_and_the_tip_speed_together(tilt_insert: Problem, kind: str) -
 
 
 def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: Problem) -> None:
-    """From beside the port: inserted as fast as it swings, the tip would come too near to the wall."""
+    """The start is beside the port. Inserted at the speed of the swing, the tip would come too
+    near the wall.
+    """
     start = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.0025}
     goal = {"roll": 0.0, "tilt": float(np.radians(-112)), "spin": 0.0, "depth": 0.018}
     with_eye = moving(laser_scan, "free", start, goal)
@@ -109,7 +114,10 @@ def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: 
 
 
 def edge_of_the_port(problem: Problem) -> dict[str, float]:
-    """Outside the retina's clearance and just at the port: the limit allows it, the retina's row would not."""
+    """Return the task coordinates of a tip at the inner edge of the port.
+
+    The limit of the retina clearance allows this position, but the row of the retina would not.
+    """
     assert problem.eye is not None
     return {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": problem.eye.port}
 
@@ -122,7 +130,10 @@ def test_a_motion_may_end_at_the_edge_of_the_port(laser_scan: Problem) -> None:
 
 
 def test_from_the_edge_of_the_port_the_tip_swings_first(laser_scan: Problem) -> None:
-    """Inwards from there only one way leads, on which the tip stays at the edge until it has swung far enough."""
+    """From the edge of the port, the tip must swing far enough before it moves inwards.
+
+    It stays at the edge until then.
+    """
     start, eye = edge_of_the_port(laser_scan), laser_scan.eye
     assert eye is not None
     result, back = (
@@ -134,13 +145,13 @@ def test_from_the_edge_of_the_port_the_tip_swings_first(laser_scan: Problem) -> 
     joints = result.trajectory.uniform(2000.0).q
     begun = int(np.argmax(-joints[:, 3] > eye.port + 1e-7))
     assert joints[begun, 1] != pytest.approx(joints[0, 1], abs=1e-2)
-    # deeper within the port there is more room than at its edge
+    # Inside the port, the tip has more freedom than at its edge.
     before = plan(moving(laser_scan, "free", {**start, "depth": start["depth"] - 1e-4}, FAR))
     assert before.duration == pytest.approx(result.duration, rel=1e-3)
 
 
 def with_insertion_motor(problem: Problem, torque: float) -> Problem:
-    """The problem with another largest torque of joint 4's motor."""
+    """Return the problem with another largest torque of the motor of joint 4, in N m."""
     joint = problem.robot.joints[3]
     assert joint.motor is not None
     motor = dataclasses.replace(
@@ -151,7 +162,10 @@ def with_insertion_motor(problem: Problem, torque: float) -> Problem:
 
 
 def in_the_way(problem: Problem) -> Eye:
-    """A small lens on the way of a shaft that swings from SWING to FAR while it is inserted."""
+    """Return an eye with a small lens in the path of a shaft that swings while it is inserted.
+
+    The shaft moves from SWING to FAR.
+    """
     tilt, depth = -1.95, 0.0075
     place = depth * np.array([-np.cos(tilt), 0.0, np.sin(tilt)])
     assert problem.eye is not None
@@ -165,7 +179,7 @@ def in_the_way(problem: Problem) -> Eye:
 
 @pytest.mark.parametrize("objective", ["time", "time then heat"])
 def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective: str) -> None:
-    """It swings over the lens first and is inserted behind it."""
+    """The tool swings past the lens first and is inserted behind it."""
     problem = moving(
         laser_scan, "free", SWING, FAR, objective=objective, eye=in_the_way(laser_scan)
     )
@@ -194,7 +208,7 @@ def test_on_a_straight_line_a_lens_in_the_way_is_a_reason(laser_scan: Problem) -
 
 @pytest.mark.slow
 def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
-    """Twice as many elements gain less than 0.2 %."""
+    """Twice as many elements shorten the motion by less than 0.2 %."""
     problem = moving(laser_scan, "free", SWING, FAR, eye=in_the_way(laser_scan))
     phase = feasible_phases(problem)[0][0]
     coarse, fine = (solve_free(phase, count=n) for n in (40, 80))
@@ -208,7 +222,7 @@ def test_the_mesh_is_fine_enough_for_the_eye(laser_scan: Problem) -> None:
 def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(
     laser_scan: Problem, strength: float
 ) -> None:
-    """The default mesh and finer ones give the same duration."""
+    """The default mesh and finer meshes give the same duration."""
     problem = moving(
         with_insertion_motor(laser_scan, strength), "free", SWING, FAR, eye=in_the_way(laser_scan)
     )
@@ -218,7 +232,10 @@ def test_the_motion_around_a_lens_takes_no_longer_on_any_mesh(
 
 
 def ball_at(problem: Problem, roll: float, tilt: float, depth: float, radius: float) -> Eye:
-    """The eye with a ball for a lens, on the axis of a tool at this roll and tilt."""
+    """Return the eye with a spherical lens on the axis of a tool at this roll and tilt.
+
+    `roll` and `tilt` are in rad, `depth` and `radius` in m.
+    """
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     place = tip_position(
         mechanism, inverse_task(mechanism, [[roll, tilt, 0.0, depth]]).joints[0, :1]
@@ -248,7 +265,7 @@ def test_a_tool_is_drawn_back_over_a_lens_in_its_way(
     rolls: tuple[float, float],
     ball: tuple[float, float],
 ) -> None:
-    """No slower than through a point given by hand, and it does go back."""
+    """The tool retracts, and its motion is no slower than one through a waypoint given by hand."""
     tilt, (begin, end) = np.radians(tilt), np.radians(rolls)
     eye = ball_at(laser_scan, 0.0, tilt, *ball)
     start = Task(roll=begin, tilt=tilt, spin=0.0, depth=depth)
@@ -271,7 +288,10 @@ def test_a_tool_is_drawn_back_over_a_lens_in_its_way(
 
 
 def test_a_straight_motion_that_grazes_the_retina_does_not_stand_in_for_a_free_one() -> None:
-    """Its line comes 3 µm too near at the port's edge, between its samples."""
+    """A straight motion comes 3 µm too near at the edge of the port, between its samples.
+
+    The planner must not use it instead of the free motion.
+    """
     problem = load_problem("problems/eye_approach.yaml")
     assert problem.eye is not None
     eye = dataclasses.replace(problem.eye, clearance=0.928e-3)

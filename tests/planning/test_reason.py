@@ -56,7 +56,7 @@ def weak(problem: Problem, i: int, factor: float) -> Problem:
 
 
 def narrow(problem: Problem) -> Problem:
-    """Return the problem with a range of joint 2 that ends 0.1 rad before the smallest position
+    """Return the problem with a range of joint 2 that begins 0.1 rad above the smallest position
     of the motion.
     """
     q = plan(problem).trajectory.sample(plan(problem).trajectory.breaks).q[:, 1]
@@ -285,7 +285,7 @@ def test_the_problem_relaxed_is_solved(unplanned: Unplanned) -> None:
 
 
 def test_what_no_limit_could_cure_a_file_is_refused_for(tilt_insert: Problem) -> None:
-    """Problems that no other limit can repair are refused when they are built."""
+    """A problem that no other limit can repair raises a ProblemError."""
     timed = (dataclasses.replace(straight(depth=0.015), duration=2.0),)
     timed_twice = insertion(tilt_insert, motion=timed, objective="effort", duration=3.0)
     with pytest.raises(ProblemError, match="every motion already has a duration"):

@@ -1,4 +1,4 @@
-"""Free motions from rest to rest on which joints turn back between points, because that is faster."""
+"""Verify free motions from rest to rest that are faster because joints reverse between points."""
 
 from __future__ import annotations
 
@@ -27,7 +27,11 @@ DEPTH = TaskRange("depth", 0.0, 0.03)
 def free(
     base: Problem, start: tuple[float, ...], to: dict[str, float], *limits: Any, **changes: Any
 ) -> Problem:
-    """From (roll, tilt, spin) in degrees and a depth in mm to angles in degrees and a depth in mm."""
+    """Return a problem with one free motion that starts at (roll, tilt, spin) in deg and a depth in
+    mm.
+
+    The targets are also in deg and mm.
+    """
     roll, tilt, spin = np.radians(start[:3])
     target = {
         name: 1e-3 * value if name == "depth" else float(np.radians(value))
@@ -43,12 +47,16 @@ def free(
 
 
 def without(problem: Problem) -> float:
-    """Duration of the motion that turns back at no place of its own, s."""
+    """Return the duration in s of the motion without added reversals."""
     return plan_motion(problem, may_reverse=False).phases[0].duration
 
 
 def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
-    """Of the arc that the tip takes at its depth and the chord, which no motion beats, it comes nearer to the chord."""
+    """Reversals shorten the motion by at least 6.5 %.
+
+    The chord between the two tip positions gives the lower bound. Without reversals, the motion
+    takes longer than the arc at constant depth.
+    """
     speed = 0.02
     problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(speed))
     result = plan(problem)
@@ -68,7 +76,7 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
     depth = -q[:, 3]
     assert depth.min() < 0.026
     assert depth[[0, -1]] == pytest.approx(0.028, abs=1e-12)
-    # tilt swings to one side, on to the other and back: 1.4817 s is what a program that knows no directions finds
+    # Tilt swings to both sides. A program without fixed directions finds 1.4817 s.
     assert q[:, 1].max() > q[0, 1] + 0.02
     assert q[:, 1].min() < q[0, 1] - 0.02
     assert result.duration < 1.002 * 1.4817
@@ -77,7 +85,7 @@ def test_the_tool_is_drawn_back_to_swing_faster(tilt_insert: Problem) -> None:
 def test_ipopt_confirms_the_motion_alone_that_is_taken(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not the one without reversals, which is slower."""
+    """Ipopt does not confirm the motion without reversals, which is slower."""
     confirmed: list[NlpSolution] = []
     solve = Transcription.solve
 
@@ -94,7 +102,7 @@ def test_ipopt_confirms_the_motion_alone_that_is_taken(
 
 
 def test_other_objectives_turn_at_the_same_places(tilt_insert: Problem) -> None:
-    """Least heat, and a duration that no motion takes without turning back."""
+    """Reversals also allow the least heat, and a duration that no motion without them can keep."""
     problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.02))
     fastest = plan(problem).duration
     cooler = plan(replace(problem, objective="time then heat"))
@@ -125,7 +133,9 @@ def test_with_jerk_limits(tilt_insert: Problem, with_jerk: WithJerk) -> None:
 
 
 def test_a_joint_that_moves_takes_a_run_up_and_overshoots(tilt_insert: Problem) -> None:
-    """0.9756 s is what a program that knows no directions finds (`tests/benchmarks/direction_free.py`)."""
+    """The program `tests/benchmarks/direction_free.py`, which has no fixed directions, finds
+    0.9756 s.
+    """
     to = {"roll": 7.4, "tilt": -101.3, "spin": -13.6, "depth": 19.7}
     problem = free(tilt_insert, (-8.8, -116.5, -10, 27.7), to, TipSpeed(0.0135))
     result = plan(problem)
@@ -139,7 +149,10 @@ def test_a_joint_that_moves_takes_a_run_up_and_overshoots(tilt_insert: Problem) 
 
 @pytest.mark.parametrize("planner", ["optimal", "fast"])
 def test_turning_joints_stay_in_their_range(tilt_insert: Problem, planner: Any) -> None:
-    """A range that ends where the motion does leaves no room for the run-up, and little gain."""
+    """If its range is too narrow for the fastest motion, joint 1 stays within the range.
+
+    The motion is slower than the fastest one, but faster than without reversals.
+    """
     to = {"roll": 7.4, "tilt": -101.3, "spin": -13.6, "depth": 19.7}
     problem = free(tilt_insert, (-8.8, -116.5, -10, 27.7), to, TipSpeed(0.0135))
     free_to_turn = plan(problem)
@@ -159,7 +172,7 @@ def test_turning_joints_stay_in_their_range(tilt_insert: Problem, planner: Any) 
 def test_without_the_compiled_part_joints_turn_back_too(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Ipopt's multipliers tell where."""
+    """Without the compiled part, the multipliers of Ipopt show where joints should reverse."""
     monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
     problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.012))
     result = plan_motion(problem)
@@ -171,9 +184,10 @@ def test_without_the_compiled_part_joints_turn_back_too(
 def test_a_direction_is_opened_where_its_multiplier_says_so(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, native: str
 ) -> None:
-    """Where the tool swings under a limit of the tip's speed, depth and tilt stand and would rather move; roll would not.
+    """Under a limit of the tip speed, the multipliers suggest that tilt and depth reverse, but not
+    roll.
 
-    The reduced costs belong to the optimum: they do not depend on the solver that found it.
+    The multipliers belong to the optimum and do not depend on the solver.
     """
     monkeypatch.setenv("SSM_PLANNER_NATIVE", native)
     problem = free(tilt_insert, (-30, -100, 0, 28), {"roll": 30}, TipSpeed(0.012))
@@ -183,16 +197,19 @@ def test_a_direction_is_opened_where_its_multiplier_says_so(
     roll, tilt, spin, depth = np.abs(multipliers.values).sum(axis=0)
     assert max(roll, spin) < MULTIPLIER_TOLERANCE
     assert min(tilt, depth) > 100 * MULTIPLIER_TOLERANCE
-    # a joint that stands returns to where it stood, so the mean of its steepest descent is 0, but for the averaging
+    # A joint that stands still must return to its position, so the mean of its multipliers is 0.
+    # Averaging over the elements causes a small difference.
     assert np.abs(multipliers.values.sum(axis=0))[[1, 3]] == pytest.approx([0, 0], abs=0.1 * tilt)
     reversals = suggest_reversals(planned.phase, planned.motion)
     assert reversals is not None
     assert reversals.directions is not None
     assert np.all(reversals.directions[:, 0] == 1)
-    assert np.all(reversals.directions[[0, -1], 3] == (1, -1))  # drawn back first: q4 is −depth
+    # The tool retracts first, and q4 is −depth.
+    assert np.all(reversals.directions[[0, -1], 3] == (1, -1))
 
 
 def test_a_motion_states_the_largest_multiplier_that_remains(tilt_insert: Problem) -> None:
+    """The multiplier that remains with reversals is less than 5 % of that without reversals."""
     to = {"roll": 7.4, "tilt": -101.3, "spin": -13.6, "depth": 19.7}
     problem = free(tilt_insert, (-8.8, -116.5, -10, 27.7), to, TipSpeed(0.0135))
     direct, turned = (
@@ -205,7 +222,10 @@ def test_a_motion_states_the_largest_multiplier_that_remains(tilt_insert: Proble
 
 
 def test_a_joint_goes_back_and_forth_for_the_rate_of_spin(tilt_insert: Problem) -> None:
-    """As fast as joint 2 alone, which the bound says; straight 2.149 s, and without turning back 5.2 s."""
+    """The motion takes the lower bound, which is the time of joint 2 alone.
+
+    A straight motion takes 2.149 s, and a motion without reversals takes 5.2 s.
+    """
     rate = TaskRate("spin", float(np.radians(5)))
     result = plan(free(tilt_insert, (0, -85, 0, 0), {"tilt": -135}, rate))
     assert result.passed
@@ -218,6 +238,9 @@ def test_a_joint_goes_back_and_forth_for_the_rate_of_spin(tilt_insert: Problem) 
 def test_where_nothing_pays_the_motion_is_the_same(
     tilt_insert: Problem, to: dict[str, float], limits: Any
 ) -> None:
+    """If reversals do not shorten the motion, the plan has exactly the coefficients of the plan
+    without reversals.
+    """
     problem = free(tilt_insert, (-5, -120, 0, 15), to, *limits)
     turning, plain = (plan_motion(problem, may_reverse=turning) for turning in (True, False))
     assert turning.trajectory is not None

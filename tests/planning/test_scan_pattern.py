@@ -1,4 +1,7 @@
-"""Scans: laser spots on the retina, the tip at a constant distance from it."""
+"""Verify scans, which move the tip over laser spots at a constant distance from the retina.
+
+The references are the geometry of spheres and planes, and the best of all orders of a few spots.
+"""
 
 from __future__ import annotations
 
@@ -39,12 +42,15 @@ def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
 
 
 def phases(result: Plan) -> tuple[Phase, ...]:
-    """The phases of a plan with the points that they pass."""
+    """Return the phases of a plan with the points that they pass."""
     return feasible_phases(result.problem)[0]
 
 
 def spots(result: Plan) -> list[Array]:
-    """Tips (n, 3) at the spots of every run of the motion, ends of phases included; the tip's way there left out."""
+    """Return the tip positions (n, 3) in m at the spots of every free phase, including its end.
+
+    The start of a phase is not included.
+    """
     mechanism = Mechanism.from_geometry(result.problem.robot.geometry)
     return [
         tip_position(mechanism, phase.points[1:])
@@ -54,7 +60,7 @@ def spots(result: Plan) -> list[Array]:
 
 
 def on_retina(result: Plan, tips: Array) -> Array:
-    """Where the tool points to: rays from the port through the tips to the sphere."""
+    """Return the points (n, 3) at which rays from the port through the tips meet the retina."""
     eye = result.problem.eye
     assert eye is not None
     axis = tips / np.linalg.norm(tips, axis=1, keepdims=True)
@@ -63,7 +69,11 @@ def on_retina(result: Plan, tips: Array) -> Array:
 
 
 def in_plane(result: Plan, tips: Array) -> Array:
-    """Spots (n, 3) in the plane that touches the retina at the macula, from the macula, seen from the eye's centre."""
+    """Return the spots (n, 3) in the tangent plane of the retina at the macula, relative to the
+    macula.
+
+    The projection uses rays from the centre of the eye.
+    """
     eye, mechanism = result.problem.eye, Mechanism.from_geometry(result.problem.robot.geometry)
     assert eye is not None
     macula = on_retina(result, _axis(mechanism)[None])[0]
@@ -73,7 +83,10 @@ def in_plane(result: Plan, tips: Array) -> Array:
 
 
 def _axis(mechanism: Mechanism) -> Array:
-    """Direction of the tool at MACULA: in the plane of tilt, from joint 1 (x) towards −z."""
+    """Return the direction of the tool at MACULA, (3,).
+
+    It lies in the plane of tilt, from the axis of joint 1 (x) towards −z.
+    """
     tilt = MACULA["tilt"]
     return np.cos(tilt) * np.array([-1.0, 0, 0]) + np.sin(tilt) * np.array([0, 0, 1.0])
 
@@ -102,7 +115,7 @@ def test_every_spot_is_at_the_distance_and_passed_by_the_tip(
 def test_rings_have_their_diameters_and_even_spacing(laser_scan: Problem, scan: Scan) -> None:
     result = scanning(laser_scan, scan)
     runs = spots(result)
-    # to the first spot of every ring, then around it and back to that spot
+    # The runs alternate between a motion to the first spot of a ring and a motion around the ring.
     assert len(runs) == 2 * len(scan.diameters)
     for diameter, first, ring in zip(scan.diameters, runs[::2], runs[1::2], strict=True):
         plane = in_plane(result, np.concatenate([first, ring]))
@@ -111,7 +124,7 @@ def test_rings_have_their_diameters_and_even_spacing(laser_scan: Problem, scan: 
         steps = np.linalg.norm(np.diff(plane, axis=0), axis=1)
         count = len(steps)
         assert steps == pytest.approx(diameter * np.sin(np.pi / count), abs=1e-9)
-        # as near to the spacing along the ring as a whole number of spots comes
+        # The number of spots is the integer that gives the spacing nearest to the requested one.
         assert abs(np.pi * diameter / scan.spacing - count) <= 0.5 or count == 3
 
 
@@ -125,11 +138,12 @@ def test_a_raster_goes_back_and_forth(laser_scan: Problem) -> None:
     rows = plane.reshape(3, 4, 3)
     along = np.diff(rows, axis=1)
     assert along[0] == pytest.approx(-along[1], abs=1e-9)
-    # rows lie as roll turns the tool: across the plane of tilt
+    # The rows lie across the plane of tilt, as roll moves the tool.
     assert np.abs(along @ np.array([1.0, 0, 1.0])).max() < 1e-9
 
 
 def test_with_a_dwell_the_tool_stands_at_every_spot_without_it_passes(laser_scan: Problem) -> None:
+    """With a dwell, the tool rests at every spot. Without a dwell, it passes the spots."""
     standing = scanning(laser_scan, dataclasses.replace(RING, dwell=0.05))
     kinds = [phase.motion.kind for phase in phases(standing)]
     dwells = [phase for phase, kind in zip(standing.phases, kinds, strict=True) if kind == "dwell"]
@@ -143,7 +157,7 @@ def test_with_a_dwell_the_tool_stands_at_every_spot_without_it_passes(laser_scan
     going_on = way[1:] * way[:-1] > 0
     assert going_on.any(axis=1).sum() >= 3
     at_breaks = passing.trajectory.sample(passing.trajectory.breaks)
-    # the ring is closed, so its first spot is passed at the beginning and at the end
+    # The ring is closed, so the tip passes its first spot at the beginning and at the end.
     first = int(np.searchsorted(at_breaks.t, passing.phases[0].duration))
     passed = [
         first,
@@ -155,7 +169,7 @@ def test_with_a_dwell_the_tool_stands_at_every_spot_without_it_passes(laser_scan
     ]
     for k, on, before, behind in zip(passed[1:-1], going_on, passed[:-2], passed[2:], strict=True):
         assert np.all(at_breaks.qd[k][on] != 0)
-        # a joint that goes back turns at the point, or beside it
+        # A joint that reverses does so at the point or near it.
         speeds = passing.trajectory.sample(
             np.linspace(at_breaks.t[before], at_breaks.t[behind], 400)
         ).qd[:, ~on]
@@ -163,7 +177,7 @@ def test_with_a_dwell_the_tool_stands_at_every_spot_without_it_passes(laser_scan
 
 
 def test_a_scan_beyond_the_reach_of_the_port_is_bad_input(laser_scan: Problem) -> None:
-    """Pointing away from the eye there is no spot at that distance from the retina."""
+    """If the tool points away from the eye, no spot has the given distance from the retina."""
     eye = laser_scan.eye
     assert eye is not None
     turned = dataclasses.replace(eye, centre=-eye.centre, lens=None)
@@ -182,6 +196,7 @@ def test_a_tilt_out_of_reach_is_bad_input(laser_scan: Problem) -> None:
 
 
 def test_the_fastest_order_of_few_places_is_the_best_of_all_orders() -> None:
+    """For up to seven spots, the tour has the least time of all orders."""
     rng = np.random.default_rng(20)
     for case in range(40):
         places = rng.random((int(rng.integers(3, 8)), 2))
@@ -209,7 +224,7 @@ def test_the_fastest_order_visits_every_spot_once_and_takes_less(laser_scan: Pro
     assert fastest.duration < 0.97 * given.duration  # type: ignore[operator]
     again = Plan.from_json(fastest.to_json().encode(), Path("plan.json"))
     assert again.problem.motion[0].order == "fastest"  # type: ignore[union-attr]
-    # without a dwell all spots are passed in one motion, which does not go back to the first of them
+    # Without a dwell, one motion passes all spots and does not return to the first one.
     (approach, around) = phases(scanning(laser_scan, dataclasses.replace(THREE, order="fastest")))
     assert len(around.points) == len(own)
     assert np.abs(approach.points[-1] - around.points[-1]).max() > 1e-3

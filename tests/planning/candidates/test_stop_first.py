@@ -1,4 +1,8 @@
-"""From every instant at which joints can stop there is a certified motion to every target that can be reached from rest."""
+"""Verify plans that begin at speed, at an instant at which the joints can stop.
+
+A certified motion must exist to every target that the robot can reach from rest. The program Ruckig
+gives the shortest stopping times.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ def jerk_limited(problem: Problem) -> Problem:
 
 @pytest.fixture(scope="module", params=["stock", "jerk", "eye"])
 def moving(request: pytest.FixtureRequest, tilt_insert: Problem) -> Plan:
-    """A certified free motion from rest to rest."""
+    """Return the plan of a certified free motion from rest to rest."""
     problem = tilt_insert
     target = TARGET
     if request.param == "jerk":
@@ -51,13 +55,16 @@ def moving(request: pytest.FixtureRequest, tilt_insert: Problem) -> Plan:
 
 
 def replanned(base: Plan, at: float, *motion: Motion) -> Plan:
-    """The plan that goes on from an instant, planned quickly."""
+    """Return the plan that continues from the instant `at` of the base plan."""
     there = starting_from(replace(base.problem, motion=motion), base, at)
     return plan(there, relaxations=False)
 
 
 def stopping_times(base: Plan, at: float) -> Array:
-    """The shortest times in which the joints come to rest, (4,), s: with jerk limits by Ruckig."""
+    """Return the shortest times in s in which the joints come to rest, (4,).
+
+    With jerk limits, Ruckig computes them.
+    """
     state = base.motion.sample(at)
     q, qd, qdd = state.q[0], state.qd[0], state.qdd[0]
     joints = base.problem.robot.joints
@@ -83,7 +90,9 @@ RETURNS = [(share, kept) for kept in KEPT for share in drawn(2, [0.1, 0.37, 0.66
 def test_joints_return_to_where_they_are_while_they_move(
     moving: Plan, share: float, kept: tuple[int, ...]
 ) -> None:
-    """Some joints have the instant's position as their target. The others go on a little."""
+    """Some joints have the position at the instant as their target. The others continue a
+    little.
+    """
     at = share * moving.motion.duration
     state = moving.motion.sample(at)
     q, qd = state.q[0], state.qd[0]
@@ -102,7 +111,7 @@ def test_joints_return_to_where_they_are_while_they_move(
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
 def test_a_line_begins_after_a_stop(moving: Plan, share: float) -> None:
-    """With jerk limits, the robot rests as soon as its slowest joint can."""
+    """With jerk limits, the robot comes to rest as soon as its slowest joint can."""
     at = share * moving.motion.duration
     result = replanned(moving, at, Straight(depth=0.002))
     assert result.passed, result.reason
@@ -126,7 +135,7 @@ def test_the_present_position_is_a_target_only_at_speed(tilt_insert: Problem) ->
     moving = replace(still, start_rate={"depth": speed})
     result = plan(moving, relaxations=False)
     assert result.passed, result.reason
-    # It brakes over v²/(2 a) and returns from rest.
+    # The joint brakes over v²/(2 a) and returns from rest.
     expected = speed / acceleration * (1 + np.sqrt(2))
     assert result.duration == pytest.approx(expected, rel=1e-4)
     waits = plan(replace(moving, motion=(here, Dwell(0.3))), relaxations=False)
@@ -164,7 +173,7 @@ def test_the_quickest_stop_is_that_of_ruckig(seed: int) -> None:
 
 @pytest.fixture
 def stops_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Phases that begin at speed have no direct motion."""
+    """Change the planner so that it finds no direct motion for phases that begin at speed."""
     free = PhasePlanner.free
 
     def from_rest(planner: PhasePlanner, *given: Any, **named: Any) -> PlannedPhase | Reason:
@@ -178,7 +187,7 @@ def stops_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("stops_alone")
 @pytest.mark.parametrize("torque", [1.2e-3, 2.2e-3, 6.7e-3])
 def test_a_weak_motor_brakes_its_heavy_rotor_less_hard(tilt_insert: Problem, torque: float) -> None:
-    """The insertion alone, with hardly any friction, so that the motor itself must brake the rotor."""
+    """The insertion has almost no friction, so the motor itself must brake the rotor."""
     *others, joint = tilt_insert.robot.joints
     assert joint.drive is not None
     assert joint.drive.friction is not None
@@ -209,7 +218,9 @@ def test_a_weak_motor_brakes_its_heavy_rotor_less_hard(tilt_insert: Problem, tor
 @pytest.mark.usefixtures("stops_alone")
 @pytest.mark.parametrize("share", [0.3, 0.7])
 def test_a_requested_duration_is_kept_after_a_stop(moving: Plan, share: float) -> None:
-    """Only the part from rest takes longer, because the stop would need another path."""
+    """Only the motion after the stop takes longer, because a slower stop would need another
+    path.
+    """
     at = share * moving.motion.duration
     target = Joints.from_array(moving.motion.sample(0.0).q[0])
     fastest = replanned(moving, at, Free(target))
@@ -248,7 +259,7 @@ def test_a_stop_before_a_line_stays_in_a_narrow_range_of_roll(
 
 
 def test_the_tasks_of_a_retracting_tool(tilt_insert: Problem) -> None:
-    """The command that an alarm sends: depth alone has a target, and the rest is where it is."""
+    """An alarm commands only a depth, and the other task coordinates keep their present values."""
     base = plan(
         replace(
             tilt_insert,

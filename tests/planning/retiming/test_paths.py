@@ -301,7 +301,7 @@ def test_knots_lie_where_watched_joints_reverse(mechanism: Mechanism) -> None:
 @pytest.mark.parametrize("root", [0.2, 0.25, 0.7])
 @pytest.mark.parametrize("swapped", [False, True])
 def test_sign_changes_are_found_to_the_last_digits(root: float, swapped: bool) -> None:
-    """The order of the two limits does not matter. Of several roots, the first one is returned."""
+    """The first end may be the larger one. Of several roots, the one nearest to it is returned."""
     low, high = (1.0, 0.1) if swapped else (0.1, 1.0)
     for sign in (1.0, -1.0):
         found = paths.find_sign_change(lambda s: sign * (s - root), low, high)  # noqa: B023
