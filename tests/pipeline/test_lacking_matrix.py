@@ -1,7 +1,7 @@
-"""Every command answers for robots that lack drives, motors or masses: a result, or one message.
+"""Verify that every command answers for robots without drives, motors or masses.
 
-No combination of robot, objective, planner and command ends in an internal fault (status 3).
-EVERY_CASE=1 plans every objective with every planner.
+The answer is a result or one message. No combination of robot, objective, planner and command ends
+in an internal fault (status 3). EVERY_CASE=1 plans every objective with every planner.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ MISSION = [
 
 
 def _write(folder: Path, variant: str, objective: str, planner: str) -> tuple[Path, Path]:
-    """Write a robot and a problem. Returns both files."""
+    """Write a robot and a problem, and return both files."""
     robot = copy.deepcopy(_shipped())
     VARIANTS[variant](robot)
     (folder / "robot.yaml").write_text(yaml.safe_dump(robot, sort_keys=False), "utf-8")
@@ -109,7 +109,7 @@ def _write(folder: Path, variant: str, objective: str, planner: str) -> tuple[Pa
 
 
 def _answers(capsys: pytest.CaptureFixture[str], words: tuple[object, ...]) -> int:
-    """Run a command in this process, and return its status. A refusal says why."""
+    """Run a command in this process and return its status. A refusal must print a reason."""
     capsys.readouterr()
     try:
         status = main([str(word) for word in words])
@@ -124,10 +124,10 @@ def _answers(capsys: pytest.CaptureFixture[str], words: tuple[object, ...]) -> i
 
 
 def _cases(variant: str) -> set[tuple[str, str]]:
-    """Return every planner with one objective, in turn over the variants.
+    """Return every planner with one objective, which depends on the variant.
 
-    So every objective meets every planner, and every variant meets every objective and every
-    planner. TOPP-RA always plans for time too.
+    Over all variants, every objective meets every planner, and every variant meets every objective
+    and every planner. TOPP-RA always plans for time too.
     """
     objectives = list(OBJECTIVES)
     first = list(VARIANTS).index(variant)
@@ -147,14 +147,14 @@ def test_every_objective_and_planner_plans_or_refuses(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # The next test writes the folder of every variant.
+    # The next test verifies the folder of every variant.
     monkeypatch.setattr("ssm_planner.pipeline.run.write_folder", lambda *_: {})
     statuses = {}
     for objective, planner in _cases(variant):
         _, problem = _write(tmp_path, variant, objective, planner)
         words = ("plan", problem, "--json", "-o", tmp_path / "out")
         statuses[objective, planner] = _answers(capsys, words)
-    # TOPP-RA has no durations and no effort; every other planner plans every objective
+    # TOPP-RA supports neither durations nor effort. Every other planner plans every objective.
     refused = {case for case, status in statuses.items() if status}
     assert {planner for _, planner in refused} <= {"toppra"}
     assert ("time", "toppra") not in refused or variant == "jerk limits"
@@ -175,7 +175,7 @@ def _judgements(plan: Path, robot: Path, problem: Path, out: Path) -> Iterator[t
 
 
 def _exports(plan: Path, robot: Path, problem: Path, out: Path) -> Iterator[tuple[object, ...]]:
-    """Yield commands that write a plan in other forms, and that read these."""
+    """Yield commands that write a plan in other formats or read these formats."""
     for kind in ("csv", "epos4", "pvt", "urdf", "c"):
         yield ("export", plan, "--to", kind, "-o", out / kind)
     yield ("export", plan, "--to", "ros2", "-o", out / "ros2", "--rate", "50")

@@ -1,4 +1,4 @@
-"""Motions that begin or end at speed."""
+"""Verify motions that begin or end at speed, against closed forms and the Jacobian of the task."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ JOINTS = (0.3, -0.2, 0.5, -0.015)
 
 
 def straight(problem: Problem, **changes: Any) -> Problem:
-    """Over WAY, with a third of it per second as the unit of rates."""
+    """Return a problem with one straight motion over WAY."""
     motion = (Straight(**{name: START[name] + way for name, way in WAY.items()}),)
     return dataclasses.replace(
         problem, start=Task(**START), motion=motion, **{"objective": "time", **changes}
@@ -44,11 +44,12 @@ def free(problem: Problem, **changes: Any) -> Problem:
 
 
 def along(share: float) -> dict[str, float]:
+    """Return rates of `share` times WAY per second."""
     return {name: share * way for name, way in WAY.items()}
 
 
 def end_rates(result: Plan) -> tuple[Array, Array]:
-    """Rates of the task coordinates at both ends, by the model's Jacobian."""
+    """Return the rates of the task coordinates at both ends, (4,) each, by the Jacobian."""
     assert result.passed
     mechanism = Mechanism.from_geometry(result.problem.robot.geometry)
     trajectory = result.trajectory
@@ -93,7 +94,10 @@ def test_a_free_motion_meets_them_too(tilt_insert: Problem, objective: str) -> N
 
 
 def test_one_joint_alone_gains_what_the_closed_form_says(tilt_insert: Problem) -> None:
-    """From rest to a speed takes speed / acceleration, on a way that otherwise is made at the speed of cruising."""
+    """A start at the speed v saves the time v/a of the acceleration.
+
+    The joint needs the time v²/(2 a v_max) for the distance of this acceleration at cruising speed.
+    """
     alone = (Free(Joints((-0.5, 0.6, 0.0, -0.015))),)
     problem = dataclasses.replace(free(tilt_insert), motion=alone)
     speed, joint = 0.008, tilt_insert.robot.joints[3]
@@ -124,7 +128,7 @@ def test_a_rate_too_high_is_a_reason(tilt_insert: Problem) -> None:
 
 
 def test_an_end_too_near_to_stop_at_is_a_reason(tilt_insert: Problem) -> None:
-    """15 mm/s in half a millimetre take v²/(2 d) = 225 mm/s²."""
+    """A stop from 15 mm/s within 0.5 mm requires v²/(2 d) = 225 mm/s²."""
     near = (Straight(**{"depth": 0.0045}, name="insert"),)
     result = plan(
         dataclasses.replace(straight(tilt_insert), motion=near, start_rate={"depth": 0.015})

@@ -1,4 +1,8 @@
-"""A motor that would get too hot over the whole motion: it is slowed down where that helps, otherwise named with a cure."""
+"""Verify plans with motors that would become too hot if the motion repeats.
+
+The planner slows the motion down if this helps. Otherwise, the reason names the motor and a
+relaxation.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +24,12 @@ from ssm_planner.verification.check import check
 
 
 def with_nominal(problem: Problem, i: int, torque: float) -> Problem:
-    """The problem with another nominal torque of the motor of joint i."""
+    """Return the problem with another nominal torque of the motor of joint i, in N m."""
     return with_motor(problem, i, nominal_torque=torque)
 
 
 def with_motor(problem: Problem, i: int, **figures: float) -> Problem:
-    """The problem with other figures of the motor of joint i."""
+    """Return the problem with other data of the motor of joint i."""
     joints = list(problem.robot.joints)
     joints[i] = dataclasses.replace(
         joints[i], motor=dataclasses.replace(joints[i].motor, **figures)
@@ -36,6 +40,7 @@ def with_motor(problem: Problem, i: int, **figures: float) -> Problem:
 
 
 def rms(problem: Problem, trajectory: Trajectory, joint: str) -> float:
+    """Return the RMS torque of the motor of a joint, in N m, from the check."""
     limits = check(trajectory, problem.robot).limits
     return next(
         limit.worst for limit in limits if (limit.name, limit.joint) == ("continuous torque", joint)
@@ -46,7 +51,10 @@ def rms(problem: Problem, trajectory: Trajectory, joint: str) -> float:
 def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(
     tilt_insert: Problem,
 ) -> None:
-    """Two fifths of what the fastest motion takes: the load does not get lighter, so going slower does not help."""
+    """The nominal torque is 40 % of the RMS torque of the fastest motion.
+
+    A slower motion does not reduce the load, so it does not help.
+    """
     tilt = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[:1])
     fastest = plan(tilt)
     needed = rms(tilt, fastest.trajectory, "roll")
@@ -68,7 +76,10 @@ def test_a_motor_that_friction_heats_too_much_is_named_with_what_it_needs(
 
 
 def heavy_rotor(problem: Problem, torque: float) -> Problem:
-    """The insertion alone, by a heavy rotor on a drive with hardly any friction; torque: the motor's, largest and nominal."""
+    """Return the insertion alone, with a heavy rotor and almost no friction.
+
+    `torque` in N m is both the largest and the nominal torque of the motor.
+    """
     joint = problem.robot.joints[3]
     friction = dataclasses.replace(joint.drive.friction, b_c=0.0, b_oc=0.0, mu_lowest=None)
     drive = dataclasses.replace(
@@ -85,7 +96,10 @@ def heavy_rotor(problem: Problem, torque: float) -> Problem:
 def test_a_motor_that_acceleration_heats_goes_slower(
     tilt_insert: Problem, torque: float, share: float
 ) -> None:
-    """At T times the duration acceleration is 1/T² as large: RMS torque falls at least so, so T ≤ share^-1/2 does."""
+    """In T times the duration, the motion needs at most 1/T² of the RMS torque.
+
+    Therefore T ≤ share^(-1/2) suffices.
+    """
     problem = heavy_rotor(tilt_insert, torque)
     fastest = plan(problem)
     assert fastest.passed
@@ -97,14 +111,16 @@ def test_a_motor_that_acceleration_heats_goes_slower(
 
 
 def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> None:
-    """Roll moves in the tilt alone: the insertion takes as long as it has to cool."""
+    """Roll moves in the tilt phase alone, so the insertion takes as long as the roll motor must
+    cool.
+    """
     problem = with_motor(tilt_insert, 0, nominal_torque=18e-3, max_torque=40e-3)
     result = plan(problem)
     assert result.passed
     heat = rms(problem, result.trajectory, "roll") ** 2 * result.duration
     assert result.duration == pytest.approx(heat / 18e-3**2, rel=2e-3)
     assert all(phase.lower_bound < phase.duration for phase in result.phases)
-    # a motion to where the robot is takes no time, so none of it is added there
+    # A motion to the present position takes no time, so no time for cooling is added to it.
     again = plan(dataclasses.replace(problem, motion=(*problem.motion, problem.motion[1])))
     assert again.passed
     assert [phase.duration for phase in again.phases] == [
@@ -117,7 +133,9 @@ def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> No
 def test_ipopt_confirms_no_motion_that_is_too_warm(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Motions that trade time for heat are planned by the structured solver alone until one is cool enough."""
+    """The structured solver alone plans motions that trade time for heat until one is cool
+    enough.
+    """
     planners: list[str] = []
 
     def planned(problem: Problem, *arguments: Any, **named: Any) -> PlannerResult:
@@ -137,7 +155,10 @@ def test_ipopt_confirms_no_motion_that_is_too_warm(
 def test_a_motor_that_slow_motion_alone_hardly_heats_slows_down_beyond_its_least_heat(
     tilt_insert: Problem, planner: Any
 ) -> None:
-    """Slowly enough the RMS torque comes near to friction and load alone; the motion of least heat runs warmer than that."""
+    """A slow motion needs nearly the RMS torque of friction and load alone.
+
+    This is less than the RMS torque of the motion with the least heat.
+    """
     tilt = dataclasses.replace(
         tilt_insert, motion=tilt_insert.motion[:1], objective="time", planner=planner
     )
@@ -153,7 +174,7 @@ def test_a_motor_that_slow_motion_alone_hardly_heats_slows_down_beyond_its_least
 def test_where_the_hot_motor_rests_the_whole_takes_as_long_as_its_heat(
     tilt_insert: Problem, planner: Any
 ) -> None:
-    """A second motor that is hot for one multiplier alone changes no more than the weights."""
+    """If two motors would become too hot, the hotter one reaches exactly its nominal torque."""
     problem = dataclasses.replace(
         with_motor(tilt_insert, 0, nominal_torque=18e-3, max_torque=40e-3), planner=planner
     )
@@ -189,7 +210,7 @@ def test_a_pause_before_the_motion_repeats_cools(tilt_insert: Problem) -> None:
     assert any(
         "continuous torque" in each and "once" in each for each in once.certificate.unchecked
     )
-    # the seal knows of the duty
+    # A plan whose duty was changed has no valid certificate.
     assert not dataclasses.replace(result, problem=weak).passed
 
 

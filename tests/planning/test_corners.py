@@ -50,7 +50,10 @@ def with_ranges(drive: Drive) -> Drive:
 
 
 def with_covariance(drive: Drive) -> Drive:
-    """μ and b_c, and the bearing's two figures, traded off against each other."""
+    """Return the drive with a covariance of μ, b_c and b_v.
+
+    The correlation of b_c with each of the other two is -0.6.
+    """
     sigma = {name: 0.06 * getattr(drive.friction, name) for name in ("mu", "b_c", "b_v")}
     tied = {("mu", "b_c"): -0.6, ("b_c", "b_v"): -0.6}
     table = {
@@ -78,7 +81,7 @@ def stated(name: str, kind: str) -> Problem:
 
 @cache
 def weakened(name: str, kind: str, factor: float) -> Problem:
-    """A shipped problem with motors that have little more than the nominal motion takes."""
+    """Return a shipped problem with motors of `factor` times the torque of the nominal motion."""
     problem = stated(name, kind)
     peaks = {
         load.joint: float(np.abs(load.torque()).max())

@@ -1,4 +1,8 @@
-"""What a motion is best at: time, then heat; or effort in a given time. Heat and effort by the model's own motors."""
+"""Verify the objectives: time, least heat in almost the least time, and least effort in a given
+time.
+
+The motor model, integrated by Gauss quadrature, gives the reference for heat and effort.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +47,10 @@ def torques(robot: Robot, samples: Samples, direction: Array) -> Array:
 
 
 def integral(trajectory: Trajectory, robot: Robot, of: Callable[[Samples, Array], Array]) -> float:
-    """∫ Σ (torque / nominal torque)² dt by Gauss' rule in every piece; of: torques (n, 4) of samples and directions."""
+    """Return ∫ Σ (torque / nominal torque)² dt in s, by Gauss quadrature in every piece.
+
+    The function `of` returns torques (n, 4) in N m from samples and directions.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(8)
     lengths = np.diff(trajectory.breaks)
     piece = np.repeat(np.arange(len(lengths)), len(nodes))
@@ -64,7 +71,9 @@ def heat(trajectory: Trajectory, robot: Robot) -> float:
 
 
 def effort(trajectory: Trajectory, robot: Robot) -> float:
-    """Of what the motors do beyond an endlessly slow motion along the same way."""
+    """Return the integral of the torques beyond those of an infinitely slow motion on the same
+    path.
+    """
 
     def beyond(samples: Samples, direction: Array) -> Array:
         slow = dataclasses.replace(samples, qd=0 * samples.qd, qdd=0 * samples.qdd)
@@ -74,7 +83,7 @@ def effort(trajectory: Trajectory, robot: Robot) -> float:
 
 
 def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
-    """The same motion in `factor` times its time."""
+    """Return the same motion in `factor` times its time."""
     powers = factor ** -np.arange(6.0)
     return Trajectory(trajectory.breaks * factor, trajectory.coefficients * powers[:, None], ())
 
@@ -94,7 +103,7 @@ def test_hardly_longer_and_no_hotter(
         fastest.duration * (1 - 1e-6) <= coolest.duration <= 1.001 * fastest.duration * (1 + 1e-6)
     )
     ratio = heat(coolest.trajectory, robot) / heat(fastest.trajectory, robot)
-    # the joints that do not bind move as they like in a free motion: there is something to gain
+    # In a free motion, the joints that do not limit the time can reduce the heat.
     assert ratio <= (1 + 1e-6 if kind == "straight" else 0.999)
 
 
@@ -121,7 +130,7 @@ def test_a_given_duration_is_taken_with_less_effort_than_the_fastest_motion_stre
 
 
 def test_effort_falls_faster_than_time_grows(tilt_insert: Problem) -> None:
-    """∫ τ² dt of what viscous friction asks falls as 1 / duration, of what inertia asks as its cube."""
+    """The effort of viscous friction decreases as 1/T, and that of inertia as 1/T³."""
     products = []
     for duration in (1.1, 1.4, 2.0, 4.0):
         motion = dataclasses.replace(FREE, duration=duration)
@@ -170,6 +179,7 @@ def test_the_shortest_possible_duration_may_be_asked_for_and_nothing_less(
 def test_without_the_least_effort_any_motion_that_takes_as_long_does(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """If the minimisation of effort fails, the plan is another motion with the given duration."""
     solve = Transcription.solve
 
     def no_effort(self: Transcription, *arguments: Any, **named: Any) -> Any:

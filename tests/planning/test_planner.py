@@ -1,3 +1,5 @@
+"""Verify plans of straight motions against the package toppra and against closed forms."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -22,12 +24,12 @@ Weaker = Callable[[Robot, float], Robot]
 
 
 def straight(problem: Problem, **task: float) -> Problem:
-    """The problem with one straight motion to the given task coordinates, rad and m."""
+    """Return the problem with one straight motion to the given task coordinates, rad and m."""
     return dataclasses.replace(problem, motion=(Straight(**task, name="straight"),))
 
 
 def by_toppra(plan: Plan, span: Span) -> float:
-    """Return the duration by the package toppra along the path of a phase, s."""
+    """Return the duration in s that the package toppra finds along the path of a phase."""
     duration = shortest_path_duration(
         plan.motion, plan.robot, plan.limits, (span.start, span.end)
     ).duration
@@ -73,7 +75,7 @@ def test_all_coordinates_together(tilt_insert: Problem) -> None:
 
 
 def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
-    """Rolling on while tilting makes joint 1 reverse: the friction of its drive changes sign on the way."""
+    """Joint 1 reverses when the tool rolls and tilts, so the friction of its drive changes sign."""
     problem = straight(tilt_insert, roll=np.radians(-30), tilt=np.radians(-112))
     start = Task(**{"roll": np.radians(30), "tilt": np.radians(-86), "spin": 0.0, "depth": 0.0})
     problem = dataclasses.replace(problem, start=start)
@@ -86,7 +88,10 @@ def test_a_joint_that_turns_back_on_the_way(tilt_insert: Problem) -> None:
 
 
 def slow(problem: Problem, speed: float, jerk: float | None = None) -> Problem:
-    """With joints of so many deg/s and mm/s, and as many rad/s³ and mm/s³."""
+    """Return the problem with joint speed limits of `speed` in deg/s and mm/s.
+
+    The jerk limits are 2 `jerk` in rad/s³ and `jerk` in m/s³.
+    """
     joints = tuple(
         dataclasses.replace(
             joint,
@@ -102,7 +107,7 @@ def slow(problem: Problem, speed: float, jerk: float | None = None) -> Problem:
 def test_slow_motions_take_little_time_to_get_up_to_speed(
     tilt_insert: Problem, speed: float
 ) -> None:
-    """The insertion is one joint's alone: its optimum is v/a longer than at full speed throughout."""
+    """The insertion moves one joint alone, so it takes v/a longer than at full speed throughout."""
     problem = slow(tilt_insert, speed)
     result = plan(problem)
     assert result.passed
@@ -117,7 +122,9 @@ def test_slow_motions_take_little_time_to_get_up_to_speed(
 def test_a_motion_whose_elements_last_microseconds_is_certified_as_it_is(
     tilt_insert: Problem,
 ) -> None:
-    """Where the largest speed is nearly reached while the acceleration still rises, the arc in between is short."""
+    """If a joint nearly reaches its largest speed while its acceleration rises, an arc is very
+    short.
+    """
     problem = slow(tilt_insert, 20.0, jerk=17.5)
     motion = tuple(
         Free(entry.to, name=entry.name)

@@ -1,4 +1,4 @@
-"""Free motions through points without stopping."""
+"""Verify free motions that pass waypoints without stopping."""
 
 from __future__ import annotations
 
@@ -29,15 +29,17 @@ WithJerk = Callable[[Robot, float, float], Robot]
 
 FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
 BETWEEN = (0.1, 0.3, 0.3, -0.004)
-"""On the way of every joint, but not on the straight line."""
+"""For every joint, this point is between FIRST and LAST, but it is not on the straight line."""
 ASIDE = (0.1, 0.7, 0.3, 0.0)
-"""Joint 2 turns back there, joint 4 has not begun to move."""
+"""At this point, joint 2 reverses, and joint 4 has not begun to move."""
 
 
 def through(
     problem: Problem, *points: tuple[float, ...], first: tuple[float, ...] = FIRST
 ) -> Problem:
-    """The problem from `first` to the last point through the others."""
+    """Return the problem with a free motion from `first` to the last point through the other
+    points.
+    """
     *passed, goal = (Joints(point) for point in points)
     motion = (Free(goal, through=tuple(passed)),)
     return dataclasses.replace(
@@ -46,7 +48,10 @@ def through(
 
 
 def passing(motion: Plan | Trajectory, point: tuple[float, ...]) -> tuple[float, Array]:
-    """When the motion is nearest to a point, of the ends of its pieces, and the velocities then."""
+    """Return the time in s at which the motion passes a point, and the joint velocities then, (4,).
+
+    The motion must pass the point at the end of one of its pieces.
+    """
     if isinstance(motion, Plan):
         assert motion.passed
         motion = motion.motion
@@ -58,6 +63,7 @@ def passing(motion: Plan | Trajectory, point: tuple[float, ...]) -> tuple[float,
 
 
 def unmotored(robot: Robot) -> Robot:
+    """Return the robot without drives and motors."""
     return dataclasses.replace(
         robot,
         joints=tuple(dataclasses.replace(joint, drive=None, motor=None) for joint in robot.joints),
@@ -79,7 +85,7 @@ def test_a_point_on_the_way_is_passed_at_speed(
     assert (np.abs(speed) / limit).max() > 0.3
     parts = plan(through(tilt_insert, BETWEEN)), plan(through(tilt_insert, LAST, first=BETWEEN))
     without = plan(through(tilt_insert, LAST))
-    backoff = 1.001 * 1.0005  # the motion of least heat, on a mesh
+    backoff = 1.001 * 1.0005  # This allows for the motion with the least heat and for the mesh.
     assert (
         without.duration / backoff <= whole.duration <= 0.95 * sum(part.duration for part in parts)
     )
@@ -99,9 +105,10 @@ def test_a_joint_that_turns_back_at_a_point_is_at_rest_there_and_the_others_go_o
 def test_a_joint_with_time_to_spare_turns_back_beyond_the_point(
     tilt_insert: Problem, with_jerk: WithJerk, jerk: bool
 ) -> None:
-    """Joint 1 takes long to the point and joint 2 from there: each then is as fast as it is alone over its way.
+    """Joint 1 determines the time to the point, and joint 2 determines the time after it.
 
-    Joint 2 passes the point at the speed that makes it so, which the bound takes for free.
+    Each is then as fast as it would be alone. Joint 2 passes the point at the speed that makes this
+    possible, and the reference minimises over this speed.
     """
     first, point, last = (-0.5, 0.6, 0.0, 0.0), (0.3, 0.7, 0.3, 0.0), (0.35, -0.2, 0.5, 0.0)
     robot = unmotored(tilt_insert.robot)
@@ -125,7 +132,11 @@ def test_a_joint_with_time_to_spare_turns_back_beyond_the_point(
 
 
 def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
-    """Two ways of two joints alone: the least sum of the slower one's times, over a grid of both speeds at the point, s."""
+    """Return the least time in s that two joints need alone for two displacements, `ways` (2, 2).
+
+    Row k of `ways` is the displacement k of both joints, which takes the time of the slower joint.
+    A grid over the speeds of both joints at the point gives the minimum.
+    """
     first, second = np.meshgrid(*(np.linspace(-v, v, 801) for v in velocity), indexing="ij")
     there = (
         minimum_times(way, v, a, (np.zeros(()), speed))
@@ -166,7 +177,7 @@ def test_another_order_takes_another_time(tilt_insert: Problem) -> None:
 
 @pytest.mark.slow
 def test_the_mesh_is_fine_enough(tilt_insert: Problem, weaker: Weaker) -> None:
-    """Twice as many elements gain less than 0.2 %, where motors bind."""
+    """Twice as many elements shorten a motion with binding motors by less than 0.2 %."""
     problem = through(tilt_insert, ASIDE, LAST)
     problem = dataclasses.replace(problem, robot=weaker(problem.robot, 0.36), objective="time")
     phase = feasible_phases(problem)[0][0]
@@ -179,7 +190,10 @@ def test_the_mesh_is_fine_enough(tilt_insert: Problem, weaker: Weaker) -> None:
 def test_without_motors_time_scales_with_the_limits_and_the_way_back_takes_as_long(
     tilt_insert: Problem,
 ) -> None:
-    """Velocities twice, accelerations four times as high: half the time. The same points in reverse: the same time."""
+    """With twice the velocities and four times the accelerations, the motion takes half the time.
+
+    The same points in reverse order take the same time.
+    """
     robot = unmotored(tilt_insert.robot)
     problem = dataclasses.replace(
         through(tilt_insert, ASIDE, BETWEEN, LAST), robot=robot, objective="time"

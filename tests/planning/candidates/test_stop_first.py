@@ -242,7 +242,10 @@ def test_a_requested_duration_is_kept_after_a_stop(moving: Plan, share: float) -
 def test_a_stop_before_a_line_stays_in_a_narrow_range_of_roll(
     tilt_insert: Problem, share: float
 ) -> None:
-    """The range is hardly wider than the base motion. Joints that stop one by one would leave it."""
+    """The roll range is 1 mrad wider on each side than the base motion.
+
+    Joints that stop one after another would leave it.
+    """
     quick = replace(
         tilt_insert, planner="fast", objective="time", motion=(Free(TARGET),), limits=(), eye=None
     )

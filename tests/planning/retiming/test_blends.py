@@ -1,4 +1,8 @@
-"""Rounded corners: smooth, within their distance of the corner, faster than stopping, and of two planners alike."""
+"""Verify rounded corners between motions.
+
+A rounded path is smooth, leaves its lines only within the given distance of a corner, and is faster
+than a path with stops.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +57,7 @@ def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
     left, right = path.sample(inner - 1e-12), path.sample(inner + 1e-12)
     for one, other in ((left.q, right.q), (left.dq, right.dq), (left.ddq, right.ddq)):
         assert one == pytest.approx(other, abs=1e-6 * np.abs(here.ddq).max())
-    # between knots no joint turns back; at a knot between the breaks one does
+    # No joint reverses between knots, and one reverses at each knot that is not a break.
     knots, signs = path.directions
     assert (knots[0], knots[-1]) == (0.0, 1.0)
     for first, last, sign in zip(knots[:-1], knots[1:], signs, strict=True):
@@ -63,11 +67,11 @@ def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
     turning = knots[1:-1][np.abs(knots[1:-1, None] - path.breaks).min(axis=1) > 1e-9]
     slopes = np.abs(path.sample(turning).dq / np.abs(here.dq).max(axis=0).clip(1e-12))
     assert np.all(np.where(slopes == 0, 1.0, slopes).min(axis=1) < 1e-6)
-    # on a short rounding, where lines are nearly straight in the joints too, no joint overshoots
+    # On a short rounding, the joints move almost in straight lines too, and none overshoots.
     joints = path.sample(np.linspace(*inner[:2], 101)).q
     low, high = np.sort(joints[[0, -1]], axis=0)
     assert blend > 1e-4 or np.all((joints >= low - 1e-9) & (joints <= high + 1e-9))
-    # a rounding begins and ends at the distance from the corner
+    # A rounding begins and ends at the given distance from the corner.
     tips, corner = (
         tip_position(path.mechanism, path.sample(inner[:2]).q),
         tip_position(path.mechanism, path.pieces[1].first[None]),
@@ -82,7 +86,8 @@ def test_corners_are_passed_sooner_and_the_check_says_how_far_off(tilt_insert: P
         assert found.passed, found.reason
         (phase,) = found.phases
         assert phase.name == "tilt + insert + line"
-        # at right angles the tip cuts (3/16) √2 of the distance; it is never off its lines farther from the corner
+        # At a right angle, the tip departs from the corner by (3/16) √2 of the distance. Farther
+        # from the corner than the distance, it stays on its lines.
         assert 0.1 * blend < phase.corner_departure < 0.3 * blend  # type: ignore[operator]
         assert phase.corner_reach <= blend + 1e-9  # type: ignore[operator]
         assert phase.corner_reach == pytest.approx(blend, rel=0.2)
@@ -104,7 +109,8 @@ def test_rates_of_task_coordinates_are_kept_in_the_corners_too(tilt_insert: Prob
     found = plan(replace(problem, limits=(*problem.limits, *rates)))
     assert found.passed, found.reason
     assert found.phases[0].solver == "TOPP-RA"
-    # both rates bind all along their own motion, and nowhere are both motions waited for
+    # Each rate binds almost throughout its own motion, and the two motions overlap only near the
+    # corner.
     assert found.duration == pytest.approx(
         np.radians(15) / rates[0].largest + 4e-3 / rates[1].largest, rel=0.12
     )
@@ -153,6 +159,7 @@ def test_a_line_of_the_tip_takes_durations_and_jerk_limits(
     ],
 )  # fmt: skip
 def test_corners_that_cannot_be_rounded(tilt_insert: Problem, motion: Any, message: str) -> None:
+    """A corner that cannot be rounded is refused when the phases are built."""
     with pytest.raises(ProblemError, match=message):
         phases(replace(tilt_insert, start=START, motion=motion))
 
@@ -166,5 +173,6 @@ def test_corners_that_cannot_be_rounded(tilt_insert: Problem, motion: Any, messa
     ],
 )  # fmt: skip
 def test_blends_that_are_none(tilt_insert: Problem, motion: Any, message: str) -> None:
+    """A blend without a following motion to blend with is refused when the problem is built."""
     with pytest.raises(ProblemError, match=message):
         replace(tilt_insert, start=START, motion=motion)

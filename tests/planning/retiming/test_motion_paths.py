@@ -1,4 +1,7 @@
-"""Motions timed anew along their own paths, and corners that are rounded, by hand-made paths."""
+"""Verify motions that are retimed along their own path, and rounded corners.
+
+The paths are simple and built by hand.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ def mechanism(robot: Robot) -> Mechanism:
 
 
 def slow_motion(mechanism: Mechanism, way: float) -> MotionPath:
-    """3 s from rest to rest in two quintics of uneven length; joint 2 moves in the second alone."""
+    """Return a motion of 3 s from rest to rest in two quintic pieces of different lengths.
+
+    Joint 2 moves in the second piece alone.
+    """
     zero = np.zeros((1, 4))
     first, second = np.array([way, 0, 0, 2e-3]), np.array([way, -0.1, 0, 1e-3])
     points = START + np.array([np.zeros(4), first, first + second])
@@ -58,8 +64,9 @@ def test_a_slow_motion_is_faster_along_its_own_path(mechanism: Mechanism, robot:
     assert motion.duration == pytest.approx(found.duration, rel=1e-2)
     ends = motion.sample(motion.breaks[[0, -1]]).q
     assert ends == pytest.approx(path.trajectory.sample(np.array([0.0, 3.0])).q)
-    assert len(motion.breaks) == len(found.s) - 1  # both sides of the break are one
-    # Beside the break, the time of the motion passes at the mean of the squared speeds.
+    # The two grid points beside the break become one.
+    assert len(motion.breaks) == len(found.s) - 1
+    # At the break, the retimed motion has the mean of the squared speeds on both sides.
     t, x = 3.0 * found.s, 9.0 * found.speed_squared
     behind = int(np.searchsorted(t, 1.0))
     joined = motion.breaks[behind - 1]
@@ -80,7 +87,11 @@ def test_where_a_joint_rests_it_stands_still_on_the_path(mechanism: Mechanism) -
 
 
 def corner(mechanism: Mechanism, distance: float, back: bool = False) -> BlendedPath:
-    """Two straight lines in task coordinates, depth and then roll and tilt, or the way back."""
+    """Return the rounded corner between two straight lines in task coordinates.
+
+    The first line changes the depth. The second changes roll and tilt or, with `back`, the depth in
+    the opposite direction.
+    """
     task = task_from_joints(mechanism, START[None])[0]
     middle = task + np.array([0.0, 0.0, 0.0, 0.006])
     end = task + np.array([0.0, 0.0, 0.0, 0.001]) if back else middle + [0.4, -0.05, 0.0, 0.0]

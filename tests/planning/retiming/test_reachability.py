@@ -1,4 +1,7 @@
-"""The passes against those of the package toppra, and against closed forms, with and without the compiled part."""
+"""Verify the passes of TOPP-RA against the package toppra and closed forms.
+
+The tests run with and without the compiled part.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +17,20 @@ from ssm_planner.typing import Array
 
 POINTS = 120
 AGREES = 2e-5
-"""toppra has absolute tolerances: it stays off bounds, or exceeds them, by up to 1e-8."""
+"""toppra has absolute tolerances. It stays within bounds, or exceeds them, by up to 1e-8."""
 KEPT = 1e-12 if library.load() else 1e-7
 Case = tuple[Array, LinearConstraints, tuple[float, float]]
 
 
 def random_rows(rng: np.random.Generator, grid: Array, *, viscous: bool) -> LinearConstraints:
-    """Accelerations and torques along a random smooth path: both signs of a, of b and of c; some rows without a."""
+    """Return random constraints of accelerations and torques along a smooth path.
+
+    The coefficients a, b and c have both signs. With `viscous`, some rows have a = 0.
+    """
     count = int(rng.integers(2, 8))
     phase, turns = rng.uniform(0, 6, (3, count)), rng.uniform(0.5, 6, (3, count))
     a, b, c = np.sin(turns[:, None] * grid[:, None] + phase[:, None])
-    c *= rng.uniform(0.0, 1.05)  # above 1: a motor too weak to stand still there
+    c *= rng.uniform(0.0, 1.05)  # With c above 1, the motor is too weak to hold the load.
     if viscous:
         a[:, 0], b[:, 0] = 0.0, np.abs(b[:, 0])
     ceiling = rng.uniform(0.5, 5) * (1.2 + np.sin(rng.uniform(1, 9) * grid))
@@ -37,6 +43,7 @@ def random_rows(rng: np.random.Generator, grid: Array, *, viscous: bool) -> Line
 
 
 def by_toppra(grid: Array, rows: LinearConstraints, speeds: tuple[float, float]) -> Array | None:
+    """Return the squared speeds by the package toppra, or None if it finds no profile."""
     toppra = pytest.importorskip("toppra")
     from toppra.constraint import LinearConstraint
     from toppra.constraint.linear_constraint import canlinear_colloc_to_interpolate
@@ -68,6 +75,7 @@ def by_toppra(grid: Array, rows: LinearConstraints, speeds: tuple[float, float])
 
 
 def duration(grid: Array, speed_squared: Array) -> float:
+    """Return the duration in s of a profile with constant acceleration between grid points."""
     speed = np.sqrt(speed_squared)
     return float((2 * np.diff(grid) / (speed[1:] + speed[:-1])).sum())
 
@@ -83,12 +91,15 @@ def random_case(seed: int) -> Case:
 
 
 def hard_case(seed: int) -> Case:
-    """Bounds of the speed alone, also from below; rows without speed, some of which nothing keeps."""
+    """Return a case with rows that bound the speed alone, also from below.
+
+    Other rows do not depend on the speed, and nothing can satisfy some of these.
+    """
     grid, rows, _ = random_case(2 * seed + 1)
     rng, shape = np.random.default_rng(seed), (len(grid), 3)
     a, b, c = (np.zeros(shape) for _ in range(3))
     b[:, 0] = -1.0
-    c[:, 0] = 1 + rng.uniform(-0.1, 0.15)  # ẋ² ≥ c − 1
+    c[:, 0] = 1 + rng.uniform(-0.1, 0.15)  # This row requires ṡ² ≥ c − 1.
     b[:, 1], c[:, 1] = -rng.uniform(0.5, 2.0, len(grid)), 1 + rng.uniform(-0.2, 0.02, len(grid))
     c[:, 2] = rng.uniform(0.5, 1.0)
     if seed % 7 == 0:
