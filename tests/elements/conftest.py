@@ -1,4 +1,4 @@
-"""Fixtures that the tests of planning share."""
+"""Import fixtures of the planner's tests."""
 
 from tests.planning.conftest import weaker, with_jerk
 

@@ -1,4 +1,4 @@
-"""The Newton system of native/band.c against dense linear algebra."""
+"""Verify the solver of the Newton system in native/band.c against dense linear algebra."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ P, L = ctypes.POINTER(ctypes.c_double), ctypes.c_long
 
 
 class System(ctypes.Structure):
-    """The struct of this name."""
+    """This class mirrors the C struct of the same name."""
 
     _fields_ = (
         *((name, L) for name in ("size", "wide", "high", "columns", "padded")),
@@ -51,7 +51,10 @@ def pointer(values: Array) -> Any:
 def solved(
     local: Array, border: Array, corner: Array, right: Array, free: Array, stride: int, blocks: int
 ) -> tuple[Array, float] | None:
-    """(solution, δ) of the system whose K is Σ local (elements, 4 m, 4 m); None where nothing helps."""
+    """Return the solution and the shift δ of the diagonal, or None if no shift helps.
+
+    The matrix K of the system is the sum of the element matrices `local` (elements, 4 m, 4 m).
+    """
     native, system, memory = library.load(), System(), Memory()
     assert native is not None
     (size, columns), pairs = border.shape, local.shape[1] // 4
@@ -77,6 +80,7 @@ def solved(
 
 
 def whole_matrix(local: Array, border: Array, corner: Array, free: Array, stride: int) -> Array:
+    """Return the dense matrix of the same system, without a shift."""
     size, pairs = len(border), local.shape[1] // 4
     whole = np.zeros((size + len(corner),) * 2)
     for k, block in enumerate(local):
@@ -105,7 +109,7 @@ def test_against_dense_linear_algebra(
     corner[:blocks, :blocks] = 100.0 * np.eye(blocks)
     corner[blocks:, :blocks] = random.normal(size=(equalities, blocks))
     corner[:blocks, blocks:] = corner[blocks:, :blocks].T
-    for k, block in enumerate(local):  # what is not free has no entries
+    for k, block in enumerate(local):  # Variables that are not free have no entries.
         at = free[k * stride * pairs :][: 4 * pairs]
         block *= np.outer(at, at)
     right = random.normal(size=size + columns)
@@ -122,6 +126,7 @@ def test_against_dense_linear_algebra(
 
 
 def test_equalities_that_depend_on_one_another_have_no_step() -> None:
+    """A system with linearly dependent equalities has no solution."""
     border = np.random.default_rng(1).normal(size=(8, 3))
     border[:, 2] = border[:, 1]
     assert (

@@ -1,4 +1,7 @@
-"""The maps from unknowns to elements (native/spline.c) against SciPy's splines, their derivatives against differences."""
+"""Verify the maps from unknowns to elements in native/spline.c against the splines of SciPy.
+
+Finite differences give the reference for the derivatives of the maps.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ def spline(kind: Kind) -> Spline:
 
 
 def called(name: str, kind: Kind, eta: Array, shape: tuple[int, ...], *given: Array) -> Array:
-    """What a function of native/spline.c writes."""
+    """Return the output of a function of native/spline.c."""
     found = np.zeros(shape)
     pointers = [
         values.ctypes.data_as(ctypes.c_void_p)
@@ -42,7 +45,10 @@ def called(name: str, kind: Kind, eta: Array, shape: tuple[int, ...], *given: Ar
 
 
 def eta_of(one: Spline) -> Array:
-    """Lengths of time near every element, (n, 5)."""
+    """Return the parameters of the map of every element, (n, 5).
+
+    For B-splines, these are the durations of an element and of its four neighbours, in s.
+    """
     if one.kind == "hermite":
         assert one.stretched_from is not None
         return np.column_stack([H, np.full((len(H), 4), TIMES.sum() / one.stretched_from)])
@@ -51,6 +57,7 @@ def eta_of(one: Spline) -> Array:
 
 
 def states_of(one: Spline, c: Array) -> Array:
+    """Return the states of every element, (n, 5, 2)."""
     maps = [called("ssm_matrix", one.kind, eta, (5, 4)) for eta in eta_of(one)]
     return np.array(maps) @ c[one.rows_of_elements]
 
@@ -69,7 +76,7 @@ def test_elements_are_scipys(kind: Kind) -> None:
     assert states[:, 1] == pytest.approx(reference.derivative()(ENDS[:-1]), abs=1e-9)
     for row, at in ((2, ENDS[:-1] + inside), (3, ENDS[1:] - inside)):
         assert states[:, row] == pytest.approx(reference.derivative(2)(at), abs=1e-4)
-    # the middle Bernstein coefficient of a parabola
+    # The fifth state is the middle Bernstein coefficient of the velocity, which is a parabola.
     velocity = reference.derivative()
     middle = (
         2 * velocity((ENDS[1:] + ENDS[:-1]) / 2) - (velocity(ENDS[:-1]) + velocity(ENDS[1:])) / 2
@@ -92,7 +99,7 @@ def test_unknowns_of_a_motion_give_it_back(kind: Kind) -> None:
 def test_derivatives_of_the_maps(kind: Kind) -> None:
     weights = np.random.default_rng(3).normal(size=TERMS)
     weights[8 if kind == "hermite" else TERMS :] = 0.0
-    for eta in eta_of(spline(kind))[2:-2]:  # where no length is zero
+    for eta in eta_of(spline(kind))[2:-2]:  # These elements have no neighbour of zero length.
         first = called("ssm_term_slopes", kind, eta, (TERMS, WIDEST))
         second = called("ssm_term_curvature", kind, eta, (WIDEST, WIDEST), weights)
         assert second == pytest.approx(second.T)

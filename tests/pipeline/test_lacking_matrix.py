@@ -147,7 +147,7 @@ def test_every_objective_and_planner_plans_or_refuses(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # The next test verifies the folder of every variant.
+    # The next test writes the folder of every variant.
     monkeypatch.setattr("ssm_planner.pipeline.run.write_folder", lambda *_: {})
     statuses = {}
     for objective, planner in _cases(variant):

@@ -1,4 +1,4 @@
-"""Plans of one problem with other numbers: the same as plans made alone, in any order, from any thread."""
+"""Verify that a Replanner returns the same bits as separate plans, in any order and thread."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ TARGETS = [ssm.Task(depth=depth) for depth in (0.020, 0.017, 0.012)]
 
 
 def content(plan: ssm.Plan) -> tuple[bytes, bytes]:
+    """Return the bytes of the breaks and the coefficients of a plan."""
     assert plan.passed
     assert plan.trajectory is not None
     return plan.trajectory.breaks.tobytes(), plan.trajectory.coefficients.tobytes()
@@ -22,7 +23,7 @@ def content(plan: ssm.Plan) -> tuple[bytes, bytes]:
 
 @pytest.fixture(scope="module")
 def alone(tilt_insert: ssm.Problem) -> list[tuple[bytes, bytes]]:
-    """Each planned as the first of all."""
+    """Return the content of the plan to each target, made without cached programs."""
     found = []
     tilt, _ = tilt_insert.motion
     for target in TARGETS:
@@ -79,6 +80,7 @@ def test_targets_that_cannot_be(tilt_insert: ssm.Problem) -> None:
 
 
 def test_what_is_infeasible_says_why_without_a_search(tilt_insert: ssm.Problem) -> None:
+    """An infeasible problem gets a reason without a search for a relaxation."""
     plan = ssm.Replanner(replace(tilt_insert, duration=0.5, objective="effort")).plan()
     assert not plan.passed
     assert plan.reason is not None

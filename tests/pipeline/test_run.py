@@ -1,4 +1,7 @@
-"""`plan` takes a problem or its file and callbacks, and its result can be asked for single limits."""
+"""Verify that `plan` accepts a problem or its name, and callbacks.
+
+The certificate of the result returns single limits.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A limit on how far the tip goes until it can stand: planned for, checked by other code, refused and relaxed by name."""
+"""Verify the limit on the distance that the tip travels until it can stop.
+
+Plans keep the limit, independent code checks it, and reasons and relaxations name it.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,10 @@ def planned(name: str, largest: float) -> Plan:
     ],
 )
 def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_path: Path) -> None:
-    """Straight, free, through points, scanned; the way is nearly used up, and a plan read back holds the limit."""
+    """The cases are straight and free motions, waypoints and a scan.
+
+    The plan uses at least 98 % of the limit, and the stored plan contains the limit.
+    """
     found = planned(name, largest)
     assert found.reason is None, found.reason
     (line,) = (each for each in found.certificate.limits if each.name == StopTravel.name)
@@ -63,7 +69,7 @@ def test_other_planners_keep_it_too(planner: Planner) -> None:
 
 
 def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:
-    """While the tool tilts about the remote centre its tip stands there: that phase is as fast as without the limit."""
+    """The tip does not move while the tool tilts, so this phase is as fast as without the limit."""
     free, slow = (
         plan(load_problem(ROOT / "problems" / "tilt_insert.yaml")),
         planned("tilt_insert", 0.5e-3),
@@ -72,7 +78,8 @@ def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:
         (p.duration for p in free.phases), (p.duration for p in slow.phases), strict=True
     )
     assert tilt[1] == pytest.approx(tilt[0], rel=1e-4)
-    # at constant speed v the tip stops within v²/2a: v = √(2 a d), and 20 mm take 20 mm / v and one ramp more
+    # At the constant speed v, the tip stops within v²/(2 a), so v = √(2 a d). The insertion
+    # takes 20 mm / v and one ramp more.
     a = slow.robot.joints[3].acceleration
     v = np.sqrt(2 * a * 0.5e-3)
     assert insert[1] == pytest.approx(0.02 / v + v / a, rel=0.02)
@@ -111,6 +118,7 @@ def test_a_start_too_fast_to_stop_is_named_and_a_relaxation_tried() -> None:
 
 
 def test_what_leaves_no_way_to_stop_is_refused() -> None:
+    """A problem that leaves no path for a stop is refused."""
     problem = limited("tilt_insert", 0.5e-3)
     with pytest.raises(ProblemError, match="leaves no path for a stop"):
         replace(problem, end_rate={"depth": 0.01})

@@ -1,4 +1,7 @@
-"""The fastest motion whose motors keep their continuous torque, as the root of a falling function."""
+"""Verify the search for the fastest motion whose motors keep their continuous torque.
+
+The search finds the root of a function that decreases with a multiplier of the heat.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from ssm_planner.problem.robot import Robot
 
 
 def weaker(robot: Robot, share: float) -> Robot:
-    """The robot with a share of the nominal torque of every motor."""
+    """Return the robot with `share` times the nominal torque of every motor."""
     joints = tuple(
         joint
         if joint.motor is None
@@ -62,7 +65,10 @@ def test_the_search_for_the_multiplier_ends_within_the_gap(
 
 
 def test_a_jump_of_the_heat_ends_the_search() -> None:
-    """No multiplier gives a motion between the two, so the smallest one on the cool side is taken."""
+    """No multiplier gives a heat between the two values.
+
+    Therefore the search takes the smallest multiplier on the cool side.
+    """
 
     def motion(number: float) -> Any:
         heat = 0.2 if number < 0.6173 else -0.3
@@ -76,7 +82,10 @@ def test_a_jump_of_the_heat_ends_the_search() -> None:
 def test_all_phases_are_slower_if_resting_phases_do_not_suffice(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A longer phase in which the hot motor rests may exceed another limit."""
+    """If a longer phase in which the hot motor rests fails, all phases become slower.
+
+    A longer phase may fail because it exceeds another limit.
+    """
     tilt = replace(tilt_insert, motion=tilt_insert.motion[:1], objective="time", planner="fast")
     roll, *others = tilt.robot.joints
     assert roll.motor is not None
@@ -124,7 +133,10 @@ def along_a_table(problem: Problem) -> Plan:
 
 
 def along_a_table_by_toppra(problem: Problem) -> Plan:
-    """The way to the first point is a free motion, which TOPP-RA cannot plan."""
+    """Return the plan of the table with the planner TOPP-RA.
+
+    TOPP-RA cannot plan the free motion to the first point of the table.
+    """
     return along_a_table(replace(problem, planner="toppra"))
 
 
@@ -133,7 +145,7 @@ def retimed(problem: Problem) -> Plan:
 
 
 def joint_path() -> np.ndarray:
-    """A smooth path through 25 points, (25, 4)."""
+    """Return 25 points on a straight line in joint space, (25, 4), in rad and m."""
     share = np.linspace(0.0, 1.0, 25)[:, None]
     path: np.ndarray = np.array([-0.5, 0.5, 0.2, -0.02]) + share * np.array([0.4, 0.5, -0.2, 0.005])
     return path
@@ -157,7 +169,7 @@ def test_a_hot_motion_that_toppra_alone_times_has_a_reason(
 @pytest.mark.slow
 @pytest.mark.parametrize("planner", ["fast", "optimal"])
 def test_a_printed_relaxation_gives_the_printed_motion(tilt_insert: Problem, planner: Any) -> None:
-    """The requested planner has planned it, in the same search."""
+    """The requested planner planned the printed motion in the same search."""
     problem = replace(
         tilt_insert,
         robot=weaker(tilt_insert.robot, 0.3),

@@ -1,4 +1,4 @@
-"""What of a problem is understood otherwise than it may have been meant: whole turns of a start, ranges too wide."""
+"""Verify the notes of a plan about a start that differs by a whole turn and about wide ranges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plan for robots that lack drives, motors or both, and write, size and report these plans."""
+"""Verify plans, result folders, sizing and reports for robots that lack drives, motors or both."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LACKING: dict[str, dict[int, tuple[str, ...]]] = {
     "all but the tilt's": dict.fromkeys((0, 2, 3), BOTH),
     "a motor here, a drive there": {0: ("motor",), 1: ("drive",)},
 }
-"""What each joint lacks, by a name of the case."""
+"""Each case names the parts that are missing at each joint."""
 OBJECTIVES: dict[str, dict[str, Any]] = {
     "time": {"objective": "time"},
     "time then heat": {"objective": "time then heat"},
@@ -121,7 +121,10 @@ def test_without_motors_there_is_no_heat_to_make_less(
 def test_a_joint_without_motor_accelerates_least(
     tilt_insert: Problem, lacking: str, planner: Planner, motion: Motion
 ) -> None:
-    """From rest to rest over Δ in T, ∫ q̈² dt is least for the cubic q(t): 12 Δ² / T³."""
+    """From rest to rest over Δ in the time T, the cubic q(t) has the least ∫ q̈² dt.
+
+    This least value is 12 Δ² / T³.
+    """
     problem = _lacking(
         tilt_insert,
         LACKING[lacking],

@@ -1,4 +1,4 @@
-"""Variants of a robot."""
+"""Provide fixtures that change a robot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WithJerk = Callable[[Robot, float, float], Robot]
 
 @pytest.fixture(scope="session")
 def weaker() -> Weaker:
-    """The same robot with the largest torque of every motor scaled."""
+    """Return a function that scales the largest torque of every motor of a robot."""
 
     def motor(original: Motor, factor: float) -> Motor:
         return unchecked_copy(original, max_torque=factor * original.max_torque)
@@ -34,7 +34,9 @@ def weaker() -> Weaker:
 
 @pytest.fixture(scope="session")
 def with_jerk() -> WithJerk:
-    """The same robot with jerk limits for revolute and prismatic joints."""
+    """Return a function that adds jerk limits, in rad/s³ and m/s³, to revolute and prismatic
+    joints.
+    """
 
     def make(robot: Robot, revolute: float, prismatic: float) -> Robot:
         jerks = {"revolute": revolute, "prismatic": prismatic}

@@ -1,4 +1,4 @@
-"""The shipped problems and the problem files in the documents: read, and planned."""
+"""Verify that the shipped problems and the problem files in the documents are read and planned."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KEYS = {
 
 
 def blocks(document: str) -> list[str]:
-    """The YAML in a document."""
+    """Return the YAML blocks of a document."""
     return re.findall(
         r"```yaml\n(.*?)```", (ROOT / document).read_text(encoding="utf-8"), re.DOTALL
     )
@@ -40,7 +40,7 @@ def load(tmp_path: Path) -> Load:
     )
 
     def made(text: str) -> Problem:
-        """A problem file out of one block: whole, or with what it leaves out."""
+        """Return the problem of one block, with default values for missing keys."""
         if not text.startswith("robot:"):
             text = ("motion:\n" if text.startswith("  -") else "") + text
             text = (

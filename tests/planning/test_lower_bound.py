@@ -1,4 +1,8 @@
-"""The lower bound: no motion beats it, and where one joint or rate binds alone it is the time of the plan."""
+"""Verify the lower bound of the duration.
+
+No motion is faster than the bound, and the bound equals the duration of the plan if one joint or
+rate alone limits it. Ruckig gives the reference for one joint.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +63,7 @@ def test_a_free_speed_costs_no_time(
     assert minimum_times(way, velocity, acceleration) == pytest.approx(
         rest_to_rest(way, velocity, acceleration).duration, rel=1e-9
     )
-    # of all speeds at the free end the best one
+    # The free end has the best of all speeds.
     top = min(velocity, np.sqrt(speeds[0] ** 2 + 2 * acceleration * way))
     best = min(
         minimum_times(way, velocity, acceleration, (speeds[0], v))
@@ -113,6 +117,7 @@ def only(problem: Problem, **to: float) -> Problem:
 def test_where_one_limit_binds_alone_the_gap_closes(
     tilt_insert: Problem, to: dict[str, float], changes: dict[str, object], gap: float
 ) -> None:
+    """If one limit alone binds, the plan takes nearly the time of the lower bound."""
     result = plan(replace(only(tilt_insert, **to), **changes))
     assert result.passed
     assert -1e-6 < result.gap < gap
@@ -120,7 +125,7 @@ def test_where_one_limit_binds_alone_the_gap_closes(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_through_points_every_stretch_counts(tilt_insert: Problem, seed: int) -> None:
-    """Each stretch is another joint's."""
+    """A different joint determines the time of each part between two points."""
     rng = np.random.default_rng(seed)
     through = (Task(roll=rng.uniform(0.5, 0.8)), Task(depth=rng.uniform(0.01, 0.02)))
     first = only(tilt_insert, spin=rng.uniform(0.8, 1.2))

@@ -1,4 +1,7 @@
-"""The bound on RMS torque that refuses a motor early: no motion, however slow, has less, and what it refuses never cools."""
+"""Verify the bound on the RMS torque with which the planner refuses a motor early.
+
+No motion has a smaller RMS torque, however slow it is.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from ssm_planner.sizing.size import size_motion
 
 
 def tilting(nominal: float = 1e-4, **changes: object) -> Problem:
-    """The shipped motion's tilt alone, joint 1's motor with another nominal torque, N·m."""
+    """Return the tilt of the shipped problem with another nominal torque of joint 1, in N m."""
     problem = load_problem("problems/tilt_insert.yaml")
     first, *others = problem.robot.joints
     joints = (replace(first, motor=replace(first.motor, nominal_torque=nominal)), *others)
@@ -40,6 +43,9 @@ def test_no_motion_has_less_than_the_bound(duration, pause):
 def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_not_refused(
     monkeypatch: pytest.MonkeyPatch,
 ):
+    """The bound refuses a motor before any phase is solved, but not if the motor may rest long
+    enough.
+    """
     solves = []
     monkeypatch.setattr(phase_planner, "retime", lambda *_, **__: solves.append("retime"))
     monkeypatch.setattr(phase_planner, "solve_straight", lambda *_, **__: solves.append("straight"))
@@ -49,14 +55,14 @@ def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_n
     assert made.status == "infeasible"
     assert made.reason.limit.key == ("continuous torque", "roll")
     assert "however slowly" in made.reason.message
-    assert check_thermal_bound(tilting(8e-3, duty=None)) is None  # done once
+    assert check_thermal_bound(tilting(8e-3, duty=None)) is None  # The motion does not repeat.
     whole = tilting(8e-3)
     rested = replace(whole, motion=(*whole.motion, Dwell(60.0, "rest")))
     assert check_thermal_bound(rested) is None
     insertion = load_problem("problems/tilt_insert.yaml").motion[1]
     assert (
         check_thermal_bound(replace(whole, motion=(*whole.motion, insertion))) is None
-    )  # as slow as it takes
+    )  # The insertion may be as slow as necessary.
     assert (
         check_thermal_bound(
             replace(whole, motion=(*whole.motion, replace(insertion, duration=0.5)))

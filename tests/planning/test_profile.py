@@ -1,3 +1,5 @@
+"""Verify the fastest profiles of one joint from rest to rest against Ruckig and their limits."""
+
 from __future__ import annotations
 
 import numpy as np

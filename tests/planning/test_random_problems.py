@@ -1,7 +1,7 @@
-"""Random problems over random robots: each ends in a passed certificate or a named reason.
+"""Verify that each random problem ends in a passed certificate or a named reason.
 
-More of them, with second looks at those not solved: tests/benchmarks/fuzz_plans.py.
-EVERY_CASE=1 plans four times as many.
+The program tests/benchmarks/fuzz_plans.py plans more problems and examines unsolved ones again.
+EVERY_CASE=1 plans four times as many problems.
 """
 
 from __future__ import annotations

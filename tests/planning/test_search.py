@@ -1,4 +1,7 @@
-"""The search among the ways to move a phase, and one more way: the example of docs/architecture.md."""
+"""Verify the search among the candidates for a phase.
+
+The class `Halfway` is the additional candidate that docs/architecture.md shows.
+"""
 
 from __future__ import annotations
 
@@ -51,6 +54,7 @@ def swing(problem: Problem) -> Problem:
 
 
 def test_a_new_way_to_move_is_a_class_and_a_line(tilt_insert: Problem) -> None:
+    """A new kind of candidate needs only a class and an entry in a list."""
     listed.CANDIDATE_KINDS.append(Halfway)
     try:
         made = plan(swing(tilt_insert))

@@ -1,4 +1,6 @@
-"""A drive whose kinetic friction is largest at rest starts against that, not against its smaller static friction."""
+"""Verify that a drive starts against its kinetic friction at rest if its static friction is
+smaller.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from ssm_planner.problem.problem import Problem
 
 
 def stribeck(drive: Drive) -> Drive:
-    """mu + mu_stribeck = 0.4 as speed tends to 0, mu_static = 0.25."""
+    """Return the drive with mu + mu_stribeck = 0.4 at zero speed and mu_static = 0.25."""
     friction = dataclasses.replace(
         drive.friction,
         law="stribeck_gaussian",

@@ -1,4 +1,7 @@
-"""Motions over next to nothing are planned like any other; over nothing they are skipped, and nothing else is refused."""
+"""Verify motions over very small distances, which are planned like any other motion.
+
+A motion over no distance is skipped, and a problem without any other motion is refused.
+"""
 
 from __future__ import annotations
 
@@ -73,5 +76,6 @@ def test_a_move_to_where_the_robot_is_lasts_as_long_as_asked_for(tilt_insert: Pr
 @pytest.mark.parametrize("kind", ["straight", "free"])
 @pytest.mark.parametrize("depth", [0.0, 1e-10])
 def test_nothing_is_refused(tilt_insert: Problem, kind: str, depth: float) -> None:
+    """A problem whose only motion goes nowhere is refused."""
     with pytest.raises(ProblemError, match="goes nowhere"):
         plan(inserting(tilt_insert, kind, depth))

@@ -1,4 +1,7 @@
-"""A motor too weak for a motion of all joints at once moves its joint after others have relieved it."""
+"""Verify motions with a motor that is too weak to move its joint together with all others.
+
+The planner moves this joint after other joints have reduced its load.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from ssm_planner.typing import Array
 
 
 def needed(robot: Robot, start: Array, end: Array) -> Array:
-    """Torques at which the motors just start at one end and just arrive at the other, (4,), N·m."""
+    """Return the torques in N m at which the motors just start and just arrive, (4,)."""
     gravity = RigidBody.from_robot(robot).gravity_load(np.stack([start, end]))
     result = np.zeros(4)
     for i, joint in enumerate(robot.joints):
@@ -36,7 +39,11 @@ def needed(robot: Robot, start: Array, end: Array) -> Array:
 
 
 def weak_problem(tilt_insert: Problem, seed: int) -> tuple[Problem, Array]:
-    """A free motion, a motor too weak for it, and joints between its ends at which both halves are possible."""
+    """Return a problem with a motor too weak for a direct motion, and intermediate joint positions
+    (4,).
+
+    The motions to these positions and from them are both possible.
+    """
     rng = np.random.default_rng(seed)
     start, end = (
         Task(
@@ -75,6 +82,7 @@ def weak_problem(tilt_insert: Problem, seed: int) -> tuple[Problem, Array]:
 
 @pytest.mark.parametrize("seed", [0, 1, 4, 5, 6, 7, 10, 13, 24])
 def test_one_motion_is_certified_if_two_are(tilt_insert: Problem, seed: int) -> None:
+    """The planner finds one certified motion if the same motion in two parts is possible."""
     problem, between = weak_problem(tilt_insert, seed)
     (phase,), _ = feasible_phases(problem)
     q0, q1 = phase.points

@@ -1,3 +1,5 @@
+"""Verify free motions against Ruckig, the package toppra and the time of the slowest joint."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -110,7 +112,10 @@ def test_one_joint_alone_leaves_the_others_at_rest(tilt_insert: Problem) -> None
 def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_that_succeeds(
     tilt_insert: Problem, limit: Limit
 ) -> None:
-    """Between the ends the joints of the free motion go one way, in which spin has to leave its range, or hurry."""
+    """If no joint of the free motion reverses, spin must leave its range or exceed its rate.
+
+    The planner then uses a motion that is at most as long as the straight one.
+    """
     limits = (*tilt_insert.limits, limit)
     target = np.radians(-135)
     straight, other = (

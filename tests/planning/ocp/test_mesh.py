@@ -1,4 +1,7 @@
-"""The first guess of a free motion keeps velocity, acceleration and jerk limits of every joint."""
+"""Verify the mesh and the initial guess of a free motion.
+
+The guess keeps the acceleration limit of every joint.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,13 @@ ways = st.lists(st.just(0.0) | st.floats(1e-9, 1.2), min_size=4, max_size=4).fil
 
 
 def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
+    """Return the largest acceleration of each joint in the guess, (4,)."""
     made = guess_of(way, jerk, count).elements
     return np.abs([made.a0, made.a1]).max(axis=(0, 1))
 
 
 def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:
+    """Return the guess from rest to rest, with or without jerk limits."""
     limits = LIMITS if jerk else np.vstack([LIMITS[:2], np.full(4, np.inf)])
     rest = {"speeds": np.zeros((2, 4)), "start_acceleration": np.zeros(4)}
     return guess_between(START, way, limits=limits, count=count, least_count=2, **rest).guesses[0]
@@ -32,12 +37,15 @@ def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:
 @given(ways, st.booleans(), st.integers(8, 60))
 def test_it_keeps_the_acceleration_limits(way: list[float], jerk: bool, count: int) -> None:
     way_ = np.array(way) * [1, -1, 1, -0.02]
-    # a switch of one joint within an element of another may add half an element's rise
+    # If one joint switches within an element of another joint, its acceleration may be larger.
     assert np.all(accelerations(way_, jerk, count) <= 2 * LIMITS[1])
 
 
 def test_a_switch_in_the_very_middle_of_an_element() -> None:
-    """Joint 2 cannot keep step with a leader that cruises, and turns from speeding up to braking at half time."""
+    """Joint 2 changes from acceleration to braking at half time, in the middle of an element.
+
+    It cannot move in proportion to the leading joint, which moves at constant speed then.
+    """
     for count in range(9, 40, 2):
         assert np.all(
             accelerations(np.array([-0.4, 0.24, 0.01, 0.0]), False, count) <= LIMITS[1] * (1 + 1e-9)
@@ -50,6 +58,7 @@ def test_a_switch_in_the_very_middle_of_an_element() -> None:
 def test_its_halves_meet_where_one_joint_passes_a_place(
     way: list[float], share: float, jerk: bool, count: int
 ) -> None:
+    """The two halves of a guess meet where one joint passes a given position."""
     way_ = np.array(way) * [1, -1, 1, -0.02]
     whole = guess_of(way_, jerk, count)
     place = START[3] + share * way_[3]
@@ -58,13 +67,13 @@ def test_its_halves_meet_where_one_joint_passes_a_place(
     assert duration == pytest.approx(second.motion.duration)
     assert 2 * duration == pytest.approx(whole.motion.duration)
     middle = second.elements.u[0]
-    # the place is interpolated between nodes, so its error is of second order in their distance
+    # The position is interpolated between nodes, so its error is of second order in their distance.
     assert middle[3] == pytest.approx(place, abs=4 / count**2 * abs(way_[3]))
     assert np.array_equal(first.elements.u[0], START)
     for half, reached in ((first, middle), (second, START + way_)):
         assert sum(half.arcs) == len(half.motion.breaks) - 1 == len(half.elements.u)
         end = half.elements.end[0][-1]
-        # the guess is of second order in the length of an element
+        # The error of the guess is of second order in the length of an element.
         assert np.abs(end - reached)[:3].max() <= 4 / count**2 * np.abs(way_).max()
         assert (np.diff(half.elements.u[:, 3]) * way_[3] >= -1e-12).all()
 

@@ -1,4 +1,4 @@
-"""Refinement: the backoff of violated rows; what is not solved twice."""
+"""Verify the backoff of violated rows, and that a repeated plan has the same digits."""
 
 from __future__ import annotations
 

@@ -1,3 +1,5 @@
+"""Verify the timing of paths by TOPP-RA against closed forms and optimal control."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -45,6 +47,7 @@ def test_the_viscous_tangents_settle(
     weaker: Weaker,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """The linearised viscous friction converges in at most `passes` passes."""
     robot = weaker(tilt_insert.robot, factor)
     path = paths(tilt_insert)[0]
     result = retime(path, robot)
@@ -55,7 +58,7 @@ def test_the_viscous_tangents_settle(
 
 
 def phase_along(path: StraightPath, problem: Problem, robot: Robot) -> Phase:
-    """The phase of a path, in the problem with this robot."""
+    """Return the phase of a path, in the problem with this robot."""
     problem = replace(problem, robot=robot, objective="time")
     points = path.sample(np.array([0.0, 1.0])).q
     return Phase(problem, problem.motion[0], path.start, path.end, points, path=path)
@@ -64,6 +67,10 @@ def phase_along(path: StraightPath, problem: Problem, robot: Robot) -> Phase:
 def test_tangents_settle_while_the_linear_rows_bind_though_the_true_ones_do_not(
     tilt_insert: Problem,
 ) -> None:
+    """Weak motors make the linearised constraints bind where the exact ones do not.
+
+    The duration still agrees with that of optimal control.
+    """
     path = paths(tilt_insert)[1]
     durations = []
     for torque in (0.7e-3, 0.6e-3, 0.5e-3, 0.45e-3, 0.4e-3):
@@ -111,14 +118,17 @@ def test_joint_pieces_stay_on_the_straight_line(tilt_insert: Problem) -> None:
 
 @pytest.fixture(scope="module")
 def small_move(tilt_insert: Problem) -> Problem:
-    """A joint that goes far beside others that hardly move: their small ways have sharp bends."""
+    """Return a problem in which one joint moves far and the others hardly move.
+
+    The small displacements have sharp bends.
+    """
     start = Task(roll=0.0, tilt=np.radians(-113), spin=0.0, depth=0.015)
     to = Task(roll=np.radians(2), tilt=np.radians(-113.05), depth=0.01501)
     return replace(tilt_insert, start=start, motion=(Free(to, name="free"),), objective="time")
 
 
 def test_along_the_path_of_a_free_motion_there_is_hardly_a_faster_one(small_move: Problem) -> None:
-    """The planner's own passes on the path of its motion, at the speed of the motion or slower."""
+    """The planner retimes the path of its motion, at full speed or slower, to the same duration."""
     planned = plan_motion(small_move)
     (phase,), trajectory = planned.phases, planned.trajectory
     assert trajectory is not None
