@@ -257,9 +257,7 @@ def test_every_variant_gives_the_same_bits(
 def elements_of(
     robot: Robot, kind: str, aim: Aim, rng: np.random.Generator
 ) -> tuple[Any, Array, list[Array]]:
-    """Return a model, the variables of COUNT elements of this kind (COUNT, n), and their
-    parameters.
-    """
+    """Return a model, variables of COUNT elements (COUNT, n), and the parameters."""
     cases = [CASES[kind](robot, aim, rng) for _ in range(COUNT)]
     z, *each = (np.array(values) for values in zip(*(numbers for _, numbers in cases), strict=True))
     element, packed = cases[0][0], each[-1][0]
@@ -279,6 +277,7 @@ def test_numbers_are_those_of_casadi(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_any_robot_has_them(tilt_insert: Problem, seed: int) -> None:
+    """The compiled functions exist for random robots, drives and choices of moving joints."""
     rng = np.random.default_rng(seed)
     robot = drives(random_problem(tilt_insert, seed).robot, rng)
     aim = get_args(Aim)[seed]
@@ -291,6 +290,7 @@ def test_any_robot_has_them(tilt_insert: Problem, seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk, seed: int) -> None:
+    """The compiled functions exist for elements on a path, also with a joint that has no drive."""
     rng = np.random.default_rng(seed)
     robot = drives(with_jerk(random_problem(tilt_insert, seed).robot, 35.0, 1.0), rng)
     undriven = unchecked_copy(robot.joints[1], drive=None, motor=None)
@@ -305,9 +305,7 @@ def test_any_robot_has_them_on_a_path(tilt_insert: Problem, with_jerk: WithJerk,
 
 @pytest.mark.parametrize("kind", CASES)
 def test_ipopt_is_given_the_same(tilt_insert: Problem, kind: str) -> None:
-    """The compiled functions that Ipopt calls have the values and the sparsity of CasADi's
-    functions.
-    """
+    """The compiled functions for Ipopt have the values and the sparsity of CasADi's functions."""
     rng = np.random.default_rng(5)
     element, z, parameters = elements_of(tilt_insert.robot, kind, "heat", rng)
     native = mapped_elements(element, COUNT)
@@ -381,9 +379,7 @@ def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_figures_of_a_robot_give_its_efforts(tilt_insert: Problem, seed: int) -> None:
-    """The joint efforts from the compact load parameters agree with the inverse dynamics of the
-    rigid bodies.
-    """
+    """The efforts from compact load parameters agree with the rigid-body inverse dynamics."""
     robot = random_problem(tilt_insert, seed).robot
     rng = np.random.default_rng(seed)
     q, qd, qdd = rng.uniform(-2, 2, (3, 4))

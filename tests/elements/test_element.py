@@ -46,9 +46,7 @@ Case = tuple[Any, list[Array]]
 
 
 def straight_case(robot: Robot, aim: Any, rng: np.random.Generator) -> Case:
-    """Return an element with every row of a straight motion, and random arguments on a real
-    path.
-    """
+    """Return an element with every row of a straight motion, and random arguments."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     start, end = np.array([0.1, -1.7, 0.2, 4e-3]), np.array([-0.3, -2.2, 0.5, 15e-3])
     path = StraightPath(mechanism, start, end, mechanism.home_branch, np.zeros(4))
@@ -129,6 +127,7 @@ def reference(element: Any) -> tuple[ca.Function, ca.Function, ca.Function]:
 
 
 def assert_close(mine: Any, its: Any) -> None:
+    """Assert that two arrays agree within 1e-9 of the largest reference value."""
     mine, its = ca.DM(mine).full(), ca.DM(its).full()
     assert np.abs(mine - its).max(initial=0.0) <= 1e-9 * max(np.abs(its).max(initial=0.0), 1e-12)
 
@@ -166,10 +165,10 @@ def test_derivatives_are_those_of_the_whole_element(
 
 @pytest.mark.parametrize("kind", CASES)
 def test_a_cost_is_the_integral_over_the_element(tilt_insert: Problem, kind: str) -> None:
-    """The cost uses Simpson's rule, so two half elements have a much smaller error than one
-    element.
+    """Two half elements integrate the cost with a much smaller error than one element.
 
-    Their error is nearly sixteen times smaller. Gauss quadrature gives the reference.
+    The cost uses Simpson's rule, so their error is nearly sixteen times smaller. Gauss quadrature
+    gives the reference.
     """
     element, numbers = CASES[kind](tilt_insert.robot, "heat", np.random.default_rng(3))
     z, *arguments = numbers
@@ -227,9 +226,7 @@ def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
 
 
 def test_effort_counts_only_what_speed_and_acceleration_ask(tilt_insert: Problem) -> None:
-    """The effort tends to zero as the motion becomes slower, although weight and friction
-    remain.
-    """
+    """The effort tends to zero in slow motions, although weight and friction remain."""
     element, (z, sigma, numbers) = free_case(tilt_insert.robot, "effort", np.random.default_rng(5))
     heat = dataclasses.replace(element, aim="heat")
     efforts = []

@@ -41,6 +41,8 @@ class System(ctypes.Structure):
 
 
 class Memory(ctypes.Structure):
+    """This class mirrors the C struct of the same name."""
+
     _fields_ = (("last", ctypes.c_void_p), ("failed", ctypes.c_int))
 
 
@@ -145,6 +147,7 @@ def test_equalities_that_depend_on_one_another_have_no_step() -> None:
 
 @pytest.mark.parametrize("size", [1, 2, 5, 30])
 def test_symmetric_factors(size: int) -> None:
+    """The symmetric factorisation gives the inertia and the solution of dense linear algebra."""
     native, random = library.load(), np.random.default_rng(size)
     assert native is not None
     for _ in range(10):

@@ -95,9 +95,7 @@ def start(program: Program, distance: float, time: float) -> Point:
 
 
 def pieces(*lengths: float, each: int = 4) -> Array:
-    """Return the fractions of a mesh with element borders at the ends of pieces of these
-    lengths.
-    """
+    """Return the fractions of a mesh with element borders at the ends of all pieces."""
     total = sum(lengths)
     return np.concatenate(
         [np.full(each, length / each / total) for length in lengths if length > 1e-9 * total]
@@ -105,10 +103,12 @@ def pieces(*lengths: float, each: int = 4) -> Array:
 
 
 def fastest(program: Program, distance: float, guess: float) -> Outcome:
+    """Return the solution that starts from a cubic with the duration `guess`."""
     return solved(program, start(program, distance, guess))
 
 
 def solved(program: Program, point: Point) -> Outcome:
+    """Return the outcome of the solver with fixed options."""
     return solve(
         program,
         point,
@@ -122,9 +122,7 @@ def solved(program: Program, point: Point) -> Outcome:
 def rows_of(
     symbolic: Callable[[ca.SX], list[ca.SX]], fractions: Array, at: tuple[float, ...] = (0.0, 1.0)
 ) -> RowGroup:
-    """Return rows of (u, u̇, ü) at these fractions of every element, each with the upper bound
-    1.
-    """
+    """Return rows of (u, u̇, ü) at these fractions of every element, at most 1 each."""
     z = ca.SX.sym("z", 5)
     u, v, a0, a1, h = ca.vertsplit(z)
     rows = []
@@ -244,9 +242,7 @@ def test_least_effort_in_a_given_time() -> None:
 
 
 def test_a_point_on_the_way_of_a_jerk_limited_motion() -> None:
-    """The symmetric optimum passes u = D/2 at the middle anyway. With u = D/3, the motion takes
-    longer.
-    """
+    """The symmetric optimum passes u = D/2. A motion through u = D/3 takes longer."""
     profile = rest_to_rest(2.0, 1.0, 1.0, 2.0)
     fractions = pieces(*profile.lengths)
     program = chain(fractions, 2.0, velocity=1.0, acceleration=1.0, jerk=2.0)

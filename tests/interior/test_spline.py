@@ -64,6 +64,7 @@ def states_of(one: Spline, c: Array) -> Array:
 
 @pytest.mark.parametrize("kind", ["hermite", "bspline"])
 def test_elements_are_scipys(kind: Kind) -> None:
+    """The states of the elements agree with the splines and derivatives of SciPy."""
     one = spline(kind)
     c = np.random.default_rng(1).normal(size=(one.rows, 2))
     states = states_of(one, c)
@@ -86,6 +87,7 @@ def test_elements_are_scipys(kind: Kind) -> None:
 
 @pytest.mark.parametrize("kind", ["hermite", "bspline"])
 def test_unknowns_of_a_motion_give_it_back(kind: Kind) -> None:
+    """The states of the elements give back the unknowns."""
     one = spline(kind)
     c = np.random.default_rng(2).normal(size=(one.rows, 2))
     states = states_of(one, c)

@@ -29,6 +29,7 @@ Robot = dict[str, Any]
 
 @cache
 def _shipped() -> Robot:
+    """Return the data of the shipped robot, with drives and motors given by name."""
     robot: Robot = yaml.safe_load((PROBLEMS / "robots/vitreoretinal.yaml").read_text("utf-8"))
     for joint in robot["joints"].values():
         joint.pop("alternatives", None)
@@ -37,6 +38,8 @@ def _shipped() -> Robot:
 
 
 def _without(parts: tuple[str, ...], joints: tuple[str, ...] = JOINTS) -> Callable[[Robot], None]:
+    """Return a function that removes these parts of these joints from the data of a robot."""
+
     def change(robot: Robot) -> None:
         for joint, part in itertools.product(joints, parts):
             robot["joints"][joint].pop(part, None)
@@ -45,6 +48,7 @@ def _without(parts: tuple[str, ...], joints: tuple[str, ...] = JOINTS) -> Callab
 
 
 def _massless(robot: Robot) -> None:
+    """Remove drives, motors and masses."""
     _without(BOTH)(robot)
     robot["bodies"] = [
         {"name": body["name"], "frame": body["frame"], "mass": "0 kg"} for body in robot["bodies"]
@@ -52,12 +56,14 @@ def _massless(robot: Robot) -> None:
 
 
 def _with_jerk_limits(robot: Robot) -> None:
+    """Replace drives and motors by jerk limits."""
     _without(BOTH)(robot)
     for name, joint in robot["joints"].items():
         joint["jerk"] = "1 m/s^3" if name == "insertion" else "2000 deg/s^3"
 
 
 def _mixed(robot: Robot) -> None:
+    """Remove the motor of roll and the drive of tilt."""
     _without(("motor",), ("roll",))(robot)
     _without(("drive",), ("tilt",))(robot)
 

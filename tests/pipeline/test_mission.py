@@ -97,6 +97,7 @@ def test_a_sketch_that_is_too_long_is_given_up(
 
 
 def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> None:
+    """The plan uses the faster branch, and no other candidate is faster by more than GAP."""
     steps: list[Step] = []
     made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30)), steps.append)
     assert made.passed
@@ -134,9 +135,7 @@ def test_a_branch_beyond_the_tilt_range_is_not_taken(tilt_insert: Problem) -> No
 
 
 def test_a_branch_is_found_where_the_nearest_joints_give_no_motion(tilt_insert: Problem) -> None:
-    """The joints of the starting branch are beyond the range of joint 1, so the plan uses the
-    other branch.
-    """
+    """If joint 1 cannot reach the target on the starting branch, the plan uses the other branch."""
     free = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
     first, _ = ends(plan(free))
     roll = replace(free.robot.joints[0], position=tuple(np.radians([first[0] - 40, first[0] + 10])))
@@ -147,6 +146,7 @@ def test_a_branch_is_found_where_the_nearest_joints_give_no_motion(tilt_insert: 
 def test_nothing_more_is_planned_where_no_other_joints_can_be_faster(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The planner solves one plan if no other joint configuration can be faster."""
     planned = []
     attempt = run._plan_check_and_cool
     monkeypatch.setattr(
@@ -160,9 +160,7 @@ def test_nothing_more_is_planned_where_no_other_joints_can_be_faster(
 
 @pytest.mark.parametrize("seed", range(4))
 def test_no_branch_planned_by_itself_is_faster(tilt_insert: Problem, seed: int) -> None:
-    """No joint configuration of the inverse kinematics gives a faster plan than the automatic
-    choice.
-    """
+    """No other joint configuration at the target gives a faster plan."""
     rng = np.random.default_rng(seed)
     near = np.radians([rng.uniform(-139.7, -136), rng.uniform(-84, -80)])
     start = Task(
@@ -257,9 +255,7 @@ def test_a_free_spin_is_read_written_and_refused_elsewhere(
 
 
 def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
-    """Joint 1 cannot lift the arm on the nearest path to the target, but can lower it on
-    another path.
-    """
+    """Joint 1 cannot lift the arm on the nearest path, but can lower it on another path."""
     robot = replace(weaker(tilt_insert.robot, 0.45), limits=())
     start = Task(roll=-1.8326, tilt=-1.6714, spin=-1.901, depth=0.025)
     motion = (Free(Task(roll=-1.6099, tilt=-2.3619, spin=0.8735, depth=0.0155)),)
@@ -272,8 +268,9 @@ def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
 
 
 def interrupting(times: int) -> Progress:
-    """Return a progress callback that raises SIGINT when other joints are tried, at most
-    `times` times.
+    """Return a progress callback that raises SIGINT at most `times` times.
+
+    It raises the signal when other joints are tried.
     """
     left = [times]
 

@@ -124,6 +124,7 @@ def test_the_range_that_is_printed_plans_when_it_is_typed_in(tilt_insert: Proble
 
 @pytest.mark.slow
 def test_a_motor_too_weak_for_now_and_for_all_time_is_relaxed_in_both(tilt_insert: Problem) -> None:
+    """A motor with too little peak and continuous torque gets one relaxation of both values."""
     joints = tilt_insert.robot.joints
     assert joints[0].motor is not None
     motor = replace(joints[0].motor, nominal_torque=10e-3, max_torque=12e-3)
@@ -142,6 +143,7 @@ def test_a_motor_too_weak_for_now_and_for_all_time_is_relaxed_in_both(tilt_inser
 
 
 def test_a_start_too_fast_is_slowed_down(tilt_insert: Problem) -> None:
+    """The relaxation states a slower start rate, and the plan with this rate passes."""
     problem = replace(
         tilt_insert,
         motion=tilt_insert.motion[:1],

@@ -71,6 +71,7 @@ def test_a_free_motion_goes_to_joints_too(tilt_insert: ssm.Problem) -> None:
 
 
 def test_targets_that_cannot_be(tilt_insert: ssm.Problem) -> None:
+    """A target that does not fit a motion of the problem is refused."""
     with pytest.raises(ssm.ProblemError, match="task coordinates"):
         ssm.Replanner(tilt_insert).plan(target=ssm.Joints((0.0, 0.0, 0.0, 0.0)))
     with pytest.raises(ssm.ProblemError, match="no motion of this problem has a target"):

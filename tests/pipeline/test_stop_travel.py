@@ -26,11 +26,13 @@ from tests.support.paths import ROOT
 
 
 def limited(name: str, largest: float) -> Problem:
+    """Return a shipped problem with the limit of the stop travel, in m."""
     return StopTravel(largest).on(load_problem(ROOT / "problems" / f"{name}.yaml"))
 
 
 @cache
 def planned(name: str, largest: float) -> Plan:
+    """Return the plan of the shipped problem with the limit."""
     return plan(limited(name, largest))
 
 
@@ -95,6 +97,7 @@ def test_the_check_finds_what_a_planner_without_the_limit_exceeds() -> None:
 
 
 def test_the_planner_s_estimate_is_that_of_joints_that_brake_evenly() -> None:
+    """The planner's estimate of the stop travel assumes constant braking of every joint."""
     robot = load_problem(ROOT / "problems" / "tilt_insert.yaml").robot
     qd = np.array([[0.0, 0.0, 0.0, -0.01]])
     travel = braking_travel(

@@ -118,6 +118,7 @@ def test_prescribed_durations_and_speeds_are_kept(motion: Motion, longer: bool) 
 
 
 def at_constant_speed(problem: Problem) -> Plan:
+    """Return the plan of a line at constant speed, which TOPP-RA times."""
     end = Task(roll=0.3, tilt=-1.9, spin=0.0, depth=0.02)
     line = Follow(end, curve="line", constant_speed=0.01)
     start = Task(roll=0.0, tilt=-1.5, spin=0.0, depth=0.01)
@@ -125,6 +126,7 @@ def at_constant_speed(problem: Problem) -> Plan:
 
 
 def along_a_table(problem: Problem) -> Plan:
+    """Return the plan of a table of joint positions, which TOPP-RA times."""
     q = joint_path()
     points = [Joints((a, b, c, d)) for a, b, c, d in q.tolist()]
     table = Follow(points[-1], tuple(points[1:-1]), curve="samples")
@@ -141,6 +143,7 @@ def along_a_table_by_toppra(problem: Problem) -> Plan:
 
 
 def retimed(problem: Problem) -> Plan:
+    """Return the plan of a path of joint positions that is only retimed."""
     return retime(joint_path(), problem.robot)
 
 

@@ -38,6 +38,7 @@ OBJECTIVES: dict[str, dict[str, Any]] = {
 def _lacking(
     problem: Problem, parts: dict[int, tuple[str, ...]], motion: Motion = SHORT, **changes: Any
 ) -> Problem:
+    """Return the problem with one motion and without the given parts of each joint."""
     joints = tuple(
         replace(joint, **dict.fromkeys(parts.get(i, ())), alternatives=())
         for i, joint in enumerate(problem.robot.joints)
@@ -70,6 +71,7 @@ def test_a_result_folder_is_written_whatever_the_robot_has(
 def test_without_drives_sizing_knows_nothing(
     tilt_insert: Problem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """Without drives, the command size reports that no joint has a drive."""
     _, files = plan_to_folder(_lacking(tilt_insert, LACKING["both"]), tmp_path / "plan")
     assert main(["size", str(files["plan"]), "-o", str(tmp_path / "size")]) == 0
     out = capsys.readouterr().out
@@ -93,6 +95,7 @@ SAMPLE = [
 def test_any_objective_has_a_plan(
     tilt_insert: Problem, lacking: str, objective: str, planner: Planner
 ) -> None:
+    """Every objective has a plan, whatever parts the robot lacks."""
     changes = OBJECTIVES[objective]
     outcome = plan(_lacking(tilt_insert, LACKING[lacking], planner=planner, **changes))
     assert outcome.passed
@@ -105,6 +108,7 @@ def test_any_objective_has_a_plan(
 def test_without_motors_there_is_no_heat_to_make_less(
     tilt_insert: Problem, lacking: str, planner: Planner
 ) -> None:
+    """Without motors, the motion with the least heat has the bits of the fastest motion."""
     problem = _lacking(tilt_insert, LACKING[lacking], planner=planner)
     fastest, coolest = plan(problem), plan(replace(problem, objective="time then heat"))
     assert fastest.passed

@@ -34,9 +34,7 @@ def weaker() -> Weaker:
 
 @pytest.fixture(scope="session")
 def with_jerk() -> WithJerk:
-    """Return a function that adds jerk limits, in rad/s³ and m/s³, to revolute and prismatic
-    joints.
-    """
+    """Return a function that adds jerk limits to revolute (rad/s³) and prismatic joints (m/s³)."""
 
     def make(robot: Robot, revolute: float, prismatic: float) -> Robot:
         jerks = {"revolute": revolute, "prismatic": prismatic}

@@ -36,6 +36,7 @@ def straight(problem: Problem, **changes: Any) -> Problem:
 
 
 def free(problem: Problem, **changes: Any) -> Problem:
+    """Return a problem with one free motion of all joints."""
     motion, start = (Free(Joints(JOINTS)),), Joints((-0.5, 0.6, 0.0, 0.0))
     limits = (TaskRange("depth", 0.0, 0.03),)
     return dataclasses.replace(
@@ -62,6 +63,7 @@ def end_rates(result: Plan) -> tuple[Array, Array]:
 
 
 def as_array(rates: dict[str, float]) -> Array:
+    """Return the rates as an array in the order of the task coordinates, (4,)."""
     return np.array([rates.get(name, 0.0) for name in TASK_COORDINATES])
 
 

@@ -111,9 +111,7 @@ def test_a_motor_that_acceleration_heats_goes_slower(
 
 
 def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> None:
-    """Roll moves in the tilt phase alone, so the insertion takes as long as the roll motor must
-    cool.
-    """
+    """Roll moves in the tilt phase alone, so the insertion lasts as long as its motor must cool."""
     problem = with_motor(tilt_insert, 0, nominal_torque=18e-3, max_torque=40e-3)
     result = plan(problem)
     assert result.passed
@@ -133,8 +131,9 @@ def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> No
 def test_ipopt_confirms_no_motion_that_is_too_warm(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The structured solver alone plans motions that trade time for heat until one is cool
-    enough.
+    """The search for a cool motion uses the structured solver alone.
+
+    Ipopt confirms only the first motion and the result.
     """
     planners: list[str] = []
 
@@ -189,6 +188,7 @@ def test_where_the_hot_motor_rests_the_whole_takes_as_long_as_its_heat(
 
 
 def test_a_pause_before_the_motion_repeats_cools(tilt_insert: Problem) -> None:
+    """A pause after each repetition reduces the RMS torque, so the fastest motion passes."""
     tilt = dataclasses.replace(tilt_insert, motion=tilt_insert.motion[:1])
     fastest = plan(tilt)
     rms_alone = rms(tilt, fastest.trajectory, "roll")

@@ -137,6 +137,7 @@ def largest_excess(made: Plan, robot: Robot, payload: tuple[float, ...]) -> floa
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_few_drives_bound_all_within_a_range(robot: Robot, kind: str) -> None:
+    """At most eight drives with extreme friction bound the torque of all drives in the range."""
     rng = np.random.default_rng(2)
     for joint in robot.joints:
         if joint.drive is None:
@@ -177,6 +178,7 @@ def test_few_drives_bound_all_within_a_range(robot: Robot, kind: str) -> None:
 def test_torques_hold_at_every_corner_and_draw(
     name: str, kind: str, factor: float, planner: str, payload: tuple[float, float] | None
 ) -> None:
+    """No torque limit is exceeded at any corner or random value within the range."""
     problem = (
         replace(weakened(name, kind, factor), planner=planner)
         if planner == "toppra"

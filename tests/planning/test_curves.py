@@ -80,9 +80,7 @@ def test_the_tip_keeps_to_an_arc(base: Problem) -> None:
 
 
 def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
-    """A line or a table of samples that changes only the depth takes the time of the straight
-    insertion.
-    """
+    """A line or a table that changes only the depth takes the time of the straight insertion."""
     straight, _ = planned(replace(base, motion=(Straight(depth=0.015),), planner="toppra"))
     line, _ = planned(replace(base, motion=(Follow(Task(depth=0.015), curve="line"),)))
     samples = tuple(Task(depth=depth) for depth in np.linspace(0.005, 0.015, 30).tolist())
@@ -92,9 +90,7 @@ def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
 
 
 def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
-    """Tables of task coordinates, joint positions and tip positions give the same path and
-    duration.
-    """
+    """Tables of task coordinates, joints and tip positions give the same path and duration."""
     task = np.column_stack(
         [s := np.linspace(0, 0.3, 40), np.radians(-95) - 0.4 * s, s**2, 0.005 + 0.02 * s]
     )
@@ -124,9 +120,7 @@ def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
 
 
 def test_samples_begin_elsewhere_and_turn(base: Problem) -> None:
-    """A table that begins elsewhere gets an approach, and the robot stops at a corner of the
-    table.
-    """
+    """A table that begins elsewhere gets an approach, and the robot stops at its corner."""
     places = ((-100, 5e-3), (-101, 5e-3), (-102, 5e-3), (-102, 6e-3), (-102, 7e-3))
     points = [Task(tilt=np.radians(tilt), depth=depth) for tilt, depth in places]
     found, _ = planned(
@@ -172,9 +166,7 @@ def test_a_constant_speed_is_kept_between_the_ramps(base: Problem, curve: Any) -
 
 
 def test_a_constant_speed_that_cannot_be_is_told_with_the_one_that_can(base: Problem) -> None:
-    """The reason states the largest constant speed, and that speed separates solved from
-    infeasible.
-    """
+    """The reason states the largest possible constant speed, within 1 %."""
     motion = Follow(
         Tip((0.004, -0.004, -0.012), 0.2), curve="line", name="line", constant_speed=0.2
     )

@@ -52,6 +52,7 @@ def test_the_fastest_way_between_two_speeds_is_ruckigs(
 def test_a_free_speed_costs_no_time(
     way: float, velocity: float, acceleration: float, begin: float, end: float
 ) -> None:
+    """The minimum time with a free end speed is that with the best fixed speed."""
     speeds = begin * velocity, end * velocity
     both = minimum_times(way, velocity, acceleration, speeds)
     one = [
@@ -100,6 +101,7 @@ def test_no_coordinate_accelerates_more_than_the_bound_says(
 
 
 def only(problem: Problem, **to: float) -> Problem:
+    """Return a problem with one free motion that changes only the given task coordinates."""
     start = Task(roll=0.1, tilt=np.radians(-100), spin=0.2, depth=0.005)
     return replace(problem, start=start, motion=(Free(Task(**to)),), objective="time")
 

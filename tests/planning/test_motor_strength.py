@@ -43,9 +43,7 @@ def test_no_motion_has_less_than_the_bound(duration, pause):
 def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_not_refused(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    """The bound refuses a motor before any phase is solved, but not if the motor may rest long
-    enough.
-    """
+    """The bound refuses a motor before any phase is solved, unless it may rest long enough."""
     solves = []
     monkeypatch.setattr(phase_planner, "retime", lambda *_, **__: solves.append("retime"))
     monkeypatch.setattr(phase_planner, "solve_straight", lambda *_, **__: solves.append("straight"))

@@ -1,5 +1,4 @@
-"""Verify the objectives: time, least heat in almost the least time, and least effort in a given
-time.
+"""Verify the objectives: time, time then heat, and effort in a given time.
 
 The motor model, integrated by Gauss quadrature, gives the reference for heat and effort.
 """
@@ -35,6 +34,7 @@ MOTIONS = {"free": FREE, "straight": STRAIGHT, "through": THROUGH}
 
 
 def moving(problem: Problem, *motions: Motion, **changes: Any) -> Problem:
+    """Return a problem with these motions from the joint positions FIRST."""
     limits = (TaskRange("depth", 0.0, 0.03),)
     return dataclasses.replace(
         problem, start=Joints(FIRST), motion=motions, limits=limits, **changes
@@ -42,6 +42,7 @@ def moving(problem: Problem, *motions: Motion, **changes: Any) -> Problem:
 
 
 def torques(robot: Robot, samples: Samples, direction: Array) -> Array:
+    """Return the motor torques of samples, (n, 4) in N m."""
     still = np.zeros_like(direction, dtype=bool)
     return motor_motion(robot, RigidBody.from_robot(robot), samples, direction, still).torque
 
@@ -65,15 +66,14 @@ def integral(trajectory: Trajectory, robot: Robot, of: Callable[[Samples, Array]
 
 
 def heat(trajectory: Trajectory, robot: Robot) -> float:
+    """Return the heat of a motion, the integral of its squared relative torques in s."""
     return integral(
         trajectory, robot, lambda samples, direction: torques(robot, samples, direction)
     )
 
 
 def effort(trajectory: Trajectory, robot: Robot) -> float:
-    """Return the integral of the torques beyond those of an infinitely slow motion on the same
-    path.
-    """
+    """Return the integral of the torques beyond those of an infinitely slow motion."""
 
     def beyond(samples: Samples, direction: Array) -> Array:
         slow = dataclasses.replace(samples, qd=0 * samples.qd, qdd=0 * samples.qdd)
@@ -93,6 +93,7 @@ def stretched(trajectory: Trajectory, factor: float) -> Trajectory:
 def test_hardly_longer_and_no_hotter(
     tilt_insert: Problem, with_jerk: WithJerk, kind: str, jerk: bool
 ) -> None:
+    """The motion with less heat is no hotter, and at most 0.1 % longer than the fastest one."""
     robot = with_jerk(tilt_insert.robot, 35.0, 1.0) if jerk else tilt_insert.robot
     problem = moving(tilt_insert, MOTIONS[kind], robot=robot)
     fastest = plan(dataclasses.replace(problem, objective="time"))

@@ -38,6 +38,7 @@ def by_toppra(plan: Plan, span: Span) -> float:
 
 
 def assert_certified_and_as_fast_as_toppra(problem: Problem) -> None:
+    """Assert that a plan passes its check and that each phase is as fast as toppra's."""
     result = plan(problem)
     assert result.status == "solved"
     assert result.certificate is not None
@@ -122,9 +123,7 @@ def test_slow_motions_take_little_time_to_get_up_to_speed(
 def test_a_motion_whose_elements_last_microseconds_is_certified_as_it_is(
     tilt_insert: Problem,
 ) -> None:
-    """If a joint nearly reaches its largest speed while its acceleration rises, an arc is very
-    short.
-    """
+    """An arc is very short if a joint is near its speed limit while its acceleration rises."""
     problem = slow(tilt_insert, 20.0, jerk=17.5)
     motion = tuple(
         Free(entry.to, name=entry.name)

@@ -51,6 +51,7 @@ def moving(
     *limits: Limit,
     **changes: Any,
 ) -> Problem:
+    """Return a problem with one motion of a kind between two task positions."""
     motion = (Free(Task(**goal)) if kind == "free" else Straight(**goal),)
     return dataclasses.replace(
         problem,
@@ -62,6 +63,7 @@ def moving(
 
 
 def limit(result: Plan, name: str) -> LimitCheck:
+    """Return the check of the limit with this name."""
     assert result.certificate is not None
     return next(found for found in result.certificate.limits if found.name == name)
 
@@ -97,9 +99,7 @@ def test_all_rates_and_the_tip_speed_together(tilt_insert: Problem, kind: str) -
 
 
 def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: Problem) -> None:
-    """The start is beside the port. Inserted at the speed of the swing, the tip would come too
-    near the wall.
-    """
+    """Inserted as fast as it swings, the tip would come too near the wall."""
     start = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.0025}
     goal = {"roll": 0.0, "tilt": float(np.radians(-112)), "spin": 0.0, "depth": 0.018}
     with_eye = moving(laser_scan, "free", start, goal)

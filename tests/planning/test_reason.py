@@ -42,6 +42,7 @@ def straight(**task: float) -> Motion:
 
 
 def with_joint(problem: Problem, i: int, **changes: Any) -> Problem:
+    """Return the problem with changes of joint i."""
     joints = list(problem.robot.joints)
     joints[i] = dataclasses.replace(joints[i], **changes)
     return dataclasses.replace(
@@ -50,14 +51,16 @@ def with_joint(problem: Problem, i: int, **changes: Any) -> Problem:
 
 
 def weak(problem: Problem, i: int, factor: float) -> Problem:
+    """Return the problem with `factor` times the largest motor torque of joint i."""
     motor = problem.robot.joints[i].motor
     assert motor is not None
     return with_joint(problem, i, motor=unchecked_copy(motor, max_torque=factor * motor.max_torque))
 
 
 def narrow(problem: Problem) -> Problem:
-    """Return the problem with a range of joint 2 that begins 0.1 rad above the smallest position
-    of the motion.
+    """Return the problem with a range of joint 2 that excludes a part of the motion.
+
+    The range begins 0.1 rad above the smallest position.
     """
     q = plan(problem).trajectory.sample(plan(problem).trajectory.breaks).q[:, 1]
     return with_joint(problem, 1, position=(float(q.min()) + 0.1, float(q.max()) + 1.0))
@@ -72,6 +75,7 @@ def slippery(problem: Problem) -> Problem:
 
 
 def in_eye(problem: Problem, eye: Eye | None, to: dict[str, float]) -> Problem:
+    """Return a problem with one straight motion from INSIDE, deep in the eye."""
     return dataclasses.replace(problem, eye=eye, start=Task(**INSIDE), motion=(straight(**to),))
 
 
@@ -132,6 +136,7 @@ def tilt(problem: Problem, **changes: Any) -> Problem:
 
 
 def insertion(problem: Problem, depth: float = 0.015, **changes: Any) -> Problem:
+    """Return the problem with one straight insertion to the depth in m."""
     start = Task(**START)
     return dataclasses.replace(
         problem, **{"start": start, "motion": (straight(depth=depth),), **changes}
@@ -214,9 +219,7 @@ Unplanned = Callable[[str], Outcome]
 
 @pytest.fixture(scope="module")
 def unplanned(tilt_insert: Problem, laser_scan: Problem) -> Iterator[Unplanned]:
-    """Return a function that plans a case by name, once, and returns the plan and the tried
-    relaxation.
-    """
+    """Return a function that plans a case once and returns the plan and the relaxation."""
     outcomes: dict[str, Outcome] = {}
     cures: list[TriedRelaxation | None] = []
 
@@ -347,9 +350,7 @@ def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(
 def test_the_clock_does_not_bound_what_is_searched(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The search for a relaxation is limited by the work that it did, not by the time that it
-    took.
-    """
+    """The work of the search for a relaxation is limited, and its time is not."""
     asked: list[Problem] = []
     work = Work()
 

@@ -27,11 +27,7 @@ DEPTH = TaskRange("depth", 0.0, 0.03)
 def free(
     base: Problem, start: tuple[float, ...], to: dict[str, float], *limits: Any, **changes: Any
 ) -> Problem:
-    """Return a problem with one free motion that starts at (roll, tilt, spin) in deg and a depth in
-    mm.
-
-    The targets are also in deg and mm.
-    """
+    """Return a problem with one free motion between task positions in deg and mm."""
     roll, tilt, spin = np.radians(start[:3])
     target = {
         name: 1e-3 * value if name == "depth" else float(np.radians(value))
@@ -117,6 +113,7 @@ def test_other_objectives_turn_at_the_same_places(tilt_insert: Problem) -> None:
 def test_weak_motors_are_spared_by_a_joint_that_turns_back(
     tilt_insert: Problem, weaker: Weaker
 ) -> None:
+    """With weak motors, a reversal makes the motion at least 6 % faster."""
     robot = weaker(tilt_insert.robot, 0.35)
     problem = free(tilt_insert, (0, -85, 0, 0), {"tilt": -135}, robot=robot)
     result = plan(problem)
@@ -133,8 +130,9 @@ def test_with_jerk_limits(tilt_insert: Problem, with_jerk: WithJerk) -> None:
 
 
 def test_a_joint_that_moves_takes_a_run_up_and_overshoots(tilt_insert: Problem) -> None:
-    """The program `tests/benchmarks/direction_free.py`, which has no fixed directions, finds
-    0.9756 s.
+    """The joint runs up and overshoots, and the plan is as fast as one without fixed directions.
+
+    The program `tests/benchmarks/direction_free.py`, which has no fixed directions, finds 0.9756 s.
     """
     to = {"roll": 7.4, "tilt": -101.3, "spin": -13.6, "depth": 19.7}
     problem = free(tilt_insert, (-8.8, -116.5, -10, 27.7), to, TipSpeed(0.0135))
@@ -184,8 +182,7 @@ def test_without_the_compiled_part_joints_turn_back_too(
 def test_a_direction_is_opened_where_its_multiplier_says_so(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, native: str
 ) -> None:
-    """Under a limit of the tip speed, the multipliers suggest that tilt and depth reverse, but not
-    roll.
+    """The multipliers suggest reversals of tilt and depth under a tip-speed limit, but not of roll.
 
     The multipliers belong to the optimum and do not depend on the solver.
     """
@@ -238,9 +235,7 @@ def test_a_joint_goes_back_and_forth_for_the_rate_of_spin(tilt_insert: Problem) 
 def test_where_nothing_pays_the_motion_is_the_same(
     tilt_insert: Problem, to: dict[str, float], limits: Any
 ) -> None:
-    """If reversals do not shorten the motion, the plan has exactly the coefficients of the plan
-    without reversals.
-    """
+    """If reversals do not shorten the motion, the plan is the one without reversals."""
     problem = free(tilt_insert, (-5, -120, 0, 15), to, *limits)
     turning, plain = (plan_motion(problem, may_reverse=turning) for turning in (True, False))
     assert turning.trajectory is not None

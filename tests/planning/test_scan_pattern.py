@@ -34,6 +34,7 @@ RASTER = Scan(Task(**MACULA), DISTANCE, rows=3, columns=4, spacing=0.8e-3)
 
 
 def scanning(laser_scan: Problem, scan: Scan, **changes: Any) -> Plan:
+    """Return the plan of a scan, which must pass."""
     motion = dataclasses.replace(scan, name="pattern")
     problem = dataclasses.replace(laser_scan, motion=(motion,), objective="time", **changes)
     result = plan(problem)
@@ -69,8 +70,7 @@ def on_retina(result: Plan, tips: Array) -> Array:
 
 
 def in_plane(result: Plan, tips: Array) -> Array:
-    """Return the spots (n, 3) in the tangent plane of the retina at the macula, relative to the
-    macula.
+    """Return the spots (n, 3) in the tangent plane at the macula, relative to the macula, in m.
 
     The projection uses rays from the centre of the eye.
     """

@@ -49,6 +49,7 @@ class Halfway(PhaseCandidate):
 
 
 def swing(problem: Problem) -> Problem:
+    """Return a problem with one free motion."""
     motion = (Free(Task(roll=0.2, tilt=np.radians(-110), depth=0.01)),)
     return replace(problem, motion=motion, objective="time", planner="fast")
 

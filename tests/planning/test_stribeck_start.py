@@ -1,6 +1,4 @@
-"""Verify that a drive starts against its kinetic friction at rest if its static friction is
-smaller.
-"""
+"""Verify starts with kinetic friction at rest that is larger than the static friction."""
 
 from __future__ import annotations
 

@@ -23,6 +23,7 @@ START = {"roll": -0.2, "tilt": -1.7, "spin": 0.0, "depth": 0.004}
 
 
 def inserting(problem: Problem, kind: Any, depth: float) -> Problem:
+    """Return a problem with one insertion by `depth`, in m."""
     goal = Task(depth=START["depth"] + depth)
     motion = (Free(goal) if kind == "free" else Straight(**goal.set_coordinates),)
     return dataclasses.replace(problem, start=Task(**START), motion=motion, objective="time")
@@ -44,6 +45,7 @@ def test_as_long_as_the_closed_form_says(tilt_insert: Problem, kind: str, depth:
 def test_a_move_to_where_the_robot_is_takes_no_time_and_is_said(
     tilt_insert: Problem, kind: str, first: bool
 ) -> None:
+    """A motion to the present position takes no time, and a note states that it is skipped."""
     alone, still = inserting(tilt_insert, kind, 1e-3), inserting(tilt_insert, kind, 0.0)
     there = dataclasses.replace(inserting(tilt_insert, kind, 1e-3).motion[0], name="again")
     motion = (

@@ -37,9 +37,7 @@ ASIDE = (0.1, 0.7, 0.3, 0.0)
 def through(
     problem: Problem, *points: tuple[float, ...], first: tuple[float, ...] = FIRST
 ) -> Problem:
-    """Return the problem with a free motion from `first` to the last point through the other
-    points.
-    """
+    """Return the problem with a free motion from `first` through all points to the last one."""
     *passed, goal = (Joints(point) for point in points)
     motion = (Free(goal, through=tuple(passed)),)
     return dataclasses.replace(
@@ -150,6 +148,7 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
 
 
 def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> None:
+    """Points in task coordinates or tip positions are passed in order, like joint positions."""
     mechanism = Mechanism.from_geometry(tilt_insert.robot.geometry)
     middle = (-0.2, 0.5, 0.1, -0.002)
     task = task_from_joints(mechanism, np.array([middle]))[0]

@@ -39,10 +39,9 @@ def needed(robot: Robot, start: Array, end: Array) -> Array:
 
 
 def weak_problem(tilt_insert: Problem, seed: int) -> tuple[Problem, Array]:
-    """Return a problem with a motor too weak for a direct motion, and intermediate joint positions
-    (4,).
+    """Return a problem with a motor too weak for a direct motion, and joint positions (4,).
 
-    The motions to these positions and from them are both possible.
+    The motions to these joint positions and from them are both possible.
     """
     rng = np.random.default_rng(seed)
     start, end = (

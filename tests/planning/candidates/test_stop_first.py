@@ -33,6 +33,7 @@ TARGET = Task(roll=0.35, tilt=-2.1, spin=0.4, depth=0.02)
 
 
 def jerk_limited(problem: Problem) -> Problem:
+    """Return the problem with jerk limits for all joints."""
     limits = {"revolute": 40.0, "prismatic": 1.0}
     joints = tuple(replace(joint, jerk=limits[joint.kind]) for joint in problem.robot.joints)
     return replace(problem, robot=replace(problem.robot, joints=joints))
@@ -90,9 +91,7 @@ RETURNS = [(share, kept) for kept in KEPT for share in drawn(2, [0.1, 0.37, 0.66
 def test_joints_return_to_where_they_are_while_they_move(
     moving: Plan, share: float, kept: tuple[int, ...]
 ) -> None:
-    """Some joints have the position at the instant as their target. The others continue a
-    little.
-    """
+    """Some joints have their present position as the target. The others continue a little."""
     at = share * moving.motion.duration
     state = moving.motion.sample(at)
     q, qd = state.q[0], state.qd[0]
@@ -125,6 +124,7 @@ def test_a_line_begins_after_a_stop(moving: Plan, share: float) -> None:
 
 
 def test_the_present_position_is_a_target_only_at_speed(tilt_insert: Problem) -> None:
+    """A motion to the present position is refused at rest, and planned at speed."""
     start, here = Task(tilt=-1.6, depth=0.01), Free(Task(tilt=-1.6))
     still = replace(
         tilt_insert, planner="fast", objective="time", start=start, motion=(here,), limits=()
@@ -218,9 +218,7 @@ def test_a_weak_motor_brakes_its_heavy_rotor_less_hard(tilt_insert: Problem, tor
 @pytest.mark.usefixtures("stops_alone")
 @pytest.mark.parametrize("share", [0.3, 0.7])
 def test_a_requested_duration_is_kept_after_a_stop(moving: Plan, share: float) -> None:
-    """Only the motion after the stop takes longer, because a slower stop would need another
-    path.
-    """
+    """A slower stop would need another path, so only the motion after the stop takes longer."""
     at = share * moving.motion.duration
     target = Joints.from_array(moving.motion.sample(0.0).q[0])
     fastest = replanned(moving, at, Free(target))

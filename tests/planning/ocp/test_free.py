@@ -24,6 +24,7 @@ FIRST, LAST = (-0.5, 0.6, 0.0, 0.0), (0.3, -0.2, 0.5, -0.015)
 
 
 def free(problem: Problem, first: tuple[float, ...] = FIRST, goal: Point | None = None) -> Problem:
+    """Return a problem with one free motion from joint positions to a target."""
     goal = goal or Joints(LAST)
     motion = (Free(goal),)
     return dataclasses.replace(
@@ -83,6 +84,7 @@ def test_torque_jerk_and_tip_speed_together(
 
 
 def test_every_joint_moves_one_way(tilt_insert: Problem) -> None:
+    """If only the joints limit the motion, no joint reverses."""
     result = plan(free(tilt_insert))
     qd = result.trajectory.uniform(1000.0).qd
     assert np.all(qd * np.sign(np.subtract(LAST, FIRST)) >= -1e-9)
@@ -130,6 +132,7 @@ def test_a_free_motion_is_never_longer_than_the_straight_one_nor_fails_where_tha
 def test_where_only_the_joints_limit_it_a_free_motion_keeps_its_own_path(
     tilt_insert: Problem,
 ) -> None:
+    """If only the joints limit it, the plan does not use the path of a straight motion."""
     result = plan(
         dataclasses.replace(
             tilt_insert, objective="time", motion=(Free(Task(tilt=-2.0, roll=0.1)),)

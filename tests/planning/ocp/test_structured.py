@@ -58,6 +58,7 @@ def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
 
 
 def fast(problem: Problem) -> Problem:
+    """Return the problem with the planner that uses the structured solver alone."""
     return unchecked_copy(problem, planner="fast")
 
 
@@ -98,6 +99,7 @@ def agree(solves: list[Solve]) -> tuple[int, int]:
 def test_shipped_problems(
     name: str, jerk: float | None, solves: list[Solve], with_jerk: Any
 ) -> None:
+    """Every solve of the shipped problems converges and is no slower than Ipopt's."""
     problem = dataclasses.replace(load_problem(f"problems/{name}.yaml"), objective="time")
     if jerk is not None:
         problem = unchecked_copy(problem, robot=with_jerk(problem.robot, jerk, jerk / 10))
@@ -126,6 +128,7 @@ def test_random_problems(seed: int, solves: list[Solve], tilt_insert: Problem) -
 
 
 def test_what_it_plans_is_certified_and_says_who_solved_it(tilt_insert: Problem) -> None:
+    """A plan by the structured solver passes the check, and its report names the solver."""
     ours, ipopts = (
         plan(dataclasses.replace(tilt_insert, planner=planner)) for planner in ("fast", "ipopt")
     )
@@ -168,6 +171,7 @@ def test_joints_that_turn_back_at_points_need_no_ipopt(
 def test_ipopt_solves_alone_without_the_compiled_part(
     planner: Planner, tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Without the compiled part, Ipopt solves every phase and confirms nothing."""
     problem = dataclasses.replace(tilt_insert, objective="time")
     monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
     found = plan(dataclasses.replace(problem, planner=planner))
@@ -181,9 +185,7 @@ def test_ipopt_solves_alone_without_the_compiled_part(
 def test_a_solution_is_where_its_neighbour_starts(
     tilt: float, speed: float, solves: list[Solve], tilt_insert: Problem
 ) -> None:
-    """A solve that starts from a solution with similar bounds converges in at most 20
-    iterations.
-    """
+    """A solve that starts from a similar solution converges in at most 20 iterations."""
     to = Task(roll=0.3, tilt=np.radians(tilt), spin=-0.4, depth=0.02)
     problem = dataclasses.replace(
         tilt_insert,
@@ -198,11 +200,13 @@ def test_a_solution_is_where_its_neighbour_starts(
 
 
 def durations(problem: Problem, **changes: Any) -> list[float]:
+    """Return the durations of all phases of a plan, in s."""
     return [phase.duration for phase in plan_motion(dataclasses.replace(problem, **changes)).phases]
 
 
 @pytest.mark.parametrize("name", ["tilt_insert", "direct_reach"])
 def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
+    """Ipopt confirms each phase within 8 iterations, and the report states this."""
     problem = load_problem(f"problems/{name}.yaml")
     found = plan(problem)
     assert found.passed
@@ -234,9 +238,7 @@ def free_phase(problem: Problem) -> Phase:
 def test_what_is_longer_than_what_is_known_is_neither_cooled_nor_confirmed(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch, solves: list[Solve]
 ) -> None:
-    """A motion longer than the cutoff, here 1 ms, is neither optimised for heat nor confirmed
-    by Ipopt.
-    """
+    """A motion longer than the cutoff of 1 ms is neither cooled nor confirmed by Ipopt."""
     monkeypatch.delattr(Transcription, "solve")
     phase = free_phase(tilt_insert)
     found = solve_free(phase, method="confirmed", cutoff=1e-3)
@@ -258,6 +260,7 @@ def test_ipopt_confirms_joints_that_turn_back_at_points() -> None:
 def test_a_motion_without_torque_limits_that_bind_takes_the_time_of_its_slowest_joint(
     tilt_insert: Problem, weaker: Any
 ) -> None:
+    """If no torque limit binds, the duration is the closed form of the slowest joint."""
     phase = free_phase(tilt_insert)
     found = solve_free(phase, method="confirmed")
     limits = ((joint.velocity, joint.acceleration) for joint in tilt_insert.robot.joints)
@@ -273,9 +276,7 @@ def test_a_motion_without_torque_limits_that_bind_takes_the_time_of_its_slowest_
 def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
     tilt_insert: Problem, weaker: Any
 ) -> None:
-    """A fastest motion that is confirmed in a later call gives the same bits as a solve with
-    immediate confirmation.
-    """
+    """A fastest motion that is confirmed later has the bits of a motion confirmed at once."""
     problem = dataclasses.replace(
         tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time"
     )
@@ -292,9 +293,7 @@ def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
 def test_ipopt_alone_where_there_is_nothing_to_confirm(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If Ipopt does not confirm the solution, or the structured solver fails, the plan is that
-    of Ipopt alone.
-    """
+    """If the confirmation or the structured solver fails, the plan is that of Ipopt alone."""
     problem = dataclasses.replace(
         tilt_insert, objective="time", motion=tilt_insert.motion[1:], start=tilt_insert.motion[0].to
     )
@@ -322,9 +321,7 @@ def test_ipopt_alone_where_there_is_nothing_to_confirm(
 
 
 def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If Ipopt's confirmation is 0.1 % slower, the plan keeps the motion of the structured
-    solver.
-    """
+    """If Ipopt's confirmation is 0.1 % slower, the plan keeps the structured motion."""
     problem = dataclasses.replace(tilt_insert, objective="time")
     solve = Transcription.solve
 
@@ -392,9 +389,7 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
 
 @pytest.mark.slow
 def test_at_the_port_of_an_eye(solves: list[Solve]) -> None:
-    """The row of the retina begins where the tip passes the port, at a border between two
-    segments.
-    """
+    """The row of the retina begins at a border between two segments, at the port."""
     problem = load_problem("eye_approach")
     quick, long = plan(fast(problem)), plan(unchecked_copy(problem, planner="ipopt"))
     assert quick.passed

@@ -45,6 +45,7 @@ LOW, HIGH = np.radians([-25, -137, -60]), np.radians([25, -84, 60])
 
 @pytest.fixture(scope="module")
 def shipped(tilt_insert: Problem) -> Plan:
+    """Return the plan of the shipped problem `tilt_insert` with the objective time."""
     return plan(dataclasses.replace(tilt_insert, objective="time"))
 
 
@@ -105,6 +106,7 @@ def test_back_to_where_it_came_from(shipped: Plan, to_anywhere: Problem) -> None
 def test_from_any_instant_to_any_target_as_fast_as_the_slowest_joint(
     shipped: Plan, to_anywhere: Problem, seed: int
 ) -> None:
+    """The duration is within 1 % of the time that Ruckig computes for the slowest joint."""
     rng = np.random.default_rng(seed)
     at = float(rng.uniform(0, shipped.motion.duration))
     roll, tilt, spin = rng.uniform(LOW, HIGH).tolist()
@@ -165,9 +167,7 @@ def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: P
 
 
 def test_too_fast_to_stop_before_the_target_it_overshoots(tilt_insert: Problem) -> None:
-    """A joint that cannot stop before its target overshoots, in the closed-form time of its
-    acceleration limit.
-    """
+    """A joint that cannot stop before its target overshoots, in the closed-form time."""
     start, speed = 0.010, 0.018
     motion = (Free(Task(depth=start + 0.0005)),)
     first = Task(tilt=-1.6, depth=start)
@@ -222,9 +222,7 @@ def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) -> None:
-    """The initial guess keeps the limits of speed and acceleration and the direction of each
-    joint.
-    """
+    """The initial guess keeps the speed, acceleration and direction of each joint."""
     rng = np.random.default_rng(seed)
     way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [np.inf] * 4])
     speeds = np.stack([rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)])
@@ -247,9 +245,7 @@ def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) 
 def test_the_command_begins_at_an_instant_of_a_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The command `plan --from --at` plans from an instant of a plan, and refuses `--from`
-    alone.
-    """
+    """The command `plan --from --at` plans from an instant, and `--from` alone is refused."""
     words = [
         "plan",
         "tilt_insert",
@@ -397,11 +393,10 @@ def reaches(
 
 
 def test_under_a_jerk_limit_it_is_as_fast_as_the_slowest_joint() -> None:
-    """A motion with three overshooting joints takes the least time of its slowest joint, within
-    0.5 %.
+    """With three overshooting joints, the plan takes the least time of its slowest joint.
 
     The accelerations at the start can decay within a hundredth of the motion. A linear program
-    gives the least time.
+    gives the least time, with which the plan agrees within 0.5 %.
     """
     base = load_problem(ROOT / "problems/direct_reach.yaml")
     joints = [unchecked_copy(joint, jerk=100 * joint.acceleration) for joint in base.robot.joints]

@@ -29,11 +29,13 @@ ONWARD = Follow(Tip((0.004, -0.003, -0.014), 0.1), curve="line", name="line")
 
 
 def cornered(problem: Problem, blend: float | None, **changes: Any) -> Problem:
+    """Return a problem with three motions and rounded corners at the distance `blend`, in m."""
     tilt, insert = Straight(tilt=np.radians(-120), blend=blend), Straight(depth=0.015, blend=blend)
     return replace(problem, start=START, motion=(tilt, insert, ONWARD), objective="time", **changes)
 
 
 def phases(problem: Problem) -> tuple[Phase, ...]:
+    """Return the phases of a problem for its first start configuration."""
     return build_phases(problem, start_configurations(problem)[0])
 
 
@@ -80,6 +82,7 @@ def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
 
 
 def test_corners_are_passed_sooner_and_the_check_says_how_far_off(tilt_insert: Problem) -> None:
+    """A larger rounding is faster, and the plan states how far the tip departs from the corner."""
     durations = [plan(cornered(tilt_insert, None, planner="toppra")).duration]
     for blend in (0.2e-3, 0.8e-3):
         found = plan(cornered(tilt_insert, blend))

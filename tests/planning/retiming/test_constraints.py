@@ -54,6 +54,7 @@ def random_rows(seed: int) -> LinearConstraints:
 
 
 def test_tangents_touch_and_over_estimate() -> None:
+    """A tangent equals its row at the given squared speed and is nowhere below it."""
     rows, x0 = random_rows(1), np.linspace(0.2, 2.0, 9)
     linear = rows.tangent(x0)
     assert not linear.k.any()
@@ -91,6 +92,7 @@ def test_the_active_row_is_the_largest_in_the_middle() -> None:
 
 
 def test_acceleration_rows_are_the_joints(path: PolylinePath, robot: Robot) -> None:
+    """The acceleration rows contain the path slope of each joint divided by its limit."""
     rows = rows_at(path, robot, 1.0)
     for i, joint in enumerate(robot.joints):
         for row, sign in ((2 * i, 1), (2 * i + 1, -1)):
@@ -165,9 +167,7 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
 
 
 def test_directions_and_starts_along_a_path_that_turns_back(robot: Robot) -> None:
-    """Each grid point has the direction of the joint's motion after it, also where the joint
-    reverses.
-    """
+    """Each grid point has the joint's direction after it, also where the joint reverses."""
     mechanism = Mechanism.from_geometry(robot.geometry)
     there, back = START + WAY, START + WAY * [-0.5, 2.0, 1.0, 1.0]
     path = PolylinePath(mechanism, np.stack([START, there, back, back + 0.5 * WAY]))
@@ -180,6 +180,10 @@ def test_directions_and_starts_along_a_path_that_turns_back(robot: Robot) -> Non
 
 
 def test_ceilings_are_the_speed_limits(path: PolylinePath, robot: Robot) -> None:
+    """The ceilings are the limits of joints, motors, tip speed, task rates and stop travel.
+
+    Finite differences give the reference for the tip and the task coordinates.
+    """
     limit = np.array([joint.velocity for joint in robot.joints])
     for i, joint in enumerate(robot.joints):
         if joint.motor is not None and joint.drive is not None:

@@ -105,6 +105,7 @@ def corner(mechanism: Mechanism, distance: float, back: bool = False) -> Blended
 
 @pytest.mark.parametrize("distance", [2e-4, 1e-3])
 def test_a_corner_is_left_and_joined_at_its_distance(mechanism: Mechanism, distance: float) -> None:
+    """The rounding is smooth and leaves its lines at the given distance from the corner."""
     path = corner(mechanism, distance)
     assert path.breaks.shape == (4,)
     assert (path.breaks[0], path.breaks[-1]) == (0.0, 1.0)

@@ -119,6 +119,7 @@ def test_a_path_of_the_tip_has_an_even_speed_along_its_arc(
 def test_a_turning_point_that_rounding_hides_is_the_end_with_the_smaller_slope(
     mechanism: Mechanism,
 ) -> None:
+    """If rounding hides a reversal, it is placed at the end with the smaller slope."""
     path = arc(mechanism, 1.2)
     slopes = path.sample(np.array([0.4, 0.6])).dq
     for joint in np.flatnonzero((slopes[0] * slopes[1] > 0) & (slopes[0] != slopes[1])):
@@ -135,9 +136,7 @@ def spline(mechanism: Mechanism) -> SplinePath:
 
 
 def test_a_spline_passes_its_points_at_the_share_of_their_way(spline: SplinePath) -> None:
-    """A spline passes its points at the nodes, which are proportional to the distance along the
-    points.
-    """
+    """A spline passes its points at nodes in proportion to the distance along the points."""
     steps = np.linalg.norm(np.diff(spline.points, axis=0) / spline.scale, axis=1)
     assert spline.nodes == pytest.approx(np.append(0.0, np.cumsum(steps)) / steps.sum())
     assert spline.sample(spline.nodes).q == pytest.approx(spline.points)
@@ -206,6 +205,7 @@ def test_knots_that_are_close_are_one() -> None:
 
 
 def test_joints_begin_where_their_direction_changes() -> None:
+    """A joint starts at the first sample and at samples where its direction changes."""
     s = np.linspace(0.0, 1.0, 5)
     dq = np.ones((5, 4))
     dq[0, 1] = 0.0
@@ -256,6 +256,7 @@ def test_the_path_of_a_motion_is_the_motion(motion_path: MotionPath) -> None:
 
 
 def test_the_rate_along_a_path_follows_from_the_joints_speeds(spline: SplinePath) -> None:
+    """The path speed follows from the joint velocities and the slopes of the path."""
     slope = spline.sample(np.array([0.4])).dq[0]
     assert spline.speed_at(0.4, 0.7 * slope) == pytest.approx(0.7)
     assert spline.speed_at(0.4, np.zeros(4)) == 0.0

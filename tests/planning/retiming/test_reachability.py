@@ -81,6 +81,7 @@ def duration(grid: Array, speed_squared: Array) -> float:
 
 
 def random_case(seed: int) -> Case:
+    """Return a grid, random constraints and speeds at both ends."""
     rng = np.random.default_rng(seed)
     grid = np.sort(np.concatenate([[0.0, 1.0], rng.uniform(0, 1, POINTS - 2)]))
     rows = random_rows(rng, grid, viscous=seed % 3 == 0)
@@ -163,6 +164,7 @@ def test_a_limit_on_acceleration_alone_gives_the_triangle(
 def test_a_speed_that_cannot_be_had_at_an_end_gives_none(
     compiled: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """A speed that the constraints do not allow at an end gives no profile."""
     monkeypatch.setenv("SSM_PLANNER_NATIVE", compiled)
     grid = np.linspace(0, 1, 11)
     both = np.ones((11, 2)) * [1.0, -1.0]

@@ -27,6 +27,7 @@ Weaker = Callable[[Robot, float], Robot]
 
 
 def paths(problem: Problem) -> list[StraightPath]:
+    """Return the paths of all phases of a problem that have one."""
     phases, reason = feasible_phases(problem)
     assert reason is None
     return [phase.path for phase in phases if phase.path is not None]
