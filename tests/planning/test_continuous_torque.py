@@ -111,7 +111,7 @@ def test_a_motor_that_acceleration_heats_goes_slower(
 
 
 def test_a_motor_cools_in_a_phase_in_which_it_stands(tilt_insert: Problem) -> None:
-    """Roll moves in the tilt phase alone, so the insertion lasts as long as its motor must cool."""
+    """Roll moves in the tilt phase alone. The insertion lasts until the roll motor is cool."""
     problem = with_motor(tilt_insert, 0, nominal_torque=18e-3, max_torque=40e-3)
     result = plan(problem)
     assert result.passed

@@ -112,7 +112,7 @@ def test_rates_of_task_coordinates_are_kept_in_the_corners_too(tilt_insert: Prob
     found = plan(replace(problem, limits=(*problem.limits, *rates)))
     assert found.passed, found.reason
     assert found.phases[0].solver == "TOPP-RA"
-    # Each rate binds almost throughout its own motion, and the two motions overlap only near the
+    # Each rate binds during almost all of its motion, and the two motions overlap only near the
     # corner.
     assert found.duration == pytest.approx(
         np.radians(15) / rates[0].largest + 4e-3 / rates[1].largest, rel=0.12
