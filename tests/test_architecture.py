@@ -92,17 +92,17 @@ def imports(name: str, *, everywhere: bool = True) -> set[str]:
     imports at the top level of the file count.
     """
     tree = ast.parse(FILES[name].read_text(encoding="utf-8"))
-    found: set[str] = set()
+    result: set[str] = set()
     for node in ast.walk(tree) if everywhere else iter(tree.body):
         if isinstance(node, ast.Import):
-            found.update(alias.name for alias in node.names)
+            result.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = {alias.name for alias in node.names}
             face = FACES.get(node.module, {})
             of_names = {f"{node.module}.{alias}" for alias in names} & set(FILES)
             of_names |= {face[alias] for alias in names & set(face)}
-            found.update(of_names or {node.module})
-    return found
+            result.update(of_names or {node.module})
+    return result
 
 
 def room(name: str) -> str:
@@ -140,12 +140,12 @@ def test_every_room_has_its_place() -> None:
 
 @pytest.mark.parametrize("name", MODULES)
 def test_imports_go_one_way(name: str) -> None:
-    here = room(name)
+    folder = room(name)
     others = neighbours(name)
-    assert "ssm_planner" not in others or here == "cli", f"{name} imports the public names"
+    assert "ssm_planner" not in others or folder == "cli", f"{name} imports the public names"
     for other in others - {"ssm_planner"}:
-        assert ROOMS.index(room(other)) <= ROOMS.index(here), f"{name} imports {other}"
-        assert {here, room(other)} != STRANGERS, f"{name} imports {other}"
+        assert ROOMS.index(room(other)) <= ROOMS.index(folder), f"{name} imports {other}"
+        assert {folder, room(other)} != STRANGERS, f"{name} imports {other}"
 
 
 FOUND_BY_NAME = {("plans", "pipeline")}
@@ -154,12 +154,12 @@ FOUND_BY_NAME = {("plans", "pipeline")}
 
 @pytest.mark.parametrize("name", MODULES)
 def test_modules_of_higher_rooms_are_found_by_name_only_where_it_is_declared(name: str) -> None:
-    here = room(name)
+    folder = room(name)
     for node in ast.walk(ast.parse(FILES[name].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             module, colon, _ = node.value.partition(":")
-            if colon and module in MODULES and ROOMS.index(room(module)) > ROOMS.index(here):
-                assert (here, room(module)) in FOUND_BY_NAME, f"{name} finds {module} by its name"
+            if colon and module in MODULES and ROOMS.index(room(module)) > ROOMS.index(folder):
+                assert (folder, room(module)) in FOUND_BY_NAME, f"{name} finds {module} by its name"
 
 
 def test_no_circle_of_files() -> None:

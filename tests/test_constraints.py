@@ -39,16 +39,16 @@ def needed(
         return
     seen.add((name, extras))
     try:
-        found = distribution(name)
+        result = distribution(name)
     except PackageNotFoundError:  # It belongs to an extra that is not installed.
         return
     yield name
-    for text in found.requires or ():
+    for text in result.requires or ():
         requirement = Requirement(text)
-        wanted = requirement.marker is None or any(
+        expected = requirement.marker is None or any(
             requirement.marker.evaluate({"extra": e}) for e in ("", *extras)
         )
-        if wanted:
+        if expected:
             yield from needed(
                 canonicalize_name(requirement.name), frozenset(requirement.extras), seen
             )

@@ -51,10 +51,10 @@ def test_links_lead_somewhere(name: str) -> None:
         if target.startswith("http"):
             continue
         path, _, anchor = target.partition("#")
-        found = page if not path else page.parent / path
-        assert found.exists() or str(found.relative_to(ROOT)) in MADE, (name, target)
+        result = page if not path else page.parent / path
+        assert result.exists() or str(result.relative_to(ROOT)) in MADE, (name, target)
         if anchor:
-            assert anchor in anchors(found), (name, target)
+            assert anchor in anchors(result), (name, target)
 
 
 def commands(page: Path) -> Iterator[list[str]]:
@@ -81,8 +81,8 @@ def test_commands_and_their_options_exist(name: str) -> None:
         parser = _build_parser([words[0]])
         (subparsers,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
         known = set(subparsers.choices[words[0]]._option_string_actions)
-        given = {word.partition("=")[0] for word in words if re.match(r"-(-\w|[a-z]$)", word)}
-        assert given <= known, (name, words)
+        inputs = {word.partition("=")[0] for word in words if re.match(r"-(-\w|[a-z]$)", word)}
+        assert inputs <= known, (name, words)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -109,11 +109,11 @@ def test_blocks_of_yaml_can_be_read_and_problems_load(name: str, tmp_path: Path)
                     (ROOT / "problems/tilt_insert.yaml").read_text(encoding="utf-8")
                 )
             )
-            whole = {**rest, **data}
-            named = ROOT / "problems/robots" / Path(whole["robot"]).name
+            total = {**rest, **data}
+            named = ROOT / "problems/robots" / Path(total["robot"]).name
             file = tmp_path / f"{k}.yaml"
             robot = named.stem if named.is_file() else "vitreoretinal"
-            file.write_text(yaml.safe_dump({**whole, "robot": robot}), encoding="utf-8")
+            file.write_text(yaml.safe_dump({**total, "robot": robot}), encoding="utf-8")
             load_problem(file)
 
 

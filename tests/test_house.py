@@ -137,7 +137,7 @@ def test_a_module_says_what_it_holds(name: str) -> None:
 @pytest.mark.parametrize("name", FILES)
 def test_every_public_name_has_a_docstring(name: str) -> None:
     assert not [
-        each for each in undocumented(tree(name), ssm_planner.__all__) if not said_elsewhere(each)
+        item for item in undocumented(tree(name), ssm_planner.__all__) if not said_elsewhere(item)
     ]
 
 

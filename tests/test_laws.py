@@ -35,9 +35,9 @@ def test_a_step_is_the_same_for_arrays_and_expressions(name: str) -> None:
     symbols = [ca.SX.sym(letter) for letter in "wrtl"]
     expressions = vars(laws.drive_step(drive, *symbols, h=1e-3))
     function = ca.Function("step", symbols, list(expressions.values())).map(COUNT)
-    for field, found in zip(expressions, function(*(row[None] for row in inputs)), strict=True):
+    for field, result in zip(expressions, function(*(row[None] for row in inputs)), strict=True):
         values = getattr(step, field)
-        assert np.abs(found.full()[0] - values).max() <= 1e-12 * np.abs(values).max()
+        assert np.abs(result.full()[0] - values).max() <= 1e-12 * np.abs(values).max()
     assert 0 < np.sum(step.w == 0) < COUNT
 
 

@@ -114,24 +114,24 @@ def in_signature(node: ast.FunctionDef) -> set[str]:
         *a.posonlyargs,
         *a.args,
         *a.kwonlyargs,
-        *(each for each in (a.vararg, a.kwarg) if each),
+        *(item for item in (a.vararg, a.kwarg) if item),
     ]
-    return set().union(words(node.returns), *(words(each.annotation) for each in arguments))
+    return set().union(words(node.returns), *(words(item.annotation) for item in arguments))
 
 
 def in_class(node: ast.ClassDef) -> set[str]:
     """Return the names in the annotations of public fields, methods and properties."""
-    found: set[str] = set()
+    result: set[str] = set()
     for part in node.body:
         if (
             isinstance(part, ast.AnnAssign)
             and isinstance(part.target, ast.Name)
             and part.target.id[0] != "_"
         ):
-            found |= words(part.annotation)
+            result |= words(part.annotation)
         if isinstance(part, ast.FunctionDef) and (part.name[0] != "_" or part.name == "__init__"):
-            found |= in_signature(part)
-    return found
+            result |= in_signature(part)
+    return result
 
 
 def of_this_package(module: str) -> set[str]:
@@ -145,13 +145,13 @@ def of_this_package(module: str) -> set[str]:
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ssm_planner")
         for alias in node.names
     }
-    made = {node.name for node in tree.body if isinstance(node, ast.ClassDef)}
+    result = {node.name for node in tree.body if isinstance(node, ast.ClassDef)}
     types = {
         node.targets[0].id
         for node in tree.body
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
     }
-    return taken | made | types
+    return taken | result | types
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
@@ -167,10 +167,10 @@ def test_every_name_in_a_public_signature_is_public(name: str) -> None:
     for kind in kinds:
         if kind.__module__.startswith("ssm_planner"):
             node = ast.parse(inspect.cleandoc("\n" + inspect.getsource(kind))).body[0]
-            found = in_class(node) if isinstance(node, ast.ClassDef) else in_signature(node)  # type: ignore[arg-type]
-            found &= of_this_package(kind.__module__)
+            result = in_class(node) if isinstance(node, ast.ClassDef) else in_signature(node)  # type: ignore[arg-type]
+            result &= of_this_package(kind.__module__)
             home = vars(importlib.import_module(kind.__module__))
-            assert not {each for each in found - NAMES if not isinstance(home.get(each), TypeVar)}
+            assert not {item for item in result - NAMES if not isinstance(home.get(item), TypeVar)}
 
 
 def test_the_walk_sees_fields_methods_and_arguments() -> None:
@@ -207,7 +207,7 @@ def test_old_names_are_found() -> None:
 
 
 def test_no_module_takes_a_name_away() -> None:
-    assert not NAMES & {found.name for found in pkgutil.iter_modules(ssm_planner.__path__)}
+    assert not NAMES & {result.name for result in pkgutil.iter_modules(ssm_planner.__path__)}
 
 
 @pytest.mark.parametrize(
@@ -241,11 +241,11 @@ def test_a_session_in_python(tmp_path: Path) -> None:
     )
     plan = ssm_planner.plan(problem)
     assert plan.passed
-    found = ssm_planner.check(plan)
-    assert found.to_dict() == plan.certificate.to_dict()
+    result = ssm_planner.check(plan)
+    assert result.to_dict() == plan.certificate.to_dict()
     assert (
         ssm_planner.check(plan.trajectory, problem.robot, problem.task_limits).to_dict()
-        == found.to_dict()
+        == result.to_dict()
     )
     assert ssm_planner.size(plan).to_dict() == plan.sizing.to_dict()
     files, manifest = ssm_planner.export(plan, "csv", tmp_path / "csv")
@@ -290,9 +290,9 @@ def test_the_folder_of_a_plan_is_checked_like_its_file() -> None:
 
 @pytest.mark.slow
 def test_identify_and_predict_give_values() -> None:
-    found = ssm_planner.identify(ROOT / "problems/drives/rig3_worm.yaml")
-    assert found.drive.friction is not None
-    assert found.to_dict()["law"] == found.fit.law
+    result = ssm_planner.identify(ROOT / "problems/drives/rig3_worm.yaml")
+    assert result.drive.friction is not None
+    assert result.to_dict()["law"] == result.fit.law
 
 
 AS_A_LIBRARY = """

@@ -274,11 +274,11 @@ def test_folders_that_a_killed_process_left_are_removed(
     ],
 )
 def test_names_are_data_and_never_paths(name: str, tmp_path: Path) -> None:
-    made = file_name(name)
-    assert (tmp_path / made).parent == tmp_path
-    assert made not in ("", ".", "..")
-    (tmp_path / made).write_text("x", encoding="utf-8")
-    assert [path.name for path in tmp_path.iterdir()] == [made]
+    result = file_name(name)
+    assert (tmp_path / result).parent == tmp_path
+    assert result not in ("", ".", "..")
+    (tmp_path / result).write_text("x", encoding="utf-8")
+    assert [path.name for path in tmp_path.iterdir()] == [result]
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "plan.json/x", "\udcff", "a/" * 3000 + "b"])

@@ -115,8 +115,8 @@ def test_a_stop_is_the_quickest_that_bisection_finds(plan, weak):
     instants = np.array([0.6, 1.4, 1.8, 2.8])
     stops = controlled_stops(plan.motion, plan.robot, plan.limits, instants)
     assert stops.passed, stops.certificate.violations
-    for begin, duration in zip(stops.time, stops.duration, strict=True):
-        s, v, t = begin, 1.0, 0.0
+    for start, duration in zip(stops.time, stops.duration, strict=True):
+        s, v, t = start, 1.0, 0.0
         while v > 0:
             x = plan.motion.sample(np.array([s]))
             u = least(plan, body, x.q[0], x.qd[0], x.qdd[0], v)
@@ -186,8 +186,8 @@ def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind
                 fine &= np.abs(qdd[:, i]) <= most[i] * (1 + 1e-9)
                 if joint.drive is not None:
                     motion = tau[:, i], qd[:, i], qdd[:, i], np.sign(dq[:, i])
-                    found = drive_torque(joint.drive, *motion, breakaway=np.zeros(400))[0]
-                    fine &= np.nan_to_num(np.abs(found)) <= torque[i] * (1 + 1e-9)
+                    result = drive_torque(joint.drive, *motion, breakaway=np.zeros(400))[0]
+                    fine &= np.nan_to_num(np.abs(result)) <= torque[i] * (1 + 1e-9)
         return fine
 
     low, high = np.full(400, -1e3), np.zeros(400)
@@ -197,9 +197,9 @@ def test_the_bound_of_an_interval_is_what_bisection_on_the_laws_finds(plan, kind
         inside = kept(middle)
         low, high = np.where(inside, low, middle), np.where(inside, middle, high)
     with np.errstate(all="ignore"):  # some intervals have no bound
-        found = bounds.smallest_acceleration(k, x, ends=ends)
+        result = bounds.smallest_acceleration(k, x, ends=ends)
     assert possible.sum() > 50
-    assert found[possible] == pytest.approx(high[possible], rel=1e-6, abs=1e-6)
+    assert result[possible] == pytest.approx(high[possible], rel=1e-6, abs=1e-6)
 
 
 def test_stops_lie_on_the_path_and_are_what_the_check_says_of_each(plan):
@@ -212,16 +212,16 @@ def test_stops_lie_on_the_path_and_are_what_the_check_says_of_each(plan):
     ]
     assert len(moving) > 50
     for t, stop in moving:
-        here, there = plan.motion.sample(t), stop.sample(0.0)
-        np.testing.assert_allclose(there.q, here.q, atol=1e-12)
-        np.testing.assert_allclose(there.qd, here.qd, atol=1e-9)
+        folder, target = plan.motion.sample(t), stop.sample(0.0)
+        np.testing.assert_allclose(target.q, folder.q, atol=1e-12)
+        np.testing.assert_allclose(target.qd, folder.qd, atol=1e-9)
         last = stop.sample(stop.breaks[-1:], "left")
         assert np.abs(last.qd).max() < 1e-9
         assert np.abs(fine - last.q).max(axis=1).min() < 2e-4
     for _, stop in moving[::10]:
         limits = replace(plan.limits, start_rate=None)
-        found = check(stop, plan.robot, limits)
-        assert found.passed, found.violations
+        result = check(stop, plan.robot, limits)
+        assert result.passed, result.violations
 
 
 @pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
@@ -255,6 +255,6 @@ def test_friction_that_depends_on_the_speed_by_nothing_makes_the_same_stops(plan
         return replace(joint, drive=replace(joint.drive, friction=friction))
 
     robot = replace(plan.robot, joints=tuple(map(varying, plan.robot.joints)))
-    one, other = (controlled_stops(plan.motion, each, instants=60) for each in (plan.robot, robot))
+    one, other = (controlled_stops(plan.motion, item, instants=60) for item in (plan.robot, robot))
     np.testing.assert_allclose(one.duration, other.duration, rtol=1e-9)
     np.testing.assert_allclose(one.travel, other.travel, rtol=1e-9)

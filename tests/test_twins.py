@@ -77,8 +77,8 @@ class _Shape(ast.NodeTransformer):
         )
         return ast.Call(
             called,
-            [self.visit(each) for each in node.args],
-            [self.visit(each) for each in node.keywords],
+            [self.visit(item) for item in node.args],
+            [self.visit(item) for item in node.keywords],
         )
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
@@ -96,7 +96,7 @@ class _Shape(ast.NodeTransformer):
             self.visit(arg)
             for arg in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
         ]
-        return ast.Module([*arguments, *(self.visit(each) for each in body)], [])
+        return ast.Module([*arguments, *(self.visit(item) for item in body)], [])
 
 
 def shape(node: ast.AST) -> tuple[int, str]:
@@ -136,7 +136,7 @@ def laws(nodes: list[ast.AST]) -> list[ast.AST]:
 
 def twins(sources: dict[str, str]) -> list[list[str]]:
     """Return groups of functions or arithmetic expressions that do the same, as "file:line"."""
-    found: dict[str, list[str]] = defaultdict(list)
+    result: dict[str, list[str]] = defaultdict(list)
     for name, text in sources.items():
         tree = list(ast.walk(ast.parse(text)))
         for node, least in [(f, FUNCTION_NODES) for f in functions(tree)] + [
@@ -144,13 +144,13 @@ def twins(sources: dict[str, str]) -> list[list[str]]:
         ]:
             nodes, digest = shape(node)
             if nodes >= least:
-                found[digest].append(f"{name}:{node.lineno}")
-    return [places for places in found.values() if len(places) > 1]
+                result[digest].append(f"{name}:{node.lineno}")
+    return [places for places in result.values() if len(places) > 1]
 
 
 def scale_tables(sources: dict[str, str]) -> list[str]:
     """Return the positions of tables outside units.py that contain factors of units."""
-    found = []
+    result = []
     for name, text in sources.items():
         for node in ast.walk(ast.parse(text)):
             if not isinstance(node, ast.Dict) or len(node.keys) < 3:
@@ -169,8 +169,8 @@ def scale_tables(sources: dict[str, str]) -> list[str]:
                 )
             ]
             if len(set(keys) & UNITS) >= 2 and scaled:
-                found.append(f"{name}:{node.lineno}")
-    return found
+                result.append(f"{name}:{node.lineno}")
+    return result
 
 
 SOURCES = {

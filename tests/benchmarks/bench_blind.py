@@ -74,17 +74,17 @@ def main(count: int = 20, seed: int = 1, *rigs: str) -> int:
         pooled: tuple[list[Prediction], list[Prediction]] = ([], [])
         print(f"\n{rig}: {len(steady)} files{'':20}" + "".join(f"{name:>16}" for name in ASKED))
         for name, fitted, others in splits(steady, count, seed):
-            found = predicted(drive, fitted, others + moving)
-            parts = found[: len(others)], found[len(others) :]
+            result = predicted(drive, fitted, others + moving)
+            parts = result[: len(others)], result[len(others) :]
             every.append(figures(*parts))
-            for whole, part in zip(pooled, parts, strict=True):
-                whole += part
+            for complete, part in zip(pooled, parts, strict=True):
+                complete += part
             tell(name, every[-1], rig)
-        told = figures(*pooled)
-        tell("pooled", told, rig)
-        tell("lowest", {name: min(each[name] for each in every) for name in ASKED}, rig)
-        tell("highest", {name: max(each[name] for each in every) for name in ASKED}, rig)
-        met &= all(reached(told[name], rig) for name, reached in ASKED.items())
+        messages = figures(*pooled)
+        tell("pooled", messages, rig)
+        tell("lowest", {name: min(item[name] for item in every) for name in ASKED}, rig)
+        tell("highest", {name: max(item[name] for item in every) for name in ASKED}, rig)
+        met &= all(reached(messages[name], rig) for name, reached in ASKED.items())
     return int(not met)
 
 

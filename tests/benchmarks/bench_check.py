@@ -37,9 +37,9 @@ def plan_time(repeats: int = 7) -> tuple[float, float]:
     plan = load_plan(ROOT / "results/tilt_insert/plan.json")
     times = []
     for _ in range(repeats):
-        begin = time.perf_counter()
+        start = time.perf_counter()
         check(plan.trajectory, plan.robot, plan.limits)
-        times.append(time.perf_counter() - begin)
+        times.append(time.perf_counter() - start)
     return times[0], min(times)
 
 
@@ -137,8 +137,8 @@ def main() -> int:
     total, missed, invented = violations(80 if quick else 1000)
     rows.append((f"seeded violations missed, of {total}", "0", str(missed), missed == 0))
     rows.append((f"violations invented, on {total} clean ones", "0", str(invented), invented == 0))
-    for name, wanted, found, good in rows:
-        print(f"{name:45s} {wanted:>14s} {found:>22s} {'' if good else 'MISSED'}")
+    for name, expected, result, good in rows:
+        print(f"{name:45s} {expected:>14s} {result:>22s} {'' if good else 'MISSED'}")
     print(
         f"peak memory of this process {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB"
     )

@@ -26,21 +26,21 @@ TOLD = 10
 def main(fits: int = 300, told: str = "auto", seed: int = 7, *words: str) -> int:
     cases = [case for case in CASES if not words or case.endswith(words)]
     draws = {case: np.random.default_rng([seed, list(CASES).index(case)]) for case in cases}
-    found: dict[tuple[str, str], list[bool]] = defaultdict(list)
+    result: dict[tuple[str, str], list[bool]] = defaultdict(list)
     for done in range(1, fits + 1):
         for case in cases:
             for name, hit in covered(case, told, draws[case]).items():
-                found[case, name].append(hit)
+                result[case, name].append(hit)
         if done % TOLD == 0 or done == fits:
             print(f"\n{done} fits of each case, law {told}: covered of those called separable")
             for case in cases:
-                shown = [
+                text = [
                     f"{n} {np.mean(hits):.3f} of {len(hits)}"
-                    for (c, n), hits in found.items()
+                    for (c, n), hits in result.items()
                     if c == case
                 ]
-                print(f"{case:32} {', '.join(shown) or 'none'}", flush=True)
-    return int(any(not ASKED[0] <= np.mean(hits) <= ASKED[1] for hits in found.values()))
+                print(f"{case:32} {', '.join(text) or 'none'}", flush=True)
+    return int(any(not ASKED[0] <= np.mean(hits) <= ASKED[1] for hits in result.values()))
 
 
 if __name__ == "__main__":

@@ -102,13 +102,13 @@ def serve(fast: bool, compile_too: bool) -> None:
     def timed(part: str, function: Any) -> Any:
         def call(*given: Any, **named: Any) -> Any:
             nonlocal depth
-            begin, depth = time.thread_time(), depth + 1
+            start, depth = time.thread_time(), depth + 1
             try:
                 return function(*given, **named)
             finally:
                 depth -= 1
                 if not depth:
-                    spent[part] = spent.get(part, 0.0) + 1e3 * (time.thread_time() - begin)
+                    spent[part] = spent.get(part, 0.0) + 1e3 * (time.thread_time() - start)
 
         return call
 
@@ -132,21 +132,21 @@ def serve(fast: bool, compile_too: bool) -> None:
                 compiled()
                 run.plan(problem, relaxations=False)
             spent.clear()
-            begin = time.thread_time()
-            found = run.plan(problem, relaxations=not fast)
+            start = time.thread_time()
+            result = run.plan(problem, relaxations=not fast)
             middle = time.thread_time()
-            if found.trajectory is not None:
-                size_motion(found.trajectory, problem.robot)
+            if result.trajectory is not None:
+                size_motion(result.trajectory, problem.robot)
             end = time.thread_time()
-            whole = 1e3 * (middle - begin)
-            outside = whole - spent.get("solver", 0.0) - spent.get("Ipopt", 0.0)
-            times = {"plan": whole, **spent, "outside": outside, "sizing": 1e3 * (end - middle)}
-            duration = None if found.trajectory is None else found.trajectory.duration
-            iterations = sum(phase.iterations for phase in found.phases)
+            complete = 1e3 * (middle - start)
+            outside = complete - spent.get("solver", 0.0) - spent.get("Ipopt", 0.0)
+            times = {"plan": complete, **spent, "outside": outside, "sizing": 1e3 * (end - middle)}
+            duration = None if result.trajectory is None else result.trajectory.duration
+            iterations = sum(phase.iterations for phase in result.phases)
             answer = {
                 "times": times,
                 "duration": duration,
-                "passed": found.passed,
+                "passed": result.passed,
                 "iterations": iterations,
             }
             print(json.dumps(answer), flush=True)
@@ -202,12 +202,12 @@ def main() -> int:
         + "   iterations   duration   certified"
     )
     for kind in options.kinds:
-        found: dict[str, list[dict[str, Any]]] = {name: [] for name in ways}
+        result: dict[str, list[dict[str, Any]]] = {name: [] for name in ways}
         for turn in range(options.rounds + 1):
             for name, way in ways.items():
-                found[name].append(way.ask(kind, turn))
+                result[name].append(way.ask(kind, turn))
         medians: dict[str, list[float]] = {}
-        for name, answers in found.items():
+        for name, answers in result.items():
             medians[name] = [
                 statistics.median(a["times"].get(part, 0.0) for a in answers[1:])
                 for part in columns

@@ -48,14 +48,14 @@ RUNS = 3
 def medians(problems: Mapping[str, Problem]) -> dict[str, tuple[float, Plan]]:
     """Return the median CPU time in s after a first run, and the plan, by label."""
     times: dict[str, list[float]] = {label: [] for label in problems}
-    made = {}
+    result = {}
     for _ in range(RUNS + 1):
         for label, problem in problems.items():
             start = time.process_time()
-            made[label] = plan(problem, relaxations=False)
+            result[label] = plan(problem, relaxations=False)
             times[label].append(time.process_time() - start)
-            assert made[label].passed, made[label].reason
-    return {label: (median(taken[1:]), made[label]) for label, taken in times.items()}
+            assert result[label].passed, result[label].reason
+    return {label: (median(taken[1:]), result[label]) for label, taken in times.items()}
 
 
 def main() -> int:
@@ -70,18 +70,18 @@ def main() -> int:
             if factor is None
             else f"{name}, {kind}, motors × {factor}"
         )
-        found = medians(
+        result = medians(
             {
                 label: replace(problem, friction=None, payload=None),
                 "  friction 95 %": replace(problem, friction=0.95, payload=None),
                 "  friction 95 %, payload": replace(problem, friction=0.95, payload=PAYLOAD),
             }
         )
-        nominal, _ = found[label]
-        for each, (taken, made) in found.items():
+        nominal, _ = result[label]
+        for item, (taken, output) in result.items():
             worst = max(worst, taken / nominal)
             print(
-                f"{each:46}{taken:7.3f} s{taken / nominal:8.2f}{made.duration:9.4f} s", flush=True
+                f"{item:46}{taken:7.3f} s{taken / nominal:8.2f}{output.duration:9.4f} s", flush=True
             )
     return int(worst > MOST)
 

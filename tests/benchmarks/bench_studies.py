@@ -45,9 +45,9 @@ def screening(count: int = 40_000) -> float:
     screens.reject(designs[:100])
 
     def run() -> float:
-        begin = time.process_time()
+        start = time.process_time()
         screens.reject(designs)
-        return count / (time.process_time() - begin)
+        return count / (time.process_time() - start)
 
     return median(run)
 
@@ -62,13 +62,13 @@ def overhead(tasks: int = 60, seconds: float = 0.2) -> float:
             Workers(2) as workers,
         ):
             wait([workers.submit(abs, -1) for _ in range(4)])  # until the workers have started
-            begin = time.perf_counter()
+            start = time.perf_counter()
             store.add_candidates((i, str(i), {"x": str(i)}) for i in range(tasks))
             futures = [workers.submit(time.sleep, seconds) for _ in range(tasks)]
             for i, future in enumerate(futures):
                 future.result()
                 store.write_results([(str(i), Candidate(i, "done", {}, figures={"duration": 1.0}))])
-            return (time.perf_counter() - begin) / (tasks / 2 * seconds) - 1
+            return (time.perf_counter() - start) / (tasks / 2 * seconds) - 1
 
     return median(run)
 
@@ -92,20 +92,20 @@ def rate(executor: Executor, folder: Path, candidates: int = 20_000) -> float:
     )
     wait([executor.submit(abs, -i) for i in range(20)])
     with Store(folder / run.STORE_FILE) as store:
-        begin = time.perf_counter()
+        start = time.perf_counter()
         run.StudyRunner(
             study, store, executor, run.QUEUED_BATCHES_FOR_EXECUTOR, lambda *_: None
         ).run()
-        taken = time.perf_counter() - begin
+        taken = time.perf_counter() - start
         assert {state for _, state in store.states().values()} == {"done"}
     return candidates / taken
 
 
 def calls(executor: Executor, count: int = 2000) -> float:
     """Return the number of calls per second that do nothing. Each call is a task of its own."""
-    begin = time.perf_counter()
+    start = time.perf_counter()
     wait([executor.submit(abs, -i) for i in range(count)])
-    return count / (time.perf_counter() - begin)
+    return count / (time.perf_counter() - start)
 
 
 def resuming(folder: Path) -> tuple[float, float, float]:
@@ -123,8 +123,8 @@ def resuming(folder: Path) -> tuple[float, float, float]:
         dict(zip(study.minimise, pair, strict=True)) for pair in rng.random((ROWS, 2)).tolist()
     ]
     done = [
-        Candidate(i, "done", design, figures=each)
-        for i, (design, each) in enumerate(zip(study.designs(), figures, strict=True))
+        Candidate(i, "done", design, figures=item)
+        for i, (design, item) in enumerate(zip(study.designs(), figures, strict=True))
     ]
     with Store(folder / run.STORE_FILE) as store:
         store.set_description(description, context)
@@ -134,16 +134,16 @@ def resuming(folder: Path) -> tuple[float, float, float]:
                 (row.number, key, row.design) for key, row in zip(keys, chunk, strict=True)
             )
             store.write_results(zip(keys, chunk, strict=True))
-    begin = time.process_time()
+    start = time.process_time()
     with Workers(1) as workers, Store(folder / run.STORE_FILE) as store:
         run.StudyRunner(study, store, workers, run.QUEUED_BATCHES_PER_WORKER, lambda *_: None).run()
-    resumed = time.process_time() - begin
-    begin = time.process_time()
+    resumed = time.process_time() - start
+    start = time.process_time()
     page = folder / "page.html"
     write_study_page(
         study, (done[0], *done), pareto_front(done, study.minimise), page, finished=True
     )
-    return resumed, time.process_time() - begin, page.stat().st_size / 1e6
+    return resumed, time.process_time() - start, page.stat().st_size / 1e6
 
 
 def main() -> None:
@@ -171,8 +171,8 @@ def main() -> None:
             print(
                 f"no-op calls through Dask: {median(lambda: calls(client.get_executor())):.0f} per second"
             )
-            found = rate(client.get_executor(retries=3), folder / "dask")
-            print(f"no-op evaluations through Dask: {found:.0f} per second (500 asked)")
+            result = rate(client.get_executor(retries=3), folder / "dask")
+            print(f"no-op evaluations through Dask: {result:.0f} per second (500 asked)")
 
 
 if __name__ == "__main__":

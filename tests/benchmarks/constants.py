@@ -92,13 +92,13 @@ def numeric(node: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
         pairs: list[tuple[ast.expr, ast.expr]] = [(target, node.value)]
         if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
             pairs = list(zip(target.elts, node.value.elts, strict=True))
-        for each, value in pairs:
+        for item, value in pairs:
             numbers = (
                 isinstance(part, ast.Constant) and isinstance(part.value, int | float)
                 for part in ast.walk(value)
             )
-            if isinstance(each, ast.Name) and each.id.isupper() and any(numbers):
-                yield each.id, value
+            if isinstance(item, ast.Name) and item.id.isupper() and any(numbers):
+                yield item.id, value
 
 
 def reason(following: list[ast.stmt]) -> str:
@@ -288,9 +288,9 @@ def confirmed_share(constant: Constant, factor: float, name: str) -> float:
     """Return the change of the smallest CPU time over alternating runs."""
     times: tuple[list[float], list[float]] = ([], [])
     for _ in range(REPEATS):
-        for module, found in zip(("", constant.module), times, strict=True):
+        for module, result in zip(("", constant.module), times, strict=True):
             lines = run(module, constant.name, factor, [name] * 3)
-            found += [line[-1] for line in lines if line[0] == name]
+            result += [line[-1] for line in lines if line[0] == name]
     if not all(times):
         return 0.0
     return (min(times[1]) + LEAST_WORK) / (min(times[0]) + LEAST_WORK) - 1
@@ -299,10 +299,10 @@ def confirmed_share(constant: Constant, factor: float, name: str) -> float:
 def row(constant: Constant, base: dict[str, list[Any]], *, cpu: bool) -> list[str]:
     """Return the row of one constant from its measurements."""
     effects = (effect(constant, factor, base, cpu=cpu) for factor in FACTORS)
-    found = next((each for each in effects if each is not None), ("both ways", "none", "–"))
+    result = next((item for item in effects if item is not None), ("both ways", "none", "–"))
     short = constant.value if len(constant.value) <= 40 else constant.value[:37] + "…"
     label = f"{constant.module.removeprefix('ssm_planner.')}.{constant.name}"
-    return [f"`{label}`", f"`{short}`", constant.reason, *found]
+    return [f"`{label}`", f"`{short}`", constant.reason, *result]
 
 
 def read_rows(file: Path) -> dict[str, list[str]]:
@@ -317,7 +317,7 @@ def read_rows(file: Path) -> dict[str, list[str]]:
 def document(rows: dict[str, list[str]]) -> str:
     """Return the page with the table of the present constants."""
     present = [f"`{c.module.removeprefix('ssm_planner.')}.{c.name}`" for c in constants()]
-    shown = [rows.get(label, [label, "", "", "", "not measured", ""]) for label in present]
+    text = [rows.get(label, [label, "", "", "", "not measured", ""]) for label in present]
     lines = [
         "# Constants of the planner",
         "",
@@ -330,7 +330,7 @@ def document(rows: dict[str, list[str]]) -> str:
         "",
         "| " + " | ".join(HEADER) + " |",
         "|---" * len(HEADER) + "|",
-        *("| " + " | ".join(cell.replace("|", "∣") for cell in line) + " |" for line in shown),
+        *("| " + " | ".join(cell.replace("|", "∣") for cell in line) + " |" for line in text),
     ]
     return "\n".join(lines) + "\n"
 
@@ -345,18 +345,18 @@ def main() -> int:
     parser.add_argument("--cpu", action="store_true", help="also compare CPU times")
     parser.add_argument("--list", action="store_true", help="only print the constants")
     parser.add_argument("-o", "--output", type=Path, default=TABLE)
-    given = parser.parse_args()
-    chosen = list(constants(tuple(given.only)))
-    if given.list:
+    inputs = parser.parse_args()
+    chosen = list(constants(tuple(inputs.only)))
+    if inputs.list:
         print(*(f"{c.module}.{c.name} = {c.value}" for c in chosen), sep="\n")
         return 0
-    rows = read_rows(given.output)
+    rows = read_rows(inputs.output)
     base = {line[0]: line[1:] for line in run("", "", 1.0, NAMES)}
     for constant in chosen:
-        line = row(constant, base, cpu=given.cpu)
+        line = row(constant, base, cpu=inputs.cpu)
         rows[line[0]] = line
         print(" | ".join(line), flush=True)
-        given.output.write_text(document(rows), encoding="utf-8")
+        inputs.output.write_text(document(rows), encoding="utf-8")
     return 0
 
 

@@ -113,7 +113,7 @@ def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
     x, a, time = ca.MX.sym("x", 8, n + 1), ca.MX.sym("a", 8, n), ca.MX.sym("time")
     scale = np.concatenate([unit, unit])
     h = time / n
-    q, v, a0, a1 = (ca.diag(unit) @ each for each in (x[:4, :-1], x[4:, :-1], a[:4, :], a[4:, :]))
+    q, v, a0, a1 = (ca.diag(unit) @ item for item in (x[:4, :-1], x[4:, :-1], a[:4, :], a[4:, :]))
     after = ca.diag(scale) @ x[:, 1:]
     gaps = [
         ca.vec(ca.diag(1 / unit) @ (after[:4, :] - (q + h * v + h**2 * (a0 / 3 + a1 / 6)))),
@@ -156,13 +156,13 @@ def shortest(problem: Problem, guess: float, starts: int, seed: int) -> float:
         speed = np.gradient(line, share * guess, axis=1)
         x0 = np.vstack([line / unit[:, None], speed / unit[:, None]])
         begin = np.concatenate([x0.ravel("F"), np.zeros(8 * n), [guess]])
-        found = solver(
+        result = solver(
             x0=np.clip(begin, low, high), lbx=low, ubx=high,
             lbg=np.concatenate([np.zeros(equal), np.full(g.numel() - equal, -np.inf)]),
             ubg=np.concatenate([np.zeros(equal), np.ones(g.numel() - equal)]),
         )  # fmt: skip
         if solver.stats()["success"]:
-            best = min(best, float(found["x"][-1]))
+            best = min(best, float(result["x"][-1]))
     return best
 
 

@@ -103,10 +103,10 @@ def killing(pids: Callable[[], list[int]]) -> Iterator[list[int]]:
 
 
 def children(pid: int) -> list[int]:
-    found = subprocess.run(
+    result = subprocess.run(
         ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False
     )
-    return [int(word) for word in found.stdout.split()]
+    return [int(word) for word in result.stdout.split()]
 
 
 @contextmanager
@@ -142,9 +142,9 @@ def cluster(
 
 
 def free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return int(found.getsockname()[1])
+    with socket.socket() as result:
+        result.bind(("127.0.0.1", 0))
+        return int(result.getsockname()[1])
 
 
 def done(folder: Path) -> int:
@@ -156,11 +156,11 @@ def done(folder: Path) -> int:
 def resumed(folder: Path, table: bytes, what: str, executor: Executor) -> None:
     before = done(folder)
     counting = Counting(executor)
-    begin = time.perf_counter()
+    start = time.perf_counter()
     result = study(problem(), folder, executor=counting)
     same = (folder / "table.csv").read_bytes() == table
     print(
-        f"{what}: {before} of {len(result.rows)} were done; resumed in {time.perf_counter() - begin:.0f} s with "
+        f"{what}: {before} of {len(result.rows)} were done; resumed in {time.perf_counter() - start:.0f} s with "
         f"{counting.count} evaluations; the table is {'equal' if same else 'ANOTHER'}",
         flush=True,
     )
@@ -190,10 +190,10 @@ def dask(folder: Path, table: bytes) -> None:
     with cluster(4, port) as (address, scheduler, workers):
         with Client(address, timeout="30s") as client:
             client.wait_for_workers(4, timeout=60)
-            begin = time.perf_counter()
+            start = time.perf_counter()
             study(problem(), folder / "calm", executor=client.get_executor(retries=3))
             same = (folder / "calm" / "table.csv").read_bytes() == table
-            taken = time.perf_counter() - begin
+            taken = time.perf_counter() - start
             print(
                 f"Dask, undisturbed: {taken:.0f} s; the table is {'equal' if same else 'ANOTHER'}",
                 flush=True,
@@ -223,10 +223,10 @@ def dask(folder: Path, table: bytes) -> None:
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        begin = time.perf_counter()
+        start = time.perf_counter()
         study(problem(), folder / "calm2", workers=2)
         table = (folder / "calm2" / "table.csv").read_bytes()
-        print(f"undisturbed: {time.perf_counter() - begin:.0f} s", flush=True)
+        print(f"undisturbed: {time.perf_counter() - start:.0f} s", flush=True)
         local(folder, table)
         try:
             import distributed  # noqa: F401

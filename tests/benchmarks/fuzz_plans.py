@@ -81,21 +81,21 @@ class Ending:
 def ending(seed: int) -> Ending:
     """Plan one problem and return its ending."""
     problem = random_problem(load_problem(ROOT / "problems/tilt_insert.yaml"), seed)
-    begin = time.process_time()
+    start = time.process_time()
     try:
         result = plan(problem)
     except ProblemError as error:
-        return Ending(seed, "refused", time.process_time() - begin, (), str(error), False)
+        return Ending(seed, "refused", time.process_time() - start, (), str(error), False)
     except Exception:  # noqa: BLE001  a crash is what is looked for
         words = traceback.format_exc(limit=-2)
-        return Ending(seed, "crashed", time.process_time() - begin, (words,), words, False)
-    seconds = time.process_time() - begin
-    found = tuple(faults(problem, result))
+        return Ending(seed, "crashed", time.process_time() - start, (words,), words, False)
+    seconds = time.process_time() - start
+    outcome = tuple(faults(problem, result))
     if result.reason is None:
-        return Ending(seed, "certified", seconds, found, "", True)
+        return Ending(seed, "certified", seconds, outcome, "", True)
     words = f"{result.reason.message}; {result.reason.relaxation or 'no relaxation found'}"
     solvable = not _certain(result.reason) and any(_solved(problem, *way) for way in OTHERWISE)
-    return Ending(seed, result.reason.constraint, seconds, found, words, solvable)
+    return Ending(seed, result.reason.constraint, seconds, outcome, words, solvable)
 
 
 def _certain(reason: Reason) -> bool:
@@ -126,10 +126,10 @@ def _solved(problem: Any, finer: int, stretched: float) -> bool:
 @contextmanager
 def _otherwise(finer: int, stretched: float) -> Iterator[None]:
     """Plan with a finer mesh and a stretched guess within the context."""
-    kept = free_ocp.find_fastest_motion
+    remaining = free_ocp.find_fastest_motion
 
     def optimise(task: Any, start: Any, *arguments: Any, **named: Any) -> Any:
-        return kept(task, start.stretched(stretched), *arguments, **named)
+        return remaining(task, start.stretched(stretched), *arguments, **named)
 
     counts = finer * straight_ocp.MIN_ELEMENTS, finer * free_ocp.DEFAULT_ELEMENTS
     with (

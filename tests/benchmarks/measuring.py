@@ -61,9 +61,9 @@ def short(value: float) -> str:
 
 
 def timed(function: Callable[[], T]) -> tuple[float, T]:
-    begin = time.perf_counter()
+    start = time.perf_counter()
     result = function()
-    return time.perf_counter() - begin, result
+    return time.perf_counter() - start, result
 
 
 def in_turns(

@@ -46,7 +46,7 @@ def _meshes(
     section: Section, name: str, problem: Problem, meshes: tuple[int, ...], rounds: int
 ) -> None:
     plans: dict[int, list[float]] = {count: [] for count in meshes}
-    each: dict[int, list[float]] = {count: [] for count in meshes}
+    item: dict[int, list[float]] = {count: [] for count in meshes}
     last: dict[int, tuple[int, float]] = {}
     for k in range(rounds + 1):
         for count in meshes:
@@ -57,9 +57,9 @@ def _meshes(
             last[count] = account.iterations, planned.trajectory.duration
             if k:  # the first round builds the programs
                 plans[count].append(seconds)
-                each[count].append(account.seconds / max(account.iterations, 1))
+                item[count].append(account.seconds / max(account.iterations, 1))
     per_element = {
-        count: Spread.of([seconds / count for seconds in each[count]]) for count in meshes
+        count: Spread.of([seconds / count for seconds in item[count]]) for count in meshes
     }
     rows = []
     for count in meshes:
@@ -67,7 +67,7 @@ def _meshes(
         times = (
             Spread.of(plans[count]).seconds(),
             str(iterations),
-            Spread.of(each[count]).seconds(),
+            Spread.of(item[count]).seconds(),
         )
         relative = per_element[count].over(per_element[meshes[0]]).text()
         rows.append(
@@ -164,19 +164,19 @@ def solver_account() -> Iterator[Account]:
     call, stats = casadi.Function.__call__, casadi.Function.stats
 
     def timed_call(self: Any, *arguments: Any, **named: Any) -> Any:
-        begin = time.perf_counter()
+        start = time.perf_counter()
         try:
             return call(self, *arguments, **named)
         finally:
-            last[0] = time.perf_counter() - begin
+            last[0] = time.perf_counter() - start
 
     def counted_stats(self: Any, *arguments: Any) -> Any:
-        found = stats(self, *arguments)
-        if "iter_count" in found:
+        result = stats(self, *arguments)
+        if "iter_count" in result:
             account.seconds += last[0]
-            account.iterations += int(found["iter_count"])
+            account.iterations += int(result["iter_count"])
             last[0] = 0.0
-        return found
+        return result
 
     casadi.Function.__call__, casadi.Function.stats = timed_call, counted_stats
     try:

@@ -38,13 +38,15 @@ def run(quick: bool) -> Section:
     plan = [sys.executable, "-m", "ssm_planner", "plan", str(PROBLEM), "-o"]
     taken: dict[str, list[tuple[float, float]]] = {"imports": [], "plan": []}
     with tempfile.TemporaryDirectory() as folder:
-        kept = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-        kept["PYTHONPYCACHEPREFIX"] = f"{folder}/bytecode"
-        _process(imports, kept)
-        _process([*plan, f"{folder}/first"], kept)
+        remaining = {
+            key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"
+        }
+        remaining["PYTHONPYCACHEPREFIX"] = f"{folder}/bytecode"
+        _process(imports, remaining)
+        _process([*plan, f"{folder}/first"], remaining)
         for k in range(3 if quick else 7):
-            taken["imports"].append(_process(imports, kept))
-            taken["plan"].append(_process([*plan, f"{folder}/{k}"], kept))
+            taken["imports"].append(_process(imports, remaining))
+            taken["plan"].append(_process([*plan, f"{folder}/{k}"], remaining))
     base = Spread.of([seconds for seconds, _ in taken["imports"]])
     rows = []
     for name, label in (("imports", "imports alone"), ("plan", "plan")):

@@ -56,7 +56,7 @@ def run(quick: bool) -> Section:
                 for plan, best in zip(planned, results["ruckig"], strict=True)
             ]
         )
-        kept = all(
+        remaining = all(
             certificate(problem, plan.trajectory).passed
             for problem, plan in zip(problems, planned, strict=True)
         )
@@ -68,7 +68,7 @@ def run(quick: bool) -> Section:
                 times["ours"].seconds(),
                 times["ruckig"].seconds(),
                 times["ours"].over(times["ruckig"]).text(),
-                "yes" if kept else "NO",
+                "yes" if remaining else "NO",
             ]
         )
         section.faster("Ruckig", f"run time, jerk {jerk:g}", times["ruckig"].over(times["ours"]))
@@ -106,12 +106,12 @@ def ruckig_duration(problem: Problem) -> float:
     import ruckig
 
     joints, target = problem.robot.joints, problem.motion[0].to
-    task, found = ruckig.InputParameter(4), ruckig.Trajectory(4)
+    task, outcome = ruckig.InputParameter(4), ruckig.Trajectory(4)
     task.current_position, task.target_position = list(problem.start.values), list(target.values)
     task.max_velocity = [joint.velocity for joint in joints]
     task.max_acceleration = [joint.acceleration for joint in joints]
     task.max_jerk = [joint.jerk for joint in joints]
-    result = ruckig.Ruckig(4).calculate(task, found)
+    result = ruckig.Ruckig(4).calculate(task, outcome)
     if result != ruckig.Result.Working:
         raise RuntimeError(f"Ruckig: {result}")
-    return float(found.duration)
+    return float(outcome.duration)

@@ -80,10 +80,10 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
         return plan(problem).trajectory
 
     def exact(_: int) -> Any:
-        found = retime(path, problem.robot)
-        if not found.solved:
+        result = retime(path, problem.robot)
+        if not result.solved:
             raise RuntimeError("no motion along the path keeps the limits")
-        return found.s, np.sqrt(found.speed_squared)
+        return result.s, np.sqrt(result.speed_squared)
 
     ways: dict[str, Callable[[int], Any]] = {"this planner": ours}
     if problem.robot.joints[0].jerk is None:
@@ -112,23 +112,23 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
         trajectory = (
             answer if isinstance(answer, Trajectory) else along_path(path, elements_of(*answer), 1)
         )
-        found = certificate(problem, trajectory)
+        result = certificate(problem, trajectory)
         rows.append(
             [
                 name,
                 f"{trajectory.duration:.4f} s",
                 spread.seconds(),
                 "" if name == "this planner" else spread.over(base).times(),
-                excess(found, "motor torque")[1],
-                excess(found)[1],
+                excess(result, "motor torque")[1],
+                excess(result)[1],
             ]
         )
         if not name.startswith("this") and not name.startswith("TOPP"):
-            over = excess(found)
+            over = excess(result)
             beyond = f"; its motion exceeds a limit by {over[1]}" if over[0] > TOLERANCE else ""
             section.faster(name, f"run time on the same path, {title}{beyond}", spread.over(base))
         if name == "this planner":
-            worst = excess(found, "motor torque")
+            worst = excess(result, "motor torque")
             section.asked(
                 f"torque above limit at 10 kHz, {title}",
                 "≤ 1e-6",
@@ -140,7 +140,7 @@ def _compare(section: Section, title: str, problem: Problem, rounds: int) -> Non
             section.asked(
                 f"acceleration-limited straight motion against {TOPPRA[name]}, 1 000 points",
                 "1.0000–1.0005 ×",
-                f"{ratio:.5f} ×, its worst excess {excess(found)[1]}",
+                f"{ratio:.5f} ×, its worst excess {excess(result)[1]}",
                 1 <= ratio <= 1.0005,
             )
     section.say(f"**{title[0].upper()}{title[1:]}**")

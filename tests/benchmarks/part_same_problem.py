@@ -118,10 +118,12 @@ class Way:
 def problems(motion: str, planner: str = "optimal") -> list[Problem]:
     """Return the problem of every change. The first one is solved first."""
     if motion.startswith("straight"):
-        found = [straight_problem(change, WEAK if "weak" in motion else 1.0) for change in STRAIGHT]
+        result = [
+            straight_problem(change, WEAK if "weak" in motion else 1.0) for change in STRAIGHT
+        ]
     else:
-        found = [free_problem(change, FREE_WEAK) for change in FREE]
-    return [dataclasses.replace(problem, planner=planner) for problem in found]
+        result = [free_problem(change, FREE_WEAK) for change in FREE]
+    return [dataclasses.replace(problem, planner=planner) for problem in result]
 
 
 def make(name: str, motion: str) -> Way:
@@ -163,8 +165,8 @@ def _straight(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
                 cases[0].robot, first, COUNTS["straight"], options, GUESS["straight"]
             )
         state["case"] = cases[k]
-        found: tuple[float, int] = state["program"].solve(*numbers[k])
-        return found
+        result: tuple[float, int] = state["program"].solve(*numbers[k])
+        return result
 
     return Way(solve, lambda: state["program"].trajectory(straight_path(state["case"])))
 
@@ -193,8 +195,8 @@ def _free(peer: str, cases: list[Problem], options: dict[str, Any]) -> Way:
     def solve(k: int) -> tuple[float, int]:
         if "program" not in state:
             state["program"] = kind.build(cases[0].robot, COUNTS["free"], options, GUESS["free"])
-        found: tuple[float, int] = state["program"].solve(*numbers[k])
-        return found
+        result: tuple[float, int] = state["program"].solve(*numbers[k])
+        return result
 
     return Way(solve, lambda: state["program"].trajectory())
 
@@ -229,18 +231,18 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
     alone = FirstSolves()
     cases = problems(motion, "fast")
     for k in range(changes):
-        round_times, found = in_turns({name: again(name) for name in ways}, 1, first=k)
+        round_times, result = in_turns({name: again(name) for name in ways}, 1, first=k)
         with alone.driven():
             plan_motion(cases[k + 1])
         del alone.found[k + 1 :]  # keep the first optimisation of every plan
         for name, way in ways.items():
             times[name] += round_times[name].values
-            results[name] += found[name]
+            results[name] += result[name]
             judged[name].append(excess(certificate(cases[k + 1], way.trajectory())))
     times[ALONE] = [seconds for seconds, _ in alone.found]
     results[ALONE] = [(0.0, count) for _, count in alone.found]
     rows = []
-    whole, once = Spread.of(times[OURS]), Spread.of(times[ALONE])
+    complete, once = Spread.of(times[OURS]), Spread.of(times[ALONE])
     for name in WAYS:
         if name in broken:
             section.cannot.append((f"{name}, {motion}", broken[name]))
@@ -256,19 +258,21 @@ def _compare(section: Section, motion: str, first_rounds: int, changes: int) -> 
                 "" if name == ALONE else Spread.of(firsts[name]).seconds(),
                 spread.seconds(),
                 "" if ours else spread.over(once).times(),
-                "" if ours else spread.over(whole).times(),
+                "" if ours else spread.over(complete).times(),
                 Spread.of([count for _, count in results[name]]).text(),
                 "" if ours else longer.text("%", 100),
                 "" if name == ALONE else max(judged[name])[1],
             ]
         )
         if not ours:
-            section.faster(name, f"its solve against our whole plan, {motion}", spread.over(whole))
+            section.faster(
+                name, f"its solve against our whole plan, {motion}", spread.over(complete)
+            )
             section.faster(name, f"its solve against our first, {motion}", spread.over(once))
     for name in (name for name in ASKED if name not in broken):
         own = {
             "one solve": once,
-            "the whole plan": whole,
+            "the whole plan": complete,
             "the whole plan, `fast`": Spread.of(times[FAST]),
         }
         _ask(section, motion, name, Spread.of(times[name]), own)

@@ -30,10 +30,10 @@ def run(quick: bool) -> Section:
     for name, plan in plans.items():
         _stops(section, name, plan, 100 if quick else 1000)
     began = time.process_time()
-    found = check_speeds(shipped.motion, shipped.robot, shipped.limits)
+    result = check_speeds(shipped.motion, shipped.robot, shipped.limits)
     rows = [
-        (each.found.name, each.found.joint or "", f"{100 * each.speed:.3g} %")
-        for each in found.worst
+        (item.found.name, item.found.joint or "", f"{100 * item.speed:.3g} %")
+        for item in result.worst
     ]
     section.say(
         f"Worst speed of every motor limit from 1 % to 100 %, in {time.process_time() - began:.1f} s of one core:"
@@ -74,9 +74,9 @@ def _stops(section: Section, name: str, plan: Plan, count: int) -> None:
     began = time.process_time()
     stops = controlled_stops(plan.motion, plan.robot, plan.limits, count)
     seconds = time.process_time() - began
-    found = f"{count} certified in {seconds:.1f} s" if stops.passed else "not certified"
+    result = f"{count} certified in {seconds:.1f} s" if stops.passed else "not certified"
     section.asked(
-        f"{name}: controlled stops", "all certified, < 20 s", found, stops.passed and seconds < 20
+        f"{name}: controlled stops", "all certified, < 20 s", result, stops.passed and seconds < 20
     )
     began = time.process_time()
     lost = simulate(plan, Scenario(power_loss="everywhere", instants=count))
@@ -97,11 +97,11 @@ def _comparison(section: Section, plan: Plan, seeds: int, healthy: int) -> None:
         for seed in range(seeds):
             recordings, verdict, finding = executions.faulty(kind, seed)
             try:
-                found = compare(plan.motion, plan.robot, plan.certificate, recordings)
+                result = compare(plan.motion, plan.robot, plan.certificate, recordings)
             except RecordingError:
                 continue
-            rightly += found.verdict == verdict and finding in kinds(found)
-            held += found.followed and verdict != "held"
+            rightly += result.verdict == verdict and finding in kinds(result)
+            held += result.followed and verdict != "held"
         right += rightly
         rows.append((kind, FAULTS[kind][1], f"{rightly} of {seeds}"))
     section.say("Seeded faults of the shipped motion, and how many `compare` calls what they are:")

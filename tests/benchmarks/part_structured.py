@@ -118,9 +118,9 @@ def _against_peers(section: Section, motions: tuple[str, ...], rounds: int) -> N
         iterations: dict[str, list[float]] = {name: [] for name in ways}
         for k in range(1, rounds + 1):
             for name, solve in ways.items():
-                begin = time.process_time()
+                start = time.process_time()
                 iterations[name].append(solve(k % len(cases)))
-                spent[name].append(time.process_time() - begin)
+                spent[name].append(time.process_time() - start)
         times = {name: Spread.of(values) for name, values in spent.items()}
         for name, spread in times.items():
             ratio = spread.over(times["structured"])
@@ -137,7 +137,7 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
     section.say(
         f"CPU time of the first {STEPS} iterations of the straight motion, by iteration and element."
     )
-    rows, whole = [], []
+    rows, complete = [], []
     for count in meshes:
         with meshed(count, count):
             given = _asked(straight_problem(Change()))
@@ -154,10 +154,10 @@ def _by_mesh(section: Section, meshes: tuple[int, ...]) -> None:
                 )[""].values
             )
         n = given[0].elements
-        whole.append((spent[STEPS] - spent[0]) / STEPS / n)
-        rows.append([str(n), f"{1e6 * whole[-1]:.2f} µs", f"{whole[-1] / whole[0]:.2f}"])
+        complete.append((spent[STEPS] - spent[0]) / STEPS / n)
+        rows.append([str(n), f"{1e6 * complete[-1]:.2f} µs", f"{complete[-1] / complete[0]:.2f}"])
     section.table(("elements", "an iteration and element", "÷ the smallest mesh's"), rows)
-    growth = max(whole) / whole[0]
+    growth = max(complete) / complete[0]
     section.asked(
         "structured solver, time per iteration and element, by mesh",
         f"≤ {GROWTH:g}",
@@ -184,10 +184,10 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
         planner: unchecked_copy(problem, planner=planner)
         for planner in ("ipopt", "optimal", "fast")
     }
-    asked: list[tuple[Any, dict[str, Any]]] = []
+    request: list[tuple[Any, dict[str, Any]]] = []
 
     def ask(*given: Any, **named: Any) -> Any:
-        asked.append((given, named))
+        request.append((given, named))
         return solve_structured(*given, **named)
 
     with patch.object(refinement, "solve_structured", ask):
@@ -201,24 +201,24 @@ def _row(name: str, problem: Problem, rounds: int) -> list[str]:
     ways.append(
         ", ".join(plans["ipopt"].over(plans[planner]).times() for planner in ("optimal", "fast"))
     )
-    if not asked:
+    if not request:
         return [name, *["–"] * 5, *ways]
-    (structure, element, data, start), named = asked[0]
+    (structure, element, data, start), named = request[0]
     program = Transcription.build(structure, element)
     solvers = {
         "ipopt": lambda: program.solve(data, start),
         "fast": lambda: solve_structured(structure, element, data, start, **named),
     }
-    found = {planner: solver() for planner, solver in solvers.items()}
+    result = {planner: solver() for planner, solver in solvers.items()}
     solves = _times(solvers, rounds)
-    difference = found["fast"].duration / found["ipopt"].duration - 1
+    difference = result["fast"].duration / result["ipopt"].duration - 1
     return [
         name,
         solves["ipopt"].seconds(),
         solves["fast"].seconds(),
         solves["ipopt"].over(solves["fast"]).times(),
-        f"{found['ipopt'].iterations}, {found['fast'].iterations}",
-        f"{difference:.1e}" if found["fast"].solved else "not converged",
+        f"{result['ipopt'].iterations}, {result['fast'].iterations}",
+        f"{difference:.1e}" if result["fast"].solved else "not converged",
         *ways,
     ]
 
@@ -228,7 +228,7 @@ def _times(ways: dict[str, Callable[[], Any]], rounds: int) -> dict[str, Spread]
     values: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(rounds):
         for name, way in ways.items():
-            begin = time.process_time()
+            start = time.process_time()
             way()
-            values[name].append(time.process_time() - begin)
-    return {name: Spread.of(each) for name, each in values.items()}
+            values[name].append(time.process_time() - start)
+    return {name: Spread.of(item) for name, item in values.items()}

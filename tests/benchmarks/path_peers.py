@@ -110,8 +110,8 @@ def toppra_speeds(path: StraightPath, user: UserModel, points: int = POINTS) -> 
         waypoints = None
 
         def __call__(self, s: Array, order: int = 0) -> Array:
-            at = path.sample(np.atleast_1d(s))
-            values = (at.q, at.dq, at.ddq)[order]
+            time = path.sample(np.atleast_1d(s))
+            values = (time.q, time.dq, time.ddq)[order]
             return values if np.ndim(s) else values[0]
 
     def both(limit: Array) -> Array:
@@ -145,20 +145,22 @@ def copp_robot(
     import copp_py as copp
 
     grid = np.linspace(0, 1, points + 1)
-    at = path.sample(grid)
+    time = path.sample(grid)
     robot = copp.Robot(4, capacity=len(grid), inverse_dynamics=user.motor_torque)
     robot.append_s(grid)
     h = 1e-5
     third = (path.sample(grid + h).ddq - path.sample(grid - h).ddq) / (2 * h)
-    robot.set_q(*(np.ascontiguousarray(value) for value in (at.q, at.dq, at.ddq)), 0, dddq=third)
-    whole = {"start_idx_s": 0, "length": len(grid)}
-    robot.add_velocity_limits(user.velocity, -user.velocity, **whole)
-    robot.add_acceleration_limits(user.acceleration, -user.acceleration, **whole)
-    shift = user.friction * np.sign(at.dq)
-    robot.add_torque_limits(user.torque - shift, -user.torque - shift, **whole)
+    robot.set_q(
+        *(np.ascontiguousarray(value) for value in (time.q, time.dq, time.ddq)), 0, dddq=third
+    )
+    complete = {"start_idx_s": 0, "length": len(grid)}
+    robot.add_velocity_limits(user.velocity, -user.velocity, **complete)
+    robot.add_acceleration_limits(user.acceleration, -user.acceleration, **complete)
+    shift = user.friction * np.sign(time.dq)
+    robot.add_torque_limits(user.torque - shift, -user.torque - shift, **complete)
     if user.jerk is not None:
-        robot.add_jerk_limits(user.jerk, -user.jerk, **whole)
-    return robot, grid, at.q
+        robot.add_jerk_limits(user.jerk, -user.jerk, **complete)
+    return robot, grid, time.q
 
 
 def copp_speeds(path: StraightPath, user: UserModel) -> tuple[Array, Array]:
@@ -193,8 +195,8 @@ def copp_jerk_limited(path: StraightPath, user: UserModel, rounds: int = 2) -> T
         profile = copp.solver.topp3_socp.solve(third)
         around = {"a_linearization": profile.a, "b_linearization": profile.b}
     _, times = copp.interpolation.s_to_t_topp3(grid, profile)
-    at, speed = path.sample(grid), np.sqrt(np.maximum(profile.a, 0.0))[:, None]
-    states = at.q, at.dq * speed, at.ddq * speed**2 + at.dq * np.asarray(profile.b)[:, None]
+    time, speed = path.sample(grid), np.sqrt(np.maximum(profile.a, 0.0))[:, None]
+    states = time.q, time.dq * speed, time.ddq * speed**2 + time.dq * np.asarray(profile.b)[:, None]
     times = np.asarray(times) - times[0]
     starts, ends = tuple(x[:-1] for x in states), tuple(x[1:] for x in states)
     return Trajectory(times, quintic_coefficients(np.diff(times), starts, ends), ())

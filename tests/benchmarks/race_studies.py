@@ -58,12 +58,12 @@ class Surface:
         )
 
     def rows(self, designs: list[Design], first: int) -> list[Candidate]:
-        found = []
+        result = []
         for i, (design, fallen) in enumerate(
             zip(designs, self.screens.reject(designs), strict=True), first
         ):
             if fallen is not None:
-                found.append(Candidate(i, "infeasible", design, fallen.stage, fallen.reason))
+                result.append(Candidate(i, "infeasible", design, fallen.stage, fallen.reason))
                 continue
             same = np.array([pace == design[PACE_PATH] for pace in self.paces])
             far = np.linalg.norm(self.places - self.place(design), axis=1) + 1e-9
@@ -72,8 +72,8 @@ class Surface:
             figures = dict(
                 zip(self.study.minimise, (duration, float(self.values[near[0], 1])), strict=True)
             )
-            found.append(Candidate(i, "done", design, figures=figures))
-        return found
+            result.append(Candidate(i, "done", design, figures=figures))
+        return result
 
 
 class Planned:
@@ -87,15 +87,15 @@ class Planned:
     def rows(self, designs: list[Design], first: int) -> list[Candidate]:
         """Return the rows of the candidates, numbered from `first`."""
         keys = [tuple(design.values()) for design in designs]
-        asked = {}
+        request = {}
         for key, design, fallen in zip(keys, designs, self.screens.reject(designs), strict=True):
-            if key in self._found or key in asked:
+            if key in self._found or key in request:
                 continue
             if fallen is None:
-                asked[key] = self._submit(0, design)
+                request[key] = self._submit(0, design)
             else:
                 self._found[key] = Candidate(0, "infeasible", design, fallen.stage, fallen.reason)
-        self._found |= {key: future.result() for key, future in asked.items()}
+        self._found |= {key: future.result() for key, future in request.items()}
         return [replace(self._found[key], number=first + i) for i, key in enumerate(keys)]
 
 
@@ -134,20 +134,20 @@ def race(
     `whole` is the hypervolume of fraction 1. By default it is that of all candidates of all runs.
     """
     names = surface.study.minimise
-    found = {}
+    result = {}
     for method in METHODS:
-        found[method] = [run(surface, method, seed, counts[-1]) for seed in SEEDS]
+        result[method] = [run(surface, method, seed, counts[-1]) for seed in SEEDS]
         print(f"{method} done", file=sys.stderr, flush=True)
-    everything = [row for runs in found.values() for rows in runs for row in rows]
+    everything = [row for runs in result.values() for rows in runs for row in rows]
     whole = whole or hypervolume(everything, names, worst)
     print(f"1 is a hypervolume of {whole:.5f} below {worst}")
     print("| search | " + " | ".join(f"{n}" for n in counts) + " | fall out |")
     print("|---" * (len(counts) + 2) + "|")
-    for method, runs in found.items():
+    for method, runs in result.items():
         shares = [[hypervolume(rows[:n], names, worst) / whole for n in counts] for rows in runs]
         cells = [
-            f"{np.median(each):.3f} ({min(each):.3f}–{max(each):.3f})"
-            for each in np.transpose(shares)
+            f"{np.median(item):.3f} ({min(item):.3f}–{max(item):.3f})"
+            for item in np.transpose(shares)
         ]
         fallen = np.mean([[row.state != "done" for row in rows] for rows in runs])
         print(f"| `{method}` | " + " | ".join(cells) + f" | {100 * fallen:.0f} % |", flush=True)

@@ -63,10 +63,10 @@ def main(words: list[str] | None = None) -> int:
     names = options.only or sorted(
         path.stem for path in HERE.glob("*.py") if path.stem not in SHARED
     )
-    whole = sum(SHARES.get(name, 1.0) for name in names)
+    complete = sum(SHARES.get(name, 1.0) for name in names)
     failures: list[Row] = []
     for name in names:
-        seconds = 60 * options.minutes * SHARES.get(name, 1.0) / whole
+        seconds = 60 * options.minutes * SHARES.get(name, 1.0) / complete
         size = options.cases or SLICE.get(name, 100)
         rows = campaign(name, options.seed, None if options.full else seconds, size)
         failures += [row for row in rows if row.failures]
@@ -89,7 +89,7 @@ def campaign(name: str, seed: int, seconds: float | None, size: int) -> list[Row
     The number of tasks follows from the time, or from FULL if `seconds` is None. Every process runs
     at least one task.
     """
-    begin, started, cases = time.monotonic(), 0, 0
+    start, started, cases = time.monotonic(), 0, 0
     sums: dict[str, Row] = {}
     running: list[Future[tuple[list[Row], float]]] = []
     pool = ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn"))
@@ -99,7 +99,7 @@ def campaign(name: str, seed: int, seconds: float | None, size: int) -> list[Row
             left = (
                 FULL[name] - cases
                 if seconds is None
-                else seconds - (time.monotonic() - begin) - longest
+                else seconds - (time.monotonic() - start) - longest
             )
             if (left <= 0 and started >= WORKERS) or died > 2:
                 break
@@ -133,7 +133,7 @@ def campaign(name: str, seed: int, seconds: float | None, size: int) -> list[Row
         )
         failed = sum(row.failures for row in sums.values())
         print(
-            f"{name}: {cases} cases begun, {failed} failed, {time.monotonic() - begin:.0f} s",
+            f"{name}: {cases} cases begun, {failed} failed, {time.monotonic() - start:.0f} s",
             file=sys.stderr,
             flush=True,
         )
@@ -144,7 +144,7 @@ def publish(path: Path, name: str, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     old = path.read_text(encoding="utf-8") if path.is_file() else ""
     sections = dict(re.findall(r"^## (\w+)\n+(.*?)(?=^## |\Z)", old, re.S | re.M)) | {name: text}
-    parts = [HEAD, *(f"## {each}\n\n{sections[each].strip()}\n" for each in sorted(sections))]
+    parts = [HEAD, *(f"## {item}\n\n{sections[item].strip()}\n" for item in sorted(sections))]
     path.write_text("\n".join(parts), encoding="utf-8")
 
 

@@ -231,11 +231,11 @@ def aimed(genes: Genes, excess: float, order: int, rng: np.random.Generator) -> 
     """Return the genes with a speed at which the motion slightly exceeds or just keeps a limit."""
     goal = log(rng.random(), 1e-3, 1e-2) * (1 if rng.random() < 0.8 else -1)
     factor = ((1 + goal) / (1 + excess)) ** (1 / order)
-    kept = list(genes)
-    if kept and kept[-1].kind == "tempo" and kept[-1].u[1] >= 0.5:
-        factor *= np.exp(TEMPO * (kept.pop().u[0] - 0.5))
+    remaining = list(genes)
+    if remaining and remaining[-1].kind == "tempo" and remaining[-1].u[1] >= 0.5:
+        factor *= np.exp(TEMPO * (remaining.pop().u[0] - 0.5))
     place = float(np.clip(0.5 + np.log(factor) / TEMPO, 0.0, 1.0))
-    return (*kept, Gene("tempo", (place, 1.0, 0.0, 0.0, 0.0, 0.0)))
+    return (*remaining, Gene("tempo", (place, 1.0, 0.0, 0.0, 0.0, 0.0)))
 
 
 def nudged(gene: Gene, rng: np.random.Generator) -> Gene:
@@ -271,7 +271,7 @@ def _shipped() -> tuple[Any, tuple[Motion, ...]]:
 
     plan = load_plan(ROBOT.parents[2] / "results/tilt_insert")
     planned = [plan.motion, *random_plans()]
-    return load_robot(ROBOT), tuple(Motion(each.breaks, each.coefficients) for each in planned)
+    return load_robot(ROBOT), tuple(Motion(item.breaks, item.coefficients) for item in planned)
 
 
 @lru_cache(maxsize=1)
@@ -311,23 +311,23 @@ def healthy_case(rng: np.random.Generator, form: str) -> Case:
         moves = np.array([position(rng) for _ in range(3)]) * [1, 0.2, 1, 1]
         start = np.array([0.3, 1.15, 0.1, 0.0])
         steps = np.diff(np.vstack([[0, 0.23, 0, 0], moves]), axis=0)[: int(rng.integers(1, 4))]
-        made = make(robot, tuple(steps * rng.choice((1.0, 0.3, 0.05))))
-        motion = Motion(made.breaks, made.coefficients)
+        output = make(robot, tuple(steps * rng.choice((1.0, 0.3, 0.05))))
+        motion = Motion(output.breaks, output.coefficients)
         assert np.allclose(motion.coefficients[0, 0], start)
     played = oracle.from_pieces(*motion)
-    found = oracle.violations(played, robot, ranges={"tilt": (-3.0, 0.0)}, tip=1.0)
+    result = oracle.violations(played, robot, ranges={"tilt": (-3.0, 0.0)}, tip=1.0)
     slack = {key: 1 + log(rng.random(), *SLACKS) for key in ("torque", "tilt", "tip")}
     joints = []
     for joint in robot.joints:
         if joint.motor is not None and rng.random() < 0.7:
-            peak = (1 + found["motor torque", joint.name]) * joint.motor.max_torque
+            peak = (1 + result["motor torque", joint.name]) * joint.motor.max_torque
             joint = weaker(joint, peak * slack["torque"])
         joints.append(joint)
     robot = dataclasses.replace(robot, joints=tuple(joints), limits=())
     angles = oracle.tilt(robot, oracle.sampled(played).states[0].reshape(-1, 4))
     spare = (slack["tilt"] - 1) * (np.ptp(angles) + 1e-3)
     ranges = {"tilt": (float(angles.min() - spare), float(angles.max() + spare))}
-    tip = float((1 + found["tip speed", None]) * slack["tip"]) + 1e-6
+    tip = float((1 + result["tip speed", None]) * slack["tip"]) + 1e-6
     limits = TaskLimits((TaskRange("tilt", *ranges["tilt"]), TipSpeed(tip)))
     ends = oracle.sampled(played).states[0][[0, -1], [0, -1]]
     targets = tuple(ends) if rng.random() < 0.4 else ()
@@ -434,15 +434,15 @@ def place_in(motion: Motion, u: float, v: float, width: float) -> tuple[int, flo
 
 def pulse(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
     """Add a pulse of 1 µs to 10 ms to one joint or to all joints."""
-    piece, begin, width = place_in(motion, u[0], u[1], log(u[2], 1e-6, 1e-2))
-    if width < 5e-7 or begin < 1e-9:
+    piece, start, width = place_in(motion, u[0], u[1], log(u[2], 1e-6, 1e-2))
+    if width < 5e-7 or start < 1e-9:
         return motion
     shape = pick(u[5], 6)
     joints = [pick(u[3], 5)] if u[3] < 0.8 else [0, 1, 2, 3]
     sign = 1.0 if u[4] >= 0.5 else -1.0
     amount = 2 * abs(u[4] - 0.5)
     limit = bounds(case.robot)
-    halved = [begin, begin + width / 2, begin + width] if shape == 2 else [begin, begin + width]
+    halved = [start, start + width / 2, start + width] if shape == 2 else [start, start + width]
     motion = cut(motion, piece, halved)
     part, later = motion.coefficients[piece + 1], motion.coefficients[piece + len(halved) :]
     for joint in joints:
@@ -479,10 +479,10 @@ def pulse(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
 
 def dip(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
     """Slow a joint down towards standstill and speed it up again within one piece."""
-    piece, begin, width = place_in(motion, u[0], u[1], log(u[2], 1e-3, 0.5))
+    piece, start, width = place_in(motion, u[0], u[1], log(u[2], 1e-3, 0.5))
     if width < 1e-5:
         return motion
-    motion = cut(motion, piece, [begin, begin + width])
+    motion = cut(motion, piece, [start, start + width])
     part = motion.coefficients[piece + 1]
     joints = [pick(u[3], 5)] if u[3] < 0.8 else [0, 1, 2, 3]
     for joint in joints:
@@ -536,12 +536,12 @@ def divide(case: Case, motion: Motion, u: tuple[float, ...]) -> Motion:
     if count < 2:
         return motion
     length = float(np.diff(motion.breaks)[pick(u[0], len(motion.coefficients))])
-    piece, begin, width = place_in(
+    piece, start, width = place_in(
         motion, u[0], u[2], length if u[3] < 0.5 else log(u[4], 1e-5, 1e-1)
     )
     if width / count < 1e-7:
         return motion
-    return cut(motion, piece, [begin + width * k / count for k in range(count + 1)])
+    return cut(motion, piece, [start + width * k / count for k in range(count + 1)])
 
 
 MOTION_GENES: dict[str, Callable[[Case, Motion, tuple[float, ...]], Motion]] = {
@@ -664,10 +664,10 @@ def evaluate(case: Case, form: str, genes: Genes, folder: Path) -> Outcome | Non
         if gene.kind in MOTION_GENES:
             motion = MOTION_GENES[gene.kind](case, motion, gene.u)
     try:
-        written = FORMS[form](case, motion, genes, folder)
-        if written is None:
+        output = FORMS[form](case, motion, genes, folder)
+        if output is None:
             return None
-        path, played, more = written
+        path, played, more = output
         reading, robot, limits = read(case, form, path)
         certificate = reading.check(robot, limits)
         targets = moved_targets(case, genes)
@@ -680,14 +680,14 @@ def evaluate(case: Case, form: str, genes: Genes, folder: Path) -> Outcome | Non
     straight = not played.curved.all()
     if straight:  # as with --allow-unjudged
         certificate = certificate.allowing(*DYNAMIC)
-    found = oracle.violations(played, case.robot, ranges=case.ranges, tip=case.tip) | more
+    result = oracle.violations(played, case.robot, ranges=case.ranges, tip=case.tip) | more
     if straight:
         open_ = {name for text in certificate.unchecked for name in DYNAMIC if name in text}
-        found = {key: value for key, value in found.items() if key[0] not in open_ or key in more}
+        result = {key: value for key, value in result.items() if key[0] not in open_ or key in more}
     if targets:
-        found["target", None] = oracle.missed(played, targets)
+        result["target", None] = oracle.missed(played, targets)
     checked = {(limit.name, limit.joint): -limit.margin for limit in certificate.limits}
-    return Outcome(certificate.verdict, -certificate.worst.margin, found, checked, not straight)
+    return Outcome(certificate.verdict, -certificate.worst.margin, result, checked, not straight)
 
 
 def read(case: Case, form: str, path: Path) -> tuple[Any, Any, Any]:
@@ -826,10 +826,10 @@ def message_of(case: Case, motion: Motion, genes: Genes) -> tuple[Table, dict[st
 
 def write_yaml_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Written:
     """Write a JointTrajectory as JSON, which is valid YAML."""
-    made = message_of(case, motion, genes)
-    if made is None:
+    result = message_of(case, motion, genes)
+    if result is None:
         return None
-    table, document = made
+    table, document = result
     path = folder / "goal.yaml"
     text = json.dumps(document)
     # YAML reads 1e-05 as a string
@@ -845,10 +845,10 @@ def write_bag_file(case: Case, motion: Motion, genes: Genes, folder: Path) -> Wr
 
     from ssm_planner.formats import ros2
 
-    made = message_of(case, motion, genes)
-    if made is None:
+    result = message_of(case, motion, genes)
+    if result is None:
         return None
-    table, document = made
+    table, document = result
     store = _store(Stores.ROS2_HUMBLE, get_typestore)
     points = [
         SimpleNamespace(

@@ -39,7 +39,7 @@ def run(count: int, seed: int) -> list[Row]:
         for form, share in SHARES.items():
             for _ in range(max(round(share * count), 1)):
                 healthy.case(form)
-        return [each.row for each in healthy.rows.values()]
+        return [item.row for item in healthy.rows.values()]
 
 
 @lru_cache(maxsize=1)
@@ -57,15 +57,15 @@ def plans() -> tuple[tuple[Any, Any, Any], ...]:
     robot = ssm.load_robot(ROBOT)
     base = ssm.load_problem(ROBOT.parents[1] / "tilt_insert.yaml")
     shipped = ssm.load_plan(ROBOT.parents[2] / "results/tilt_insert")
-    made = [(robot, motion, NONE) for motion in (shipped.motion, *random_plans())]
+    output = [(robot, motion, NONE) for motion in (shipped.motion, *random_plans())]
     for seed in SEEDS:
         problem = unchecked_copy(random_problem(base, seed, most=2), planner="fast")
         result = plan(problem, relaxations=False)
         motors = [joint.motor for joint in result.robot.joints if joint.motor is not None]
         # a robot file requires this
         if all(motor.nominal_torque <= motor.max_torque for motor in motors):
-            made.append((result.robot, result.motion, of_still(result.limits, at_ends=False)))
-    return tuple(made)
+            output.append((result.robot, result.motion, of_still(result.limits, at_ends=False)))
+    return tuple(output)
 
 
 def of_still(limits: Any, at_ends: bool = True) -> Any:
@@ -112,15 +112,15 @@ class Healthy:
         """
         from tests.support.plans import NONE, of_task, read_back, smooth, trapezoids
 
-        rng, made = self.rng, plans()
+        rng, result = self.rng, plans()
         path = self.folder / "plan.json"
         if rng.random() < 0.5:
-            robot, motion, limits = made[int(rng.integers(len(made)))]
+            robot, motion, limits = result[int(rng.integers(len(result)))]
             still = not (limits.start_rate or limits.end_rate)
             if still and rng.random() < 0.7:
                 motion, limits = motion.slower(float(rng.uniform(0.3, 1.0))), of_still(limits)
             return read_back(path, robot, motion, limits=limits)
-        robot = made[0][0]
+        robot = result[0][0]
         moves = rng.uniform((-0.5, -0.2, -0.5, -0.006), (0.5, 0.15, 0.5, -0.001), (2, 4))
         moves *= rng.random((2, 4)) < 0.7
         moves[0, 0] += 0.01

@@ -70,25 +70,29 @@ def mutated_bytes(rng: random.Random, data: bytes) -> bytes:
     A change flips, cuts or repeats bytes, or replaces words and numbers by hostile ones.
     """
     for _ in range(rng.choice((1, 1, 1, 2, 4))):
-        at = rng.randrange(len(data) + 1)
+        time = rng.randrange(len(data) + 1)
         size = rng.choice((1, 1, 2, 8, 64, 1000))
         what = rng.randrange(7)
         if what == 0:
             data = (
-                data[:at]
+                data[:time]
                 + bytes(rng.randrange(256) for _ in range(size % 9))
-                + data[at + size % 9 :]
+                + data[time + size % 9 :]
             )
         elif what == 1:
-            data = data[:at] + data[at + size :]
+            data = data[:time] + data[time + size :]
         elif what == 2:
-            data = data[:at]
+            data = data[:time]
         elif what == 3:
-            data = data[:at] + data[at : at + size] * rng.choice((2, 3, 50)) + data[at + size :]
+            data = (
+                data[:time]
+                + data[time : time + size] * rng.choice((2, 3, 50))
+                + data[time + size :]
+            )
         elif what == 4:
-            data = data[:at] + rng.choice(TOKENS).encode("utf-8", "surrogatepass") + data[at:]
+            data = data[:time] + rng.choice(TOKENS).encode("utf-8", "surrogatepass") + data[time:]
         else:
-            data = _replaced_word(rng, data, at)
+            data = _replaced_word(rng, data, time)
     return data
 
 
@@ -294,10 +298,10 @@ def _study(folder: Path) -> tuple[Path, Path, Path]:
         open_store.add_candidates(
             (k, f"{k:032x}", {"geometry.alpha": f"{26 + k} deg"}) for k in range(3)
         )
-        found = Candidate(
+        result = Candidate(
             0, "done", {"geometry.alpha": "26 deg"}, figures={"duration": 1.5, "motor_mass": 0.2}
         )
-        open_store.write_results([(f"{0:032x}", found)])
+        open_store.write_results([(f"{0:032x}", result)])
     return study, catalogue, store
 
 

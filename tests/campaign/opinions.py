@@ -38,9 +38,9 @@ def run(count: int, seed: int) -> list[Row]:
     while agreement.cases < 3 * count // 4:
         number += 1
         problem = unchecked_copy(random_problem(base, 1000 * seed + number), planner="fast")
-        made = plan(problem, relaxations=False)
-        if made.passed and problem.duration is None and not problem.robot.jerk_limited:
-            result = judged(made)
+        output = plan(problem, relaxations=False)
+        if output.passed and problem.duration is None and not problem.robot.jerk_limited:
+            result = judged(output)
             agreement.add(disagreement(result))
             if is_optimal(result):
                 gaps.add(gap(result))
@@ -55,11 +55,11 @@ def judged(made: Plan, robot: Robot | None = None) -> Plan:
     """Return the plan as toppra judges it, with the limits of the robot or of another one."""
     problem = unchecked_copy(made.problem, planner="optimal", robot=robot or made.robot)
     software = {name: text for name, text in made.software.items() if name != "toppra"}
-    asked = replace(
+    request = replace(
         made, problem=unchecked_copy(made.problem, planner="optimal"), software=software
     )
     opinions = second_opinions(made.motion, problem)
-    return asked.cross_checked(lambda: (opinions, ()))
+    return request.cross_checked(lambda: (opinions, ()))
 
 
 def disagreement(result: Plan) -> str | None:
@@ -98,10 +98,10 @@ def gap(result: Plan) -> str | None:
 def unnoticed(problem: Problem) -> str | None:
     """Return a description if a planner with a friction error is not contradicted, or None."""
     smooth = replace(problem, robot=with_friction(problem.robot, 1 - ERROR))
-    made = plan(smooth, relaxations=False)
-    if not made.passed:
-        return f"no plan: {made.reason}"
-    result = judged(made, problem.robot)
+    output = plan(smooth, relaxations=False)
+    if not output.passed:
+        return f"no plan: {output.reason}"
+    result = judged(output, problem.robot)
     if result.passed or "the cross-check failed" not in str(
         result.reason and result.reason.message
     ):
@@ -112,16 +112,16 @@ def unnoticed(problem: Problem) -> str | None:
 
 def weakened(strength: float, joint: str = "tilt") -> Problem:
     """Return the shipped problem with a motor whose largest torque is a fraction of the need."""
-    made = load_plan(ROOT / "results/tilt_insert")
-    needs = {requirement.joint: requirement.peak_torque for requirement in made.requirements}
+    result = load_plan(ROOT / "results/tilt_insert")
+    needs = {requirement.joint: requirement.peak_torque for requirement in result.requirements}
     joints = tuple(
         replace(item, motor=unchecked_copy(item.motor, max_torque=strength * needs[joint]))
         if item.name == joint
         else item
-        for item in made.robot.joints
+        for item in result.robot.joints
     )
-    robot = replace(made.robot, joints=joints)
-    return replace(made.problem, robot=robot, planner="fast", objective="time")
+    robot = replace(result.robot, joints=joints)
+    return replace(result.problem, robot=robot, planner="fast", objective="time")
 
 
 def with_friction(robot: Robot, factor: float) -> Robot:

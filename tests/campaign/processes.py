@@ -183,17 +183,17 @@ def _command(stage: Stage, case: Path, kind: str) -> tuple[Path, list[str], dict
 
 def _left(out: Path, earlier: dict[str, str], case: Path) -> str | None:
     """Return the fault of the folder that a killed process leaves, or None."""
-    found = file_hashes(out)
-    found = {name: sha for name, sha in found.items() if not name.startswith(".")}
+    result = file_hashes(out)
+    result = {name: sha for name, sha in result.items() if not name.startswith(".")}
     before = {name: sha for name, sha in earlier.items() if name != MANIFEST}
-    if found == before and (out / MANIFEST).read_text(encoding="utf-8") == earlier[MANIFEST]:
+    if result == before and (out / MANIFEST).read_text(encoding="utf-8") == earlier[MANIFEST]:
         return None
     try:
         check_generation(out)
     except TrajectoryError:
         return None  # the folder is a mixture, and the check notices it
     listed = json.loads((out / MANIFEST).read_text(encoding="utf-8"))["files"]
-    return None if listed == found else f"a mixture that is not noticed: {sorted(found)}"
+    return None if listed == result else f"a mixture that is not noticed: {sorted(result)}"
 
 
 def _said(
@@ -227,25 +227,25 @@ def _said(
 def _orphans(mark: str) -> str | None:
     """Return a fault if processes with the mark in their environment live too long, or None."""
     end = time.monotonic() + ORPHANS
-    while found := list(_marked(mark)):
+    while result := list(_marked(mark)):
         if time.monotonic() > end:
-            return f"{len(found)} processes after {ORPHANS:g} s"
+            return f"{len(result)} processes after {ORPHANS:g} s"
         time.sleep(0.05)
     return None
 
 
 def _marked(mark: str) -> list[str]:
-    wanted = f"{MARK}={mark}\0".encode()
-    found = []
+    expected = f"{MARK}={mark}\0".encode()
+    result = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if wanted in (folder / "environ").read_bytes() and ") Z " not in (
+            if expected in (folder / "environ").read_bytes() and ") Z " not in (
                 folder / "stat"
             ).read_text(encoding="utf-8"):
-                found.append(folder.name)
+                result.append(folder.name)
         except OSError:
             continue
-    return found
+    return result
 
 
 def full_disk(stage: Stage, count: int, rng: random.Random) -> Row:
@@ -347,21 +347,21 @@ def hostile_folders(stage: Stage, count: int, rng: random.Random) -> Row:
         name = rng.choice(NAMES)
         case = stage.folder / "case"
         shutil.rmtree(case, ignore_errors=True)
-        here = case / "a/b"
-        here.mkdir(parents=True)
+        folder = case / "a/b"
+        folder.mkdir(parents=True)
         problem = stage.folder / "problems/hostile.yaml"
         problem.write_text(
             stage.problems[0].read_text(encoding="utf-8") + f"name: {json.dumps(name)}\n",
             encoding="utf-8",
         )
-        process = start(here, "plan", str(problem), streams={"stderr": subprocess.PIPE})
+        process = start(folder, "plan", str(problem), streams={"stderr": subprocess.PIPE})
         _, said = process.communicate(timeout=PATIENCE)
         outside = [
             path
             for path in case.rglob("*")
-            if path.is_file() and here / "results" not in path.parents
+            if path.is_file() and folder / "results" not in path.parents
         ]
-        outside = [path for path in outside if here / "cache" not in path.parents]
+        outside = [path for path in outside if folder / "cache" not in path.parents]
         fault = None
         if outside:
             fault = f"{name!r}: wrote {outside[0]}"
@@ -410,5 +410,9 @@ def _c_fault(text: str) -> str | None:
 
 
 def _path_fault(text: str) -> str | None:
-    made = file_name(text)
-    return None if Path(made).name == made and made not in ("", ".", "..") else f"a path: {made!r}"
+    result = file_name(text)
+    return (
+        None
+        if Path(result).name == result and result not in ("", ".", "..")
+        else f"a path: {result!r}"
+    )

@@ -126,7 +126,7 @@ def command(*words: str, seconds: int = LONGEST) -> tuple[int | None, str, str, 
 
 def one(name: str, count: int, seed: int) -> tuple[list[Row], float]:
     """Run one task of a campaign, and return its rows and its duration in s."""
-    begin = time.monotonic()
+    start = time.monotonic()
     return importlib.import_module(f"{__package__}.{name}").run(
         count, seed
-    ), time.monotonic() - begin
+    ), time.monotonic() - start

@@ -300,11 +300,11 @@ def farthest(motion: Trajectory, reference: Trajectory) -> float:
 def harmless(original: Path, folder: Path, robot: Robot) -> bool:
     """Return whether the client of a changed folder keeps all limits and reaches the targets."""
     before, motion = (played(place, robot) for place in (original, folder))
-    found = oracle.violations(motion, robot, ranges=dict(robot.ranges))
+    result = oracle.violations(motion, robot, ranges=dict(robot.ranges))
     target = oracle.at(before, np.array([-1]), np.ones(1), 0)
     start = np.linalg.norm((motion.powers[0, 0] - before.powers[0, 0]) / oracle.TARGET)
     return (
-        max(found.values()) <= ALLOWED and start <= 1 and oracle.missed(motion, list(target)) <= 0
+        max(result.values()) <= ALLOWED and start <= 1 and oracle.missed(motion, list(target)) <= 0
     )
 
 
@@ -515,9 +515,11 @@ def _exports(folder: Path, count: int, seed: int) -> list[Row]:
         for _ in range(count // len(FORMS)):
             file = folder / form / rng.choice(names)
             data = file.read_bytes()
-            at = rng.randrange(len(data))
+            time = rng.randrange(len(data))
             other = (
-                copy.copy(data[:at]) + bytes([data[at] ^ (1 << rng.randrange(8))]) + data[at + 1 :]
+                copy.copy(data[:time])
+                + bytes([data[time] ^ (1 << rng.randrange(8))])
+                + data[time + 1 :]
             )
             file.write_bytes(other)
             status, out, err, fault = command("check", str(folder / form), "--robot", str(ROBOT))

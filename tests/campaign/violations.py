@@ -49,7 +49,7 @@ class Violations:
         self.csv(count // 5)
         self.bags(max(count // 25, 3))
         self.epos4(count // 4)
-        return [each.row for each in self.rows.values()]
+        return [item.row for item in self.rows.values()]
 
     def count(self, kind: str, fault: str | None) -> None:
         """Add one case of a kind."""
@@ -77,14 +77,14 @@ class Violations:
             excess, healthy = self.excess(), k % 3 == 0
             peak = 1 - max(excess, SPARE) if healthy else 1 + excess
             trajectory, where = self.pulse(peak)
-            found = check(trajectory, self.robot)
+            result = check(trajectory, self.robot)
             if healthy:
-                named = [f"{v.name} {v.joint} {v.margin:.2e}" for v in found.violations]
+                named = [f"{v.name} {v.joint} {v.margin:.2e}" for v in result.violations]
                 self.count(
-                    "healthy: pieces", None if found.passed else f"{where}, {-excess:.1e}: {named}"
+                    "healthy: pieces", None if result.passed else f"{where}, {-excess:.1e}: {named}"
                 )
             else:
-                seen = [v for v in found.violations if v.name == "acceleration"]
+                seen = [v for v in result.violations if v.name == "acceleration"]
                 self.count(
                     "violations: pieces", None if seen else f"{where}, {excess:.1e}: not found"
                 )
@@ -101,11 +101,11 @@ class Violations:
         while True:
             piece, joint = int(rng.integers(len(lengths))), int(rng.integers(4))
             width = float(10 ** rng.uniform(-6, np.log10(2e-4)))
-            begin = float(rng.uniform(0.05, 0.9)) * lengths[piece]
-            if begin + width > 0.95 * lengths[piece]:
+            start = float(rng.uniform(0.05, 0.9)) * lengths[piece]
+            if start + width > 0.95 * lengths[piece]:
                 continue
             coefficients = motion.coefficients[piece]
-            split = [shifted(coefficients, at) for at in (0.0, begin, begin + width)]
+            split = [shifted(coefficients, time) for time in (0.0, start, start + width)]
             limit, now = self.robot.joints[joint].acceleration, 2 * split[1][2, joint]
             sign = float(rng.choice((-1, 1)))
             size = (sign * peak * limit - now) * width**2 / 2
@@ -114,7 +114,7 @@ class Violations:
             if abs(now - size / width**2) < 0.99 * limit:
                 break
         split[1][2:5, joint] += size * np.array([1 / width**2, -2 / width**3, 1 / width**4])
-        breaks = motion.breaks[piece] + np.array([begin, begin + width])
+        breaks = motion.breaks[piece] + np.array([start, start + width])
         times = np.concatenate([motion.breaks[: piece + 1], breaks, motion.breaks[piece + 1 :]])
         parts = [motion.coefficients[:piece], np.stack(split), motion.coefficients[piece + 1 :]]
         where = f"joint {joint}, {1e6 * width:.1f} µs at {breaks[0]:.4f} s"
@@ -134,8 +134,8 @@ class Violations:
         near = self.rng.choice(more) + 10 ** self.rng.uniform(-6, np.log10(2e-4))
         t = np.sort(np.append(np.concatenate([breaks, more]), near))
         if ticks:  # the sum of seconds and nanoseconds, as a reader computes it
-            whole = np.round(t / ticks)
-            t = whole // 1e9 + whole % 1e9 * ticks
+            complete = np.round(t / ticks)
+            t = complete // 1e9 + complete % 1e9 * ticks
         samples = self.trajectory.sample(t)
         samples.qd[[0, -1]] = 0.0
         return t, samples.q.copy(), samples.qd.copy()
@@ -195,10 +195,10 @@ class Violations:
                 ),
             )
         else:
-            found = status == 1 and "FAILED" in out
+            result = status == 1 and "FAILED" in out
             self.count(
                 f"violations: {form}",
-                fault or (None if found else f"{where}: status {status} {err[-200:]}"),
+                fault or (None if result else f"{where}: status {status} {err[-200:]}"),
             )
 
     def bags(self, count: int) -> None:
@@ -264,13 +264,13 @@ class Violations:
                 (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
             status, out, err, fault = command("check", str(folder), "--robot", str(ROBOT))
             kind = "violations: EPOS4 folders" + (", hashes changed too" if rehash else "")
-            found = status in (1, 2) and "PASSED" not in out
+            result = status in (1, 2) and "PASSED" not in out
             self.count(
                 kind,
                 fault
                 or (
                     None
-                    if found
+                    if result
                     else f"{folder.name} {file.name} {what}: status {status} {err[-100:]}"
                 ),
             )

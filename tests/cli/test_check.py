@@ -56,14 +56,14 @@ def test_a_problem_brings_its_robot_and_its_limits(
 ) -> None:
     problem = load_problem(APPROACH)
     status = run("check", csv, "--problem", APPROACH, "--json")
-    found = limits_of(capsys)
-    assert set(found) >= TASK_ONLY
+    result = limits_of(capsys)
+    assert set(result) >= TASK_ONLY
     exact = check(smooth(problem.robot), problem.robot, problem.task_limits)
     assert status == (0 if exact.passed else 1)
     for limit in exact.limits:
         if limit.name in TASK_ONLY:
-            assert found[limit.name]["worst"] == pytest.approx(limit.worst, rel=1e-4)
-            assert found[limit.name]["limit"] == limit.limit
+            assert result[limit.name]["worst"] == pytest.approx(limit.worst, rel=1e-4)
+            assert result[limit.name]["limit"] == limit.limit
 
 
 def test_a_robot_alone_limits_no_task(csv: Path, capsys: pytest.CaptureFixture[str]) -> None:

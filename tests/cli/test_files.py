@@ -54,8 +54,8 @@ def test_a_new_file_loads_as_it_stands(
     file = tmp_path / "mine.yaml"
     assert main(["new", kind, str(file)]) == 0
     assert str(file) in capsys.readouterr().out
-    made = LOADERS[kind](file)
-    assert made.name == "mine"
+    result = LOADERS[kind](file)
+    assert result.name == "mine"
     assert max(map(len, file.read_text(encoding="utf-8").splitlines())) <= 120
     if kind in EXAMPLE_FILES:
         shipped = yaml.safe_load(

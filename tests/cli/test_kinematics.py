@@ -81,8 +81,8 @@ def test_workspace_needs_something_to_work_on(capsys):
 
 def test_fk_of_ik_is_the_point_for_one_and_for_many(robot):
     point = {"roll": 0.1, "tilt": math.radians(-120.0), "spin": 0.3, "depth": 0.02}
-    found = ik(robot, **point)
-    many, one = fk(robot, found.joints), fk(robot, found.joints[0])
+    result = ik(robot, **point)
+    many, one = fk(robot, result.joints), fk(robot, result.joints[0])
     assert (many.rotation.shape, many.position.shape, many.task.shape) == (
         (2, 3, 3),
         (2, 3),
@@ -102,8 +102,8 @@ def test_ik_returns_branches_that_reach(robot):
     assert len(result["branches"]) == 2
     mech = Mechanism.from_geometry(robot.geometry)
     expected = pose_from_task(mech, [[*target.values()]])
-    for reached, asked in zip(forward(mech, result["branches"]), expected, strict=True):
-        assert np.abs(reached - asked).max() < 1e-12
+    for reached, request in zip(forward(mech, result["branches"]), expected, strict=True):
+        assert np.abs(reached - request).max() < 1e-12
 
 
 def test_ik_within_limits_drops_what_is_outside(robot):

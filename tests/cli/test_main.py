@@ -182,9 +182,9 @@ def test_an_infeasible_problem_gives_its_reason_and_status_1(
     page = Path(printed["files"]["page"])
     assert [*(files / "out").iterdir()] == [page]
     text = page.read_text(encoding="utf-8")
-    begin = text.index("No motion keeps every limit: ")
-    assert begin < text.index(reason["message"]) < text.index(reason["relaxation"])
-    assert begin < text.index("<h1>")
+    start = text.index("No motion keeps every limit: ")
+    assert start < text.index(reason["message"]) < text.index(reason["relaxation"])
+    assert start < text.index("<h1>")
 
 
 @pytest.mark.slow
@@ -199,12 +199,12 @@ def test_an_unwritable_folder_is_one_message(
 
 def test_workspace_and_reach(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["workspace", str(ROOT / "problems" / ROBOT), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert math.degrees(found["beta"]) == pytest.approx(109.778, abs=5e-4)
-    assert np.degrees(found["tilt_range"]) == pytest.approx([-139.778, -79.778], abs=5e-4)
+    result = json.loads(capsys.readouterr().out)
+    assert math.degrees(result["beta"]) == pytest.approx(109.778, abs=5e-4)
+    assert np.degrees(result["tilt_range"]) == pytest.approx([-139.778, -79.778], abs=5e-4)
     assert main(["workspace", "--reach", "-140deg", "-80deg", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert np.degrees([found["alpha"], found["beta"]]) == pytest.approx([30, 110])
+    result = json.loads(capsys.readouterr().out)
+    assert np.degrees([result["alpha"], result["beta"]]) == pytest.approx([30, 110])
 
 
 def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
@@ -212,10 +212,10 @@ def test_ik_gives_every_branch(capsys: pytest.CaptureFixture[str]) -> None:
     assert (
         main(["ik", robot, "--roll", "5deg", "--tilt", "-100deg", "--depth", "15mm", "--json"]) == 0
     )
-    found = json.loads(capsys.readouterr().out)
-    assert found["reachable"] is True
-    assert len(found["branches"]) == 2
-    assert all(q[3] == pytest.approx(-0.015) for q in found["branches"])
+    result = json.loads(capsys.readouterr().out)
+    assert result["reachable"] is True
+    assert len(result["branches"]) == 2
+    assert all(q[3] == pytest.approx(-0.015) for q in result["branches"])
     assert main(["ik", robot, "--tilt", "-150deg", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["reachable"] is False
 
@@ -305,18 +305,18 @@ def test_nothing_in_the_working_directory_is_run(tmp_path: Path) -> None:
 
     This also holds for `python -m ssm_planner`.
     """
-    here = tmp_path / "here"
-    here.mkdir()
+    folder = tmp_path / "here"
+    folder.mkdir()
     for name in ("shutil", "numpy", "casadi", "matplotlib", "pickle", "hashlib", "sitecustomize"):
-        (here / f"{name}.py").write_text(
+        (folder / f"{name}.py").write_text(
             f"open({str(tmp_path / name)!r}, 'w')\nraise SystemExit(9)\n", encoding="utf-8"
         )
-    (here / "matplotlibrc").write_text("lines.linewidth: 40\n", encoding="utf-8")
+    (folder / "matplotlibrc").write_text("lines.linewidth: 40\n", encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     start = "import runpy, sys; sys.path[:0] = ['']; sys.argv[0] = 'x'; runpy.run_module('ssm_planner', run_name='__main__')"
     words = ["plan", str(ROOT / "problems/tilt_insert.yaml"), "-o", str(tmp_path / "out")]
     command = [sys.executable, "-c", "import sys; sys.path.remove('')\n" + start, *words]
-    done = subprocess.run(command, cwd=here, env=environment, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"here", "out"}
     assert (tmp_path / "out/motion.png").stat().st_size < 3 * (

@@ -30,8 +30,8 @@ ROBOT = PROBLEMS / "robots/vitreoretinal.yaml"
 def retimed(path: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
     capsys.readouterr()
     assert main(["retime", str(path), "--robot", str(ROBOT), "-o", str(out), "--json"]) == 0
-    found: dict[str, object] = json.loads(capsys.readouterr().out)
-    return found
+    result: dict[str, object] = json.loads(capsys.readouterr().out)
+    return result
 
 
 @pytest.mark.slow
@@ -69,12 +69,12 @@ def test_the_command_writes_the_plan_that_it_prints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     export(RESULTS / "tilt_insert", "csv", tmp_path / "csv", rate=100.0)
-    found = retimed(tmp_path / "csv/trajectory.csv", tmp_path / "out", capsys)
-    assert found["passed"]
-    assert found["runs"] == 2
+    result = retimed(tmp_path / "csv/trajectory.csv", tmp_path / "out", capsys)
+    assert result["passed"]
+    assert result["runs"] == 2
     again = load_plan(tmp_path / "out")
     assert again.passed
-    assert found["duration"] == again.duration
+    assert result["duration"] == again.duration
     stored = json.loads((tmp_path / "out/plan.json").read_text(encoding="utf-8"))
     assert again.to_dict()["problem"] == stored["problem"]
 
@@ -98,11 +98,11 @@ def test_points_alone_are_a_curve_with_rests_at_its_corners(
         header="time_s,q1_rad,q2_rad,q3_rad,q4_m",
         fmt="%.12f",
     )
-    found = retimed(tmp_path / "points.csv", tmp_path / "out", capsys)
-    assert found["passed"]
-    assert found["runs"] == 2
-    assert max(found["off_lines"][:3]) < 2e-3
-    assert found["duration"] < 3
+    result = retimed(tmp_path / "points.csv", tmp_path / "out", capsys)
+    assert result["passed"]
+    assert result["runs"] == 2
+    assert max(result["off_lines"][:3]) < 2e-3
+    assert result["duration"] < 3
 
 
 def test_paths_are_cut_at_corners_and_reversals_alone() -> None:

@@ -35,21 +35,21 @@ def test_json_and_files(capsys, tmp_path):
         == 0
     )
     out = capsys.readouterr()
-    found = json.loads(out.out)
-    assert found["passed"] is True
-    assert found["holds"] is True
-    assert found["reasons"] == []
-    assert [each["joint"] for each in found["tracking"]] == ["roll", "tilt", "spin", "insertion"]
-    assert {"joint", "worst", "rms"} == set(found["tracking"][0])
-    assert {"joint", "peak_torque", "saturated"} <= set(found["motors"][0])
-    assert 0 < found["tip_error"] < 1e-4
-    assert 0 < found["travel"] < 1e-3
-    assert found["power_loss"]["instants"] == 5
+    result = json.loads(out.out)
+    assert result["passed"] is True
+    assert result["holds"] is True
+    assert result["reasons"] == []
+    assert [item["joint"] for item in result["tracking"]] == ["roll", "tilt", "spin", "insertion"]
+    assert {"joint", "worst", "rms"} == set(result["tracking"][0])
+    assert {"joint", "peak_torque", "saturated"} <= set(result["motors"][0])
+    assert 0 < result["tip_error"] < 1e-4
+    assert 0 < result["travel"] < 1e-3
+    assert result["power_loss"]["instants"] == 5
     assert "playing the set points" in out.err
-    for path in found["files"].values():
+    for path in result["files"].values():
         assert Path(path).stat().st_size > 0
     assert {"simulation.json", "playback.png", "power_loss.png", "roll.csv"} <= {
-        Path(path).name for path in found["files"].values()
+        Path(path).name for path in result["files"].values()
     }
 
 

@@ -24,10 +24,10 @@ SHIPPED = RESULTS / "tilt_insert" / "plan.json"
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     """Return the shipped plan with a new certificate of the present program."""
     shipped = load_plan(SHIPPED)
-    made = replace(
+    result = replace(
         shipped, certificate=check(shipped.motion, shipped.robot, shipped.limits, seal=True)
     )
-    return load_plan(made.write(tmp_path_factory.mktemp("plan") / "plan.json"))
+    return load_plan(result.write(tmp_path_factory.mktemp("plan") / "plan.json"))
 
 
 def test_stops_are_in_plan_json(plan: Plan) -> None:
@@ -45,9 +45,9 @@ def test_check_at_one_speed_and_over_a_range(
     one = json.loads(capsys.readouterr().out)
     assert (one["speed"], one["passed"]) == (0.1, True)
     assert main(["check", str(plan.path), "--speed", "1%..100%", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["speeds"]["slowest"] == 0.01
-    assert {each["name"] for each in found["speeds"]["worst"]} == {
+    result = json.loads(capsys.readouterr().out)
+    assert result["speeds"]["slowest"] == 0.01
+    assert {item["name"] for item in result["speeds"]["worst"]} == {
         "motor torque",
         "continuous torque",
     }
@@ -95,11 +95,11 @@ def test_the_family_of_stops_is_exported(plan: Plan, tmp_path: Path, to: str) ->
             [axes[joint.name].get("increments_per_unit", 1.0) for joint in plan.robot.joints]
         )
         assert names[2:] == ["roll_inc", "tilt_inc", "spin_rad", "insertion_inc"]
-    for begin in begins:
-        stop = rows[rows[:, 0] == begin]
+    for start in begins:
+        stop = rows[rows[:, 0] == start]
         assert stop[0, 1] == 0.0
         assert np.all(np.diff(stop[:, 1]) > 0)
-        state = plan.motion.sample(begin)
+        state = plan.motion.sample(start)
         # Half an increment and the distance that is moved within the rounding of the printed time
         # are allowed.
         allowed = 0.5 + 5.1e-7 * np.abs(state.qd[0] * scale) if to == "epos4" else 2e-6

@@ -174,8 +174,8 @@ def test_a_plan_ends_with_its_answers_on_one_screen(
     closest = closest_inactive_limit(plan.certificate.limits)
     assert closest is not None
     assert f"closest  {closest.name}" in short[-3]
-    beyond = [each for each in plan.certificate.limits if each.margin < closest.margin]
-    assert all(each.margin <= ACTIVE_MARGIN for each in beyond)
+    beyond = [item for item in plan.certificate.limits if item.margin < closest.margin]
+    assert all(item.margin <= ACTIVE_MARGIN for item in beyond)
     everything = summary_lines(plan, folder, verbose=True)
     assert everything[-5:] == [*answer_lines(plan, folder)]
     assert any(line.startswith("limit ") for line in everything)
@@ -216,14 +216,12 @@ def test_a_table_gets_narrower_by_wrapping_text_never_numbers() -> None:
 def test_colours_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    plain, shown, refused = io.StringIO(), Terminal(), Terminal()
-    for stream in (plain, shown):
+    plain, text, refused = io.StringIO(), Terminal(), Terminal()
+    for stream in (plain, text):
         monkeypatch.setattr("sys.stdout", stream)
         print_lines(["check: PASSED", "motor BEYOND", "nothing"])
     assert plain.getvalue() == "check: PASSED\nmotor BEYOND\nnothing\n"
-    assert (
-        shown.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
-    )
+    assert text.getvalue() == "check: \x1b[32mPASSED\x1b[0m\nmotor \x1b[31mBEYOND\x1b[0m\nnothing\n"
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setattr("sys.stdout", refused)
     print_lines(["check: PASSED"])
@@ -341,13 +339,13 @@ def test_a_shell_completes_commands_and_options(tmp_path: Path) -> None:
     pytest.importorskip("argcomplete")
 
     def completed(line: str) -> set[str]:
-        found = tmp_path / "found"
+        result = tmp_path / "found"
         environment = {
             **os.environ,
             **{
                 "_ARGCOMPLETE": "1",
                 "_ARGCOMPLETE_IFS": "\n",
-                "_ARGCOMPLETE_STDOUT_FILENAME": str(found),
+                "_ARGCOMPLETE_STDOUT_FILENAME": str(result),
             },
             **{
                 "COMP_LINE": line,
@@ -360,7 +358,7 @@ def test_a_shell_completes_commands_and_options(tmp_path: Path) -> None:
             env=environment,
             check=True,
         )
-        return {word.strip() for word in found.read_text(encoding="utf-8").split("\n")}
+        return {word.strip() for word in result.read_text(encoding="utf-8").split("\n")}
 
     assert completed("ssm-planner si") == {"simulate", "size"}
     assert "--power-loss" in completed("ssm-planner simulate x --")

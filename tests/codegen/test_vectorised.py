@@ -18,9 +18,9 @@ VALUES = {"gravity": [0.0, 0.0, -9.81], "limits": [[1.0, 2.0], [3.0, 4.0]], "sca
 def test_numpy_gets_back_what_was_packed() -> None:
     vector = LAYOUT.pack(**VALUES)
     assert vector.shape == (LAYOUT.size,) == (8,)
-    found = LAYOUT.unpack(np.tile(vector, (5, 1)))
+    result = LAYOUT.unpack(np.tile(vector, (5, 1)))
     for name, value in VALUES.items():
-        assert np.array_equal(getattr(found, name), np.tile(np.ravel(value), (5, 1)))
+        assert np.array_equal(getattr(result, name), np.tile(np.ravel(value), (5, 1)))
 
 
 def test_casadi_gets_the_same_by_the_same_names() -> None:

@@ -48,7 +48,7 @@ def compared(it: Executions, recordings: Sequence[AxisRecording], **options: flo
 
 
 def without_position(recordings: Sequence[AxisRecording]) -> Recordings:
-    return [replace(each, q=None) for each in recordings]
+    return [replace(item, q=None) for item in recordings]
 
 
 @pytest.mark.parametrize("rate", [2000, 1000, 200, 100, 50, 20, 10, 5])
@@ -60,8 +60,8 @@ def test_a_healthy_run_is_not_called_faulty_at_any_rate(shipped: Executions, rat
     for seed in range(5):
         recordings = decimated(shipped.healthy(seed), RATE // rate, seed % (RATE // rate))
         for chosen in (recordings, without_position(recordings)):
-            found = compared(shipped, chosen)
-            assert found.verdict == ("held" if rate >= 100 else "cannot tell"), kinds(found)
+            result = compared(shipped, chosen)
+            assert result.verdict == ("held" if rate >= 100 else "cannot tell"), kinds(result)
 
 
 @pytest.mark.parametrize("rate", [1000, 100, 50, 10])
@@ -70,11 +70,11 @@ def test_a_fault_is_found_or_cannot_be_told(shipped: Executions, kind: str, rate
     """From 100 Hz on, verdict and cause are right. Below 100 Hz, no faulty run is held."""
     for seed in range(2):
         recordings, verdict, cause = shipped.faulty(kind, seed)
-        found = compared(shipped, decimated(recordings, RATE // rate, seed))
+        result = compared(shipped, decimated(recordings, RATE // rate, seed))
         if rate >= 100 and kind != "missing samples":
-            assert (found.verdict, cause in kinds(found)) == (verdict, True), kinds(found)
+            assert (result.verdict, cause in kinds(result)) == (verdict, True), kinds(result)
         elif rate < 100:
-            assert found.verdict != "held", kinds(found)
+            assert result.verdict != "held", kinds(result)
 
 
 def test_a_burst_between_two_samples_is_not_held(shipped: Executions) -> None:
@@ -89,10 +89,10 @@ def test_a_burst_between_two_samples_is_not_held(shipped: Executions) -> None:
     recordings = shipped.measured(run, np.random.default_rng(1))
     assert compared(shipped, decimated(recordings, 2)).verdict == "not held"
     for first in range(0, 200, 10):
-        found = compared(shipped, decimated(recordings, 200, first))
-        assert found.verdict != "held"
-        assert found[0].visible["duration"] == pytest.approx(0.1)
-        assert "sampling" in kinds(found)
+        result = compared(shipped, decimated(recordings, 200, first))
+        assert result.verdict != "held"
+        assert result[0].visible["duration"] == pytest.approx(0.1)
+        assert "sampling" in kinds(result)
 
 
 @pytest.mark.parametrize("rate", [1000, 250, 100])
@@ -109,11 +109,11 @@ def test_the_stated_smallest_fault_is_found(shipped: Executions, rate: int) -> N
         # The noise of the recording may lower a sample by some standard deviations, so the excess
         # is larger than the stated size.
         size = limit + 1.6 * visible["torque"]
-        begin = int(rng.choice(np.flatnonzero(run.w["roll"])[:-100]))
+        start = int(rng.choice(np.flatnonzero(run.w["roll"])[:-100]))
         length = int(np.ceil(visible["duration"] * RATE)) + 1
-        run.tau["roll"][begin : begin + length] = size
-        found = compared(shipped, decimated(shipped.measured(run, rng), RATE // rate))[0]
-        torque = next(each for each in found.limits if each.name == "motor torque")
+        run.tau["roll"][start : start + length] = size
+        result = compared(shipped, decimated(shipped.measured(run, rng), RATE // rate))[0]
+        torque = next(item for item in result.limits if item.name == "motor torque")
         assert torque.verdict == "not held", (torque, visible)
 
 
@@ -145,25 +145,27 @@ def test_a_fault_of_a_slower_run_is_found() -> None:
     it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 2e-3, 0.2)
     for kind in ("stall", "torque high", "torque burst", "lost increments", "truncated", "gap"):
         recordings, verdict, cause = it.faulty(kind, 1)
-        found = compared(it, recordings, speed=0.2)
-        assert (found.verdict, cause in kinds(found)) == (verdict, True), kinds(found)
-        assert found.speed == pytest.approx(0.2, rel=1e-3)
+        result = compared(it, recordings, speed=0.2)
+        assert (result.verdict, cause in kinds(result)) == (verdict, True), kinds(result)
+        assert result.speed == pytest.approx(0.2, rel=1e-3)
 
 
 @pytest.mark.parametrize("declared", [0.8, 0.9, 0.96, 0.5])
 def test_a_run_at_the_planned_speed_is_not_the_declared_slower_one(
     shipped: Executions, declared: float
 ) -> None:
-    found = compared(shipped, shipped.healthy(0), speed=declared)
-    assert (found.verdict, "speed" in kinds(found)) == ("not held", True)
+    result = compared(shipped, shipped.healthy(0), speed=declared)
+    assert (result.verdict, "speed" in kinds(result)) == ("not held", True)
 
 
 def test_a_run_that_is_too_fast_or_a_little_slow_is_not_held() -> None:
     for speed in (0.97, 1.1):
         it = Executions(load_plan(RESULTS / "tilt_insert" / "plan.json"), 2e-3, speed)
-        found = compared(it, it.healthy(0))
-        assert found.verdict == "not held"
-        assert f"{100 * speed:.3g} % of the plan's speed instead of 100 %" in found.findings[0].text
+        result = compared(it, it.healthy(0))
+        assert result.verdict == "not held"
+        assert (
+            f"{100 * speed:.3g} % of the plan's speed instead of 100 %" in result.findings[0].text
+        )
 
 
 def changed(recordings: Recordings, k: int, **changes: float) -> Recordings:
@@ -175,22 +177,22 @@ def changed(recordings: Recordings, k: int, **changes: float) -> Recordings:
 def swapped(recordings: Recordings, k: int) -> Recordings:
     names = [recordings[k].joint, recordings[(k + 1) % 3].joint]
     names = dict(zip(names, names[::-1], strict=True))
-    return [replace(each, joint=names.get(each.joint, each.joint)) for each in recordings]
+    return [replace(item, joint=names.get(item.joint, item.joint)) for item in recordings]
 
 
 def twice(recordings: Recordings, k: int) -> Recordings:
     return [
         replace(
-            each,
-            time=np.append(each.time, each.time + each.time[-1] + 2e-3),
-            **{name: np.tile(getattr(each, name), 2) for name in ("w", "tau", "q")},
+            item,
+            time=np.append(item.time, item.time + item.time[-1] + 2e-3),
+            **{name: np.tile(getattr(item, name), 2) for name in ("w", "tau", "q")},
         )
-        for each in recordings
+        for item in recordings
     ]
 
 
 def in_milliseconds(recordings: Recordings, k: int) -> Recordings:
-    return [replace(each, time=1000 * each.time) for each in recordings]
+    return [replace(item, time=1000 * item.time) for item in recordings]
 
 
 CAUSES: dict[str, tuple[Callable[[Recordings, int], Recordings], str]] = {
@@ -220,9 +222,9 @@ def test_a_wrong_recording_is_not_held_and_its_cause_is_named(cause: str, speed:
         it = Executions(it.plan, 5e-3)
     spoil, text = CAUSES[cause]
     for seed in range(3):
-        found = compared(it, spoil(it.healthy(seed), seed), speed=speed)
-        assert found.verdict == "not held"
-        texts = [each.text for axis in (found, *found) for each in axis.findings]
+        result = compared(it, spoil(it.healthy(seed), seed), speed=speed)
+        assert result.verdict == "not held"
+        texts = [item.text for axis in (result, *result) for item in axis.findings]
         assert text in " ".join(texts), texts
 
 
@@ -235,10 +237,10 @@ def test_a_part_of_a_motion_has_a_verdict(shipped: Executions) -> None:
     for share in (0.1, 0.4, 0.8):
         end = LEAD + share * shipped.duration
         for chosen in (healthy[0].time < end, healthy[0].time > end):
-            found = compared(shipped, [taken(each, chosen) for each in healthy])
-            assert found.verdict == "cannot tell", kinds(found)
-            assert "coverage" in kinds(found)
-    still = compared(shipped, [replace(each, w=0 * each.w, tau=0 * each.tau) for each in healthy])
+            result = compared(shipped, [taken(item, chosen) for item in healthy])
+            assert result.verdict == "cannot tell", kinds(result)
+            assert "coverage" in kinds(result)
+    still = compared(shipped, [replace(item, w=0 * item.w, tau=0 * item.tau) for item in healthy])
     assert (still.verdict, "stall" in kinds(still)) == ("not held", True)
 
 
@@ -264,9 +266,9 @@ def test_a_simulated_commissioning_run_is_held(shipped: Executions, tmp_path: Pa
         read_axis_recording(path, plan.robot, joint, COUNTS)
         for joint, path in write_recordings(result, tmp_path).items()
     ]
-    found = compared(shipped, recordings, speed=0.1)
-    assert found.verdict == "held", kinds(found)
-    assert found.speed == pytest.approx(0.1, rel=5e-3)
+    outcome = compared(shipped, recordings, speed=0.1)
+    assert outcome.verdict == "held", kinds(outcome)
+    assert outcome.speed == pytest.approx(0.1, rel=5e-3)
 
 
 def joint_and_begin(it: Executions, run: Run, rng: np.random.Generator) -> tuple[str, int]:
@@ -283,23 +285,23 @@ def alternating(count: int, period: int) -> np.ndarray:
 
 def runaway(it: Executions, run: Run, rng: np.random.Generator) -> None:
     """A motor runs away for 30 ms to 100 ms, during the motion or after it."""
-    joint, begin = joint_and_begin(it, run, rng)
-    begin = int(rng.choice([begin, round((LEAD + it.duration + 0.1) / it.step)]))
-    samples = slice(begin, begin + round(rng.uniform(0.03, 0.1) / it.step))
+    joint, start = joint_and_begin(it, run, rng)
+    start = int(rng.choice([start, round((LEAD + it.duration + 0.1) / it.step)]))
+    samples = slice(start, start + round(rng.uniform(0.03, 0.1) / it.step))
     run.w[joint][samples], run.tau[joint][samples] = 1500.0, 0.5
     it.follow(run, joint)
 
 
 def spikes(it: Executions, run: Run, rng: np.random.Generator) -> None:
     """Some single samples show five times the largest torque."""
-    joint, begin = joint_and_begin(it, run, rng)
-    run.tau[joint][begin : begin + 40 : 10] = 5 * it.joints[joint].motor.max_torque
+    joint, start = joint_and_begin(it, run, rng)
+    run.tau[joint][start : start + 40 : 10] = 5 * it.joints[joint].motor.max_torque
 
 
 def broken_burst(it: Executions, run: Run, rng: np.random.Generator) -> None:
     """The torque is too high for 43 samples, except in every tenth sample."""
-    joint, begin = joint_and_begin(it, run, rng)
-    burst = np.array([k for k in range(begin, begin + 43) if k % 10])
+    joint, start = joint_and_begin(it, run, rng)
+    burst = np.array([k for k in range(start, start + 43) if k % 10])
     run.tau[joint][burst] = 6 * it.joints[joint].motor.max_torque
 
 
@@ -347,17 +349,17 @@ def low_speed(it: Executions, run: Run, rng: np.random.Generator) -> None:
 
 def late_recorder(it: Executions, run: Run, rng: np.random.Generator) -> None:
     """The first 12 ms of a short motion, or the last 0.6 % of a long motion, are not recorded."""
-    begin, end = LEAD + 0.012, LEAD + 0.994 * it.duration
+    start, end = LEAD + 0.012, LEAD + 0.994 * it.duration
     for name in it.names:
         t = run.time[name]
-        run.keep(name, t > begin if it.duration < 10 else t < end)
+        run.keep(name, t > start if it.duration < 10 else t < end)
 
 
 def saturated_after_a_rest(it: Executions, run: Run, rng: np.random.Generator) -> None:
     """The torque is almost at its limit for 70 ms, in a recording with a long rest."""
-    joint, begin = joint_and_begin(it, run, rng)
-    sign = np.sign(run.w[joint][begin])
-    run.tau[joint][begin : begin + round(0.07 / it.step)] = (
+    joint, start = joint_and_begin(it, run, rng)
+    sign = np.sign(run.w[joint][start])
+    run.tau[joint][start : start + round(0.07 / it.step)] = (
         0.999 * sign * it.joints[joint].motor.max_torque
     )
     add_rest(it, run, 7.0)
@@ -407,11 +409,11 @@ def test_a_fault_that_resembles_noise_is_never_held(
             run = it.run()
             HIDDEN[fault](it, run, rng)
             recordings = it.measured(run, rng, rng.uniform(0.5, 3.0))
-            found = compared(it, recordings, speed=speed)
-            assert found.verdict != "held", (rate, speed, seed)
+            result = compared(it, recordings, speed=speed)
+            assert result.verdict != "held", (rate, speed, seed)
             if fault not in ("low_speed", "late_recorder"):
-                found = compared(it, without_position(recordings), speed=speed)
-                assert found.verdict != "held", (rate, speed, seed)
+                result = compared(it, without_position(recordings), speed=speed)
+                assert result.verdict != "held", (rate, speed, seed)
 
 
 @pytest.mark.parametrize("rest", [1.0, 30.0])
@@ -421,15 +423,15 @@ def test_a_long_rest_is_no_fault(shipped: Executions, rest: float) -> None:
     add_rest(it, run, rest)
     recordings = it.measured(run, np.random.default_rng(1), 1.0)
     for chosen in (recordings, without_position(recordings)):
-        found = compared(it, chosen)
-        assert found.verdict == "held", kinds(found)
+        result = compared(it, chosen)
+        assert result.verdict == "held", kinds(result)
 
 
 def test_an_offset_below_the_resolution_is_no_fault(shipped: Executions) -> None:
     recordings = decimated(shipped.measured(shipped.run(), np.random.default_rng(1), 1.0), 2)
-    shifted = [replace(each, w=each.w + 0.3 * RPM, q=None) for each in recordings]
-    found = compared(shipped, shifted)
-    assert found.verdict == "held", kinds(found)
+    shifted = [replace(item, w=item.w + 0.3 * RPM, q=None) for item in recordings]
+    result = compared(shipped, shifted)
+    assert result.verdict == "held", kinds(result)
 
 
 def test_jitter_at_100_hz_is_no_fault_and_longer_intervals_are(shipped: Executions) -> None:
@@ -440,31 +442,31 @@ def test_jitter_at_100_hz_is_no_fault_and_longer_intervals_are(shipped: Executio
         times += rng.uniform(-jitter, jitter, len(times))
         recordings = [
             replace(
-                each,
+                item,
                 time=times,
-                **{k: np.interp(times, each.time, getattr(each, k)) for k in ("w", "tau", "q")},
+                **{k: np.interp(times, item.time, getattr(item, k)) for k in ("w", "tau", "q")},
             )
-            for each in shipped.healthy(0)
+            for item in shipped.healthy(0)
         ]
-        found = compared(it, recordings)
-        assert found.verdict == verdict, kinds(found)
+        result = compared(it, recordings)
+        assert result.verdict == verdict, kinds(result)
 
 
 def test_a_moving_axis_without_a_recording_is_named(shipped: Executions) -> None:
     recordings = decimated(shipped.healthy(0), 2)
-    found = compared(shipped, recordings[:1])
-    assert (found.verdict, found[0].verdict) == ("cannot tell", "held")
-    assert found.findings[0].text == "no recording of tilt, insertion, which the plan moves"
+    result = compared(shipped, recordings[:1])
+    assert (result.verdict, result[0].verdict) == ("cannot tell", "held")
+    assert result.findings[0].text == "no recording of tilt, insertion, which the plan moves"
 
 
 def test_limits_that_are_not_judged_are_listed(shipped: Executions) -> None:
-    found = compared(shipped, decimated(shipped.healthy(0), 2))
-    judged = {(limit.name, axis.joint) for axis in found for limit in axis.limits}
+    result = compared(shipped, decimated(shipped.healthy(0), 2))
+    judged = {(limit.name, axis.joint) for axis in result for limit in axis.limits}
     checks = shipped.plan.certificate.limits
     assert len(judged & {(check.name, check.joint) for check in checks}) == len(judged) == 15
-    assert len(found.unjudged) == len(checks) - len(judged)
-    assert {"velocity spin", "retina clearance", "continuous torque roll"} <= set(found.unjudged)
-    assert found.to_dict()["unjudged"] == list(found.unjudged)
+    assert len(result.unjudged) == len(checks) - len(judged)
+    assert {"velocity spin", "retina clearance", "continuous torque roll"} <= set(result.unjudged)
+    assert result.to_dict()["unjudged"] == list(result.unjudged)
 
 
 @pytest.mark.slow
@@ -479,5 +481,5 @@ def test_a_simulated_run_is_held_at_any_rate(
             for joint, path in write_recordings(result, tmp_path, 1 / rate).items()
         ]
         for chosen in (recordings, without_position(recordings)):
-            found = compared(shipped, chosen, speed=speed)
-            assert found.verdict == "held", (rate, kinds(found))
+            outcome = compared(shipped, chosen, speed=speed)
+            assert outcome.verdict == "held", (rate, kinds(outcome))

@@ -118,16 +118,16 @@ def test_a_faithful_execution(plan: Plan, tmp_path: Path, name: str) -> None:
         tmp_path / f"{name}.csv", position=True
     )
     measured = read_axis_recording(path, plan.robot, name, COUNTS)
-    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
-    assert found.alignment.delay == pytest.approx(0.31, abs=0.002)
-    assert found.alignment.correlation > 0.99
-    assert found.covered == pytest.approx(1.0, abs=0.01)
-    assert found.differences["speed"].nrmsd < 0.01
-    assert found.differences["torque"].nrmsd < 0.05
-    assert found.differences["position"].nrmsd < 0.002
-    assert found.followed
+    (result,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+    assert result.alignment.delay == pytest.approx(0.31, abs=0.002)
+    assert result.alignment.correlation > 0.99
+    assert result.covered == pytest.approx(1.0, abs=0.01)
+    assert result.differences["speed"].nrmsd < 0.01
+    assert result.differences["torque"].nrmsd < 0.05
+    assert result.differences["position"].nrmsd < 0.002
+    assert result.followed
     planned = {limit.name: limit.margin for limit in plan.certificate.limits if limit.joint == name}
-    for limit in found.limits:
+    for limit in result.limits:
         assert limit.planned_margin == planned[limit.name]
         # An acceleration is the difference of two means, and its error is larger.
         error = 0.05 if limit.name == "acceleration" else 0.03
@@ -141,9 +141,9 @@ def test_the_errors_are_those_that_were_put_in(plan: Plan, tmp_path: Path) -> No
     recorded = Executed(*(x[inside] for x in dataclasses.astuple(recorded)))
     recorded.percent = recorded.percent + 3.0
     measured = read_axis_recording(recorded.write(tmp_path / "roll.csv"), plan.robot, "roll")
-    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+    (result,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
     error = 0.03 * plan.robot.joints[0].motor.nominal_torque
-    torque = found.differences["torque"]
+    torque = result.differences["torque"]
     assert torque.rms == pytest.approx(error, rel=0.03)
     assert torque.nrmsd == pytest.approx(torque.rms / np.ptp(measured.tau), rel=1e-12)
 
@@ -154,44 +154,44 @@ def test_the_motor_s_direction_comes_from_the_robot_file(plan: Plan, tmp_path: P
     robot = dataclasses.replace(
         plan.robot, joints=(plan.robot.joints[0], joint, *plan.robot.joints[2:])
     )
-    (found,) = compare(
+    (result,) = compare(
         plan.trajectory, robot, plan.certificate, [read_axis_recording(path, robot, "tilt", COUNTS)]
     )
-    assert found.differences["position"].nrmsd < 0.002
-    (found,) = compare(
+    assert result.differences["position"].nrmsd < 0.002
+    (result,) = compare(
         plan.trajectory,
         plan.robot,
         plan.certificate,
         [read_axis_recording(path, plan.robot, "tilt", COUNTS)],
     )
-    assert [(each.kind, each.verdict) for each in found.findings] == [("reversed", "not held")]
-    assert "motor_direction" in found.findings[0].text
+    assert [(item.kind, item.verdict) for item in result.findings] == [("reversed", "not held")]
+    assert "motor_direction" in result.findings[0].text
 
 
 def test_another_joint_s_recording_is_named(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "insertion").write(tmp_path / "x.csv")
-    (found,) = compare(
+    (result,) = compare(
         plan.trajectory,
         plan.robot,
         plan.certificate,
         [read_axis_recording(path, plan.robot, "roll")],
     )
-    assert found.verdict == "not held"
+    assert result.verdict == "not held"
     assert (
-        "not the planned one of joint roll, but that of joint insertion" in found.findings[0].text
+        "not the planned one of joint roll, but that of joint insertion" in result.findings[0].text
     )
 
 
 def test_without_a_position_channel_the_speed_is_integrated(plan: Plan, tmp_path: Path) -> None:
     path = executed(plan, "roll").write(tmp_path / "roll.csv")
-    (found,) = compare(
+    (result,) = compare(
         plan.trajectory,
         plan.robot,
         plan.certificate,
         [read_axis_recording(path, plan.robot, "roll")],
     )
-    assert found.differences["position"].nrmsd < 0.01
-    assert any("integral" in note for note in found.notes)
+    assert result.differences["position"].nrmsd < 0.01
+    assert any("integral" in note for note in result.notes)
 
 
 def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
@@ -200,11 +200,11 @@ def test_part_of_the_motion(plan: Plan, tmp_path: Path) -> None:
     some = (recorded.time > 0.35) & (recorded.time < 1.2)
     part = Executed(*(x[some] for x in dataclasses.astuple(recorded)))
     measured = read_axis_recording(part.write(tmp_path / "roll.csv"), plan.robot, "roll")
-    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
-    assert found.covered < 0.7
-    assert any("% of the motion" in finding.text for finding in found.findings)
-    assert found.verdict == "cannot tell"
-    assert found.differences["speed"].nrmsd < 0.01
+    (result,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+    assert result.covered < 0.7
+    assert any("% of the motion" in finding.text for finding in result.findings)
+    assert result.verdict == "cannot tell"
+    assert result.differences["speed"].nrmsd < 0.01
 
 
 def test_a_limit_that_was_exceeded_in_reality(
@@ -271,16 +271,16 @@ def test_alignment_finds_any_delay(delay: float) -> None:
     time = np.arange(0, 5, 0.003)
     measured = np.interp(time - delay, t, speed, left=0, right=0)
     measured += 0.02 * np.random.default_rng(1).normal(size=len(time))
-    found = align_axis(t, speed, time, measured)
-    assert found.delay == pytest.approx(delay, abs=0.003)
-    assert found.correlation > 0.97
+    result = align_axis(t, speed, time, measured)
+    assert result.delay == pytest.approx(delay, abs=0.003)
+    assert result.correlation > 0.97
 
 
 def test_a_motor_that_should_stand_and_does() -> None:
     """The correlation is 1 if a motor rests as planned, and 0 if it moves instead."""
     t = np.linspace(0, 1, 100)
-    found = align_axis(t, np.zeros(100), t, np.zeros(100))
-    assert found.correlation == 1.0
+    result = align_axis(t, np.zeros(100), t, np.zeros(100))
+    assert result.correlation == 1.0
     assert align_axis(t, np.zeros(100), t, np.ones(100)).correlation == 0.0
 
 
@@ -290,9 +290,9 @@ def test_a_recording_of_another_motion_is_named_by_its_speed(plan: Plan, tmp_pat
     stroke = np.sin(10 * np.pi * other.time / other.time[-1])
     recording = dataclasses.replace(other, rpm=300 * stroke, percent=20 * np.sign(stroke))
     measured = read_axis_recording(recording.write(tmp_path / "roll.csv"), plan.robot, "roll")
-    (found,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
-    assert found.verdict == "not held"
-    assert {each.kind for each in found.findings} & {"other motion", "several motions"}
+    (result,) = compare(plan.trajectory, plan.robot, plan.certificate, [measured])
+    assert result.verdict == "not held"
+    assert {item.kind for item in result.findings} & {"other motion", "several motions"}
 
 
 def test_a_channel_that_does_not_change_has_no_nrmsd(plan: Plan, tmp_path: Path) -> None:
@@ -300,10 +300,10 @@ def test_a_channel_that_does_not_change_has_no_nrmsd(plan: Plan, tmp_path: Path)
         executed(plan, "roll").write(tmp_path / "roll.csv"), plan.robot, "roll"
     )
     constant = dataclasses.replace(measured, tau=np.zeros_like(measured.tau))
-    (found,) = compare(plan.trajectory, plan.robot, None, [constant])
-    assert found.differences["torque"].nrmsd is None
-    assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["nrmsd"]["torque"] is None
-    assert all(limit.planned_margin is None for limit in found.limits)
+    (result,) = compare(plan.trajectory, plan.robot, None, [constant])
+    assert result.differences["torque"].nrmsd is None
+    assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["nrmsd"]["torque"] is None
+    assert all(limit.planned_margin is None for limit in result.limits)
 
 
 SHIPPED = RESULTS / "tilt_insert" / "plan.json"
@@ -415,7 +415,7 @@ def test_executions_of_the_shipped_plan_are_called_what_they_are(
     assert command.run_compare(parser.parse_args([*words, "--json"])) == status
     document = json.loads(capsys.readouterr().out)
     assert (document["verdict"], document["held"]) == (verdict, verdict == "held")
-    texts = [each["text"] for part in (document, *document["axes"]) for each in part["findings"]]
+    texts = [item["text"] for part in (document, *document["axes"]) for item in part["findings"]]
     assert finding in " ".join(texts)
     command.run_compare(parser.parse_args(words))
     assert {"held": "held in", "not held": "NOT held", "cannot tell": "CANNOT TELL"}[
@@ -428,19 +428,19 @@ def test_seeded_faults_are_called_rightly(shipped: Executions, kind: str) -> Non
     """This test uses two seeds of each kind of fault."""
     for seed in (0, 1):
         recordings, verdict, finding = shipped.faulty(kind, seed)
-        found = compare(
+        result = compare(
             shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, recordings
         )
-        assert (found.verdict, finding in kinds(found)) == (verdict, True), kinds(found)
+        assert (result.verdict, finding in kinds(result)) == (verdict, True), kinds(result)
 
 
 def test_a_healthy_run_raises_no_alarm(shipped: Executions) -> None:
     for seed in range(8):
-        found = compare(
+        result = compare(
             shipped.plan.motion, shipped.plan.robot, shipped.plan.certificate, shipped.healthy(seed)
         )
-        assert found.followed, kinds(found)
-        assert abs(found.clock.rate - 1) == 0.0
+        assert result.followed, kinds(result)
+        assert abs(result.clock.rate - 1) == 0.0
 
 
 def test_noise_hides_no_limit_it_does_not_reach(shipped: Executions) -> None:
@@ -453,13 +453,13 @@ def test_noise_hides_no_limit_it_does_not_reach(shipped: Executions) -> None:
         run = shipped.run()
         fast = np.abs(run.w["roll"]) > 0.999 * joint.velocity * joint.drive.ratio
         run.w["roll"][fast] *= 1.03
-        found = compare(
+        result = compare(
             shipped.plan.motion,
             shipped.plan.robot,
             None,
             shipped.measured(run, np.random.default_rng(1), rpm=rpm),
         )[0]
-        velocity = next(limit for limit in found.limits if limit.name == "velocity")
+        velocity = next(limit for limit in result.limits if limit.name == "velocity")
         assert (velocity.verdict != "not held") == held
         assert velocity.noise * joint.drive.ratio > rpm * RAD_PER_RPM / 10
 

@@ -49,27 +49,27 @@ def test_the_torque_by_the_direction_of_power(
     tmp_path: Path, kind: str, geometry: str, ratio: float
 ) -> None:
     friction = "\nfriction: {efficiency: 0.9, backward_efficiency: 0.7, b_c: 1 mN*m, b_v: 2e-6 N*m*s/rad}\n"
-    found = drive(
+    result = drive(
         tmp_path, kind, geometry + friction, "kg" if kind.endswith(("screw", "slide")) else "kg*m^2"
     )
-    assert found.ratio == pytest.approx(ratio)
-    assert not found.self_locking
+    assert result.ratio == pytest.approx(ratio)
+    assert not result.self_locking
     rng = np.random.default_rng(3)
     F, w, wd = rng.uniform(-3, 3, 500), rng.uniform(-200, 200, 500), rng.uniform(-500, 500, 500)
     # Either the motor drives the load, or the load drives the motor.
     share = np.where(F * w > 0, 1 / 0.9, 0.7)
     expected = 1e-6 * wd + 1e-3 * np.sign(w) + 2e-6 * w + share * F / ratio
-    assert np.asarray(motor_torque(found, F, w, wd)) == pytest.approx(expected, rel=1e-12)
+    assert np.asarray(motor_torque(result, F, w, wd)) == pytest.approx(expected, rel=1e-12)
     # Breakaway adds the losses to the load, and holding needs only what the losses leave of it.
-    assert breakaway_torque(found, 2.0, 1) == pytest.approx(2 / (0.9 * ratio) + 1e-3)
-    assert holding_torque(found, 2.0) == pytest.approx(max(0.7 * 2 / ratio - 1e-3, 0.0))
+    assert breakaway_torque(result, 2.0, 1) == pytest.approx(2 / (0.9 * ratio) + 1e-3)
+    assert holding_torque(result, 2.0) == pytest.approx(max(0.7 * 2 / ratio - 1e-3, 0.0))
 
 
 def test_a_direct_drive_without_friction_gives_what_the_load_takes(tmp_path: Path) -> None:
-    found = drive(tmp_path, "direct")
-    assert (found.ratio, found.friction.mu) == (1.0, 0.0)  # type: ignore[union-attr]
-    assert motor_torque(found, 0.3, -2.0, 5.0) == pytest.approx(0.3 + 5e-6)
-    assert holding_torque(found, 0.3) == pytest.approx(0.3)
+    result = drive(tmp_path, "direct")
+    assert (result.ratio, result.friction.mu) == (1.0, 0.0)  # type: ignore[union-attr]
+    assert motor_torque(result, 0.3, -2.0, 5.0) == pytest.approx(0.3 + 5e-6)
+    assert holding_torque(result, 0.3) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
@@ -166,11 +166,11 @@ def test_shipped_robots_are_planned_to_the_limits_of_weaker_motors(
 
 
 def test_the_breakdown_of_the_torque_counts_lost_power_as_friction_of_the_mesh() -> None:
-    found = plan_motion(
+    result = plan_motion(
         replace(load_problem("raven_reach"), planner="toppra", motion=(Straight(roll=0.3),))
     )
-    assert found.trajectory is not None
-    load = joint_loads(found.trajectory, load_robot("raven_like"))[0]
+    assert result.trajectory is not None
+    load = joint_loads(result.trajectory, load_robot("raven_like"))[0]
     lost, effort, drive = torque_split(load).mesh_friction, load.effort(), load.drive
     opposing, driving = effort * load.direction > 0, effort * load.direction < 0
     assert opposing.any()

@@ -164,11 +164,11 @@ def test_a_plan_with_a_gearhead_is_proven_by_the_separate_checker(tmp_path):
         joints[0], drive=staged(replace(own, friction=friction), Gearhead("g", 4.0, 0.8))
     )
     robot = replace(problem.robot, joints=tuple(joints))
-    made = plan(replace(problem, robot=robot))
-    assert made.certificate.passed
-    file = made.write(tmp_path / "plan.json")
+    result = plan(replace(problem, robot=robot))
+    assert result.certificate.passed
+    file = result.write(tmp_path / "plan.json")
     claims = prove.prove(json.loads(file.read_text(encoding="utf-8")))
     assert {claim.verdict for claim in claims} == {"PROVEN"}
     (torque,) = (x for x in claims if (x.name, x.joint) == ("motor torque", "roll"))
     largest = max(abs(torque.low), abs(torque.high))
-    assert largest == pytest.approx(made.requirements[0].peak_torque, rel=1e-6)
+    assert largest == pytest.approx(result.requirements[0].peak_torque, rel=1e-6)

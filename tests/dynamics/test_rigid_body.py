@@ -147,15 +147,15 @@ def test_a_transposed_batch_is_refused(robot: Robot) -> None:
 def test_static_loads_of_many_robots_are_those_of_each(robot):
     rng = np.random.default_rng(8)
     robots = [random_robot(robot, rng) for _ in range(5)]
-    robots = [dataclasses.replace(each, gravity=robot.gravity) for each in robots]
+    robots = [dataclasses.replace(item, gravity=robot.gravity) for item in robots]
     q = rng.uniform(-1, 1, (5, 7, 4))
     axes = np.array(
-        [[each.geometry.omega1, each.geometry.omega2, each.geometry.omega3] for each in robots]
+        [[item.geometry.omega1, item.geometry.omega2, item.geometry.omega3] for item in robots]
     )
-    masses = np.array([[body.mass for body in each.bodies] for each in robots])
-    coms = np.array([[body.frame @ body.com for body in each.bodies] for each in robots])
-    found = static_loads(axes, masses, coms, robot.gravity, q)
-    for each, loads, configurations in zip(robots, found, q, strict=True):
+    masses = np.array([[body.mass for body in item.bodies] for item in robots])
+    coms = np.array([[body.frame @ body.com for body in item.bodies] for item in robots])
+    result = static_loads(axes, masses, coms, robot.gravity, q)
+    for item, loads, configurations in zip(robots, result, q, strict=True):
         assert np.allclose(
-            loads, RigidBody.from_robot(each).gravity_load(configurations), rtol=0, atol=1e-12
+            loads, RigidBody.from_robot(item).gravity_load(configurations), rtol=0, atol=1e-12
         )

@@ -62,13 +62,13 @@ def test_an_arc_is_the_sum_of_its_cells(seed):
 
 
 def test_a_box_and_a_rod_are_the_sums_of_their_cells():
-    at, size = np.array([0.02, -0.05, 0.11]), np.array([0.03, 0.07, 0.05])
+    time, size = np.array([0.02, -0.05, 0.11]), np.array([0.03, 0.07, 0.05])
     grid = np.stack(
         np.meshgrid(*(middles(-side / 2, side / 2, 60) for side in size)), axis=-1
     ).reshape(-1, 3)
     close(
-        shapes.box_moments(0.3, at, size),
-        summed(at + grid, np.full(len(grid), 0.3 / len(grid))),
+        shapes.box_moments(0.3, time, size),
+        summed(time + grid, np.full(len(grid), 0.3 / len(grid))),
         1e-3,
     )
     start, end, diameter = np.array([0.0, 0.01, 0.05]), np.array([0.04, 0.1, 0.2]), 0.03
@@ -76,8 +76,8 @@ def test_a_box_and_a_rod_are_the_sums_of_their_cells():
     side = np.cross(way, [1.0, 0, 0])
     side /= np.linalg.norm(side)
     share, r, phi = (
-        each.ravel()
-        for each in np.meshgrid(
+        item.ravel()
+        for item in np.meshgrid(
             middles(0, 1, 80), middles(0, diameter / 2, 80), middles(0, 2 * np.pi, 80)
         )
     )
@@ -103,13 +103,13 @@ def tree(alpha="30 deg", parts=PARTS, **motor):
     said["geometry"] = {**said["geometry"], "alpha": alpha}
     said["joints"] = dict(said["joints"])
     for name, joint in said["joints"].items():
-        given = {
+        inputs = {
             part: follow_reference(section, "joints", name, part).value
             for part in ("drive", "motor")
             if part in joint
         }
         said["joints"][name] = {
-            key: value for key, value in {**joint, **given}.items() if key != "alternatives"
+            key: value for key, value in {**joint, **inputs}.items() if key != "alternatives"
         }
     said["joints"]["tilt"]["motor"] = {
         **said["joints"]["tilt"]["motor"],
@@ -220,7 +220,7 @@ def test_how_far_a_simple_arc_is_off_the_published_bodies():
     """
     robot = load_robot("vitreoretinal")
     axes = (robot.geometry.omega1, robot.geometry.omega2, robot.geometry.omega3)
-    found = []
+    result = []
     for i, sides in enumerate(((-1, -1), (-1, 1))):
         body = robot.bodies[i]
         start, end = (side * body.frame.T @ axes[i + k] for k, side in enumerate(sides))
@@ -230,8 +230,8 @@ def test_how_far_a_simple_arc_is_off_the_published_bodies():
         bar = shapes.arc_moments(start, end, radius, (width, width), 2700.0)
         assert bar.mass == pytest.approx(body.mass)
         inertia = np.linalg.norm(bar.inertia - body.inertia) / np.linalg.norm(body.inertia)
-        found.append((np.linalg.norm(bar.com - body.com), inertia))
-    (near, little), (far, much) = found
+        result.append((np.linalg.norm(bar.com - body.com), inertia))
+    (near, little), (far, much) = result
     assert near < 0.006
     assert little < 0.07
     assert 0.07 < far < 0.08

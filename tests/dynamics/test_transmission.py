@@ -123,10 +123,10 @@ def test_the_laws_have_the_same_values_in_casadi_and_numpy(drive, law):
 
     symbols = [ca.SX.sym(name) for name in ("F", "w", "wd", "sign")]
     expected = laws(F, w, wd, sign)
-    for found, value in zip(
+    for result, value in zip(
         ca.Function("laws", symbols, laws(*symbols)).map(200)(F, w, wd, sign), expected, strict=True
     ):
-        assert found.full()[0] == pytest.approx(value, rel=1e-14, abs=1e-18)
+        assert result.full()[0] == pytest.approx(value, rel=1e-14, abs=1e-18)
 
 
 def test_a_drive_starts_against_the_larger_of_static_and_kinetic_friction():

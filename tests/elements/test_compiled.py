@@ -172,16 +172,16 @@ def at_once(
 
     def addresses(names: tuple[str, ...]) -> tuple[dict[str, Array], list[ctypes.c_void_p]]:
         shapes = {name: native.shapes.get(name, (0,)) for name in names}
-        found = {name: np.full(shape, np.nan) for name, shape in shapes.items()}
-        return found, [ctypes.c_void_p(each.ctypes.data) for each in found.values()]
+        result = {name: np.full(shape, np.nan) for name, shape in shapes.items()}
+        return result, [ctypes.c_void_p(item.ctypes.data) for item in result.values()]
 
     one, context = library.load(), ctypes.byref(native.context)
     assert one is not None
     values, pointers = addresses(("rows", "cost"))
-    given = [ctypes.c_void_p(each.ctypes.data) for each in (z, lam, sigma)]
-    assert one.ssm_values_of(context, given[0], *pointers) == 0
+    inputs = [ctypes.c_void_p(item.ctypes.data) for item in (z, lam, sigma)]
+    assert one.ssm_values_of(context, inputs[0], *pointers) == 0
     derivatives, pointers = addresses(("jacobian", "gradient", "hessian"))
-    assert one.ssm_derivatives_of(context, *given, (ctypes.c_void_p * 3)(*pointers)) == 0
+    assert one.ssm_derivatives_of(context, *inputs, (ctypes.c_void_p * 3)(*pointers)) == 0
     return values, derivatives
 
 
@@ -241,7 +241,7 @@ def test_every_variant_gives_the_same_bits(
     element, z, parameters = elements_of(
         with_jerk(tilt_insert.robot, 35.0, 1.0), kind, "cooling", rng
     )
-    found = []
+    result = []
     for name in library.VARIANTS:
         opened = library._open(name)
         if opened is None or (name == "avx2" and not opened.ssm_has_avx2()):
@@ -250,8 +250,8 @@ def test_every_variant_gives_the_same_bits(
         native = native_elements(element, parameters, COUNT)
         assert native is not None
         parts = at_once(native, z, *multipliers_of(native, "cooling", np.random.default_rng(8)))
-        found.append(b"".join(each.tobytes() for part in parts for each in part.values()))
-    assert len(set(found)) == 1
+        result.append(b"".join(item.tobytes() for part in parts for item in part.values()))
+    assert len(set(result)) == 1
 
 
 def elements_of(
@@ -259,10 +259,10 @@ def elements_of(
 ) -> tuple[Any, Array, list[Array]]:
     """Return a model, variables of COUNT elements (COUNT, n), and the parameters."""
     cases = [CASES[kind](robot, aim, rng) for _ in range(COUNT)]
-    z, *each = (np.array(values) for values in zip(*(numbers for _, numbers in cases), strict=True))
-    element, packed = cases[0][0], each[-1][0]
+    z, *item = (np.array(values) for values in zip(*(numbers for _, numbers in cases), strict=True))
+    element, packed = cases[0][0], item[-1][0]
     fields = vars(element.layout.unpack(packed)) | {"cooling": [0.5, 0.0, 1.0, 2.0], "stop": 0.4}
-    return element, z, [*each[:-1], element.layout.pack(**fields)]
+    return element, z, [*item[:-1], element.layout.pack(**fields)]
 
 
 @pytest.mark.parametrize("aim", get_args(Aim))
@@ -312,11 +312,11 @@ def test_ipopt_is_given_the_same(tilt_insert: Problem, kind: str) -> None:
     assert native is not None
     alike = [i + 1 for i, values in enumerate(parameters) if values.ndim == 1]
     for name, function in _by_name(element_functions(element)).items():
-        given = [values.T for values in (z, *parameters)]
+        inputs = [values.T for values in (z, *parameters)]
         if name == "hessian":
-            given.append(rng.uniform(0, 1, (function.size1_in(len(given)), COUNT)))
-        theirs = function.map(name, "serial", COUNT, alike, []).call(given)
-        for mine, its in zip(native.function(function).call(given), theirs, strict=True):
+            inputs.append(rng.uniform(0, 1, (function.size1_in(len(inputs)), COUNT)))
+        theirs = function.map(name, "serial", COUNT, alike, []).call(inputs)
+        for mine, its in zip(native.function(function).call(inputs), theirs, strict=True):
             assert mine.sparsity() == its.sparsity()
             agree(mine.full(), its.full())
         native.check()
@@ -370,11 +370,11 @@ def test_lanes_do_not_matter(tilt_insert: Problem) -> None:
     together = native_elements(element, parameters, COUNT)
     assert together is not None
     lam = np.ones((COUNT, together.shapes["rows"][1] + 1))
-    whole = together.call("hessian", z, lam)
+    complete = together.call("hessian", z, lam)
     for k in range(COUNT):
         alone = native_elements(element, [sigma[k], packed], 1)
         assert alone is not None
-        assert np.array_equal(alone.call("hessian", z[k : k + 1], lam[:1])[0], whole[k])
+        assert np.array_equal(alone.call("hessian", z[k : k + 1], lam[:1])[0], complete[k])
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -152,9 +152,9 @@ def test_derivatives_are_those_of_the_whole_element(
         assert_close(mine.jacobian(*numbers), jacobian)
         multipliers = rng.uniform(0, 1, values.numel())
         kappa = [] if mine.cost is None else [2.3]
-        found = mine.hessian(*numbers, np.append(multipliers, kappa))
-        assert_close(found, hessian(*numbers, np.append(multipliers, kappa or [0.0])))
-        assert_close(found, ca.DM(found).T)
+        result = mine.hessian(*numbers, np.append(multipliers, kappa))
+        assert_close(result, hessian(*numbers, np.append(multipliers, kappa or [0.0])))
+        assert_close(result, ca.DM(result).T)
         if mine.cost is not None and mine.gradient is not None:
             value, gradient = cost(*numbers)
             assert_close(mine.cost(*numbers), value)
@@ -182,10 +182,10 @@ def test_a_cost_is_the_integral_over_the_element(tilt_insert: Problem, kind: str
     exact = z[-1] / 2 * float(weights @ values)
     cost = element_functions(element).cost
     assert cost is not None
-    whole = float(cost(z, *arguments)) - exact
+    complete = float(cost(z, *arguments)) - exact
     halves = sum(float(cost(half, *arguments)) for half in _halves(z)) - exact
-    assert abs(whole) < 1e-2 * exact
-    assert abs(halves) < abs(whole) / 10
+    assert abs(complete) < 1e-2 * exact
+    assert abs(halves) < abs(complete) / 10
 
 
 def _halves(z: Array) -> tuple[Array, Array]:
@@ -221,8 +221,8 @@ def test_heat_is_that_of_the_exact_friction_law(tilt_insert: Problem) -> None:
             robot, RigidBody.from_robot(robot), samples, sigma[None], np.zeros((1, 4), dtype=bool)
         )
         exact = np.nansum((motor.torque[0] / nominal) ** 2)
-        found = float(element.cost(np.concatenate(state), sigma, numbers))
-        assert found == pytest.approx(exact, rel=5e-3, abs=1e-5)
+        result = float(element.cost(np.concatenate(state), sigma, numbers))
+        assert result == pytest.approx(exact, rel=5e-3, abs=1e-5)
 
 
 def test_effort_counts_only_what_speed_and_acceleration_ask(tilt_insert: Problem) -> None:

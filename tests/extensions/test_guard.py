@@ -236,12 +236,12 @@ def faulty(bench: Bench, kind: str, seed: int) -> tuple[Run, int]:
 def test_every_fault_raises_an_alarm_within_20_ms(kind: str, bench: Bench) -> None:
     guard = NativeGuard(bench.plan, bench.thresholds)
     for seed in range(SEEDS):
-        run, begin = faulty(bench, kind, seed)
+        run, start = faulty(bench, kind, seed)
         guard.restart()
-        seen = bench.first_alarm(guard, run, range(begin - BEFORE, begin + AFTER))
+        seen = bench.first_alarm(guard, run, range(start - BEFORE, start + AFTER))
         assert seen is not None, seed
         row, alarm = seen
-        assert 0 <= row - begin <= WITHIN, (seed, alarm)
+        assert 0 <= row - start <= WITHIN, (seed, alarm)
         assert alarm.cause in FAULTS[kind][1], (seed, alarm)
 
 
@@ -261,8 +261,8 @@ def test_healthy_runs_raise_no_alarm(bench: Bench) -> None:
 def test_c_and_python_raise_the_same_alarms(bench: Bench) -> None:
     native = NativeGuard(bench.plan, bench.thresholds)
     for seed, kind in enumerate(FAULTS):
-        run, begin = faulty(bench, kind, seed)
-        rows = range(begin - BEFORE, begin + AFTER)
+        run, start = faulty(bench, kind, seed)
+        rows = range(start - BEFORE, start + AFTER)
         native.restart()
         in_c = bench.first_alarm(native, run, rows)
         in_python = bench.first_alarm(Guard(bench.thresholds), run, rows)
@@ -298,13 +298,13 @@ def test_a_simulated_arm_with_its_controllers_raises_no_alarm(plan: Plan, fricti
 
 def test_an_alarm_stays(bench: Bench) -> None:
     """After an alarm, the guard returns the same alarm for healthy measurements."""
-    run, begin = faulty(bench, "not a number", 0)
+    run, start = faulty(bench, "not a number", 0)
     guard = Guard(bench.thresholds)
-    seen = bench.first_alarm(guard, run, range(begin - BEFORE, begin + AFTER))
+    seen = bench.first_alarm(guard, run, range(start - BEFORE, start + AFTER))
     assert seen is not None
     healthy = bench.run(0, healthy=False)
-    point = tuple(column[begin] for column in bench.reference)
-    assert guard.tick(float(healthy.clock[begin]), point, healthy.sample(begin)) is seen[1]
+    point = tuple(column[start] for column in bench.reference)
+    assert guard.tick(float(healthy.clock[start]), point, healthy.sample(start)) is seen[1]
 
 
 def test_without_a_compiler_the_guard_runs_in_python(

@@ -29,7 +29,7 @@ def messages(exported: Callable[[str], Path]) -> dict[str, list[tuple[int, Any]]
     from jsonschema import Draft202012Validator
     from mcap.reader import make_reader
 
-    found: dict[str, list[tuple[int, Any]]] = {}
+    result: dict[str, list[tuple[int, Any]]] = {}
     validators: dict[int, Any] = {}
     with (exported("mcap") / "motion.mcap").open("rb") as file:
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
@@ -37,10 +37,10 @@ def messages(exported: Callable[[str], Path]) -> dict[str, list[tuple[int, Any]]
             content = json.loads(message.data)
             if schema.id not in validators:
                 validators[schema.id] = Draft202012Validator(json.loads(schema.data))
-            if len(found.get(channel.topic, [])) % 50 == 0:
+            if len(result.get(channel.topic, [])) % 50 == 0:
                 validators[schema.id].validate(content)
-            found.setdefault(channel.topic, []).append((message.log_time, content))
-    return found
+            result.setdefault(channel.topic, []).append((message.log_time, content))
+    return result
 
 
 def test_the_channels_have_the_values_of_the_plan(
@@ -70,16 +70,16 @@ def test_the_transforms_lead_to_the_tool(
     from scipy.spatial.transform import Rotation
 
     for time, content in messages["/tf"][::40]:
-        whole, parent = Rotation.identity(), "base"
+        complete, parent = Rotation.identity(), "base"
         for transform in content["transforms"]:
             assert transform["parent_frame_id"] == parent
             parent = transform["child_frame_id"]
-            whole *= Rotation.from_quat([transform["rotation"][key] for key in "xyzw"])
+            complete *= Rotation.from_quat([transform["rotation"][key] for key in "xyzw"])
             stamp = transform["timestamp"]
             assert stamp["sec"] * 10**9 + stamp["nsec"] == time
         assert parent == "tool"
         q = shipped.motion.sample(shipped.motion.breaks[0] + np.array([time / 1e9]), clamp=True).q
-        assert np.abs(whole.as_matrix() - fk(shipped.robot, q).rotation[0]).max() <= 1e-8
+        assert np.abs(complete.as_matrix() - fk(shipped.robot, q).rotation[0]).max() <= 1e-8
 
 
 def test_the_robot_is_beside_the_file(exported: Callable[[str], Path]) -> None:

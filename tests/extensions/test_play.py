@@ -373,8 +373,8 @@ def test_after_a_pause_the_drives_hold_their_last_set_points(
     """
 
     def pause(message: can.Message) -> None:
-        wanted = SYNC if where == "at the SYNC" else 0x301
-        if message.arbitration_id == wanted and machine.player.outcome.sent == MOVING:
+        expected = SYNC if where == "at the SYNC" else 0x301
+        if message.arbitration_id == expected and machine.player.outcome.sent == MOVING:
             machine.clock.wait(0.018)
 
     machine.bus.listeners.append(pause)
@@ -617,17 +617,17 @@ def test_the_command_plays_on_simulated_drives(
 
 
 def test_a_dry_run_writes_nothing(command: SimpleNamespace) -> None:
-    written: list[can.Message] = []
+    output: list[can.Message] = []
 
     def listen(message: can.Message) -> None:
         is_upload = message.arbitration_id & 0x780 == 0x600 and message.data[0] >> 5 == 2
         if not is_upload:
-            written.append(message)
+            output.append(message)
 
     command.machine.bus.listeners.append(listen)
     assert command.run("--dry-run") == 0
     assert command.run(*command.real, "--dry-run") == 0
-    assert written == []
+    assert output == []
 
 
 @pytest.mark.parametrize(

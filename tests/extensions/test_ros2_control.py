@@ -132,15 +132,15 @@ def test_efforts_are_commanded_only_if_asked_for(
     package: Path, shipped: Plan, tmp_path: Path
 ) -> None:
     write(shipped, tmp_path, effort=True, package="my_arm", hardware="maker/Drives")
-    for folder, wanted in ((package, ["position"]), (tmp_path, ["position", "effort"])):
+    for folder, expected in ((package, ["position"]), (tmp_path, ["position", "effort"])):
         text = (folder / "config/controllers.yaml").read_text(encoding="utf-8")
         parameters = yaml.safe_load(text)["joint_trajectory_controller"]["ros__parameters"]
-        assert parameters["command_interfaces"] == wanted
+        assert parameters["command_interfaces"] == expected
         for joint in description(folder).iterfind("ros2_control/joint"):
-            assert [e.get("name") for e in joint.iterfind("command_interface")] == wanted
+            assert [e.get("name") for e in joint.iterfind("command_interface")] == expected
         goal = (folder / "config/goal.yaml").read_text(encoding="utf-8")
         efforts = re.findall(r"effort: \[(.*?)\]", goal)
-        assert all(bool(effort) == ("effort" in wanted) for effort in efforts)
+        assert all(bool(effort) == ("effort" in expected) for effort in efforts)
     assert description(tmp_path).findtext("ros2_control/hardware/plugin") == "maker/Drives"
     assert "my_arm" in (tmp_path / "CMakeLists.txt").read_text(encoding="utf-8")
 
@@ -182,9 +182,9 @@ def test_the_plan_is_sent_only_if_the_arm_is_at_its_first_point(
         points = [SimpleNamespace(**trajectory["points"][0])]
         names = trajectory["joint_names"]
         message.trajectory = SimpleNamespace(joint_names=names, points=points)
-        kept = [k for k, name in enumerate(names) if name != missing]
-        positions = np.array(points[0].positions)[kept] + shift
-        states = SimpleNamespace(name=[names[k] for k in kept], position=positions.tolist())
+        remaining = [k for k, name in enumerate(names) if name != missing]
+        positions = np.array(points[0].positions)[remaining] + shift
+        states = SimpleNamespace(name=[names[k] for k in remaining], position=positions.tolist())
         sys.modules["rclpy"].task.Future.return_value.result.return_value = states
 
     sys.modules["rosidl_runtime_py.set_message"].set_message_fields = set_fields

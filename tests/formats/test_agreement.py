@@ -184,8 +184,8 @@ def one_stop_less(folder: Path, _: dict[str, Any]) -> None:
     """Remove the rows of the first stop."""
     rows = (folder / "stops.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     begins = [row.split(",")[0] for row in rows[1:]]
-    kept = [row for row, begin in zip(rows[1:], begins, strict=True) if begin != begins[0]]
-    (folder / "stops.csv").write_text(rows[0] + "".join(kept), encoding="utf-8")
+    remaining = [row for row, start in zip(rows[1:], begins, strict=True) if start != begins[0]]
+    (folder / "stops.csv").write_text(rows[0] + "".join(remaining), encoding="utf-8")
 
 
 STOPS: dict[str, Change] = {

@@ -118,12 +118,12 @@ def built(
 
 def texts_of(robot: Robot, plan: Plan | None = None) -> dict[str, str]:
     """Return the exported files of a robot and of a plan."""
-    made = {"ssm_robot": robot_code(robot)}
+    result = {"ssm_robot": robot_code(robot)}
     if plan is not None:
-        made["ssm_trajectory"] = trajectory_code(plan)
+        result["ssm_trajectory"] = trajectory_code(plan)
     return {
         f"{name}.{ending}": text
-        for name, pair in made.items()
+        for name, pair in result.items()
         for ending, text in zip("hc", pair, strict=True)
     }
 
@@ -161,8 +161,8 @@ def run_all(library: ctypes.CDLL, s: Samples, dtype: type = np.float64) -> tuple
     n = len(s.t)
     out = tuple(np.empty((n, size), dtype) for size in (9, 3, 4, 4))
     inputs = (np.ascontiguousarray(x, dtype) for x in (s.q, s.qd, s.qdd, s.qddd))
-    library.all(ctypes.c_long(n), *pointers(*(kept := [*inputs, *out])))
-    return tuple(kept[4:])
+    library.all(ctypes.c_long(n), *pointers(*(remaining := [*inputs, *out])))
+    return tuple(remaining[4:])
 
 
 def close(found: np.ndarray, expected: np.ndarray) -> None:
@@ -247,9 +247,9 @@ def test_inverse_kinematics_in_c(robot: Robot, library: ctypes.CDLL) -> None:
         assert np.abs(turns - np.round(turns)).max() <= AGREEMENT
         assert np.abs(q[:, :3] - near[:, :3]).max() <= np.pi * (1 + 1e-9)
         reached = forward(mechanism, q)
-        asked = forward(mechanism, solutions.joints[:, k])
-        assert np.abs(reached[0] - asked[0]).max() <= 1e-12
-        assert np.abs(reached[1] - asked[1]).max() <= 1e-12
+        request = forward(mechanism, solutions.joints[:, k])
+        assert np.abs(reached[0] - request[0]).max() <= 1e-12
+        assert np.abs(reached[1] - request[1]).max() <= 1e-12
     outside, q = np.array([[0.0, -0.5, 0.0, 0.0]]), np.empty((1, 4))
     library.inverse(ctypes.c_long(1), *pointers(outside, np.ones(1), np.zeros((1, 4)), q))
     assert np.isnan(q[0, 1])
@@ -278,15 +278,15 @@ def test_the_sampler_equals_python(
     motion, rng = plan.trajectory, np.random.default_rng(5)
     t = np.concatenate([rng.uniform(0, motion.duration, STATES), motion.breaks[:-1]])
     s = motion.sample(t)
-    found = sampled(library, t)
-    for value, expected in zip(found[:3], (s.q, s.qd, s.qdd), strict=True):
+    result = sampled(library, t)
+    for value, expected in zip(result[:3], (s.q, s.qd, s.qdd), strict=True):
         size = np.maximum(np.abs(expected), 1e-3 * max(np.abs(expected).max(), 1e-300))
         assert np.max(np.abs(value - expected) / size) <= AGREEMENT
     driven = [i for i, joint in enumerate(robot.joints) if joint.drive is not None]
-    close(found[3][:, driven], expected_torque(robot, s)[:, driven])
-    begin, end = motion.sample(motion.breaks[[0, -1]], side="left").q
+    close(result[3][:, driven], expected_torque(robot, s)[:, driven])
+    start, end = motion.sample(motion.breaks[[0, -1]], side="left").q
     for instants, q in (
-        ([-1.0, -1e-9, np.nan, -np.inf], begin),
+        ([-1.0, -1e-9, np.nan, -np.inf], start),
         ([motion.duration, 1e9, np.inf], end),
     ):
         rest = sampled(library, np.array(instants))
@@ -325,23 +325,23 @@ def test_single_precision(plan: Plan, robot: Robot, tmp_path: Path) -> None:
     assert np.abs(torque - expected_torque(robot, s))[:, driven].max() <= 1e-6
     t = rng.uniform(0, plan.trajectory.duration, 10_000)
     exact = plan.trajectory.sample(t)
-    found = sampled(library, t, np.float32)
-    assert np.abs(found[0] - exact.q).max() <= 1e-6
-    assert np.abs(found[1] - exact.qd).max() <= 1e-5
+    result = sampled(library, t, np.float32)
+    assert np.abs(result[0] - exact.q).max() <= 1e-6
+    assert np.abs(result[1] - exact.qd).max() <= 1e-5
 
 
 def test_limits_are_constants(robot: Robot, library: ctypes.CDLL) -> None:
-    found = {
+    result = {
         name: list((ctypes.c_double * 4).in_dll(library, name)) for name in joint_limits(robot)
     }
-    assert found == joint_limits(robot)
-    assert found["ssm_velocity_max"] == [joint.velocity for joint in robot.joints]
-    assert found["ssm_position_min"] == [joint.position[0] for joint in robot.joints]
+    assert result == joint_limits(robot)
+    assert result["ssm_velocity_max"] == [joint.velocity for joint in robot.joints]
+    assert result["ssm_position_min"] == [joint.position[0] for joint in robot.joints]
     motors = [
         np.inf if joint.motor is None or joint.drive is None else joint.motor.max_torque
         for joint in robot.joints
     ]
-    assert found["ssm_motor_torque_max"] == motors
+    assert result["ssm_motor_torque_max"] == motors
 
 
 @pytest.mark.parametrize("precision", [[], [SINGLE]], ids=["double", "single"])
@@ -374,7 +374,7 @@ def test_both_precisions_in_one_program(plan: Plan, tmp_path: Path) -> None:
             (tmp_path / name / file).write_text(text, encoding="utf-8")
         command = [COMPILER, *STRICT, *flags, "-c", "ssm_robot.c", "ssm_trajectory.c"]
         subprocess.run(command, cwd=tmp_path / name, check=True)
-        objects[name] = [f"{name}/{each}.o" for each in ("ssm_robot", "ssm_trajectory")]
+        objects[name] = [f"{name}/{item}.o" for item in ("ssm_robot", "ssm_trajectory")]
     (tmp_path / "main.c").write_text(HARSH, encoding="utf-8")
     command = [
         COMPILER,
@@ -407,9 +407,9 @@ HOSTILE = (
 def test_names_stay_in_their_comments(name: str, robot: Robot, tmp_path: Path) -> None:
     """The name of the robot does not change the compiled code."""
     seen = []
-    for each in ("plain", name):
+    for item in ("plain", name):
         for text in robot_code(
-            dataclasses.replace(robot, name=each), [f"Exported with {comment_safe_text(each)}."]
+            dataclasses.replace(robot, name=item), [f"Exported with {comment_safe_text(item)}."]
         ):
             (tmp_path / "x.c").write_text(text.replace("#include", "//"), encoding="utf-8")
             command = [str(COMPILER), "-trigraphs", "-E", "-P", "x.c"]

@@ -479,10 +479,10 @@ def test_simulated_drives_receive_the_plan(plan: Plan, tmp_path: Path) -> None:
             assert np.array_equal(received[:, 2], rows["torque_offset_permille"])
             assert abs(drives[joint.name].position - exact[-1]) <= 1
             # At every SYNC, `simulate` demands the same position to within an increment.
-            told = told_to_simulation(plan)[:: round(0.004 / LOOP_PERIOD), i][:count]
-            increments = told * joint.motor_direction * COUNTS / (2 * np.pi)
-            assert len(told) >= count - 1
-            assert np.abs(received[: len(told), 0] - increments).max() <= 1
+            messages = told_to_simulation(plan)[:: round(0.004 / LOOP_PERIOD), i][:count]
+            increments = messages * joint.motor_direction * COUNTS / (2 * np.pi)
+            assert len(messages) >= count - 1
+            assert np.abs(received[: len(messages), 0] - increments).max() <= 1
             reported, target = clients[joint.name].tpdo[2][0], int(received[-1, 0])
             assert settled(lambda reported=reported, target=target: reported.raw == target)
 
@@ -548,11 +548,11 @@ def test_only_a_motion_that_ends_moving_has_to_be_continued(
     """A motion that ends moving is stretched so that it ends at a setpoint, and a note reports its
     final speeds. A motion that ends at rest gets no such note.
     """
-    whole = plan.motion
-    half = len(whole.breaks) // 3
+    complete = plan.motion
+    half = len(complete.breaks) // 3
     rows = slice(None, half) if moving == "ends" else slice(half, None)
-    breaks = whole.breaks[: half + 1] if moving == "ends" else whole.breaks[half:]
-    part = Trajectory(breaks, whole.coefficients[rows], ())
+    breaks = complete.breaks[: half + 1] if moving == "ends" else complete.breaks[half:]
+    part = Trajectory(breaks, complete.coefficients[rows], ())
     cut = certified(dataclasses.replace(plan, trajectory=part))
     _, manifest = export(cut, "epos4", tmp_path, force=True, counts_per_turn=COUNTS, rate=125.0)
     notes = [note for note in manifest["notes"] if "the motion ends moving" in note]
@@ -680,8 +680,8 @@ def test_every_column_is_kept_to_the_range_of_its_object(
     for sign in (1, -1):
         motion = {name: np.zeros((2, 4)) for name in ("q", "speed", "torque")}
         motion[key][1, 0] = sign * largest * unit
-        written = _integer_streams({"roll": axis}, motion, "csp")["roll"]
-        assert [abs(column[1]) for column in written.values()].count(largest) == 1
+        output = _integer_streams({"roll": axis}, motion, "csp")["roll"]
+        assert [abs(column[1]) for column in output.values()].count(largest) == 1
         motion[key][1, 0] = sign * (largest + 1) * unit
         for mode in ("csp", "csv", "cst"):
             with pytest.raises(ExportError, match=f"joint roll: {quantity} of .* does not fit"):

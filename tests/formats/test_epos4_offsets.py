@@ -49,10 +49,10 @@ def test_offsets_of_the_motion_itself_pass_and_changed_ones_do_not(
     if not even:
         t[1:-1] += np.random.default_rng(3).uniform(-6e-4, 6e-4, count - 2)
     q, offsets = stream(plan, t)
-    found = checks_of(plan, t, q, offsets)
-    assert all(check.passed for check in found.values())
-    assert len(found) == 9
-    velocity, torque, motor = (sorted({name for name, _ in found}, key=len)[k] for k in (2, 1, 0))
+    result = checks_of(plan, t, q, offsets)
+    assert all(check.passed for check in result.values())
+    assert len(result) == 9
+    velocity, torque, motor = (sorted({name for name, _ in result}, key=len)[k] for k in (2, 1, 0))
     assert motor == "motor torque"
     assert "torque" in torque
     assert "torque" not in velocity
@@ -60,19 +60,19 @@ def test_offsets_of_the_motion_itself_pass_and_changed_ones_do_not(
         joint = plan.robot.joints[i]
         exact = offsets[i]
         k = count // 3
-        at = np.arange(count) == k
+        time = np.arange(count) == k
         step = joint.acceleration * 4e-3
-        faster = replace(exact, velocity=exact.velocity + step * at)
+        faster = replace(exact, velocity=exact.velocity + step * time)
         check = checks_of(plan, t, q, {**offsets, i: faster})[velocity, joint.name]
         assert not check.passed
         assert check.time in t[k - 1 : k + 1]
-        stronger = replace(exact, torque=exact.torque + 0.6 * np.ptp(exact.torque) * at)
+        stronger = replace(exact, torque=exact.torque + 0.6 * np.ptp(exact.torque) * time)
         check = checks_of(plan, t, q, {**offsets, i: stronger})[torque, joint.name]
         assert not check.passed
         assert check.time == t[k]
-        weaker = replace(exact, torque=exact.torque - 0.6 * np.ptp(exact.torque) * at)
+        weaker = replace(exact, torque=exact.torque - 0.6 * np.ptp(exact.torque) * time)
         assert not checks_of(plan, t, q, {**offsets, i: weaker})[torque, joint.name].passed
-        check = found[motor, joint.name]
+        check = result[motor, joint.name]
         assert check.worst == pytest.approx(np.abs(exact.torque).max() - 1e-6)
         assert check.time == t[np.argmax(np.abs(exact.torque))]
 

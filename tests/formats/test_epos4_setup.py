@@ -82,8 +82,8 @@ def test_counts_come_from_the_option_the_motor_or_are_missing(robot: Robot) -> N
 
 def test_numbers_fit_up_to_the_largest_either_way() -> None:
     values = np.array([-0.0, INT16_MAX, -INT16_MAX])
-    found = check_integer_range(values, INT16_MAX, "roll", "torque", "per mille")
-    assert np.array_equal(found, values)
+    result = check_integer_range(values, INT16_MAX, "roll", "torque", "per mille")
+    assert np.array_equal(result, values)
     for bad in (INT16_MAX + 1.0, -INT16_MAX - 1.0, np.nan, np.inf):
         with pytest.raises(ExportError, match="joint roll: torque of"):
             check_integer_range(np.array([0.0, bad]), INT16_MAX, "roll", "torque", "per mille")
@@ -171,7 +171,7 @@ def test_setup_objects_are_the_limits_of_the_joint_in_the_units_of_the_drive(rob
     without = replace(robot, joints=(replace(robot.joints[0], motor=None), *robot.joints[1:]))
     with pytest.raises(ExportError, match=r"joints\.roll\.motor is missing"):
         drive_axes(without, 4096)
-    bare = tuple(replace(each, drive=None) for each in robot.joints)
+    bare = tuple(replace(item, drive=None) for item in robot.joints)
     with pytest.raises(ExportError, match="no joint of robot"):
         drive_axes(replace(robot, joints=bare), 4096)
 

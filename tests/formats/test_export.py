@@ -78,8 +78,8 @@ def test_stops_lie_beside_the_plan_one_after_the_other(plan: Plan, tmp_path: Pat
     starts = np.flatnonzero(rows[:, 1] == 0.0)
     parts = np.split(rows, starts[1:])
     assert len(parts) == len(stops) == 4  # The motion rests at both ends.
-    for part, stop, begin in zip(parts, stops, expected.time[1:], strict=False):
-        assert part[:, 0] == pytest.approx(begin, abs=1e-6)
+    for part, stop, start in zip(parts, stops, expected.time[1:], strict=False):
+        assert part[:, 0] == pytest.approx(start, abs=1e-6)
         assert part[-1, 1] == pytest.approx(stop.duration, abs=1e-6)
         assert np.diff(part[:-1, 1]) == pytest.approx(1e-3)
         assert part[-1, 1] - part[-2, 1] <= 1e-3 + 1e-6
@@ -118,11 +118,11 @@ def test_a_slower_export_is_the_slower_motion_with_a_certificate_of_its_own(
     assert manifest["plan"]["duration_s"] == pytest.approx(2 * source.motion.duration)
     reading = read_trajectory(tmp_path, robot)
     t = np.linspace(0.0, source.motion.duration, 200)
-    here, there = reading.trajectory.sample(2 * t), source.motion.sample(t)
-    assert here.q == pytest.approx(there.q, abs=1e-6)
-    assert here.qd == pytest.approx(there.qd / 2, abs=1e-4)
-    _, whole = export(plan, "csv", tmp_path / "whole")
-    assert "speed" not in whole
+    folder, target = reading.trajectory.sample(2 * t), source.motion.sample(t)
+    assert folder.q == pytest.approx(target.q, abs=1e-6)
+    assert folder.qd == pytest.approx(target.qd / 2, abs=1e-4)
+    _, complete = export(plan, "csv", tmp_path / "whole")
+    assert "speed" not in complete
     for speed in (0.0, 1.5):
         with pytest.raises(ProblemError, match="speed"):
             export(plan, "csv", tmp_path / "x", speed=speed)
@@ -239,16 +239,16 @@ def test_round_trip(
         readings += [read_trajectory(tmp_path / to / name, robot) for name in ("goal.yaml", "bag")]
     original = {(limit.name, limit.joint): limit.margin for limit in source.certificate.limits}
     for reading in readings:
-        found = check(
+        result = check(
             reading.trajectory,
             robot,
             source.limits,
             resolution=reading.resolution,
             interpolation=reading.interpolation,
         )
-        assert found.verdict == ("not judged" if to == "epos4" else "kept")
+        assert result.verdict == ("not judged" if to == "epos4" else "kept")
         compared = 0
-        for limit in found.limits:
+        for limit in result.limits:
             if limit.name.endswith("jump") or (to == "epos4" and limit.name == "acceleration"):
                 continue
             # The check judges the upper end of the torque band.

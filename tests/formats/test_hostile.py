@@ -109,9 +109,9 @@ def test_offsets_of_a_drive_are_judged_with_and_without_the_hash(
         api.check(tmp_path / "e", robot)
     manifest["files"]["tilt.csv"] = hashlib.sha256(files["tilt.csv"].read_bytes()).hexdigest()
     files["manifest"].write_text(json.dumps(manifest), encoding="utf-8")
-    found = api.check(tmp_path / "e", robot)
+    result = api.check(tmp_path / "e", robot)
     assert ("velocity offset" if column == 2 else "torque offset", "tilt") in {
-        (v.name, v.joint) for v in found.violations
+        (v.name, v.joint) for v in result.violations
     }
 
 
@@ -284,12 +284,12 @@ def test_joints_in_another_order_in_mid_bag(made: Plan, robot: Robot) -> None:
     names, rows = tuple(joint.name for joint in robot.joints), np.arange(12.0).reshape(3, 4)
     states = [_ros_joint_state(float(k), names, row, 0.1 * row) for k, row in enumerate(rows)]
     turned = _ros_joint_state(1.0, names[::-1], rows[1, ::-1], 0.1 * rows[1, ::-1])
-    assert isinstance(whole := _message_from_states(states), TrajectoryMessage)
+    assert isinstance(complete := _message_from_states(states), TrajectoryMessage)
     assert isinstance(
         mixed := _message_from_states([states[0], turned, states[2]]), TrajectoryMessage
     )
-    assert np.array_equal(mixed.positions, whole.positions)
-    assert np.array_equal(mixed.velocities, whole.velocities)
+    assert np.array_equal(mixed.positions, complete.positions)
+    assert np.array_equal(mixed.velocities, complete.velocities)
     with pytest.raises(TrajectoryError, match="other joints"):
         _message_from_states(
             [states[0], _ros_joint_state(1.0, ("a", "b", "c", "d"), rows[1], rows[1])]
@@ -301,8 +301,10 @@ def test_damaged_bags_are_refused(made: Plan, robot: Robot, tmp_path: Path) -> N
     file = next(folder.glob("*.mcap"))
     data, rng = file.read_bytes(), np.random.default_rng(0)
     for _ in range(100):
-        at = int(rng.integers(len(data)))
-        file.write_bytes(data[:at] + bytes([rng.integers(256)]) + data[at + int(rng.integers(2)) :])
+        time = int(rng.integers(len(data)))
+        file.write_bytes(
+            data[:time] + bytes([rng.integers(256)]) + data[time + int(rng.integers(2)) :]
+        )
         try:
             read_trajectory(folder, robot)
         except TrajectoryError as error:

@@ -196,8 +196,8 @@ def test_joints_may_come_in_any_order(robot: Robot) -> None:
         names=tuple(NAMES[k] for k in order),
         positions=np.array(usual.positions)[:, order].tolist(),
     )
-    found, expected = (interpolate_message(m, robot, "").trajectory for m in (turned, usual))
-    assert np.array_equal(found.coefficients, expected.coefficients)
+    result, expected = (interpolate_message(m, robot, "").trajectory for m in (turned, usual))
+    assert np.array_equal(result.coefficients, expected.coefficients)
     assert expected.sample(usual.time).q == pytest.approx(np.array(usual.positions))
 
 
@@ -225,9 +225,9 @@ def test_quantities_are_lists_of_numbers(value: object) -> None:
         points = [fine, {**fine, "time_from_start": {"sec": 1}, key: value}]
         with pytest.raises(TrajectoryError, match=f"here: point 1: {key} is not a list of num"):
             parse_message({"joint_names": ["a", "b"], "points": points}, "here")
-    found = parse_message({"joint_names": ["a", "b"], "points": [fine]}, "here")
-    assert found.positions == [[1, 2.5]]
-    assert found.velocities == found.accelerations == found.effort == [[]]
+    result = parse_message({"joint_names": ["a", "b"], "points": [fine]}, "here")
+    assert result.positions == [[1, 2.5]]
+    assert result.velocities == result.accelerations == result.effort == [[]]
 
 
 def test_a_fault_of_the_points_names_its_point(robot: Robot) -> None:

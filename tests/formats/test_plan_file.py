@@ -174,13 +174,13 @@ def test_a_saved_folder_is_the_command_s_and_the_same_every_time(tmp_path: Path)
 
 @pytest.mark.slow
 def test_a_loaded_plan_is_the_plan(tmp_path: Path) -> None:
-    made = plan_problem(load_problem(ROOT / "problems/tilt_insert.yaml")).cross_checked()
-    made.save(tmp_path)
+    result = plan_problem(load_problem(ROOT / "problems/tilt_insert.yaml")).cross_checked()
+    result.save(tmp_path)
     loaded = load_plan(tmp_path)
-    assert loaded.to_json() == made.to_json()
+    assert loaded.to_json() == result.to_json()
     assert (
         loaded.sha256
-        == made.sha256
+        == result.sha256
         == hashlib.sha256((tmp_path / "plan.json").read_bytes()).hexdigest()
     )
     assert (
@@ -243,9 +243,9 @@ def test_a_plan_read_in_parts_is_the_plan_and_what_is_none_is_refused(
         first = int(rng.integers(0, len(data)))
         changed = data[:first] + str(rng.choice(HOSTILE)).encode() + data[first + case % 3 :]
         path.write_bytes(changed if case else data)
-        whole = read(10**9)
-        assert read(0) == whole, changed[first - 40 : first + 40]
-        refused += whole is None
+        complete = read(10**9)
+        assert read(0) == complete, changed[first - 40 : first + 40]
+        refused += complete is None
     assert 0 < refused < 199
 
 

@@ -33,12 +33,12 @@ def curves(order: int) -> np.ndarray:
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_pieces_take_up_what_the_points_give(robot: Robot, order: int) -> None:
-    given = [curves(k) if k <= order else None for k in range(3)]
-    reading = interpolate_points(Points(T, *given), robot)
-    for side, at in (("right", T[:-1]), ("left", T[1:])):
-        samples = reading.trajectory.sample(at, side)
+    inputs = [curves(k) if k <= order else None for k in range(3)]
+    reading = interpolate_points(Points(T, *inputs), robot)
+    for side, time in (("right", T[:-1]), ("left", T[1:])):
+        samples = reading.trajectory.sample(time, side)
         rows = slice(None, -1) if side == "right" else slice(1, None)
-        for values, name in zip(given, ("q", "qd", "qdd"), strict=True):
+        for values, name in zip(inputs, ("q", "qd", "qdd"), strict=True):
             if values is not None:
                 assert getattr(samples, name) == pytest.approx(values[rows], abs=1e-9)
     degree = (1, 3, 5)[order]
@@ -69,13 +69,13 @@ def test_points_of_different_kinds_are_joined_by_the_lesser(robot: Robot) -> Non
 def test_a_long_table_makes_its_pieces_when_they_are_asked_for(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = interpolate_points(Points(T, curves(0), curves(1)), robot).trajectory
+    complete = interpolate_points(Points(T, curves(0), curves(1)), robot).trajectory
     for block in (10, 3):
         monkeypatch.setattr(module, "PIECES_PER_BLOCK", block)
         lazy = interpolate_points(Points(T, curves(0), curves(1)), robot).trajectory
         assert not isinstance(lazy.coefficients, np.ndarray)
         for chosen in (slice(0, 5), slice(20, 24), slice(2, 23), np.array([3, 1, 23])):
-            assert np.array_equal(lazy.pieces(chosen), whole.pieces(chosen))
+            assert np.array_equal(lazy.pieces(chosen), complete.pieces(chosen))
 
 
 @pytest.mark.parametrize(
@@ -163,8 +163,8 @@ def test_rates_that_a_file_declares_give_way_to_those_asked_for() -> None:
     reading = Reading(trajectory, "x", None, start_rate={"tilt": 0.1}, end_rate={"roll": 0.2})
     taken = reading.add_declared_rates(TaskLimits())
     assert (taken.start_rate, taken.end_rate) == ({"tilt": 0.1}, {"roll": 0.2})
-    kept = reading.add_declared_rates(TaskLimits(start_rate=None, end_rate={"roll": 0.3}))
-    assert (kept.start_rate, kept.end_rate) == (None, {"roll": 0.3})
+    remaining = reading.add_declared_rates(TaskLimits(start_rate=None, end_rate={"roll": 0.3}))
+    assert (remaining.start_rate, remaining.end_rate) == (None, {"roll": 0.3})
 
 
 @pytest.mark.parametrize(
@@ -192,11 +192,11 @@ def test_headings_tell_joint_derivative_and_unit(
         others += [f"qdd{i}_{'m' if i == 4 else 'rad'}_per_s2" for i in (1, 2, 3, 4)]
     place = 0 if key[0] < 0 else 1 + 4 * key[0] + key[1]
     others[place] = name
-    found, ignored = identify_columns([*others, "current_A", "remark"], robot, "file")
+    result, ignored = identify_columns([*others, "current_A", "remark"], robot, "file")
     assert ignored == ["current_A", "remark"]
-    assert found[key].column == place
-    assert found[key].name == name
-    assert found[key].factor == pytest.approx(factor)
+    assert result[key].column == place
+    assert result[key].name == name
+    assert result[key].factor == pytest.approx(factor)
     with pytest.raises(TrajectoryError, match="are the same quantity"):
         identify_columns([*others, name], robot, "file")
     if key[0] >= 0:
@@ -290,8 +290,8 @@ def test_columns_are_alike_up_to_a_twentieth(robot: Robot) -> None:
     """Residual and factor of proportional columns agree with a calculation by hand."""
     slope = np.array([1.0, 0.0])
     for across, residual in ((0.0, 0.0), (1.0, 0.5**0.5)):
-        factor, found = module._fit_factor(slope, np.array([1.0, across]))
-        assert (factor, found) == pytest.approx((1.0, residual))
+        factor, result = module._fit_factor(slope, np.array([1.0, across]))
+        assert (factor, result) == pytest.approx((1.0, residual))
     assert module._fit_factor(slope, np.zeros(2)) == (0.0, 1.0)
     assert module._fit_factor(2 * slope, np.array([3.0, 0.0])) == pytest.approx((1.5, 0.0))
     for factor, residual, same in (

@@ -128,10 +128,12 @@ def test_round_trip_with_the_same_verdict(
         _, manifest = export(source, "pvt", folder, force=force, counts_per_turn=COUNTS)
         reading = read_trajectory(folder, robot)
         assert reading.resolution is None
-        found = check(reading.trajectory, robot, source.limits, interpolation=reading.interpolation)
-        assert found.passed is source.certificate.passed is not force
-        assert manifest["spline"]["certificate"]["passed"] is found.passed
-        assert "cubic" in found.interpolation
+        result = check(
+            reading.trajectory, robot, source.limits, interpolation=reading.interpolation
+        )
+        assert result.passed is source.certificate.passed is not force
+        assert manifest["spline"]["certificate"]["passed"] is result.passed
+        assert "cubic" in result.interpolation
 
 
 def test_other_encoders_and_directions(plan: Plan, tmp_path: Path) -> None:
@@ -143,8 +145,10 @@ def test_other_encoders_and_directions(plan: Plan, tmp_path: Path) -> None:
     for counts in (2048, 65536):
         _, manifest = export(turned, "pvt", tmp_path / str(counts), counts_per_turn=counts)
         assert manifest["axes"]["roll"]["increments_per_unit"] < 0
-        found = check(read_trajectory(tmp_path / str(counts), robot).trajectory, robot, plan.limits)
-        assert found.passed
+        result = check(
+            read_trajectory(tmp_path / str(counts), robot).trajectory, robot, plan.limits
+        )
+        assert result.passed
 
 
 def test_a_jerk_limit_is_refused(smooth_plan: Plan, tmp_path: Path) -> None:
@@ -241,13 +245,13 @@ def test_the_rows_of_a_table_s_program_are_those_of_its_cubics(
     """Each row equals a derivative or a Bernstein coefficient of the cubic for any positions p and
     velocities v.
     """
-    made, t, _ = fit
+    result, t, _ = fit
     tau = t[-1] / (len(t) - 1)
-    assert made.rate == pytest.approx(1 / tau)
+    assert result.rate == pytest.approx(1 / tau)
     rng = np.random.default_rng(5)
     p, v = rng.normal(size=(2, len(t)))
     rows = np.array(
-        [a * p[:-1] + b * p[1:] + c * v[:-1] + d * v[1:] for (a, b, c, d), *_ in made.constraints]
+        [a * p[:-1] + b * p[1:] + c * v[:-1] + d * v[1:] for (a, b, c, d), *_ in result.constraints]
     )
     for k, h in enumerate(np.diff(t) / tau):
         x = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, h, h**2, h**3], [0, 1, 2 * h, 3 * h**2]])
@@ -265,7 +269,7 @@ def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
 
     They may omit the last twentieth of that range.
     """
-    made, t, unit = fit
+    result, t, unit = fit
     tau, n = t[-1] / (len(t) - 1), len(t) - 1
     joint, motion = smooth_plan.robot.joints[1], smooth_plan.motion
     limit = joint.acceleration * abs(unit) * tau**2
@@ -275,9 +279,9 @@ def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
         return s.q[:, 1] * unit, s.qd[:, 1] * unit * tau, s.qdd[:, 1] * unit * tau**2
 
     position, velocity, _ = values(t)
-    assert made.positions == pytest.approx(position)
-    assert made.velocities == pytest.approx(velocity / STRETCH, abs=1e-6 * np.abs(velocity).max())
-    tolerances = [tolerance for _, _, tolerance in made.constraints]
+    assert result.positions == pytest.approx(position)
+    assert result.velocities == pytest.approx(velocity / STRETCH, abs=1e-6 * np.abs(velocity).max())
+    tolerances = [tolerance for _, _, tolerance in result.constraints]
     assert tolerances == pytest.approx([limit, limit, 0.0, 0.0, 0.0])
     largest = max(limit, np.abs(values(np.linspace(0, t[-1], 20_001))[2]).max())
 
@@ -291,10 +295,10 @@ def test_the_bounds_of_a_table_s_program_are_the_plan_s_extremes_nearby(
         cap = largest - 3 / ((t[k + 1] - t[k]) / tau) ** 2
         begin, end = t[max(k - 1, 0)], t[min(k + 2, n)]
         last = 0.0 if k + 2 > n - 1 else (end - begin) / 20
-        whole, part = bounds(begin, end, cap), bounds(begin, end - last, cap)
+        complete, part = bounds(begin, end, cap), bounds(begin, end - last, cap)
         spans = [limit, limit, np.abs(velocity).max(), np.ptp(position), np.ptp(position)]
         for (_, (low, high), _), outer, inner, span in zip(
-            made.constraints, whole, part, spans, strict=True
+            result.constraints, complete, part, spans, strict=True
         ):
             assert outer[0] - 2e-3 * span <= low[k] <= inner[0] + 2e-3 * span
             assert inner[1] - 2e-3 * span <= high[k] <= outer[1] + 2e-3 * span
@@ -304,20 +308,20 @@ def test_a_solution_keeps_fixed_positions_and_the_rows(
     fit: tuple[_RowFit, np.ndarray, float],
 ) -> None:
     """Rounded positions remain unchanged, and the velocities change so that every row holds."""
-    made, t, _ = fit
+    result, t, _ = fit
     n = len(t)
-    shift = np.round(made.positions) - made.positions
+    shift = np.round(result.positions) - result.positions
     free = np.zeros(n)
-    d, w = made._solve(shift, free)
+    d, w = result._solve(shift, free)
     assert d == pytest.approx(shift)
     assert np.abs(w[[0, -1]]).max() == pytest.approx(0.0, abs=1e-9)
     loose = np.pad(np.ones(n - 2), 1)
-    d, w = made._solve(np.zeros(n), loose)
-    p, v = made.positions + d, made.velocities + w
-    for (a, b, c, e), (low, high), tolerance in made.constraints:
+    d, w = result._solve(np.zeros(n), loose)
+    p, v = result.positions + d, result.velocities + w
+    for (a, b, c, e), (low, high), tolerance in result.constraints:
         value = a * p[:-1] + b * p[1:] + c * v[:-1] + e * v[1:]
-        base = a * made.positions[:-1] + b * made.positions[1:]
-        base = base + c * made.velocities[:-1] + e * made.velocities[1:]
+        base = a * result.positions[:-1] + b * result.positions[1:]
+        base = base + c * result.velocities[:-1] + e * result.velocities[1:]
         room = 1e-6 * (1 + np.abs(value).max()) + (0.0 if tolerance else np.zeros(n - 1))
         assert np.all(value <= np.maximum(high, base) + room)
         assert np.all(value >= np.minimum(low, base) - room)
@@ -328,18 +332,18 @@ def test_the_rows_are_the_nearest_to_the_plan(smooth_plan: Plan, sign: float) ->
     """An independent linear program with d = a − b and a, b ≥ 0 has the same smallest Σ |d|."""
     unit = sign * 5e4
     t = STRETCH * smooth_plan.motion.duration * np.linspace(0.0, 1.0, 9)
-    made, n = _RowFit(smooth_plan, 1, t, STRETCH, unit), 9
-    d, _ = made._solve(np.zeros(n), np.pad(np.ones(n - 2), 1))
+    result, n = _RowFit(smooth_plan, 1, t, STRETCH, unit), 9
+    d, _ = result._solve(np.zeros(n), np.pad(np.ones(n - 2), 1))
     rows, room = [], []
-    for (p0, p1, v0, v1), (low, high), tolerance in made.constraints:
+    for (p0, p1, v0, v1), (low, high), tolerance in result.constraints:
         position = np.diag(p0) @ np.eye(n - 1, n) + np.diag(p1) @ np.eye(n - 1, n, k=1)
         velocity = np.diag(v0) @ np.eye(n - 1, n) + np.diag(v1) @ np.eye(n - 1, n, k=1)
-        base = position @ made.positions + velocity @ made.velocities
+        base = position @ result.positions + velocity @ result.velocities
         if not tolerance:
             low, high = np.minimum(low, base), np.maximum(high, base)
-        whole = np.hstack([position, -position, velocity])
+        complete = np.hstack([position, -position, velocity])
         excess = np.full((n - 1, 1), -tolerance)
-        rows += [np.hstack([whole, excess]), np.hstack([-whole, excess])]
+        rows += [np.hstack([complete, excess]), np.hstack([-complete, excess])]
         room += [high - base, base - low]
     cost = np.r_[np.ones(2 * n), np.zeros(n), EXCESS_COST]
     still = np.r_[1.0, np.zeros(n - 2), 1.0]
@@ -367,9 +371,9 @@ def test_a_table_begins_and_ends_where_the_plan_does(
         position, velocity = _RowFit(smooth_plan, 1, t, STRETCH, unit).rows(is_complete)
         s = motion.sample(motion.breaks[0] + t[[0, -1]] / STRETCH)
         exact = s.q[:, 1] * unit, s.qd[:, 1] * unit / STRETCH
-        for found, expected in zip((position, velocity), exact, strict=True):
+        for result, expected in zip((position, velocity), exact, strict=True):
             ends = np.round(expected) if is_complete else expected
-            assert found[[0, -1]] == pytest.approx(ends, rel=1e-6, abs=1e-6)
+            assert result[[0, -1]] == pytest.approx(ends, rel=1e-6, abs=1e-6)
         if is_complete:
             assert np.array_equal(np.round([position, velocity]), [position, velocity])
 
@@ -414,14 +418,14 @@ def test_the_rates_at_moving_ends_are_those_of_the_rounded_rows(
     """The manifest declares the rates of the end at which a part of a motion moves. It declares no
     rates of the other end.
     """
-    whole = plan.motion
-    half = len(whole.breaks) // 3
+    complete = plan.motion
+    half = len(complete.breaks) // 3
     rows_, breaks = (
-        (slice(None, half), whole.breaks[: half + 1])
+        (slice(None, half), complete.breaks[: half + 1])
         if which == "end"
-        else (slice(half, None), whole.breaks[half:])
+        else (slice(half, None), complete.breaks[half:])
     )
-    part = Trajectory(breaks, whole.coefficients[rows_], ())
+    part = Trajectory(breaks, complete.coefficients[rows_], ())
     ends = part.sample(part.breaks[[0, -1]], "left" if which == "end" else "right")
     mechanism = Mechanism.from_geometry(robot.geometry)
     k = 0 if which == "start" else -1

@@ -78,20 +78,20 @@ def test_points_are_joined_by_what_is_given(
     robot: Robot, tmp_path: Path, columns: int, word: str
 ) -> None:
     names = [*OWN, *ACCELERATIONS][:columns]
-    found = certificate_of(
+    result = certificate_of(
         write(tmp_path / "t.csv", names, rows_of(robot, 401)[:, :columns]), robot
     )
-    assert found.interpolation.startswith(word)
-    assert found.verdict == ("not judged" if word == "linear" else "kept")
+    assert result.interpolation.startswith(word)
+    assert result.verdict == ("not judged" if word == "linear" else "kept")
     exact = margins(check(smooth(robot), robot))
-    for (name, joint), margin in margins(found).items():
+    for (name, joint), margin in margins(result).items():
         if word == "linear" and name == "motor torque":  # the upper end of a torque band
             assert 0 < margin <= exact[name, joint]
         else:
             assert margin == pytest.approx(exact[name, joint], abs=5e-3)
     if word == "linear":
-        assert not any(limit.name == "acceleration" for limit in found.limits)
-        assert any("not defined" in line.reason for line in found.unjudged)
+        assert not any(limit.name == "acceleration" for limit in result.limits)
+        assert any("not defined" in line.reason for line in result.unjudged)
 
 
 def test_names_and_units_of_others(robot: Robot, tmp_path: Path) -> None:
@@ -284,10 +284,10 @@ def test_straight_pieces_are_judged_by_their_velocity_jumps(robot: Robot) -> Non
         q = np.zeros((6, 4)) + [0.0, 0.5, 0.0, -0.01]
         q[1:, 0] += np.cumsum(velocity) * h
         reading = interpolate_points(Points(np.arange(6) * h, q), robot)
-        found = check(reading.trajectory, robot, resolution=reading.resolution)
-        assert found.verdict == ("not judged" if passed else "violated")
+        result = check(reading.trajectory, robot, resolution=reading.resolution)
+        assert result.verdict == ("not judged" if passed else "violated")
         if not passed:
-            margins_of_violations = {(v.name, v.joint): v.margin for v in found.violations}
+            margins_of_violations = {(v.name, v.joint): v.margin for v in result.violations}
             assert margins_of_violations == {
                 ("velocity jump", "roll"): pytest.approx(-0.001, rel=0.1),
                 ("acceleration", "roll"): pytest.approx(-0.001, rel=0.1),
@@ -309,9 +309,9 @@ def test_rounded_positions_are_not_charged_with_their_rounding(
     )
     reading = read_trajectory(path, robot)
     assert reading.resolution == pytest.approx([5e-6, 5e-6, 5e-6, 5e-8])
-    found = check(reading.trajectory, robot, resolution=reading.resolution)
-    assert not found.violations
-    assert "velocity" not in {line.name for line in found.unjudged}
+    result = check(reading.trajectory, robot, resolution=reading.resolution)
+    assert not result.violations
+    assert "velocity" not in {line.name for line in result.unjudged}
     assert not check(reading.trajectory, robot, resolution=np.zeros(4)).passed
 
 
@@ -333,23 +333,23 @@ def test_speeds_of_the_tool_are_not_charged_with_the_rounding_either(
         comments="",
     )
     reading = read_trajectory(path, robot)
-    for factor, kept in ((1.0001, True), (0.98, False)):
+    for factor, remaining in ((1.0001, True), (0.98, False)):
         tight = of_task(
             tip_speed=factor * worst["tip speed"],
             rates={name: factor * worst[f"{name} rate"] for name in ("roll", "tilt", "spin")}
             | {"depth": factor * worst["insertion speed"]},
         )
-        found = check(reading.trajectory, robot, tight, resolution=reading.resolution)
-        names = {v.name for v in found.violations}
+        result = check(reading.trajectory, robot, tight, resolution=reading.resolution)
+        names = {v.name for v in result.violations}
         assert names == (
             set()
-            if kept
+            if remaining
             else {"tip speed", "roll rate", "tilt rate", "spin rate", "insertion speed"}
         )
-        for limit in found.limits:
+        for limit in result.limits:
             if limit.name in names:
                 assert limit.worst == pytest.approx(worst[limit.name], rel=0.01)
-        if kept:
+        if remaining:
             assert len(check(reading.trajectory, robot, tight).violations) >= 5
 
 

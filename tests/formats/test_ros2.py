@@ -54,9 +54,9 @@ def controller_spline(
         [p["time_from_start"]["sec"] + p["time_from_start"]["nanosec"] * 1e-9 for p in points]
     )
     q, qd, qdd = [], [], []
-    for at in t:
-        k = int(np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(points) - 2))
-        a, b, h, s = points[k], points[k + 1], times[k + 1] - times[k], at - times[k]
+    for time in t:
+        k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(points) - 2))
+        a, b, h, s = points[k], points[k + 1], times[k + 1] - times[k], time - times[k]
         rows, values = [], []
         for derivative, key in enumerate(("positions", "velocities", "accelerations")):
             if not a[key]:
@@ -222,15 +222,15 @@ def test_the_bag_is_read_by_an_independent_library(
 
     rate = 50.0
     export(plan, "ros2", tmp_path, rate=rate)
-    found: dict[str, list] = {}
+    result: dict[str, list] = {}
     with (tmp_path / "bag" / "bag.mcap").open("rb") as file:
         for _, channel, raw, decoded in make_reader(
             file, decoder_factories=[DecoderFactory()]
         ).iter_decoded_messages():
-            found.setdefault(channel.topic, []).append((raw.log_time, decoded))
-    assert set(found) == {"/robot_description", "/joint_trajectory", "/joint_states", "/tf"}
+            result.setdefault(channel.topic, []).append((raw.log_time, decoded))
+    assert set(result) == {"/robot_description", "/joint_trajectory", "/joint_states", "/tf"}
     points = message(tmp_path / "joint_trajectory.yaml")["points"]
-    (_, trajectory), *rest = found["/joint_trajectory"]
+    (_, trajectory), *rest = result["/joint_trajectory"]
     assert not rest
     assert list(trajectory.joint_names) == [joint.name for joint in robot.joints]
     assert len(trajectory.points) == len(points)
@@ -238,23 +238,23 @@ def test_the_bag_is_read_by_an_independent_library(
         assert list(theirs.positions) == mine["positions"]
         assert list(theirs.velocities) == mine["velocities"]
         assert theirs.time_from_start.nanosec == mine["time_from_start"]["nanosec"]
-    assert "<robot name=" in found["/robot_description"][0][1].data
-    states = found["/joint_states"]
+    assert "<robot name=" in result["/robot_description"][0][1].data
+    states = result["/joint_states"]
     assert len(states) == int(plan.trajectory.duration * rate) + 2
     mechanism = Mechanism.from_geometry(robot.geometry)
-    for (stamp, state), (_, transforms) in zip(states, found["/tf"], strict=True):
+    for (stamp, state), (_, transforms) in zip(states, result["/tf"], strict=True):
         assert list(state.name) == [joint.name for joint in robot.joints]
         t = np.array([min(stamp * 1e-9, plan.trajectory.duration)])
         assert np.array(state.position) == pytest.approx(plan.trajectory.sample(t).q[0], abs=1e-8)
         assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == stamp
         assert not len(state.effort)
         pose = np.eye(4)
-        for each in transforms.transforms:
-            r, p = each.transform.rotation, each.transform.translation
+        for item in transforms.transforms:
+            r, p = item.transform.rotation, item.transform.translation
             step = np.eye(4)
             step[:3, :3], step[:3, 3] = matrix_of(r.x, r.y, r.z, r.w), (p.x, p.y, p.z)
             pose = pose @ step
-        assert each.child_frame_id == "tool"
+        assert item.child_frame_id == "tool"
         turned, tip = forward(mechanism, np.array(state.position)[None])
         assert np.abs(pose[:3, :3] - turned[0]).max() <= 1e-12
         assert np.abs(pose[:3, 3] - tip[0]).max() <= 1e-12

@@ -21,15 +21,18 @@ from ssm_planner.trajectory import Trajectory
 def test_samples_at_times_are_those_of_the_slower_motion_and_then_rest(
     plan: Plan, stretch: float
 ) -> None:
-    begin = 2.5
-    motion = Trajectory(plan.motion.breaks + begin, plan.motion.coefficients, ())
+    start = 2.5
+    motion = Trajectory(plan.motion.breaks + start, plan.motion.coefficients, ())
     moved, slow = replace(plan, trajectory=motion), motion.slower(1 / stretch)
-    end = begin + slow.duration
-    t = np.linspace(begin, end, 500)[:-1]
-    found, expected = sample_slowed_plan(moved, t, stretch), slow.sample(slow.breaks[0] + t - begin)
+    end = start + slow.duration
+    t = np.linspace(start, end, 500)[:-1]
+    result, expected = (
+        sample_slowed_plan(moved, t, stretch),
+        slow.sample(slow.breaks[0] + t - start),
+    )
     for name in ("q", "qd", "qdd", "qddd"):
-        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
-    assert np.array_equal(found.t, t)
+        assert getattr(result, name) == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
+    assert np.array_equal(result.t, t)
     after = np.array([end + 1e-3, end + 1.0])
     rest = sample_slowed_plan(moved, after, stretch)
     assert rest.q == pytest.approx(np.tile(motion.sample(motion.breaks[-1:]).q, (2, 1)))
@@ -47,7 +50,7 @@ def test_points_lie_on_the_plan_at_whole_ticks(plan: Plan, smooth_plan: Plan) ->
         assert points.certificate.passed
         assert np.abs(t / 1e-6 - np.round(t / 1e-6)).max() < 1e-6
         assert 1 <= points.stretch <= 1 + module.LARGEST_SLOWDOWN
-        assert all(np.abs(t - at * points.stretch).min() <= 1e-6 for at in breaks)
+        assert all(np.abs(t - time * points.stretch).min() <= 1e-6 for time in breaks)
         assert (t[0], t[-1]) == pytest.approx((0.0, of.motion.duration * points.stretch), abs=1e-6)
         exact = of.motion.sample(np.minimum(t / points.stretch, breaks[-1]))
         assert points.samples.q == pytest.approx(exact.q, abs=1e-8)
@@ -77,23 +80,23 @@ def test_a_slower_motion_makes_up_for_an_excess_of_its_order(
 ) -> None:
     joints = tuple(replace(joint, jerk=1e3) for joint in plan.robot.joints)
     jerky = replace(plan, problem=replace(plan.problem, robot=replace(plan.robot, joints=joints)))
-    found = plan.certificate.limits[0]
+    result = plan.certificate.limits[0]
     for excess in (1e-4, 1e-3):
         factor = module._stretch_factor(
-            jerky, replace(found, name=name, joint="tilt", margin=-excess)
+            jerky, replace(result, name=name, joint="tilt", margin=-excess)
         )
         # Quantities of this order decrease by 1 to 1.5 times the excess.
         assert 1 + excess < factor**order < 1 + 1.5 * excess
     for without in (("position", "tilt"), ("continuous torque", "tilt"), ("velocity", "nobody")):
-        other = replace(found, name=without[0], joint=without[1], margin=-1e-4)
+        other = replace(result, name=without[0], joint=without[1], margin=-1e-4)
         assert module._stretch_factor(jerky, other) == np.inf
 
 
 def test_a_tiny_excess_is_made_up_for_too(plan: Plan) -> None:
     """The factor exceeds the smallest sufficient factor by a margin for rounding."""
-    found = plan.certificate.limits[0]
+    result = plan.certificate.limits[0]
     for excess in (1e-9, 1e-8):
-        tiny = replace(found, name="velocity", joint="tilt", margin=-excess)
+        tiny = replace(result, name="velocity", joint="tilt", margin=-excess)
         assert 1 + 10 * excess < module._stretch_factor(plan, tiny) < 1 + 1e-6
 
 
@@ -133,11 +136,11 @@ def test_pieces_are_divided_into_equal_parts(plan: Plan, divisions: int) -> None
 def test_a_motion_that_ends_at_speed_keeps_it_to_the_end_and_stops_there(
     plan: Plan, which: str
 ) -> None:
-    whole = plan.motion
-    k = len(whole.breaks) // 3
+    complete = plan.motion
+    k = len(complete.breaks) // 3
     rows = slice(k, None) if which == "begins" else slice(None, k)
-    breaks = whole.breaks[k:] if which == "begins" else whole.breaks[: k + 1]
-    cut = replace(plan, trajectory=Trajectory(breaks, whole.coefficients[rows], ()))
+    breaks = complete.breaks[k:] if which == "begins" else complete.breaks[: k + 1]
+    cut = replace(plan, trajectory=Trajectory(breaks, complete.coefficients[rows], ()))
     points = module._try_points(cut, 1, False, 1.0, None)
     assert len(points.samples.t) == len(breaks)
     ends = cut.motion.sample(breaks[[0, -1]]).qd

@@ -92,12 +92,12 @@ def test_every_moving_link_has_an_inertia_and_the_massless_add_nothing(robot: Ro
 def test_roll_pitch_and_yaw_make_the_rotation_up_to_a_pitch_of_90_degrees(pitch: float) -> None:
     x, y, z = np.eye(3)
     for roll, yaw in ((0.4, -0.7), (-2.0, 2.5), (0.0, 0.0), (3.0, 1.0)):
-        whole = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
-        found = rpy_angles(whole)
-        again = rotation(z, found[2]) @ rotation(y, found[1]) @ rotation(x, found[0])
-        assert again == pytest.approx(whole, abs=1e-12)
+        complete = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
+        result = rpy_angles(complete)
+        again = rotation(z, result[2]) @ rotation(y, result[1]) @ rotation(x, result[0])
+        assert again == pytest.approx(complete, abs=1e-12)
         if abs(pitch) < 1.5:
-            assert found == pytest.approx([roll, pitch, yaw])
+            assert result == pytest.approx([roll, pitch, yaw])
     exact = np.array([[0.0, 0.6, 0.8], [0.0, 0.8, -0.6], [-1.0, 0.0, 0.0]])
     assert rpy_angles(exact)[2] == 0.0  # only the difference of roll and yaw is defined
 
@@ -129,8 +129,10 @@ def pinocchio(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
 
 def mujoco(path: Path, robot: Robot) -> tuple[dict[str, float], Evaluate]:
     mj = pytest.importorskip("mujoco", reason="package mujoco, extra test")
-    whole = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # The tool remains a separate body.
-    model = mj.MjModel.from_xml_string(path.read_text(encoding="utf-8").replace("</robot>", whole))
+    complete = '<mujoco><compiler fusestatic="false"/></mujoco></robot>'  # The tool remains a separate body.
+    model = mj.MjModel.from_xml_string(
+        path.read_text(encoding="utf-8").replace("</robot>", complete)
+    )
     model.opt.gravity[:] = robot.gravity
     model.opt.disableflags |= mj.mjtDisableBit.mjDSBL_CONSTRAINT  # without limits and contacts
     data, tool = mj.MjData(model), model.body("tool").id
@@ -198,14 +200,14 @@ def test_other_people_s_readers_find_equal_masses_kinematics_and_dynamics(
     path = tmp_path / "robot.urdf"
     path.write_text(robot_urdf(robot), encoding="utf-8")
     masses, evaluate = reader(path, robot)
-    given = [body.mass or SMALLEST_MASS for body in robot.bodies]
-    assert list(masses.values()) == pytest.approx(given, rel=1e-12)
+    inputs = [body.mass or SMALLEST_MASS for body in robot.bodies]
+    assert list(masses.values()) == pytest.approx(inputs, rel=1e-12)
     mechanism, body = Mechanism.from_geometry(robot.geometry), RigidBody.from_robot(robot)
     q = RNG.uniform(-3, 3, (50, 4)) * [1, 1, 1, 0.05]
     qd, qdd = RNG.normal(size=(50, 4)), RNG.normal(size=(50, 4)) * 5
     rotations, positions = forward(mechanism, q)
-    wanted = zip(rotations, positions, body.inverse_dynamics(q, qd, qdd), strict=True)
-    for k, ours in enumerate(wanted):
+    expected = zip(rotations, positions, body.inverse_dynamics(q, qd, qdd), strict=True)
+    for k, ours in enumerate(expected):
         for mine, theirs in zip(ours, evaluate(q[k], qd[k], qdd[k]), strict=False):
             assert np.abs(mine - theirs).max() <= AGREEMENT
 

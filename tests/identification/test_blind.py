@@ -70,10 +70,10 @@ def test_bands_hold_what_the_fit_has_not_seen(rig, count):
     rig.
     """
     drive, steady = recordings_of(rig, "steady_state")
-    found = [p for seed in range(2) for p in predicted(drive, *split(steady, count, seed))]
-    assert np.mean([p.mean_inside for p in found]) >= 0.90
-    assert 0.90 <= np.mean([p.sample_coverage for p in found]) <= 0.98
-    assert np.mean([np.abs(p.recording.tau).max() <= p.band.peak for p in found]) >= 0.95
+    result = [p for seed in range(2) for p in predicted(drive, *split(steady, count, seed))]
+    assert np.mean([p.mean_inside for p in result]) >= 0.90
+    assert 0.90 <= np.mean([p.sample_coverage for p in result]) <= 0.98
+    assert np.mean([np.abs(p.recording.tau).max() <= p.band.peak for p in result]) >= 0.95
 
 
 @pytest.mark.parametrize(
@@ -85,15 +85,15 @@ def test_every_second_recording_predicts_the_others(rig, first):
     drive, steady = recordings_of(rig, "steady_state")
     _, moving = recordings_of(rig, "start_stop")
     steady = sorted(steady, key=lambda r: r.w.mean())
-    found = predicted(drive, steady[first::2], steady[1 - first :: 2] + moving)
-    assert found.pop().nrmsd <= RIGS[rig][1]
+    result = predicted(drive, steady[first::2], steady[1 - first :: 2] + moving)
+    assert result.pop().nrmsd <= RIGS[rig][1]
     beyond = [
-        np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in found
+        np.sqrt(np.mean((p.tau - p.recording.tau) ** 2)) / p.recording.tau.std() - 1 for p in result
     ]
     # The law holds for the middle of the session, but the recordings of rig 3 span the whole
     # session.
     assert np.mean(beyond) <= (0.04 if (rig, first) == ("rig3_worm", 0) else 0.03)
-    assert np.mean([p.mean_inside for p in found]) >= 0.90
+    assert np.mean([p.mean_inside for p in result]) >= 0.90
 
 
 @pytest.mark.slow

@@ -70,9 +70,9 @@ def test_the_command_writes_the_session(tmp_path: Path, capsys: pytest.CaptureFi
     file = tmp_path / "next" / "session.csv"
     words = ["identify", str(IDENTIFIED), "--design", "--count", "12", "--top-speed", "200rpm"]
     assert main([*words, "-o", str(file)]) == 0
-    shown = capsys.readouterr().out
-    assert "95 % low" in shown
-    assert "12 recordings in" in shown
+    text = capsys.readouterr().out
+    assert "95 % low" in text
+    assert "12 recordings in" in text
     assert len(file.read_text(encoding="utf-8").splitlines()) == 13
     assert main([*words, "--count", "13"]) == 2
     assert "even number" in capsys.readouterr().err

@@ -189,15 +189,17 @@ def test_reference_values_decide_only_what_the_data_leave_open():
     drive, load = rig("rig3_worm")
     data = synthetic(drive, load, "coulomb", WORM, 0.005, np.random.default_rng(3))
     alone = fit_map(drive, data, load, law="coulomb")
-    told = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
+    messages = fit_map(drive, data, load, law="coulomb", reference={"mu": 0.07, "b_v": 1.0})
     # The undetermined mu moves to within half of its prior deviation from the reference. The
     # determined b_v does not move, although its reference is over 7 prior deviations away.
-    assert abs(np.log(told.estimates["mu"].value / 0.07)) < 0.5 * PRIOR_DEVIATIONS["mu"]
+    assert abs(np.log(messages.estimates["mu"].value / 0.07)) < 0.5 * PRIOR_DEVIATIONS["mu"]
     known = alone.estimates["b_v"]
-    assert told.estimates["b_v"].value == pytest.approx(
+    assert messages.estimates["b_v"].value == pytest.approx(
         known.value, abs=0.1 * (known.high - known.low)
     )
-    np.testing.assert_allclose(told.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10)
+    np.testing.assert_allclose(
+        messages.predicted, alone.predicted, atol=0.02 * np.ptp(data.tau) / 10
+    )
 
 
 @pytest.mark.slow
@@ -259,7 +261,7 @@ def test_every_set_has_its_law_wherever_sets_are_drawn():
         w,
         load,
     )
-    bound = np.max([np.sign(w) * map_torque(each, w, load) for each in upper], axis=0)
+    bound = np.max([np.sign(w) * map_torque(item, w, load) for item in upper], axis=0)
     assert np.all(taken.max(axis=0) <= bound + 1e-6 * most)
     assert np.all(taken.min(axis=0) >= np.sign(w) * map_torque(least, w, load) - 1e-6 * most)
     with pytest.raises(ProblemError, match=r"not the index of a friction law.*0 \(coulomb\)"):
@@ -424,7 +426,7 @@ def covered(case: str, told: str, rng: np.random.Generator) -> dict[str, bool]:
     load = drive.rig.F_payload + truth[LOAD_OFFSET]
     data = synthetic(drive, load, law, truth, 0.01, rng)
     fit = fit_map(drive, data, drive.rig.F_payload, law=law if told == "given" else told)
-    found = {
+    result = {
         name: fit.estimates[name]
         for name in truth
         if name in fit.estimates and fit.estimates[name].separable
@@ -434,6 +436,6 @@ def covered(case: str, told: str, rng: np.random.Generator) -> dict[str, bool]:
     )
     true = {**truth, **dict(zip(("forwards", "backwards"), slow, strict=True))}
     return {
-        name: each.low <= true[name] <= each.high
-        for name, each in {**found, **fit.combinations}.items()
+        name: item.low <= true[name] <= item.high
+        for name, item in {**result, **fit.combinations}.items()
     }

@@ -59,24 +59,24 @@ def test_recorded_angles_give_the_harmonics_of_screw_and_wheel_back(direction):
     recordings = [
         simulated(sign, start, True, 3e-4) for sign in (1, -1) for start in (0.3, 41.0, 200.0)
     ]
-    found = fit_harmonics(recordings, direction, RATIO)
-    assert found.phased
-    assert found.orders == pytest.approx((1 / RATIO, 2 / RATIO, 3 / RATIO, 1.0, 2.0, 3.0))
+    result = fit_harmonics(recordings, direction, RATIO)
+    assert result.phased
+    assert result.orders == pytest.approx((1 / RATIO, 2 / RATIO, 3 / RATIO, 1.0, 2.0, 3.0))
     np.testing.assert_allclose(
-        found.cosine[3:], direction * np.array(list(SCREW.values())), atol=1e-5
+        result.cosine[3:], direction * np.array(list(SCREW.values())), atol=1e-5
     )
-    np.testing.assert_allclose(found.sine, [3e-4, 0, 0, 0, 0, 0], atol=1.5e-5)
+    np.testing.assert_allclose(result.sine, [3e-4, 0, 0, 0, 0, 0], atol=1.5e-5)
 
 
 def test_without_angles_amplitudes_are_found_and_the_phase_from_the_beginning():
     recordings = [simulated(1, start, False, turns=20.0) for start in (0.3, 1.7, 2.9, 4.4)]
-    found = fit_harmonics(recordings, 1)
-    assert not found.phased
-    np.testing.assert_allclose(found.amplitudes, np.abs(list(SCREW.values())), atol=1.5e-5)
+    result = fit_harmonics(recordings, 1)
+    assert not result.phased
+    np.testing.assert_allclose(result.amplitudes, np.abs(list(SCREW.values())), atol=1.5e-5)
     other = simulated(1, 5.1, False, turns=20.0)
     angle = motor_angle(other)
     first = angle <= 2 * TURN
-    wave = found.rotated(start_in(found, angle[first], other.tau[first])).torque(angle[~first])
+    wave = result.rotated(start_in(result, angle[first], other.tau[first])).torque(angle[~first])
     assert np.std(other.tau[~first] - wave) < 1.1e-4
 
 
@@ -128,10 +128,10 @@ def test_harmonics_stand_in_the_drive_file_and_are_predicted_where_the_angle_is_
     (tmp_path / "fit").mkdir()
     for seed, rpm in enumerate((-200, -120, -60, -30, 30, 60, 120, 200)):
         file_of(tmp_path / "fit" / f"{rpm}.csv", rpm, start=0.7 * seed, seed=seed, position=True)
-    found = identify(DRIVE, [tmp_path / "fit"])
-    file = found.save(tmp_path / "drive.yaml")
+    result = identify(DRIVE, [tmp_path / "fit"])
+    file = result.save(tmp_path / "drive.yaml")
     posterior = load_drive(file).friction.posterior
-    stored_taps, taps = posterior.reaction.taps, found.drive.friction.posterior.reaction.taps
+    stored_taps, taps = posterior.reaction.taps, result.drive.friction.posterior.reaction.taps
     np.testing.assert_allclose(stored_taps, taps, rtol=1e-5)
     for sign in (1, -1):
         stored = posterior.harmonics(sign)
@@ -170,9 +170,9 @@ def test_the_first_two_turns_of_a_file_tell_the_ripple_of_the_rest(rig, most):
         if np.ptp(angle) < 2.5 * TURN:
             continue
         others = [r for r in steady if r is not recording]
-        found = fit_harmonics(others, int(np.sign(recording.w.mean())))
+        result = fit_harmonics(others, int(np.sign(recording.w.mean())))
         first = np.abs(angle) <= 2 * TURN
-        wave = found.rotated(start_in(found, angle[first], recording.tau[first])).torque(
+        wave = result.rotated(start_in(result, angle[first], recording.tau[first])).torque(
             angle[~first]
         )
         mean, span = recording.tau.mean(), np.ptp(recording.tau) / np.ptp(recording.tau[~first])

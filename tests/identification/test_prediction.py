@@ -98,7 +98,7 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
     mu_static, dwell, memory = truth
     drive = identified()
     drive = replace(drive, friction=replace(required_friction(drive), posterior=None))
-    told = replace(
+    messages = replace(
         required_friction(drive), mu_static=mu_static, dwell_constant=dwell, memory=memory
     )
     rng = np.random.default_rng(0)
@@ -106,7 +106,7 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
     for rest in (0.5, 1.0, 4.0):
         time, w = start_stop(rest)
         tau = predict_torque(
-            replace(drive, friction=told), RecordedMotion.from_speed(time, w), -0.0188, 0.0
+            replace(drive, friction=messages), RecordedMotion.from_speed(time, w), -0.0188, 0.0
         )
         recordings.append(Recording(f"{rest}", time, w, tau + rng.normal(0, 2e-5, len(tau))))
     fit = fit_dynamic(drive, recordings, -0.0188)
@@ -122,14 +122,14 @@ def test_dynamic_identification_finds_breakaway_dwell_and_memory(truth):
 @pytest.mark.usefixtures("few_points")
 def test_start_stop_recordings_that_the_fit_has_not_seen(name, tmp_path):
     folder = RECORDINGS / FOLDERS[name]
-    found = identify(DRIVES / f"{name}.yaml", [folder / "steady_state"])
-    assert found.fit.nrmsd <= 0.02
-    predicted = predict(found.save(tmp_path / "drive.yaml"), [folder / "start_stop"])
+    result = identify(DRIVES / f"{name}.yaml", [folder / "steady_state"])
+    assert result.fit.nrmsd <= 0.02
+    predicted = predict(result.save(tmp_path / "drive.yaml"), [folder / "start_stop"])
     assert [p.nrmsd <= 0.05 for p in predicted] == [True]
-    found = identify(DRIVES / f"{name}.yaml", [folder])
-    both = found.to_dict()
-    assert all(each["nrmsd"] <= each["nrmsd_map_only"] for each in both["start_stop"])
-    assert predict(found.save(tmp_path / "dynamic.yaml"), [folder / "start_stop"])[
+    result = identify(DRIVES / f"{name}.yaml", [folder])
+    both = result.to_dict()
+    assert all(item["nrmsd"] <= item["nrmsd_map_only"] for item in both["start_stop"])
+    assert predict(result.save(tmp_path / "dynamic.yaml"), [folder / "start_stop"])[
         0
     ].nrmsd == pytest.approx(both["start_stop"][0]["nrmsd"], rel=1e-4)
 
@@ -147,9 +147,9 @@ def test_shipped_figures_are_what_the_reader_computes(name):
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_path):
-    found = identify(DRIVES / f"{name}.yaml")
-    result = found.to_dict()
-    found.save(tmp_path / "drive.yaml")
+    outcome = identify(DRIVES / f"{name}.yaml")
+    result = outcome.to_dict()
+    outcome.save(tmp_path / "drive.yaml")
     json.dumps(result)
     drive = load_drive(tmp_path / "drive.yaml")
     assert drive.friction.law == result["law"]
@@ -160,8 +160,8 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
         )
         assert estimate["low"] <= estimate["value"] <= estimate["high"]
     assert "steady-state recordings" in drive.friction.source
-    assert drive.rig.load == pytest.approx(found.fit.load, rel=1e-6)
-    assert np.array_equal(drive.friction.posterior.draws, found.drive.friction.posterior.draws)
+    assert drive.rig.load == pytest.approx(outcome.fit.load, rel=1e-6)
+    assert np.array_equal(drive.friction.posterior.draws, outcome.drive.friction.posterior.draws)
     unused = (
         {LAW_COLUMN, "mu_stribeck", "stribeck_speed"}
         if drive.friction.law == "coulomb"
@@ -169,12 +169,12 @@ def test_identification_from_a_fresh_clone_writes_a_drive_that_loads(name, tmp_p
     )
     assert drive.friction.posterior.law_shares(drive.friction.law) == result["law_shares"]
     for name in set(drive.friction.posterior.names) - unused:
-        shown, column = result["parameters"][name], drive.friction.posterior.column(name)
-        tails = (np.mean(column < shown["low"]), np.mean(column > shown["high"]))
+        text, column = result["parameters"][name], drive.friction.posterior.column(name)
+        tails = (np.mean(column < text["low"]), np.mean(column > text["high"]))
         for tail, end in zip(tails, ("low", "high"), strict=True):
             # About 25 ± 5 of 1000 sets lie beyond each end, or fewer if the end is the value.
             assert tail <= 0.045, (name, end)
-            assert tail >= 0.005 or shown[end] == shown["value"], (name, end)
+            assert tail >= 0.005 or text[end] == text["value"], (name, end)
 
 
 def test_commands_refuse_what_they_cannot_use(tmp_path):
@@ -223,14 +223,14 @@ def test_the_map_shows_what_further_recordings_stay_within() -> None:
 
     All measured means lie within the wide bands, and more than 90 % lie within the narrow bands.
     """
-    found = identify("rig1_lead_screw")
+    result = identify("rig1_lead_screw")
     outlines = [
         band.get_paths()[0]
-        for band in map_figure(found.fit, found.data, found.load).axes[0].collections
+        for band in map_figure(result.fit, result.data, result.load).axes[0].collections
     ]
-    speeds = np.abs(found.data.w)
+    speeds = np.abs(result.data.w)
     between = (speeds > speeds.min() * 1.1) & (speeds < speeds.max() * 0.99)
-    points = np.column_stack([RPM * found.data.w, 1e3 * found.data.tau])[between]
+    points = np.column_stack([RPM * result.data.w, 1e3 * result.data.tau])[between]
     samples, means = (
         [path.contains_points(points) for path in outlines[kind::2]] for kind in (0, 1)
     )

@@ -368,17 +368,17 @@ def test_every_real_recording_is_read_and_told_apart(rig):
 
 def test_missing_samples_are_stated(tmp_path: Path) -> None:
     every = np.arange(200)
-    kept = every[np.random.default_rng(0).random(200) > 0.3]
-    for name, samples in (("gaps", kept), ("whole", every)):
+    remaining = every[np.random.default_rng(0).random(200) > 0.3]
+    for name, samples in (("gaps", remaining), ("whole", every)):
         rows = [f"{0.01 * k:.2f};{100 + k % 3};{30 + k % 7}" for k in samples]
         text = "time [s];velocity [rpm];torque [%]\n" + "\n".join(rows)
         (tmp_path / name).write_text(text, encoding="utf-8")
-    gaps, whole = (
+    gaps, complete = (
         read_recording(tmp_path / name, nominal_torque=1e-3) for name in ("gaps", "whole")
     )
-    missing = kept[-1] - kept[0] + 1 - len(kept)
+    missing = remaining[-1] - remaining[0] + 1 - len(remaining)
     assert f"about {missing} samples are missing" in gaps.repairs[-1]
-    assert not any("missing" in repair for repair in whole.repairs)
+    assert not any("missing" in repair for repair in complete.repairs)
 
 
 @pytest.mark.parametrize("separator", [";", ",", "\t"])

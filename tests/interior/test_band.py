@@ -60,10 +60,10 @@ def solved(
     native, system, memory = library.load(), System(), Memory()
     assert native is not None
     (size, columns), pairs = border.shape, local.shape[1] // 4
-    here = ctypes.byref(system)
+    folder = ctypes.byref(system)
     try:
         assert native.ssm_system_new(
-            here, ctypes.byref(memory), *map(L, (size, columns, pairs, stride))
+            folder, ctypes.byref(memory), *map(L, (size, columns, pairs, stride))
         )
         band = np.ctypeslib.as_array(system.band, (size, 4 * pairs))
         wide = stride * pairs
@@ -72,10 +72,10 @@ def solved(
                 band[k * wide + j, i - j // wide * wide] += block[i, j]
         np.ctypeslib.as_array(system.border, (columns, system.padded))[:, :size] = border.T
         np.ctypeslib.as_array(system.corner, (columns, columns))[:] = corner
-        if not native.ssm_factorise(here, pointer(free.astype(np.uint8)), L(blocks)):
+        if not native.ssm_factorise(folder, pointer(free.astype(np.uint8)), L(blocks)):
             return None
         inner, rest = right[:size].copy(), right[size:].copy()
-        native.ssm_solve_factors(here, pointer(inner), pointer(rest))
+        native.ssm_solve_factors(folder, pointer(inner), pointer(rest))
         return np.concatenate([inner, rest]), system.last
     finally:
         native.ssm_release(ctypes.byref(memory))
@@ -84,15 +84,19 @@ def solved(
 def whole_matrix(local: Array, border: Array, corner: Array, free: Array, stride: int) -> Array:
     """Return the dense matrix of the same system, without a shift."""
     size, pairs = len(border), local.shape[1] // 4
-    whole = np.zeros((size + len(corner),) * 2)
+    complete = np.zeros((size + len(corner),) * 2)
     for k, block in enumerate(local):
-        at = slice(k * stride * pairs, k * stride * pairs + len(block))
-        whole[at, at] += block
+        time = slice(k * stride * pairs, k * stride * pairs + len(block))
+        complete[time, time] += block
     held = np.flatnonzero(~free)
-    whole[held] = whole[:, held] = 0.0
-    whole[held, held] = 1.0
-    whole[:size, size:], whole[size:, :size], whole[size:, size:] = border, border.T, corner
-    return whole
+    complete[held] = complete[:, held] = 0.0
+    complete[held, held] = 1.0
+    complete[:size, size:], complete[size:, :size], complete[size:, size:] = (
+        border,
+        border.T,
+        corner,
+    )
+    return complete
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -112,18 +116,18 @@ def test_against_dense_linear_algebra(
     corner[blocks:, :blocks] = random.normal(size=(equalities, blocks))
     corner[:blocks, blocks:] = corner[blocks:, :blocks].T
     for k, block in enumerate(local):  # Variables that are not free have no entries.
-        at = free[k * stride * pairs :][: 4 * pairs]
-        block *= np.outer(at, at)
+        time = free[k * stride * pairs :][: 4 * pairs]
+        block *= np.outer(time, time)
     right = random.normal(size=size + columns)
-    found = solved(local, border, corner, right, free, stride, blocks)
-    assert found is not None
-    solution, delta = found
+    result = solved(local, border, corner, right, free, stride, blocks)
+    assert result is not None
+    solution, delta = result
     assert (delta == 0.0) == convex
-    whole = whole_matrix(local, border, corner, free, stride)
+    complete = whole_matrix(local, border, corner, free, stride)
     raised = np.flatnonzero(np.append(free, np.arange(columns) < blocks))
-    whole[raised, raised] += delta
-    assert solution == pytest.approx(np.linalg.solve(whole, right), rel=1e-8, abs=1e-9)
-    eigenvalues = np.linalg.eigvalsh(whole)
+    complete[raised, raised] += delta
+    assert solution == pytest.approx(np.linalg.solve(complete, right), rel=1e-8, abs=1e-9)
+    eigenvalues = np.linalg.eigvalsh(complete)
     assert np.count_nonzero(eigenvalues < 0) == equalities
 
 

@@ -196,9 +196,9 @@ def test_a_torque_limit_against_gravity() -> None:
     time = np.sqrt(2 * distance * (1 / up + 1 / down))
     fractions = pieces(down, up, each=10)
     group = rows_of(lambda x: [x[2] + gravity, -x[2] - gravity], fractions)
-    found = fastest(replace(chain(fractions, distance), groups=(group,)), distance, 1.3 * time)
-    assert found.converged
-    assert found.state.point.times[0] == pytest.approx(time, rel=1e-6)
+    result = fastest(replace(chain(fractions, distance), groups=(group,)), distance, 1.3 * time)
+    assert result.converged
+    assert result.state.point.times[0] == pytest.approx(time, rel=1e-6)
 
 
 @pytest.mark.parametrize("each", [10, 20, 40])
@@ -219,9 +219,11 @@ def test_a_torque_limit_with_viscous_friction(each: int) -> None:
         low, high = (t1, high) if way < distance else (low, t1)
     fractions = pieces(t1, t2, each=each)
     group = rows_of(lambda x: [x[2] + k * x[1], -x[2] - k * x[1]], fractions, at=(0.0, 0.5, 1.0))
-    found = fastest(replace(chain(fractions, distance), groups=(group,)), distance, 1.3 * (t1 + t2))
-    assert found.converged
-    assert found.state.point.times[0] == pytest.approx(t1 + t2, rel=0.1 / each**2)
+    result = fastest(
+        replace(chain(fractions, distance), groups=(group,)), distance, 1.3 * (t1 + t2)
+    )
+    assert result.converged
+    assert result.state.point.times[0] == pytest.approx(t1 + t2, rel=0.1 / each**2)
 
 
 def test_least_effort_in_a_given_time() -> None:
@@ -235,10 +237,10 @@ def test_least_effort_in_a_given_time() -> None:
         smoothing=np.full(1, 1 / 3),
     )
     guess = start(program, distance, time)
-    found = solved(program, Point(guess.c + 0.1 * program.free, guess.times))
-    assert found.converged
-    assert found.objective == pytest.approx(12 * distance**2 / time**3, rel=1e-9)
-    assert found.state.point.times[0] == pytest.approx(time, rel=1e-12)
+    result = solved(program, Point(guess.c + 0.1 * program.free, guess.times))
+    assert result.converged
+    assert result.objective == pytest.approx(12 * distance**2 / time**3, rel=1e-9)
+    assert result.state.point.times[0] == pytest.approx(time, rel=1e-12)
 
 
 def test_a_point_on_the_way_of_a_jerk_limited_motion() -> None:
@@ -250,10 +252,10 @@ def test_a_point_on_the_way_of_a_jerk_limited_motion() -> None:
     times = []
     for share in (1 / 2, 1 / 3):
         given = replace(program, equal=(np.array([middle]), np.array([0]), np.array([2.0 * share])))
-        found = fastest(given, 2.0, 1.5 * profile.duration)
-        assert found.converged
-        assert found.z[middle, 0] == pytest.approx(2.0 * share, abs=1e-9)
-        times.append(found.state.point.times[0])
+        result = fastest(given, 2.0, 1.5 * profile.duration)
+        assert result.converged
+        assert result.z[middle, 0] == pytest.approx(2.0 * share, abs=1e-9)
+        times.append(result.state.point.times[0])
     assert times[0] == pytest.approx(profile.duration, rel=1e-5)
     assert times[1] > 1.02 * profile.duration
 

@@ -35,13 +35,13 @@ def spline(kind: Kind) -> Spline:
 
 def called(name: str, kind: Kind, eta: Array, shape: tuple[int, ...], *given: Array) -> Array:
     """Return the output of a function of native/spline.c."""
-    found = np.zeros(shape)
+    result = np.zeros(shape)
     pointers = [
         values.ctypes.data_as(ctypes.c_void_p)
-        for values in (np.ascontiguousarray(eta), *given, found)
+        for values in (np.ascontiguousarray(eta), *given, result)
     ]
     getattr(library.load(), name)(("hermite", "bspline").index(kind), *pointers)
-    return found
+    return result
 
 
 def eta_of(one: Spline) -> Array:
@@ -75,8 +75,8 @@ def test_elements_are_scipys(kind: Kind) -> None:
     inside = 1e-9 * H
     assert states[:, 0] == pytest.approx(reference(ENDS[:-1]), abs=1e-12)
     assert states[:, 1] == pytest.approx(reference.derivative()(ENDS[:-1]), abs=1e-9)
-    for row, at in ((2, ENDS[:-1] + inside), (3, ENDS[1:] - inside)):
-        assert states[:, row] == pytest.approx(reference.derivative(2)(at), abs=1e-4)
+    for row, time in ((2, ENDS[:-1] + inside), (3, ENDS[1:] - inside)):
+        assert states[:, row] == pytest.approx(reference.derivative(2)(time), abs=1e-4)
     # The fifth state is the middle Bernstein coefficient of the velocity, which is a parabola.
     velocity = reference.derivative()
     middle = (

@@ -95,9 +95,9 @@ def test_lens_ratio_is_the_nearest_of_dense_points_along_the_shaft() -> None:
             dense = np.linalg.norm(
                 (points - lens.centre) @ lens.frame / lens.semi_axes, axis=1
             ).min()
-            found = float(lens_ratio(NUMPY, lens, tip))
-            assert found <= dense + 1e-12
-            assert found == pytest.approx(dense, abs=1e-3)
+            result = float(lens_ratio(NUMPY, lens, tip))
+            assert result <= dense + 1e-12
+            assert result == pytest.approx(dense, abs=1e-3)
 
 
 def surface(lens: Lens, enlarged: float, count: int = 20_000) -> np.ndarray:

@@ -31,7 +31,7 @@ def _member(family, i):
 def test_angles_and_joints_agree_with_every_member():
     family = _family()
     task = np.array([[0.1, -1.8, 0.2, 0.004], [-0.3, -2.0, -0.1, 0.02]])
-    found = {branch: family.joints(task, branch) for branch in (1, -1)}
+    result = {branch: family.joints(task, branch) for branch in (1, -1)}
     for i in range(len(family.alpha)):
         member = _member(family, i)
         assert np.allclose(
@@ -44,11 +44,11 @@ def test_angles_and_joints_agree_with_every_member():
         )
         for branch in (1, -1):
             theta = joints_of_task(NUMPY, member, tuple(task.T), branch * member.home_branch)
-            wanted = np.stack(np.broadcast_arrays(*theta), axis=-1)
+            expected = np.stack(np.broadcast_arrays(*theta), axis=-1)
             # Angles that differ by whole turns are equal.
-            away = np.angle(np.exp(1j * (found[branch][i] - wanted)[:, :3]))
+            away = np.angle(np.exp(1j * (result[branch][i] - expected)[:, :3]))
             assert np.abs(away).max() < 1e-9
-            assert np.allclose(found[branch][i][:, 3], wanted[:, 3])
+            assert np.allclose(result[branch][i][:, 3], expected[:, 3])
 
 
 def test_distance_to_the_boundary_is_that_of_the_worst_tilt():

@@ -52,15 +52,15 @@ def test_a_million_random_poses_of_random_mechanisms(random_mechanism):
         mech = random_mechanism(rng)
         q = rng.uniform(-math.pi, math.pi, (2000, 4)) * [1.0, 1.0, 1.0, 0.1]
         rotations, positions = forward(mech, q)
-        found = inverse(mech, rotations, positions)
-        assert found.reachable.all()
-        assert worst_miss(mech, found, rotations, positions) < 1e-10
-        assert max(found.orientation_error.max(), found.tip_error.max()) < 1e-10
-        branch = np.sin(found.joints[..., 1] - mech.delta)
+        result = inverse(mech, rotations, positions)
+        assert result.reachable.all()
+        assert worst_miss(mech, result, rotations, positions) < 1e-10
+        assert max(result.orientation_error.max(), result.tip_error.max()) < 1e-10
+        branch = np.sin(result.joints[..., 1] - mech.delta)
         assert np.all(branch[:, 0] >= 0.0)
         assert np.all(branch[:, 1] <= 0.0)
         assert np.all(
-            angle_gap(found.joints[..., :3], q[:, np.newaxis, :3]).max(axis=2).min(axis=1) < 1e-5
+            angle_gap(result.joints[..., :3], q[:, np.newaxis, :3]).max(axis=2).min(axis=1) < 1e-5
         )
 
 
@@ -97,9 +97,9 @@ def test_within_a_microradian_of_the_boundary(random_mechanism, shape):
         task[:200, 1] = low + rng.uniform(0.0, 1e-6, 200) * rng.choice([1.0, 1e-3, 1e-6, 0.0], 200)
         task[200:, 1] = high - rng.uniform(0.0, 1e-6, 200) * rng.choice([1.0, 1e-3, 1e-6, 0.0], 200)
         rotations, positions = pose_from_task(mech, task)
-        for found in (inverse(mech, rotations, positions), inverse_task(mech, task)):
-            assert found.reachable.all()
-            assert worst_miss(mech, found, rotations, positions) < 1e-7
+        for result in (inverse(mech, rotations, positions), inverse_task(mech, task)):
+            assert result.reachable.all()
+            assert worst_miss(mech, result, rotations, positions) < 1e-7
 
 
 def test_steps_of_the_paper_give_the_same_joints(random_mechanism):
@@ -112,18 +112,18 @@ def test_steps_of_the_paper_give_the_same_joints(random_mechanism):
         theta4, count = subproblem_3_prime(mech.omega3, zero, zero, np.linalg.norm(positions[0]))
         assert count == 2
         tool = turned @ mech.omega3
-        chosen = theta4[np.argmin([np.linalg.norm(tool * each - positions[0]) for each in theta4])]
+        chosen = theta4[np.argmin([np.linalg.norm(tool * item - positions[0]) for item in theta4])]
         p2 = mech.omega3
         q2 = turned @ (p2 - mech.omega3 * chosen) + positions[0]
         theta1, theta2, _ = subproblem_2(mech.omega1, mech.omega2, p2, q2)
-        found = inverse(mech, rotations, positions)
+        result = inverse(mech, rotations, positions)
         for k in range(2):
             p3 = mech.tool_home[:, 0]
             elbow = rotation(mech.omega1, theta1[k]) @ rotation(mech.omega2, theta2[k])
             theta3 = subproblem_1(mech.omega3, p3, elbow.T @ turned @ p3)
             joints = np.array([theta1[k], theta2[k], theta3, chosen])
             gap = np.append(
-                angle_gap(found.joints[0, k, :3], joints[:3]), found.joints[0, k, 3] - chosen
+                angle_gap(result.joints[0, k, :3], joints[:3]), result.joints[0, k, 3] - chosen
             )
             assert np.abs(gap).max() < 1e-10
 
@@ -156,20 +156,21 @@ def test_an_unreachable_pointing_is_moved_to_the_nearest(random_mechanism):
             rotation(mech.omega1, grid)[:, np.newaxis]
             @ (rotation(mech.omega2, grid) @ mech.omega3)[..., np.newaxis]
         )
-        for found in (inverse(mech, rotations, positions), inverse_task(mech, task)):
-            assert not found.reachable.any()
-            assert not found.reaches.any()
-            assert np.abs(found.orientation_error - (tilt - high)).max() < 1e-12
+        for result in (inverse(mech, rotations, positions), inverse_task(mech, task)):
+            assert not result.reachable.any()
+            assert not result.reaches.any()
+            assert np.abs(result.orientation_error - (tilt - high)).max() < 1e-12
             for k in range(2):
-                reached, tips = forward(mech, found.joints[:, k])
+                reached, tips = forward(mech, result.joints[:, k])
                 turned = Rotation.from_matrix(np.swapaxes(reached, 1, 2) @ rotations).magnitude()
-                assert np.abs(turned - found.orientation_error).max() < 1e-7
+                assert np.abs(turned - result.orientation_error).max() < 1e-7
                 assert (
-                    np.abs(np.linalg.norm(tips - positions, axis=1) - found.tip_error).max() < 1e-12
+                    np.abs(np.linalg.norm(tips - positions, axis=1) - result.tip_error).max()
+                    < 1e-12
                 )
             for i in range(5):
                 nearest = np.linalg.norm(places[..., 0] - rotations[i, :, 2], axis=-1).min()
-                assert 2.0 * math.sin(found.orientation_error[i] / 2.0) <= nearest + 1e-12
+                assert 2.0 * math.sin(result.orientation_error[i] / 2.0) <= nearest + 1e-12
 
 
 def test_a_pose_whose_axis_misses_the_rcm(vitreoretinal):
@@ -177,13 +178,13 @@ def test_a_pose_whose_axis_misses_the_rcm(vitreoretinal):
     q = rng.uniform(-1.0, 1.0, (100, 4)) * [1.0, 0.5, 1.0, 0.01] - [0.0, 0.0, 0.0, 0.02]
     rotations, positions = forward(vitreoretinal, q)
     shifted = positions + rng.uniform(-1e-3, 1e-3, (100, 3))
-    found = inverse(vitreoretinal, rotations, shifted)
-    assert not found.reachable.any()
+    result = inverse(vitreoretinal, rotations, shifted)
+    assert not result.reachable.any()
     for k in range(2):
-        reached, tips = forward(vitreoretinal, found.joints[:, k])
+        reached, tips = forward(vitreoretinal, result.joints[:, k])
         turned = Rotation.from_matrix(np.swapaxes(reached, 1, 2) @ rotations).magnitude()
-        assert np.abs(turned - found.orientation_error).max() < 1e-7
-        assert np.abs(np.linalg.norm(tips - shifted, axis=1) - found.tip_error).max() < 1e-12
+        assert np.abs(turned - result.orientation_error).max() < 1e-7
+        assert np.abs(np.linalg.norm(tips - shifted, axis=1) - result.tip_error).max() < 1e-12
     # No neighbouring pointing with the same θ4 has a smaller cost.
     theta4 = np.sum(shifted * rotations[:, :, 2], axis=1, keepdims=True)
 
@@ -191,7 +192,7 @@ def test_a_pose_whose_axis_misses_the_rcm(vitreoretinal):
         tip = np.sum((shifted - theta4 * pointing) ** 2, axis=1)
         return tip + LEVER**2 * np.sum((pointing - rotations[:, :, 2]) ** 2, axis=1)
 
-    chosen = forward(vitreoretinal, found.joints[:, 0])[0][:, :, 2]
+    chosen = forward(vitreoretinal, result.joints[:, 0])[0][:, :, 2]
     for _ in range(20):
         other = chosen + 1e-3 * rng.standard_normal((100, 3))
         other /= np.linalg.norm(other, axis=1, keepdims=True)
@@ -202,37 +203,37 @@ def test_at_depth_zero_the_orientation_alone_points(vitreoretinal):
     task = np.array([[0.3, -2.0, 0.4, 0.0]])
     rotations, positions = pose_from_task(vitreoretinal, task)
     assert np.array_equal(positions, np.zeros((1, 3)))
-    found = inverse(vitreoretinal, rotations, positions)
-    assert found.reachable.all()
-    assert worst_miss(vitreoretinal, found, rotations, positions) < 1e-14
+    result = inverse(vitreoretinal, rotations, positions)
+    assert result.reachable.all()
+    assert worst_miss(vitreoretinal, result, rotations, positions) < 1e-14
     # Noise of a micrometre at the tip turns the tool by microradians.
     noisy = inverse(vitreoretinal, rotations, np.array([1e-6, -1e-6, 1e-6]))
-    assert np.abs(noisy.joints[..., :3] - found.joints[..., :3]).max() < 1e-5
+    assert np.abs(noisy.joints[..., :3] - result.joints[..., :3]).max() < 1e-5
 
 
 def test_tip_targets_have_up_to_four_solutions():
     mech = Mechanism.from_angles(math.radians(60.0), math.radians(85.0))
     tip = pose_from_task(mech, np.array([[0.4, math.radians(-80.0), 0.2, 0.02]]))[1]
-    found = inverse_tip(mech, tip, 0.2)
-    assert found.reaches.tolist() == [[True] * 4]
+    result = inverse_tip(mech, tip, 0.2)
+    assert result.reaches.tolist() == [[True] * 4]
     for k in range(4):
-        task = task_from_joints(mech, found.joints[:, k])[0]
-        assert np.abs(forward(mech, found.joints[:, k])[1] - tip).max() < 1e-15
+        task = task_from_joints(mech, result.joints[:, k])[0]
+        assert np.abs(forward(mech, result.joints[:, k])[1] - tip).max() < 1e-15
         assert task[2] == pytest.approx(0.2, abs=1e-12)
         assert task[3] == pytest.approx(0.02 if k < 2 else -0.02, abs=1e-15)
-    assert len(np.unique(found.joints[0].round(9), axis=0)) == 4
+    assert len(np.unique(result.joints[0].round(9), axis=0)) == 4
 
 
 def test_tip_targets_out_of_reach_are_flagged(vitreoretinal):
     on_roll_axis = np.array([[0.01, 0.0, 0.0]])
-    found = inverse_tip(vitreoretinal, on_roll_axis)
-    assert not found.reachable[0]
+    result = inverse_tip(vitreoretinal, on_roll_axis)
+    assert not result.reachable[0]
     misses = [
-        np.linalg.norm(forward(vitreoretinal, found.joints[:, k])[1] - on_roll_axis)
+        np.linalg.norm(forward(vitreoretinal, result.joints[:, k])[1] - on_roll_axis)
         for k in range(4)
     ]
-    assert min(misses) == pytest.approx(float(found.tip_error[0]), abs=1e-15)
-    assert found.tip_error[0] == pytest.approx(
+    assert min(misses) == pytest.approx(float(result.tip_error[0]), abs=1e-15)
+    assert result.tip_error[0] == pytest.approx(
         0.01 * math.sin(math.radians(180.0 - 139.7783933)), abs=1e-9
     )
 
@@ -242,8 +243,8 @@ def test_a_tip_at_the_rcm_keeps_the_pointing(vitreoretinal):
     assert home.reaches.tolist() == [[True, True, False, False]]
     assert np.abs(home.joints[0, 1] - [0.0, 0.0, 0.1, 0.0]).max() < 1e-12
     reference = np.array([0.3, -0.2, 0.1, -0.01])
-    kept = inverse_tip(vitreoretinal, np.zeros((1, 3)), 0.1, reference=reference)
-    assert np.abs(kept.joints[0, 0, :2] - reference[:2]).max() < 1e-12
+    remaining = inverse_tip(vitreoretinal, np.zeros((1, 3)), 0.1, reference=reference)
+    assert np.abs(remaining.joints[0, 0, :2] - reference[:2]).max() < 1e-12
 
 
 def test_parallel_axes_have_no_inverse():

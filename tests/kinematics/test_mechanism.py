@@ -81,9 +81,9 @@ def test_delta_is_where_the_tool_is_nearest_to_omega1(random_mechanism):
 
 
 def test_from_angles_is_the_published_robot(vitreoretinal):
-    made = Mechanism.from_angles(vitreoretinal.alpha, vitreoretinal.beta, vitreoretinal.home_tilt)
+    result = Mechanism.from_angles(vitreoretinal.alpha, vitreoretinal.beta, vitreoretinal.home_tilt)
     for name in ("omega1", "omega2", "omega3", "tilt_axis", "tool_home"):
-        assert np.abs(getattr(made, name) - getattr(vitreoretinal, name)).max() < 1e-15
+        assert np.abs(getattr(result, name) - getattr(vitreoretinal, name)).max() < 1e-15
 
 
 @pytest.mark.parametrize(
@@ -104,8 +104,8 @@ def test_forward_and_jacobians_agree_with_pinocchio(random_mechanism):
         data = model.createData()
         q = rng.uniform(-3.0, 3.0, (10, 4))
         (rotations, positions), jacobians = forward(mech, q), space_jacobian(mech, q)
-        for i, each in enumerate(q):
-            pin.computeJointJacobians(model, data, each)
+        for i, item in enumerate(q):
+            pin.computeJointJacobians(model, data, item)
             placed = pin.updateFramePlacement(model, data, frame)
             assert np.abs(placed.rotation - rotations[i]).max() < 1e-14
             assert np.abs(placed.translation - positions[i]).max() < 1e-14
@@ -134,8 +134,8 @@ def test_symbolic_forward_equals_numeric(random_mechanism):
         q = rng.uniform(-3.0, 3.0, (20, 4))
         rotations, positions = forward(mech, q)
         numeric = rotations, positions[..., np.newaxis], positions[..., np.newaxis]
-        for i, each in enumerate(q):
-            for symbolic, array in zip(function(each), numeric, strict=True):
+        for i, item in enumerate(q):
+            for symbolic, array in zip(function(item), numeric, strict=True):
                 assert np.abs(symbolic.full() - array[i]).max() < 1e-14
 
 

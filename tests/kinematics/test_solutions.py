@@ -27,32 +27,34 @@ def test_limits_mark_and_whole_turns_move_solutions_inside(vitreoretinal):
     rotations, positions = poses(rng, vitreoretinal, 500)
     limits = np.array([(2.0, 7.0), (-1.5, 2.5), (-7.0, -2.0), (-0.03, 0.03)])
     free = inverse(vitreoretinal, rotations, positions)
-    found = inverse(vitreoretinal, rotations, positions, limits=limits)
-    inside = np.all((found.joints >= limits[:, 0]) & (found.joints <= limits[:, 1]), axis=2)
-    assert np.array_equal(found.in_limits, inside)
-    assert 0 < np.count_nonzero(found.valid) < found.valid.size
-    turns = (found.joints - free.joints)[..., :3] / (2.0 * math.pi)
+    result = inverse(vitreoretinal, rotations, positions, limits=limits)
+    inside = np.all((result.joints >= limits[:, 0]) & (result.joints <= limits[:, 1]), axis=2)
+    assert np.array_equal(result.in_limits, inside)
+    assert 0 < np.count_nonzero(result.valid) < result.valid.size
+    turns = (result.joints - free.joints)[..., :3] / (2.0 * math.pi)
     assert np.abs(turns - turns.round()).max() < 1e-12
     # A solution is outside the limits only if whole turns cannot bring each joint inside.
     shifted = free.joints[..., :3, np.newaxis] + 2.0 * math.pi * np.arange(-3, 4)
     low, high = limits[:3, 0, np.newaxis], limits[:3, 1, np.newaxis]
     possible = np.all(np.any((shifted >= low) & (shifted <= high), axis=-1), axis=-1)
-    assert np.array_equal(found.in_limits, possible & (np.abs(free.joints[..., 3]) <= 0.03))
+    assert np.array_equal(result.in_limits, possible & (np.abs(free.joints[..., 3]) <= 0.03))
 
 
 def test_solutions_are_ordered_by_distance_over_whole_turns(vitreoretinal):
     rng = np.random.default_rng(22)
     rotations, positions = poses(rng, vitreoretinal, 300)
     reference = rng.uniform(-9.0, 9.0, (300, 4))
-    found = inverse(vitreoretinal, rotations, positions, reference=reference)
+    result = inverse(vitreoretinal, rotations, positions, reference=reference)
     distance = np.linalg.norm(
-        (found.joints - reference[:, np.newaxis]) * JOINT_DISTANCE_WEIGHTS, axis=2
+        (result.joints - reference[:, np.newaxis]) * JOINT_DISTANCE_WEIGHTS, axis=2
     )
     assert np.all(np.diff(distance, axis=1) >= 0.0)
-    assert np.all(np.abs(found.joints - reference[:, np.newaxis])[..., :3] <= math.pi + 1e-12)
-    assert np.array_equal(found.branch, np.sign(np.sin(found.joints[..., 1] - vitreoretinal.delta)))
+    assert np.all(np.abs(result.joints - reference[:, np.newaxis])[..., :3] <= math.pi + 1e-12)
+    assert np.array_equal(
+        result.branch, np.sign(np.sin(result.joints[..., 1] - vitreoretinal.delta))
+    )
     for k in range(2):
-        assert np.abs(forward(vitreoretinal, found.joints[:, k])[0] - rotations).max() < 1e-12
+        assert np.abs(forward(vitreoretinal, result.joints[:, k])[0] - rotations).max() < 1e-12
 
 
 def test_valid_solutions_come_first(vitreoretinal):
@@ -60,10 +62,10 @@ def test_valid_solutions_come_first(vitreoretinal):
     rotations, positions = poses(rng, vitreoretinal, 300)
     limits = np.array([*WIDE[:3], (-0.03, 0.03)])
     limits[1] = (-1.36, 1.78)
-    found = inverse(vitreoretinal, rotations, positions, limits=limits, reference=np.full(4, 2.5))
-    assert np.all(found.valid[:, 0] >= found.valid[:, 1])
-    assert found.valid[:, 0].all()
-    assert not found.valid[:, 1].all()
+    result = inverse(vitreoretinal, rotations, positions, limits=limits, reference=np.full(4, 2.5))
+    assert np.all(result.valid[:, 0] >= result.valid[:, 1])
+    assert result.valid[:, 0].all()
+    assert not result.valid[:, 1].all()
 
 
 def test_the_nearest_turn_is_within_half_a_turn():
@@ -77,9 +79,9 @@ def test_the_nearest_turn_is_within_half_a_turn():
 def test_each_solution_keeps_its_branch_along_a_path_and_never_jumps(vitreoretinal):
     way = np.linspace(0.0, 1.0, 2001)
     task = np.column_stack((9.0 * way, -1.5 - 0.9 * np.sin(3.0 * way) ** 2, -8.0 * way, 0.02 * way))
-    found = inverse(vitreoretinal, *pose_from_task(vitreoretinal, task))
+    result = inverse(vitreoretinal, *pose_from_task(vitreoretinal, task))
     for k, branch in enumerate((1, -1)):
-        path = found.joints[:, k].copy()
+        path = result.joints[:, k].copy()
         path[:, :3] = np.unwrap(path[:, :3], axis=0)
         assert np.abs(np.diff(path, axis=0)).max() < 0.05
         assert np.all(np.sign(np.sin(path[:, 1] - vitreoretinal.delta)) == branch)
@@ -106,8 +108,8 @@ def test_bad_arguments_are_named(vitreoretinal):
 def test_joints_without_limits_may_turn_without_end(vitreoretinal):
     """Joints without limits take the number of whole turns that is nearest to the reference."""
     unlimited = [(-math.inf, math.inf)] * 3 + [(-0.03, 0.0)]
-    found = inverse_task(
+    result = inverse_task(
         vitreoretinal, [[40.0, -2.0, 0.0, 0.02]], limits=unlimited, reference=np.full(4, 37.0)
     )
-    assert found.valid.all()
-    assert np.abs(found.joints[..., :3] - 37.0).max() <= math.pi
+    assert result.valid.all()
+    assert np.abs(result.joints[..., :3] - 37.0).max() <= math.pi

@@ -29,9 +29,9 @@ def test_joints_along_the_first_axis_are_finite_and_reach_the_pose(degrees: floa
     axis = np.tile([1.0, 0.0, 0.0], (7, 1))
     rotations = np.stack([x, np.cross(axis, x), axis], axis=2)
     positions = 0.01 * axis
-    found = inverse(mechanism, rotations, positions)
-    assert np.isfinite(found.joints).all()
-    for k in range(found.joints.shape[1]):
-        reached = forward(mechanism, found.joints[:, k])
+    result = inverse(mechanism, rotations, positions)
+    assert np.isfinite(result.joints).all()
+    for k in range(result.joints.shape[1]):
+        reached = forward(mechanism, result.joints[:, k])
         assert np.abs(reached[0] - rotations).max() < 1e-6
         assert np.abs(np.abs(reached[1]) - np.abs(positions)).max() < 1e-8

@@ -86,8 +86,8 @@ def test_second_derivatives_agree_with_differences_of_the_first(random_mechanism
         exact = function(task)[1].full()
         shifts = step * np.eye(4)
         columns = [
-            (function(task + each)[0] - function(task - each)[0]).full()[:, 0] / (2.0 * step)
-            for each in shifts
+            (function(task + item)[0] - function(task - item)[0]).full()[:, 0] / (2.0 * step)
+            for item in shifts
         ]
         assert np.abs(exact - np.stack(columns, axis=1)).max() <= 1e-6 * np.abs(exact).max()
 
@@ -101,13 +101,13 @@ def test_inverse_undoes_forward_symbolically(random_mechanism):
             joints = joints_from_task_symbolic(mech, task, branch)
             outputs = [task_from_joints_symbolic(mech, joints), *forward_symbolic(mech, joints)]
             function = casadi.Function("loop", [task], outputs)
-            for each in tasks_inside(rng, mech, 5):
-                each[1] = mech.side * abs(each[1])
-                again, _, position = function(each)
-                gap = again.full()[:, 0] - each
+            for item in tasks_inside(rng, mech, 5):
+                item[1] = mech.side * abs(item[1])
+                again, _, position = function(item)
+                gap = again.full()[:, 0] - item
                 gap[[0, 2]] = np.remainder(gap[[0, 2]] + math.pi, 2.0 * math.pi) - math.pi
                 assert np.abs(gap).max() < 1e-11
-                expected = forward(mech, inverse_task(mech, each).joints[:, 0])[1][0]
+                expected = forward(mech, inverse_task(mech, item).joints[:, 0])[1][0]
                 assert np.abs(position.full()[:, 0] - expected).max() < 1e-11
 
 
@@ -119,7 +119,7 @@ def test_a_reference_moves_by_whole_turns(vitreoretinal):
     moved = joints_from_task_symbolic(vitreoretinal, task, -1, reference=near)
     jacobians = casadi.jacobian(plain, task), casadi.jacobian(moved, task)
     function = casadi.Function("joints", [task], [plain, moved, *jacobians])
-    a, b, first, second = (each.full() for each in function([0.2, -2.0, 0.3, 0.01]))
+    a, b, first, second = (item.full() for item in function([0.2, -2.0, 0.3, 0.01]))
     turns = (b - a)[:, 0] / (2.0 * math.pi)
     assert np.abs(turns - turns.round()).max() < 1e-12
     assert np.abs((b[:, 0] - near)[:3]).max() <= math.pi

@@ -78,8 +78,8 @@ def test_roll_and_spin_continue_from_a_neighbour(vitreoretinal):
     q[:, 0] = np.linspace(0.0, 25.0, 200)
     q[:, 2] = np.linspace(0.0, -25.0, 200)
     near = np.zeros(4)
-    for each in q:
-        task = task_from_joints(vitreoretinal, each, near=near)[0]
+    for item in q:
+        task = task_from_joints(vitreoretinal, item, near=near)[0]
         assert np.abs(task - near).max() < 2.1 * math.pi
         near = task
     assert near[0] == pytest.approx(25.0, abs=1e-9)
@@ -119,9 +119,9 @@ def test_symbolic_task_rates_are_the_derivative_and_the_numeric_ones(random_mech
         function = casadi.Function("rates", [q, qd], [task_rates_symbolic(mech, q, qd), derivative])
         points, speeds = rng.uniform(-3.0, 3.0, (50, 4)), rng.uniform(-1.0, 1.0, (50, 4))
         numeric = task_rates(mech, points, speeds)
-        for each, speed, expected in zip(points, speeds, numeric, strict=True):
-            for found in function(each, speed):
-                assert found.full()[:, 0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        for item, speed, expected in zip(points, speeds, numeric, strict=True):
+            for result in function(item, speed):
+                assert result.full()[:, 0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def test_the_tip_follows_from_task_coordinates_by_two_ways(random_mechanism):

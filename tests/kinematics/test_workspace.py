@@ -136,11 +136,11 @@ def test_extreme_configurations(random_mechanism):
     rng = np.random.default_rng(3)
     for _ in range(100):
         mech = random_mechanism(rng)
-        for each in extremes(mech):
-            turned = rotation(mech.omega2, each.theta2) @ mech.omega3
-            assert np.abs(turned - each.direction).max() < 1e-11
-            assert abs(tilt_cosine(mech, each.theta2)[1]) < 1e-12
-            assert abs(math.cos(each.tilt) - mech.omega1 @ turned) < 1e-14
+        for item in extremes(mech):
+            turned = rotation(mech.omega2, item.theta2) @ mech.omega3
+            assert np.abs(turned - item.direction).max() < 1e-11
+            assert abs(tilt_cosine(mech, item.theta2)[1]) < 1e-12
+            assert abs(math.cos(item.tilt) - mech.omega1 @ turned) < 1e-14
         nearest, farthest = extremes(mech)
         assert tilt_cosine(mech, nearest.theta2)[2] < 0.0 < tilt_cosine(mech, farthest.theta2)[2]
 

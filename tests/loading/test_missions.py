@@ -60,9 +60,9 @@ def test_motions_of_another_problem_with_names_of_its_own(tmp_path: Path) -> Non
     (tmp_path / "part.yaml").write_text(
         (tmp_path / "part.yaml").read_text(encoding="utf-8").replace("99", "-99"), encoding="utf-8"
     )
-    whole = load_problem(tmp_path / "whole.yaml")
-    assert [entry.name for entry in whole.motion] == ["free", "free", "tilt"]
-    assert whole.motion[1].to.set_coordinates == {"depth": 0.002}
+    complete = load_problem(tmp_path / "whole.yaml")
+    assert [entry.name for entry in complete.motion] == ["free", "free", "tilt"]
+    assert complete.motion[1].to.set_coordinates == {"depth": 0.002}
 
 
 def test_the_robot_of_one_problem() -> None:

@@ -65,10 +65,10 @@ def test_corners_on_the_way_are_motions_of_their_own(files: Any) -> None:
   - line: {to: {tip: [2 mm, 0 mm, -12 mm], spin: 0 deg}, duration: 2 s}"""
     files.edit(NAME, TILT, motion)
     first, second, third, line, _ = files.load(NAME).motion
-    assert [each.to.set_coordinates for each in (first, second, third)] == [
+    assert [item.to.set_coordinates for item in (first, second, third)] == [
         pytest.approx({"roll": D(5)}), pytest.approx({"tilt": D(-100), "depth": 0.005}), pytest.approx({"tilt": D(-110)})
     ]  # fmt: skip
-    assert [each.blend for each in (first, second, third, line)] == [
+    assert [item.blend for item in (first, second, third, line)] == [
         pytest.approx(3e-4),
         pytest.approx(3e-4),
         None,
@@ -331,14 +331,14 @@ SCAN_MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
 
 @pytest.mark.parametrize(("old", "new", "parts"), SCAN_MISTAKES)
 def test_a_mistake_in_a_scan(files: Any, old: str, new: str, parts: tuple[str, ...]) -> None:
-    at = (
+    time = (
         "- scan:"
         if "missing" in parts and old == DIAMETER
         else "diameter: 2 mm"
         if "scan.diameter" in parts and old == RING
         else None
     )
-    message = files.rejection(SCAN, old, new, at)
+    message = files.rejection(SCAN, old, new, time)
     for part in parts:
         assert part in message
 
@@ -354,8 +354,8 @@ def test_a_mistake_in_a_scan(files: Any, old: str, new: str, parts: tuple[str, .
 )
 def test_a_mistake_in_a_raster(files: Any, keys: str, parts: tuple[str, ...]) -> None:
     files.edit(SCAN, RING, "      pattern: raster")
-    at = "- scan:" if "missing" in parts else "rows:"
-    message = files.rejection(SCAN, DIAMETER, f"      {keys}", at=at)
+    time = "- scan:" if "missing" in parts else "rows:"
+    message = files.rejection(SCAN, DIAMETER, f"      {keys}", at=time)
     for part in parts:
         assert part in message
 

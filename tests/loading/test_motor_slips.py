@@ -100,7 +100,7 @@ def test_figures_of_two_motors_in_one_row_are_refused(tmp_path: Path) -> None:
 
 def motor_file(folder: Path, **figures: Any) -> Path:
     """Write a motor file with consistent values and the given changes, and return the file."""
-    given = {
+    inputs = {
         "name": "M",
         "source": "a test",
         "nominal_torque": "2.64 mN*m",
@@ -114,7 +114,7 @@ def motor_file(folder: Path, **figures: Any) -> Path:
         "rotor_inertia": "0.13 g*cm^2",
     } | figures
     file = folder / "motor.yaml"
-    file.write_text("".join(f"{k}: {v}\n" for k, v in given.items() if v), encoding="utf-8")
+    file.write_text("".join(f"{k}: {v}\n" for k, v in inputs.items() if v), encoding="utf-8")
     return file
 
 

@@ -69,12 +69,12 @@ EC13 = "motors/maxon_ec_13_6w.yaml"
 )
 def test_bad_motors(files: Any, file: str, old: str, new: str, parts: tuple[str, ...]) -> None:
     # A message about contradictory values points to the first line of the entry of a value.
-    whole = {
+    complete = {
         "max_torque": "max_torque:",
         "speed_constant": "speed_constant:",
         "nominal_torque": "nominal_torque:",
     }
-    message = files.rejection(file, old, new, whole.get(parts[0]))
+    message = files.rejection(file, old, new, complete.get(parts[0]))
     for part in parts:
         assert part in message
 
@@ -107,9 +107,9 @@ def test_placeholders_are_named_and_explained(files: Any) -> None:
     assert motor.placeholder
     assert "no datasheet" in motor.sources["max_speed"]
     motor = files.load("motors/maxon_ecx_torque_22_xl.yaml")
-    given = {name for name in motor.sources if getattr(motor, name) is not None}
-    assert set(motor.placeholders) == given
-    assert all("22 M" in motor.sources[name] for name in given - {"encoder_counts"})
+    inputs = {name for name in motor.sources if getattr(motor, name) is not None}
+    assert set(motor.placeholders) == inputs
+    assert all("22 M" in motor.sources[name] for name in inputs - {"encoder_counts"})
     assert "rigs" in motor.sources["encoder_counts"]
 
 

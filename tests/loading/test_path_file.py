@@ -119,18 +119,18 @@ def test_curves_are_kept_in_a_plan_and_included(tmp_path: Path) -> None:
   - spline: {through: [there], to: {joints: [0 deg, 10 deg, 20 deg, -5 mm]}}
 points: {there: {tilt: -105 deg}}
 """
-    found = problem(tmp_path, entries=entries)
-    assert [(entry.name, entry.curve) for entry in found.motion] == [
+    result = problem(tmp_path, entries=entries)
+    assert [(entry.name, entry.curve) for entry in result.motion] == [
         ("path", "samples"), ("line", "line"), ("arc", "arc"), ("spline", "spline")]  # fmt: skip
-    assert [type(entry.to) for entry in found.motion] == [Task, Tip, Task, Joints]
-    again = problem_from_plain(to_plain(found))
-    assert again == found
-    assert again.motion[0].file == found.motion[0].file
+    assert [type(entry.to) for entry in result.motion] == [Task, Tip, Task, Joints]
+    again = problem_from_plain(to_plain(result))
+    assert again == result
+    assert again.motion[0].file == result.motion[0].file
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "other.yaml").write_text(
         PROBLEM + "  - include: ../problem.yaml\n", encoding="utf-8"
     )
-    assert load_problem(tmp_path / "below" / "other.yaml").motion[0] == found.motion[0]
+    assert load_problem(tmp_path / "below" / "other.yaml").motion[0] == result.motion[0]
 
 
 def test_curves_in_python() -> None:

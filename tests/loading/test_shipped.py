@@ -143,15 +143,15 @@ assert not heavy & set(sys.modules)
 
 
 def _properties(schema: Any) -> set[str]:
-    found: set[str] = set()
+    result: set[str] = set()
     if isinstance(schema, dict):
-        found |= set(schema.get("properties", {}))
+        result |= set(schema.get("properties", {}))
         for value in schema.values():
-            found |= _properties(value)
+            result |= _properties(value)
     elif isinstance(schema, list):
         for value in schema:
-            found |= _properties(value)
-    return found
+            result |= _properties(value)
+    return result
 
 
 def _keys(value: Any) -> set[str]:

@@ -158,9 +158,9 @@ def test_without_its_tree_a_long_file_takes_a_third_of_the_memory() -> None:
         text = "points:\n" + point * count
         tracemalloc.start()
         try:
-            found = parse_yaml(None, text, tree=tree)
-            assert found.size == 2 + 9 * count
-            assert found.value["points"][-1] == {
+            result = parse_yaml(None, text, tree=tree)
+            assert result.size == 2 + 9 * count
+            assert result.value["points"][-1] == {
                 "positions": [0.1, -0.0015, 0.2, 3],
                 "time_from_start": {"sec": 0, "nanosec": 5},
             }

@@ -195,7 +195,7 @@ def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
 
     The tuples also contain results of functions that these plans seldom reach.
     """
-    found = [tuple(claim) for plan in plans() for claim in module.prove(plan)]
+    result = [tuple(claim) for plan in plans() for claim in module.prove(plan)]
     zero = np.zeros(1)
     with np.errstate(all="ignore"):
         for low, high in ((-0.5, 0.7), (-2.5, 2.0), (0.3, 0.3), (3.0, 3.5)):
@@ -203,19 +203,19 @@ def answers(module: types.ModuleType) -> list[tuple[Any, ...]]:
                 c, s = (module.constant(np.array([x])) for x in (math.cos(psi), math.sin(psi)))
                 for functions, limit, side, value in module.angle(c, s, low, high):
                     ends = module.supremum(functions, zero == 0, zero, zero + 1)[:2]
-                    found.append(("angle", None, *map(value, ends), limit, side, 0.0, ""))
+                    result.append(("angle", None, *map(value, ends), limit, side, 0.0, ""))
         wide = module.Model(np.array([[2.0, -0.5], [0.3, 0.2]]), np.zeros(2))
         for model in (module.exponential(wide - 2.0), module.power(wide + 9.0, 0.5)):
-            found.append(("model", None, *map(float, [*model.c[:3, 0], *model.r]), ""))
+            result.append(("model", None, *map(float, [*model.c[:3, 0], *model.r]), ""))
         bad = module.Model(np.array([[1.0, np.nan]]), np.zeros(2))
         ends = module.supremum([bad], np.array([True, False]), np.zeros(2), np.ones(2))[:2]
-        found.append(("open", None, *map(float, ends), ""))
+        result.append(("open", None, *map(float, ends), ""))
         loose = module.Model(np.array([[0.1, 2.0], [1.0, 0.1]]), np.array([0.3, 0.2]))
         for ends in (module.bounds(loose), module.heat(loose, [loose, loose * 0.5])):
-            found.append(("loose", None, *map(float, np.ravel(ends)), ""))
+            result.append(("loose", None, *map(float, np.ravel(ends)), ""))
         for angle in (-0.4, 0.0, 0.4):  # the tool on both sides of the axes' plane
-            found.append(("side", None, *map(float, sides(module, angle)), ""))
-    return found
+            result.append(("side", None, *map(float, sides(module, angle)), ""))
+    return result
 
 
 def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
@@ -225,7 +225,7 @@ def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
     second one is its opposite.
     """
     plan = copy.deepcopy(plans()[1])
-    geometry, found = plan["problem"]["robot"]["geometry"], []
+    geometry, result = plan["problem"]["robot"]["geometry"], []
     first, axis = (np.array(geometry[name]) for name in ("omega1", "omega3"))
     along = first * (first @ axis)
     axis = along + (axis - along) * math.cos(angle) + np.cross(first, axis) * math.sin(angle)
@@ -233,8 +233,8 @@ def sides(module: types.ModuleType, angle: float) -> tuple[float, float]:
         geometry["omega3"] = (sign * axis).tolist()
         boxes = module.Boxes(plan, np.zeros(1, int), np.zeros(1), np.full(1, 1e-3))
         boxes.efforts()
-        found.append(boxes.side)
-    return found[0], found[1]
+        result.append(boxes.side)
+    return result[0], result[1]
 
 
 def differs(one: list[tuple[Any, ...]], two: list[tuple[Any, ...]]) -> bool:
@@ -264,12 +264,12 @@ def survivors(count: int, seed: int) -> Iterator[tuple[int, str, bool]]:
         signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST)
         try:
             with np.errstate(all="ignore"):
-                found = differs(truth, answers(load(text)))
+                result = differs(truth, answers(load(text)))
         except (Exception, SystemExit):  # noqa: BLE001 a mutant may raise anything
-            found = True
+            result = True
         finally:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
-        yield line, name, found
+        yield line, name, result
 
 
 def main() -> None:
@@ -278,9 +278,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     total = killed = 0
-    for line, name, found in survivors(options.count, options.seed):
-        total, killed = total + 1, killed + found
-        if not found:
+    for line, name, result in survivors(options.count, options.seed):
+        total, killed = total + 1, killed + result
+        if not result:
             print(f"line {line}: {name} survives", flush=True)
     print(f"{killed} of {total} mutants found")
 

@@ -53,19 +53,19 @@ def loader(checkout: Path) -> SimpleNamespace:
 def test_of_the_sources_as_they_are(checkout: Path) -> None:
     """A library is compiled once for its sources, and a change of the sources invalidates it."""
     assert loader(checkout).load() is None
-    made = builder(checkout).build()
+    result = builder(checkout).build()
     folder = checkout / "ssm_planner/native"
-    assert loader(checkout).path_of("portable") in made
-    assert sorted(folder.glob("libraries/*")) == sorted(made)
-    times = [path.stat().st_mtime_ns for path in made]
-    assert builder(checkout).build() == made
-    assert [path.stat().st_mtime_ns for path in made] == times  # nothing was compiled again
+    assert loader(checkout).path_of("portable") in result
+    assert sorted(folder.glob("libraries/*")) == sorted(result)
+    times = [path.stat().st_mtime_ns for path in result]
+    assert builder(checkout).build() == result
+    assert [path.stat().st_mtime_ns for path in result] == times  # nothing was compiled again
     assert loader(checkout).load() is not None
     with (folder / "reachability.c").open("a") as file:
         file.write("/* another law */\n")
     assert loader(checkout).load() is None
     # A file that contains the key but cannot be loaded counts as missing.
-    made[0].with_stem("other").write_bytes(loader(checkout).key().encode())
+    result[0].with_stem("other").write_bytes(loader(checkout).key().encode())
     assert not builder(checkout)._is_made("other")
 
 
@@ -106,12 +106,12 @@ def test_a_wheel_is_of_the_system_that_is_named(
     """A build for another processor than x86-64 has no variant for AVX2."""
     monkeypatch.setenv("_PYTHON_HOST_PLATFORM", "manylinux_2_28_aarch64")
     shutil.copy(library.FOLDER / "library.py", checkout / "ssm_planner/native")
-    asked: list[str] = []
+    request: list[str] = []
     functions = runpy.run_path(str(checkout / ".native_build.py"))
     scope = functions["build"].__globals__
-    scope |= {"_is_made": lambda name: asked.append(name) is None, "_compiler": lambda: ["cc"]}
+    scope |= {"_is_made": lambda name: request.append(name) is None, "_compiler": lambda: ["cc"]}
     functions["build"]()
-    assert asked == ["portable"]
+    assert request == ["portable"]
 
 
 @needs_compiler

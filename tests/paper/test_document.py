@@ -31,10 +31,10 @@ needs_recordings = pytest.mark.skipif(not REAL, reason="the recordings are not b
 
 @pytest.mark.slow
 def test_every_picture_is_there_as_png_and_pdf(made: Made) -> None:
-    shown = re.findall(r"\[!\[[^\]]+\]\((\w+)\.png\)\]\((\w+)\.pdf\)", made.text)
-    assert len(shown) >= 8
-    assert all(png == pdf for png, pdf in shown)
-    names = {png for png, _ in shown}
+    text = re.findall(r"\[!\[[^\]]+\]\((\w+)\.png\)\]\((\w+)\.pdf\)", made.text)
+    assert len(text) >= 8
+    assert all(png == pdf for png, pdf in text)
+    names = {png for png, _ in text}
     assert {path.name for path in made.folder.iterdir()} == {"README.md"} | {
         f"{name}.{ending}" for name in names for ending in ("png", "pdf")
     }
@@ -142,7 +142,7 @@ def test_the_command_writes_the_committed_document(made: Made) -> None:
     flat = [re.sub(r"\s+", " ", path.read_text(encoding="utf-8")) for path in documents]
     assert NUMBER.sub("#", flat[0]) == NUMBER.sub("#", flat[1])
     values = [
-        np.array([float(found.replace("−", "-")) for found in NUMBER.findall(words)])
+        np.array([float(result.replace("−", "-")) for result in NUMBER.findall(words)])
         for words in flat
     ]
     error = np.abs(values[0] - values[1]) / (np.abs(values[0]) + 1e-3)

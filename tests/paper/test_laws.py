@@ -41,12 +41,12 @@ from tests.support.paper_cases import Made
 
 
 def test_table_i_is_exact_for_the_printed_beta_and_shifted_by_its_rounding(robot: Robot) -> None:
-    found = tilt_range(robot)
-    for printed, exact in zip(found.printed, found.exact, strict=True):
+    result = tilt_range(robot)
+    for printed, exact in zip(result.printed, result.exact, strict=True):
         assert printed.theoretical == pytest.approx(printed.paper, abs=1e-12)
-        shift = 0.0 if exact.name == "tilt range" else published.BETA - found.beta
+        shift = 0.0 if exact.name == "tilt range" else published.BETA - result.beta
         assert exact.theoretical - exact.paper == pytest.approx(shift, abs=1e-12)
-    assert found.printed[0].agreement == pytest.approx(published.TILT_AGREEMENT)
+    assert result.printed[0].agreement == pytest.approx(published.TILT_AGREEMENT)
 
 
 def test_the_design_follows_from_the_requirement() -> None:
@@ -125,16 +125,16 @@ def test_the_arms_weight_at_home_lies_in_its_range(robot: Robot) -> None:
 
 
 def test_the_sign_of_products_moves_moments_but_not_their_sum(robot: Robot) -> None:
-    found = body_moments(robot)
-    assert len(found) == 3
-    for body in found:
+    result = body_moments(robot)
+    assert len(result) == 3
+    for body in result:
         assert body.as_tensor.sum() == pytest.approx(body.as_cad.sum())
         assert body.possible == (False, True)
     twice = flipped(flipped(robot))
     for a, b in zip(robot.bodies, twice.bodies, strict=True):
         np.testing.assert_allclose(a.inertia, b.inertia, atol=1e-18)
     q = np.array([[0.3, -0.7, 0.2, -0.01]])
-    gravity = [RigidBody.from_robot(each).gravity_load(q) for each in (robot, flipped(robot))]
+    gravity = [RigidBody.from_robot(item).gravity_load(q) for item in (robot, flipped(robot))]
     np.testing.assert_allclose(gravity[0], gravity[1], atol=1e-12)
     assert joint_inertia(flipped(robot))[0] > 1.5 * joint_inertia(robot)[0]
 
@@ -196,7 +196,7 @@ def test_parameters_called_outside_the_bounds_are(inputs: Inputs) -> None:
     """The document lists exactly the published parameters that lie outside their bounds."""
     for name, drive in inputs.rigs.items():
         assert drive.rig is not None
-        outside = {each.parameter for each in outside_bounds(name, drive)}
+        outside = {item.parameter for item in outside_bounds(name, drive)}
         for parameter, (low, high) in BOUNDS[name].items():
             value = drive.rig.published.get(parameter)
             assert (parameter in outside) == (value is not None and (value < low or value > high))

@@ -18,9 +18,9 @@ NUMBER = r"-?\d+(?:\.\d+)?"
 
 def numbers_of_row(paper: str, label: str) -> list[float]:
     """Return the numbers of the table row that starts with a label."""
-    found = re.search(re.escape(label) + r"(.*?)\\\\", paper)
-    assert found, label
-    return [float(text) for text in re.findall(NUMBER, found.group(1))]
+    result = re.search(re.escape(label) + r"(.*?)\\\\", paper)
+    assert result, label
+    return [float(text) for text in re.findall(NUMBER, result.group(1))]
 
 
 def check_table_i(paper: str) -> None:
@@ -57,23 +57,25 @@ def check_table_iii(paper: str) -> None:
 
 def check_required_ranges(paper: str) -> None:
     circ = r"\$(\d+)\^\\circ\$"
-    found = re.search(rf"{circ} spin, {circ} roll, {circ} tilt, and \$(\d+)\$mm translation", paper)
-    assert found
+    result = re.search(
+        rf"{circ} spin, {circ} roll, {circ} tilt, and \$(\d+)\$mm translation", paper
+    )
+    assert result
     angles = (published.REQUIRED_SPIN, published.REQUIRED_ROLL, published.REQUIRED_TILT)
     ours = [*map(math.degrees, angles), 1e3 * published.REQUIRED_TRAVEL]
-    assert ours == pytest.approx([float(value) for value in found.groups()])
+    assert ours == pytest.approx([float(value) for value in result.groups()])
 
 
 def check_required_speeds(paper: str) -> None:
     circ, mm = r"\$(\d+)\^\\circ\$/s", r"\$(\d+)\$mm/s"
     sentence = rf"{circ}\$\^2\$ and {circ}, while the translation unit requires {mm}\$\^2\$ acceleration and {mm} velocity"
-    found = re.search(sentence, paper)
-    assert found
+    result = re.search(sentence, paper)
+    assert result
     ours = [
         math.degrees(value) for value in (published.ROTARY_ACCELERATION, published.ROTARY_SPEED)
     ]
     ours += [1e3 * value for value in (published.LINEAR_ACCELERATION, published.LINEAR_SPEED)]
-    assert ours == pytest.approx([float(value) for value in found.groups()])
+    assert ours == pytest.approx([float(value) for value in result.groups()])
 
 
 def test_published_figures_are_those_of_the_paper() -> None:

@@ -77,11 +77,11 @@ def test_a_sketch_that_is_too_long_is_given_up(
     problem = replace(
         tilt_insert, motion=(target, Straight(depth=0.002), Straight(depth=0.02)), objective="time"
     )
-    whole = estimated_duration(problem)
-    assert np.isfinite(whole)
-    assert estimated_duration(problem, 1.001 * whole) == pytest.approx(whole, rel=1e-6)
-    assert estimated_duration(problem, 0.999 * whole) == np.inf
-    assert estimated_duration(replace(problem, duration=2 * whole)) == 2 * whole
+    complete = estimated_duration(problem)
+    assert np.isfinite(complete)
+    assert estimated_duration(problem, 1.001 * complete) == pytest.approx(complete, rel=1e-6)
+    assert estimated_duration(problem, 0.999 * complete) == np.inf
+    assert estimated_duration(replace(problem, duration=2 * complete)) == 2 * complete
     solved: list[str] = []
     for name in ("solve_free", "solve_straight"):
         solve = getattr(phase_planner, name)
@@ -90,35 +90,35 @@ def test_a_sketch_that_is_too_long_is_given_up(
             name,
             lambda *a, name=name, solve=solve, **k: [solved.append(name), solve(*a, **k)][1],
         )
-    assert estimated_duration(replace(problem, duration=0.3 * whole)) == np.inf
+    assert estimated_duration(replace(problem, duration=0.3 * complete)) == np.inf
     assert solved == []
-    assert estimated_duration(problem) == whole
+    assert estimated_duration(problem) == complete
     assert solved[:2] == ["solve_straight", "solve_straight"]
 
 
 def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> None:
     """The plan uses the faster branch, and no other candidate is faster by more than GAP."""
     steps: list[Step] = []
-    made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30)), steps.append)
-    assert made.passed
-    assert made.duration == pytest.approx(0.7653, abs=1e-4)
+    result = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30)), steps.append)
+    assert result.passed
+    assert result.duration == pytest.approx(0.7653, abs=1e-4)
     assert any(
         step.step.startswith("other joints for free, attempt 1, ")
         and step.step.endswith("s so far")
         for step in steps
     )
-    assert made.lower_bound == pytest.approx(made.duration, rel=1e-5)
-    others = [each for each in made.candidates[0] if each["kind"] == "other joints"]
-    assert [each["outcome"] for each in others].count("taken") == 1
-    for each in others:
-        known = [each[name] for name in ("bound", "estimate", "duration") if each[name] is not None]
-        assert max(known) >= made.duration * (1 - GAP)
-    assert "free: goes from branch -1 of the inverse kinematics to branch +1" in made.notes
-    here = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
-    first, _ = ends(made)
+    assert result.lower_bound == pytest.approx(result.duration, rel=1e-5)
+    others = [item for item in result.candidates[0] if item["kind"] == "other joints"]
+    assert [item["outcome"] for item in others].count("taken") == 1
+    for item in others:
+        known = [item[name] for name in ("bound", "estimate", "duration") if item[name] is not None]
+        assert max(known) >= result.duration * (1 - GAP)
+    assert "free: goes from branch -1 of the inverse kinematics to branch +1" in result.notes
+    folder = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
+    first, _ = ends(result)
     straight = plan(
         replace(
-            here,
+            folder,
             motion=(Free(Joints((np.radians(first[0] - 60), *np.radians(first[1:3]), -5e-3))),),
         )
     )
@@ -129,9 +129,9 @@ def test_the_other_branch_is_taken_where_it_is_faster(tilt_insert: Problem) -> N
 def test_a_branch_beyond_the_tilt_range_is_not_taken(tilt_insert: Problem) -> None:
     """The faster branch is not used if it exceeds the tilt range."""
     within = (TaskRange("tilt", np.radians(-139), np.radians(-81)),)
-    made = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30), limits=within))
-    assert made.passed
-    assert made.duration == pytest.approx(1.2481, abs=1e-4)
+    result = plan(turning(tilt_insert, tilt=-138.5, roll=(30, -30), limits=within))
+    assert result.passed
+    assert result.duration == pytest.approx(1.2481, abs=1e-4)
 
 
 def test_a_branch_is_found_where_the_nearest_joints_give_no_motion(tilt_insert: Problem) -> None:
@@ -177,19 +177,19 @@ def test_no_branch_planned_by_itself_is_faster(tilt_insert: Problem, seed: int) 
     free = replace(
         tilt_insert, robot=robot, start=start, motion=motion, limits=(), objective="time"
     )
-    made = plan(free)
-    assert made.passed
+    output = plan(free)
+    assert output.passed
     mechanism = Mechanism.from_geometry(robot.geometry)
     goal = [[to.roll, to.tilt, to.spin, to.depth]]
-    first = np.radians(ends(made)[0]) * (1, 1, 1, np.pi / 180)
-    found = inverse_task(
+    first = np.radians(ends(output)[0]) * (1, 1, 1, np.pi / 180)
+    result = inverse_task(
         mechanism, goal, limits=[joint.position for joint in robot.joints], reference=first
     )
-    for q in found.joints[0, found.valid[0]]:
+    for q in result.joints[0, result.valid[0]]:
         alone = plan(
             replace(free, motion=(Free(Joints(tuple(q.tolist()))), *motion[1:])), relaxations=False
         )
-        assert alone.duration is None or made.duration <= alone.duration * (1 + 1e-5)
+        assert alone.duration is None or output.duration <= alone.duration * (1 + 1e-5)
 
 
 def freely(problem: Problem, to: Task, *, spin_free: bool = True) -> Problem:
@@ -209,24 +209,25 @@ def test_no_spin_is_faster_than_a_free_one(tilt_insert: Problem, strength: float
         tilt_insert, robot=weaker(tilt_insert.robot, strength), duty=None, planner="fast"
     )
     to = Task(tilt=np.radians(-135))
-    made = plan(freely(weak, to))
-    assert made.passed
+    result = plan(freely(weak, to))
+    assert result.passed
     for spin in np.radians([-60, 0, 30]):
         fixed = plan(
             freely(weak, replace(to, spin=float(spin)), spin_free=False), relaxations=False
         )
-        assert made.duration <= fixed.duration * (1 + 1e-5)
-    spin = made.phases[0].task_end[2]
+        assert result.duration <= fixed.duration * (1 + 1e-5)
+    spin = result.phases[0].task_end[2]
     assert (abs(spin) < 1e-9) == (strength == 1.0)
 
 
 def test_a_tip_may_be_reached_with_a_free_spin(tilt_insert: Problem) -> None:
     to = Tip((9e-3, 0.0, -17.5e-3), 3.0)
-    made = plan(replace(tilt_insert, motion=(Free(to, spin_free=True),)))
-    assert made.passed
-    assert made.phases[0].task_end[2] == pytest.approx(0.0, abs=1e-9)
+    result = plan(replace(tilt_insert, motion=(Free(to, spin_free=True),)))
+    assert result.passed
+    assert result.phases[0].task_end[2] == pytest.approx(0.0, abs=1e-9)
     tip = tip_position(
-        Mechanism.from_geometry(made.robot.geometry), made.motion.sample(made.motion.duration).q
+        Mechanism.from_geometry(result.robot.geometry),
+        result.motion.sample(result.motion.duration).q,
     )[0]
     assert tip == pytest.approx(to.position, abs=1e-9)
 
@@ -239,9 +240,11 @@ def test_a_free_spin_is_read_written_and_refused_elsewhere(
     (motion,) = problem.motion
     assert isinstance(motion, Free)
     assert motion.spin_free
-    made = replace(plan(replace(tilt_insert, motion=(Straight(depth=2e-3),))), problem=problem)
+    result = replace(plan(replace(tilt_insert, motion=(Straight(depth=2e-3),))), problem=problem)
     assert (
-        Plan.from_json(made.to_json().encode(), tmp_path / "plan.json").problem.motion[0].spin_free
+        Plan.from_json(result.to_json().encode(), tmp_path / "plan.json")
+        .problem.motion[0]
+        .spin_free
     )
     for other in (
         "straight: {to: {spin: free}}",
@@ -262,9 +265,9 @@ def test_a_weak_motor_goes_the_other_way_round(tilt_insert: Problem) -> None:
     anyway = replace(
         tilt_insert, robot=robot, limits=(), start=start, motion=motion, objective="time", duty=None
     )
-    made = plan(anyway, relaxations=False)
-    assert made.passed
-    assert made.duration < 3.3
+    result = plan(anyway, relaxations=False)
+    assert result.passed
+    assert result.duration < 3.3
 
 
 def interrupting(times: int) -> Progress:
@@ -291,26 +294,26 @@ def test_a_search_that_is_stopped_gives_the_best_so_far(
 ) -> None:
     """The first Ctrl-C during the search returns the best plan so far in `plan_to_folder`."""
     problem = turning(tilt_insert, tilt=-138.5, roll=(30, -30))
-    whole = plan(problem)
+    complete = plan(problem)
     before = signal.getsignal(signal.SIGINT)
-    told: list[Step] = []
+    messages: list[Step] = []
 
     def tell(step: Step) -> None:
-        told.append(step)
+        messages.append(step)
         press(step)
 
     press = interrupting(1)
     stopped, files = run.plan_to_folder(problem, tmp_path / "out", tell)
     assert stopped.passed
     assert stopped.stopped
-    assert not whole.stopped
-    assert whole.duration is not None
+    assert not complete.stopped
+    assert complete.duration is not None
     assert stopped.duration is not None
-    assert stopped.duration > 1.1 * whole.duration
-    assert any("Ctrl-C takes it" in str(step) for step in told)
+    assert stopped.duration > 1.1 * complete.duration
+    assert any("Ctrl-C takes it" in str(step) for step in messages)
     assert "the search was stopped" in " ".join(stopped.notes)
     assert load_plan(files["plan"]).stopped
-    assert "stopped" not in whole.summary()
+    assert "stopped" not in complete.summary()
     assert signal.getsignal(signal.SIGINT) is before
     with pytest.raises(KeyboardInterrupt):
         plan(problem, interrupting(1))
@@ -346,8 +349,8 @@ def test_no_other_joints_are_tried_for_a_target_in_the_retina(depth: float) -> N
     limits = (TaskRange("depth", 0.0, 0.03),)
     problem = replace(eye_approach, robot=robot, motion=motion, limits=limits)
     steps: list[Step] = []
-    made = plan(problem, steps.append, relaxations=depth > 0.022)
-    assert made.reason is not None
-    assert made.reason.constraint == "retina clearance"
-    assert made.reason.relaxation is None
+    result = plan(problem, steps.append, relaxations=depth > 0.022)
+    assert result.reason is not None
+    assert result.reason.constraint == "retina clearance"
+    assert result.reason.relaxation is None
     assert not any(step.step.startswith("other joints") for step in steps)

@@ -46,7 +46,7 @@ MOVABLE = [
 
 def certificate(limit: Limit, worst: float, bound: float) -> Certificate:
     """Return a certificate in which one limit is exceeded."""
-    found = LimitCheck(
+    result = LimitCheck(
         name=limit.name,
         joint=limit.joint,
         worst=worst,
@@ -55,7 +55,7 @@ def certificate(limit: Limit, worst: float, bound: float) -> Certificate:
         time=0.5,
         unit=limit.unit,
     )
-    return Certificate((found,), "quintic polynomial pieces", 1000)
+    return Certificate((result,), "quintic polynomial pieces", 1000)
 
 
 @pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.key}")
@@ -63,10 +63,10 @@ def test_an_exceeded_limit_is_moved_so_that_what_was_found_is_allowed(limit: Lim
     bound = limit.low if limit.is_floor else limit.high
     worst = bound + (-0.1 if limit.is_floor else 0.1) * (abs(bound) or 1.0)
     reason = violation_reason(PROBLEM, certificate(limit, worst, bound))
-    found = relaxation_for(PROBLEM, reason)
-    if found is None:
+    result = relaxation_for(PROBLEM, reason)
+    if result is None:
         return
-    moved = limit.relaxed(found.needed)
+    moved = limit.relaxed(result.needed)
     assert moved is not None
     assert moved.contains(worst)
     assert not limit.contains(worst)
@@ -74,12 +74,12 @@ def test_an_exceeded_limit_is_moved_so_that_what_was_found_is_allowed(limit: Lim
 
 def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
     clearance = next(limit for limit in PROBLEM.all_limits if isinstance(limit, RetinaClearance))
-    kept = 0.9 * clearance.clearance
-    found = relaxation_for(
-        PROBLEM, violation_reason(PROBLEM, certificate(clearance, kept, clearance.clearance))
+    remaining = 0.9 * clearance.clearance
+    result = relaxation_for(
+        PROBLEM, violation_reason(PROBLEM, certificate(clearance, remaining, clearance.clearance))
     )
-    assert found is not None
-    assert (found.needed, found.present) == (kept, clearance.clearance)
+    assert result is not None
+    assert (result.needed, result.present) == (remaining, clearance.clearance)
 
 
 @pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.key}")
@@ -87,11 +87,11 @@ def test_a_clearance_that_was_not_kept_is_lowered_to_what_was_kept() -> None:
 def test_a_value_is_tried_as_it_is_printed(limit: Limit, beyond: float) -> None:
     """A value is rounded to the printed digits so that it never allows less than was asked for."""
     bound = limit.low if limit.is_floor else limit.high
-    asked = bound + (-1e-3 if limit.is_floor else 1) * beyond * (abs(bound) or 1.0)
-    value = limit.rounded(asked)
+    request = bound + (-1e-3 if limit.is_floor else 1) * beyond * (abs(bound) or 1.0)
+    value = limit.rounded(request)
     assert limit.described(value) == limit.described(limit.rounded(value))
-    assert value <= asked * (1 + 1e-12) if limit.is_floor else value >= asked * (1 - 1e-12)
-    assert value == pytest.approx(asked, rel=1e-4)
+    assert value <= request * (1 + 1e-12) if limit.is_floor else value >= request * (1 - 1e-12)
+    assert value == pytest.approx(request, rel=1e-4)
     printed = limit.described(value).split(" instead")[0]
     number = float(next(word for word in reversed(printed.split()) if word[-1].isdecimal()))
     if not isinstance(limit, (LensClearance, SelfLocking)):
@@ -154,12 +154,12 @@ def test_a_start_too_fast_is_slowed_down(tilt_insert: Problem) -> None:
     assert reason is not None
     assert reason.constraint == "velocity"
     assert reason.relaxation is not None
-    found = re.search(
+    result = re.search(
         r"start_rate of \{tilt: (\S+) deg/s\} instead of \{tilt: -80 deg/s\}: tried",
         reason.relaxation,
     )
-    assert found is not None
-    assert plan(replace(problem, start_rate={"tilt": np.radians(float(found[1]))})).passed
+    assert result is not None
+    assert plan(replace(problem, start_rate={"tilt": np.radians(float(result[1]))})).passed
 
 
 @pytest.mark.slow
@@ -179,11 +179,11 @@ def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
     reason = plan(problem).reason
     assert reason is not None
     assert reason.relaxation is not None
-    found = re.search(r"or a dwell of (\S+) s at the end: tried, takes", reason.relaxation)
-    assert found is not None
-    assert plan(replace(problem, motion=(*problem.motion, Dwell(float(found[1]), "dwell")))).passed
+    result = re.search(r"or a dwell of (\S+) s at the end: tried, takes", reason.relaxation)
+    assert result is not None
+    assert plan(replace(problem, motion=(*problem.motion, Dwell(float(result[1]), "dwell")))).passed
     assert not plan(
-        replace(problem, motion=(*problem.motion, Dwell(0.9 * float(found[1]), "dwell")))
+        replace(problem, motion=(*problem.motion, Dwell(0.9 * float(result[1]), "dwell")))
     ).passed
 
 
@@ -191,23 +191,23 @@ def test_a_motor_that_gets_too_warm_may_pause(tilt_insert: Problem) -> None:
 def test_ten_percent_less_of_a_relaxation_does_not_do(tilt_insert: Problem, needed: float) -> None:
     """The case states the needed fraction of the relaxation that the reason asks for."""
     joint = tilt_insert.robot.joints[0]
-    limit = next(each for each in joint.limits if isinstance(each, MotorTorque))
-    there, required = limit.largest, 1.5 * limit.largest
+    limit = next(item for item in joint.limits if isinstance(item, MotorTorque))
+    target, required = limit.largest, 1.5 * limit.largest
 
     def attempt(problem: Problem) -> float | Reason:
         motor = problem.robot.joints[0].motor
         assert motor is not None
-        share = (motor.max_torque - there) / (required - there)
+        share = (motor.max_torque - target) / (required - target)
         return 1.0 if share >= needed else Reason(None, None, None, None, "no motion")
 
     cure = find_relaxation(
         replace(tilt_insert, objective="time"),
-        Reason(limit, None, required, there, "too weak"),
+        Reason(limit, None, required, target, "too weak"),
         attempt,
     )
     assert cure is not None
     assert cure.works
-    less = cure.relaxation.problem(there + 0.9 * (cure.value - there))
+    less = cure.relaxation.problem(target + 0.9 * (cure.value - target))
     assert isinstance(attempt(less), Reason)
 
 
@@ -222,30 +222,30 @@ def test_what_is_printed_is_planned_in_full(
     requires. A full plan requires the fraction `needed + more`.
     """
     joint = tilt_insert.robot.joints[0]
-    limit = next(each for each in joint.limits if isinstance(each, MotorTorque))
-    there, required = limit.largest, 1.5 * limit.largest
+    limit = next(item for item in joint.limits if isinstance(item, MotorTorque))
+    target, required = limit.largest, 1.5 * limit.largest
     planned: list[float] = []
 
     def motion(problem: Problem, least: float) -> float | Reason:
         motor = problem.robot.joints[0].motor
         assert motor is not None
-        planned.append((motor.max_torque - there) / (required - there))
+        planned.append((motor.max_torque - target) / (required - target))
         return 1.0 if planned[-1] >= least else Reason(None, None, None, None, "no motion")
 
     def looked(problem: Problem) -> float | Reason:
-        found = motion(problem, needed)
+        result = motion(problem, needed)
         planned.pop()
-        return found
+        return result
 
     cure = find_relaxation(
         tilt_insert,
-        Reason(limit, None, required, there, "too weak"),
+        Reason(limit, None, required, target, "too weak"),
         lambda problem: motion(problem, needed + more),
         feasible=looked,
     )
     assert cure is not None
     assert cure.works
-    share = (cure.value - there) / (required - there)
+    share = (cure.value - target) / (required - target)
     assert needed + more <= share <= (needed + more) / 0.9 * 1.01
     assert (planned == [pytest.approx(share)]) == (more == 0.0)
 
@@ -260,11 +260,11 @@ def test_a_motion_that_is_too_short_is_longer_than_the_whole_was(tilt_insert: Pr
     assert reason is not None
     assert reason.relaxation is not None
     assert reason.relaxation.endswith(" s")
-    own, whole = (
+    own, complete = (
         typed_in(part)
         for part in reason.relaxation.split(": tried together, takes")[0].split(" and ")
     )
-    longer = replace(problem, motion=(replace(tilt, duration=own), insert), duration=whole)
+    longer = replace(problem, motion=(replace(tilt, duration=own), insert), duration=complete)
     assert plan(longer).passed
     less = 0.2 + 0.9 * (own - 0.2)
     assert not plan(
@@ -280,20 +280,20 @@ def test_other_joints_are_tried_with_less_too(tilt_insert: Problem) -> None:
     assert reason is not None
     assert reason.relaxation is not None
     joints = problem.robot.joints
-    joint = next(each for each in joints if each.name == reason.joint)
+    joint = next(item for item in joints if item.name == reason.joint)
     assert joint.motor is not None
-    there, enough = joint.motor.max_torque, 1e-3 * typed_in(reason.relaxation)
+    target, enough = joint.motor.max_torque, 1e-3 * typed_in(reason.relaxation)
 
     def passes(torque: float) -> bool:
         motor = unchecked_copy(joint.motor, max_torque=torque)
         changed = tuple(
-            unchecked_copy(each, motor=motor) if each is joint else each for each in joints
+            unchecked_copy(item, motor=motor) if item is joint else item for item in joints
         )
         robot = unchecked_copy(problem.robot, joints=changed)
         return plan(unchecked_copy(problem, robot=robot), relaxations=False).passed
 
     assert passes(enough)
-    assert not passes(there + 0.9 * (enough - there))
+    assert not passes(target + 0.9 * (enough - target))
 
 
 @pytest.mark.parametrize("limit", MOVABLE, ids=lambda limit: f"{limit.name} {limit.joint}")
@@ -335,9 +335,11 @@ def test_lost_contact_of_the_nuts_names_the_preload_that_plans(preload: float) -
     reason = plan(loose).reason
     assert reason is not None
     assert reason.constraint == "nut contact"
-    found = re.match(r"preload of joint insertion of ([\d.]+) N instead of", str(reason.relaxation))
-    assert found, reason.relaxation
-    needed = float(found[1])
+    result = re.match(
+        r"preload of joint insertion of ([\d.]+) N instead of", str(reason.relaxation)
+    )
+    assert result, reason.relaxation
+    needed = float(result[1])
     assert needed == pytest.approx(preload - reason.available, rel=1e-3)
     for value, passes in ((needed, True), (0.99 * needed, False)):
         stiffer = unchecked_copy(insertion, drive=unchecked_copy(drive, preload=value))

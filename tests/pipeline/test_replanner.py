@@ -24,15 +24,15 @@ def content(plan: ssm.Plan) -> tuple[bytes, bytes]:
 @pytest.fixture(scope="module")
 def alone(tilt_insert: ssm.Problem) -> list[tuple[bytes, bytes]]:
     """Return the content of the plan to each target, made without cached programs."""
-    found = []
+    result = []
     tilt, _ = tilt_insert.motion
     for target in TARGETS:
         Transcription.build.cache_clear()
         problem = replace(
             tilt_insert, motion=(tilt, ssm.Straight(depth=target.depth)), planner="fast"
         )
-        found.append(content(ssm.plan(problem)))
-    return found
+        result.append(content(ssm.plan(problem)))
+    return result
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])

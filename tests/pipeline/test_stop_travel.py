@@ -50,24 +50,24 @@ def test_stops_from_everywhere_keep_to_the_limit(name: str, largest: float, tmp_
 
     The plan uses at least 98 % of the limit, and the stored plan contains the limit.
     """
-    found = planned(name, largest)
-    assert found.reason is None, found.reason
-    (line,) = (each for each in found.certificate.limits if each.name == StopTravel.name)
+    result = planned(name, largest)
+    assert result.reason is None, result.reason
+    (line,) = (item for item in result.certificate.limits if item.name == StopTravel.name)
     assert 0.98 * largest < line.worst <= largest
-    stops = controlled_stops(found.motion, found.robot, found.limits, 2500)
+    stops = controlled_stops(result.motion, result.robot, result.limits, 2500)
     assert stops.passed
     assert stops.travel.max() <= largest * (1 + 1e-4)
-    again = load_plan(found.write(tmp_path / "plan.json"))
+    again = load_plan(result.write(tmp_path / "plan.json"))
     assert again.problem.stop_travel == StopTravel(largest)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("planner", ["fast", "toppra"])
 def test_other_planners_keep_it_too(planner: Planner) -> None:
-    found = plan(replace(limited("tilt_insert", 0.5e-3), planner=planner))
-    assert found.reason is None, found.reason
-    assert found.certificate.passed
-    assert found.duration == pytest.approx(planned("tilt_insert", 0.5e-3).duration, rel=1e-3)
+    result = plan(replace(limited("tilt_insert", 0.5e-3), planner=planner))
+    assert result.reason is None, result.reason
+    assert result.certificate.passed
+    assert result.duration == pytest.approx(planned("tilt_insert", 0.5e-3).duration, rel=1e-3)
 
 
 def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:
@@ -89,11 +89,11 @@ def test_the_motion_is_slowed_only_where_it_has_to_be() -> None:
 
 
 def test_the_check_finds_what_a_planner_without_the_limit_exceeds() -> None:
-    found = load_plan(ROOT / "results" / "tilt_insert" / "plan.json")
-    certificate = check(found.motion, found.robot, StopTravel(1e-3).on(found.limits))
+    result = load_plan(ROOT / "results" / "tilt_insert" / "plan.json")
+    certificate = check(result.motion, result.robot, StopTravel(1e-3).on(result.limits))
     (broken,) = certificate.violations
     assert broken.name == StopTravel.name
-    assert broken.worst == pytest.approx(found.stops.travel.max(), rel=2e-3)
+    assert broken.worst == pytest.approx(result.stops.travel.max(), rel=2e-3)
 
 
 def test_the_planner_s_estimate_is_that_of_joints_that_brake_evenly() -> None:
@@ -110,14 +110,14 @@ def test_the_planner_s_estimate_is_that_of_joints_that_brake_evenly() -> None:
 def test_a_start_too_fast_to_stop_is_named_and_a_relaxation_tried() -> None:
     problem = replace(limited("tilt_insert", 0.2e-3), start_rate={"depth": 0.01})
     problem = replace(problem, motion=problem.motion[1:], eye=None)
-    found = plan(problem)
-    assert found.reason is not None
-    assert isinstance(found.reason.limit, StopTravel)
-    assert found.reason.required == pytest.approx(
+    result = plan(problem)
+    assert result.reason is not None
+    assert isinstance(result.reason.limit, StopTravel)
+    assert result.reason.required == pytest.approx(
         0.01**2 / (2 * problem.robot.joints[3].acceleration)
     )
-    assert "stop travel of" in str(found.reason.relaxation)
-    assert "takes" in str(found.reason.relaxation)
+    assert "stop travel of" in str(result.reason.relaxation)
+    assert "takes" in str(result.reason.relaxation)
 
 
 def test_what_leaves_no_way_to_stop_is_refused() -> None:

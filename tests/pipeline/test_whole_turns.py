@@ -23,10 +23,10 @@ def test_a_start_a_whole_turn_away_is_said(tilt_insert: Problem) -> None:
         motion=(Straight(spin=np.radians(365), name="spin"),),
         objective="time",
     )
-    made = plan(far)
-    assert made.passed
+    result = plan(far)
+    assert result.passed
     assert any(
-        "joint spin starts at -345 deg, a whole turn from 15 deg" in note for note in made.notes
+        "joint spin starts at -345 deg, a whole turn from 15 deg" in note for note in result.notes
     )
     near = plan(replace(far, motion=(Straight(spin=np.radians(30), name="spin"),)))
     assert not any("whole turn" in note for note in near.notes)
@@ -38,11 +38,11 @@ def test_a_range_wider_than_the_robots_is_said(tilt_insert: Problem) -> None:
         limits=(TaskRange("tilt", np.radians(-170), np.radians(-81)),),
         motion=(Straight(depth=2e-3),),
     )
-    made = plan(wide)
+    result = plan(wide)
     said = "range of tilt of -170 deg to -81 deg asked for: the robot allows -139 deg to -81 deg, which holds"
-    assert made.passed
-    assert said in made.notes
-    assert said in Plan.from_json(made.to_json().encode(), Path("plan.json")).notes
+    assert result.passed
+    assert said in result.notes
+    assert said in Plan.from_json(result.to_json().encode(), Path("plan.json")).notes
     assert not any(
         "range of tilt" in note for note in plan(replace(tilt_insert, motion=wide.motion)).notes
     )

@@ -198,17 +198,17 @@ def test_a_pause_before_the_motion_repeats_cools(tilt_insert: Problem) -> None:
     result = plan(dataclasses.replace(weak, duty=pause * (1 + 1e-5)))
     assert result.passed
     assert result.duration == pytest.approx(fastest.duration, rel=1e-3)
-    found = next(
-        each
-        for each in result.certificate.limits
-        if (each.name, each.joint) == ("continuous torque", "roll")
+    outcome = next(
+        item
+        for item in result.certificate.limits
+        if (item.name, item.joint) == ("continuous torque", "roll")
     )
-    assert found.worst == pytest.approx(rms_alone / 2, rel=1e-3)
+    assert outcome.worst == pytest.approx(rms_alone / 2, rel=1e-3)
     once = plan(dataclasses.replace(weak, duty=None))
     assert once.passed
-    assert not any(each.name == "continuous torque" for each in once.certificate.limits)
+    assert not any(item.name == "continuous torque" for item in once.certificate.limits)
     assert any(
-        "continuous torque" in each and "once" in each for each in once.certificate.unchecked
+        "continuous torque" in item and "once" in item for item in once.certificate.unchecked
     )
     # A plan whose duty was changed has no valid certificate.
     assert not dataclasses.replace(result, problem=weak).passed

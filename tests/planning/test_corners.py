@@ -157,7 +157,7 @@ def test_few_drives_bound_all_within_a_range(robot: Robot, kind: str) -> None:
                 return motion[3] * drive_torque(of, *motion, breakaway=np.full(300, start))[0]
 
             inside = taken(drive_with_values(drive, sets))
-            bound = np.max([taken(each) for each in upper], axis=0)
+            bound = np.max([taken(item) for item in upper], axis=0)
             # The comparison covers torques up to that of the motor.
             assert np.all(np.minimum(inside.max(axis=0), torque) <= bound + 1e-6 * torque)
             assert np.all(np.minimum(bound, torque) <= inside.max(axis=0) + 0.05 * torque)
@@ -185,20 +185,20 @@ def test_torques_hold_at_every_corner_and_draw(
         else weakened(name, kind, factor)
     )
     ranged, masses = replace(problem, friction=0.95, payload=payload), payload or (0.0,)
-    made = plan(ranged)
-    assert made.passed, made.reason
-    assert largest_excess(made, ranged.robot, masses) <= 1e-6
-    torques = [limit for limit in made.certificate.limits if limit.name == "motor torque"]
+    result = plan(ranged)
+    assert result.passed, result.reason
+    assert largest_excess(result, ranged.robot, masses) <= 1e-6
+    torques = [limit for limit in result.certificate.limits if limit.name == "motor torque"]
     assert len(torques) == 3
     assert all(
         "mu " in limit.case and ("payload" in limit.case) == bool(payload) for limit in torques
     )
     assert min(limit.margin for limit in torques) < 0.02
     # With heat in the objective, a motion may be slightly longer than the fastest one.
-    assert made.duration > made.nominal_duration * (1 - 5e-3)
+    assert result.duration > result.nominal_duration * (1 - 5e-3)
     # The motion for the nominal friction exceeds a torque limit.
     nominal = plan(problem)
-    assert nominal.duration == pytest.approx(made.nominal_duration, rel=1e-6)
+    assert nominal.duration == pytest.approx(result.nominal_duration, rel=1e-6)
     assert largest_excess(nominal, ranged.robot, masses) > 0.01
 
 
@@ -209,29 +209,29 @@ def test_toppra_keeps_the_rows_of_every_corner() -> None:
     """
     weak = replace(weakened("tilt_insert", "ranges", 1.12), planner="toppra")
     problem = replace(weak, friction=0.95, payload=PAYLOAD, motion=weak.motion[:1])
-    made = plan(problem)
-    assert made.passed
+    result = plan(problem)
+    assert result.passed
     robot = with_corners(problem, problem.robot)
     first = replace(problem, robot=robot.corners[0], friction=None, payload=None)
-    assert plan_motion(first).phases[0].duration < (1 - 1e-4) * made.duration
+    assert plan_motion(first).phases[0].duration < (1 - 1e-4) * result.duration
 
 
 def test_the_cost_and_the_worst_case_are_said_and_stored(tmp_path: Path) -> None:
     """The report states the cost and the worst case of a range, and the plan file stores both."""
     ranged = replace(weakened("tilt_insert", "ranges", 1.12), friction=0.95, payload=PAYLOAD)
-    made = plan(ranged)
-    said = "\n".join(solver_and_condition_lines(made))
+    result = plan(ranged)
+    said = "\n".join(solver_and_condition_lines(result))
     assert "friction within 95 %, payload up to 30 g: +" in said
     assert "joint tilt: worst, margin" in said
-    again = load_plan(made.write(tmp_path / "plan.json"))
+    again = load_plan(result.write(tmp_path / "plan.json"))
     assert again.passed
     assert (again.nominal_duration, again.problem.friction, again.problem.payload) == (
-        made.nominal_duration,
+        result.nominal_duration,
         0.95,
         PAYLOAD,
     )
     assert [limit.case for limit in again.certificate.limits] == [
-        limit.case for limit in made.certificate.limits
+        limit.case for limit in result.certificate.limits
     ]
     # A plan file whose range was widened afterwards has no valid certificate.
     document = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
@@ -252,18 +252,18 @@ def test_the_range_of_friction_counts_for_self_locking(robot: Robot) -> None:
         )
         drive = replace(joint.drive, friction=friction, friction_ranges={"mu": (low, 2 * needed)})
         others = (
-            each if each.drive is None else replace(each, drive=with_ranges(each.drive))
-            for each in robot.joints[1:]
+            item if item.drive is None else replace(item, drive=with_ranges(item.drive))
+            for item in robot.joints[1:]
         )
         judged = replace(robot, joints=(replace(joint, drive=drive), *others))
         for share in (None, 0.95):
-            found = check(
+            result = check(
                 motion, judged, replace(problem.task_limits, friction=share, payload=None)
             )
             locking = next(
-                each
-                for each in found.limits
-                if (each.name, each.joint) == ("self-locking", joint.name)
+                item
+                for item in result.limits
+                if (item.name, item.joint) == ("self-locking", joint.name)
             )
             assert locking.passed == (holds or share is None)
             if share is not None:

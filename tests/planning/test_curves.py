@@ -35,16 +35,16 @@ def base(tilt_insert: Problem) -> Problem:
 
 def planned(problem: Problem) -> tuple[PlannerResult, Array]:
     """Return the planner's result and 2000 tip positions along its motion, (2000, 3) in m."""
-    found = plan_motion(problem)
-    assert found.trajectory is not None, found.reason
-    q = found.trajectory.sample(np.linspace(0.0, found.trajectory.duration, 2000)).q
-    return found, tip_position(Mechanism.from_geometry(problem.robot.geometry), q)
+    result = plan_motion(problem)
+    assert result.trajectory is not None, result.reason
+    q = result.trajectory.sample(np.linspace(0.0, result.trajectory.duration, 2000)).q
+    return result, tip_position(Mechanism.from_geometry(problem.robot.geometry), q)
 
 
 def test_the_tip_keeps_to_a_line_below_its_speed_and_the_plan_passes(base: Problem) -> None:
     line = Follow(Tip((0.002, -0.006, -0.012), 0.2), curve="line", name="line")
     problem = replace(base, motion=(line,), limits=(*base.limits, TipSpeed(0.008)))
-    found, tips = planned(problem)
+    result, tips = planned(problem)
     way = tips[-1] - tips[0]
     assert tips[-1] == pytest.approx((0.002, -0.006, -0.012), abs=1e-9)
     off = np.linalg.norm(np.cross(tips - tips[0], way / np.linalg.norm(way)), axis=1)
@@ -53,7 +53,7 @@ def test_the_tip_keeps_to_a_line_below_its_speed_and_the_plan_passes(base: Probl
     # at full speed.
     assert (
         np.linalg.norm(way) / 0.008
-        < found.trajectory.duration
+        < result.trajectory.duration
         < 1.1 * np.linalg.norm(way) / 0.008 + 0.3
     )  # type: ignore[union-attr]
     outcome = plan(problem)
@@ -70,13 +70,15 @@ def test_the_tip_keeps_to_an_arc(base: Problem) -> None:
     )
     points = centre - radius * np.column_stack([np.cos(angle), 0 * angle, np.sin(angle)])
     middle, end = (Tip((x, y, z), 0.0) for x, y, z in points.tolist())
-    found, tips = planned(replace(base, start=start, motion=(Follow(end, (middle,), curve="arc"),)))
+    result, tips = planned(
+        replace(base, start=start, motion=(Follow(end, (middle,), curve="arc"),))
+    )
     assert tips[0] == pytest.approx(first, abs=1e-9)
     assert np.abs(np.linalg.norm(tips - centre, axis=1) - radius).max() < 2e-6
     assert np.abs(tips[:, 1]).max() < 2e-6
     turned = np.unwrap(np.arctan2(centre[2] - tips[:, 2], centre[0] - tips[:, 0]))
     assert turned[-1] - turned[0] == pytest.approx(1.5 * np.pi, abs=1e-6)
-    assert found.phases[0].phase.motion.name == "path"
+    assert result.phases[0].phase.motion.name == "path"
 
 
 def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
@@ -85,7 +87,7 @@ def test_a_line_of_depth_is_the_insertion(base: Problem) -> None:
     line, _ = planned(replace(base, motion=(Follow(Task(depth=0.015), curve="line"),)))
     samples = tuple(Task(depth=depth) for depth in np.linspace(0.005, 0.015, 30).tolist())
     table, _ = planned(replace(base, motion=(Follow(samples[-1], samples[:-1], curve="samples"),)))
-    durations = [found.trajectory.duration for found in (line, table)]  # type: ignore[union-attr]
+    durations = [result.trajectory.duration for result in (line, table)]  # type: ignore[union-attr]
     assert durations == pytest.approx([straight.trajectory.duration] * 2, rel=1e-4)  # type: ignore[union-attr]
 
 
@@ -96,13 +98,13 @@ def test_the_three_forms_of_a_table_are_one_path(base: Problem) -> None:
     )
     mechanism = Mechanism.from_geometry(base.robot.geometry)
     forms = [[Task(*row) for row in task.tolist()]]
-    found, _ = planned(
+    result, _ = planned(
         replace(base, motion=(Follow(forms[0][-1], tuple(forms[0][:-1]), curve="samples"),))
     )
-    (phase,) = found.phases
+    (phase,) = result.phases
     joints = phase.phase.path.points  # type: ignore[union-attr]
     assert task_from_joints(mechanism, joints) == pytest.approx(task, abs=1e-9)
-    durations = [found.trajectory.duration]  # type: ignore[union-attr]
+    durations = [result.trajectory.duration]  # type: ignore[union-attr]
     tips = tip_position(mechanism, joints)
     for points in (
         [Joints((a, b, c, d)) for a, b, c, d in joints.tolist()],
@@ -123,16 +125,16 @@ def test_samples_begin_elsewhere_and_turn(base: Problem) -> None:
     """A table that begins elsewhere gets an approach, and the robot stops at its corner."""
     places = ((-100, 5e-3), (-101, 5e-3), (-102, 5e-3), (-102, 6e-3), (-102, 7e-3))
     points = [Task(tilt=np.radians(tilt), depth=depth) for tilt, depth in places]
-    found, _ = planned(
+    result, _ = planned(
         replace(base, motion=(Follow(points[-1], tuple(points[:-1]), curve="samples"),))
     )
-    assert [each.phase.motion.name for each in found.phases] == [
+    assert [item.phase.motion.name for item in result.phases] == [
         "path, approach",
         "path 1",
         "path 2",
     ]
-    assert found.phases[-1].phase.end == pytest.approx([0, np.radians(-102), 0, 0.007])
-    speeds = found.trajectory.sample(np.cumsum([each.duration for each in found.phases])).qd  # type: ignore[union-attr]
+    assert result.phases[-1].phase.end == pytest.approx([0, np.radians(-102), 0, 0.007])
+    speeds = result.trajectory.sample(np.cumsum([item.duration for item in result.phases])).qd  # type: ignore[union-attr]
     assert np.abs(speeds).max() < 1e-9
 
 
@@ -170,14 +172,14 @@ def test_a_constant_speed_that_cannot_be_is_told_with_the_one_that_can(base: Pro
     motion = Follow(
         Tip((0.004, -0.004, -0.012), 0.2), curve="line", name="line", constant_speed=0.2
     )
-    found = plan_motion(replace(base, motion=(motion,)))
-    assert found.reason is not None
-    assert found.reason.available is not None
+    result = plan_motion(replace(base, motion=(motion,)))
+    assert result.reason is not None
+    assert result.reason.available is not None
     assert (
         "the tip cannot keep 200 mm/s between speeding up and slowing down (line); it can keep up to"
-        in found.reason.message
+        in result.reason.message
     )
-    able = float(f"{1e3 * found.reason.available:.4g}") / 1e3
+    able = float(f"{1e3 * result.reason.available:.4g}") / 1e3
     assert (
         plan_motion(replace(base, motion=(replace(motion, constant_speed=0.999 * able),))).status
         == "solved"
@@ -220,13 +222,13 @@ def test_a_spline_by_optimal_control_keeps_jerk_limits_and_durations(base: Probl
             replace(joint, jerk=jerk * joint.acceleration) for joint in base.robot.joints
         )
         robot = replace(base.robot, joints=joints)
-        found = plan(replace(base, robot=robot, motion=(spline,), objective="time"))
-        assert found.passed, found.reason
-        assert "jerk" in {limit.name for limit in found.certificate.limits}  # type: ignore[union-attr]
-        durations.append(found.motion.duration)
+        result = plan(replace(base, robot=robot, motion=(spline,), objective="time"))
+        assert result.passed, result.reason
+        assert "jerk" in {limit.name for limit in result.certificate.limits}  # type: ignore[union-attr]
+        durations.append(result.motion.duration)
         # The motion passes the points, within the spacing of the samples.
         tasks = task_from_joints(
-            mechanism, found.motion.sample(np.linspace(0, durations[-1], 20_001)).q
+            mechanism, result.motion.sample(np.linspace(0, durations[-1], 20_001)).q
         )
         for point in BENT:
             assert np.abs(tasks - list(point.set_coordinates.values())).max(axis=1).min() < 1e-4
@@ -292,10 +294,10 @@ def test_a_curve_out_of_the_tilt_range_is_refused_before_it_is_timed(base: Probl
     )
     # The spline overshoots between its points.
     beyond = Follow(Task(tilt=np.radians(-95)), through)
-    found = plan_motion(replace(base, motion=(beyond,)))
-    assert found.status == "infeasible"
-    assert found.reason is not None
-    assert "tilt would have to be" in found.reason.message
+    result = plan_motion(replace(base, motion=(beyond,)))
+    assert result.status == "infeasible"
+    assert result.reason is not None
+    assert "tilt would have to be" in result.reason.message
 
 
 def test_along_the_retina_the_tip_keeps_its_distance(laser_scan: Problem) -> None:
@@ -307,8 +309,8 @@ def test_along_the_retina_the_tip_keeps_its_distance(laser_scan: Problem) -> Non
     assert outcome.passed, outcome.reason
     assert [phase.name for phase in outcome.phases] == ["retina, approach", "retina"]
     assert outcome.phases[1].task_end[:3] == pytest.approx((to.roll, to.tilt, 0.0), abs=1e-9)
-    begin = outcome.phases[0].duration
-    t = np.linspace(begin, begin + outcome.phases[1].duration, 3000)
+    start = outcome.phases[0].duration
+    t = np.linspace(start, start + outcome.phases[1].duration, 3000)
     tips = tip_position(
         Mechanism.from_geometry(laser_scan.robot.geometry), outcome.motion.sample(t).q
     )

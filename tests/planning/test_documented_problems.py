@@ -66,9 +66,9 @@ def test_a_shipped_problem_is_planned(name: str) -> None:
 
 @pytest.mark.parametrize("document", ["docs/problem_file.md", "docs/motions.md"])
 def test_what_a_document_shows_is_read(document: str, load: Load) -> None:
-    found = blocks(document)
-    assert len(found) >= 2
-    for text in found:
+    result = blocks(document)
+    assert len(result) >= 2
+    for text in result:
         assert load(text).motion
 
 

@@ -95,9 +95,9 @@ def test_no_coordinate_accelerates_more_than_the_bound_says(
     ahead, behind = (
         task_rates(mechanism, q + s * qd + s**2 / 2 * qdd, qd + s * qdd) for s in (step, -step)
     )
-    found = np.abs(ahead - behind)[:, k] / (2 * step)
+    result = np.abs(ahead - behind)[:, k] / (2 * step)
     bound = angular_acceleration_bound(robot, name, tilt_insert.task_limits)
-    assert bound / 5 < found.max() < bound
+    assert bound / 5 < result.max() < bound
 
 
 def only(problem: Problem, **to: float) -> Problem:

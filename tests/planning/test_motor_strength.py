@@ -34,10 +34,10 @@ def tilting(nominal: float = 1e-4, **changes: object) -> Problem:
 def test_no_motion_has_less_than_the_bound(duration, pause):
     bound = check_thermal_bound(tilting(duty=pause)).required
     strong = tilting(36e-3, duty=pause)
-    made = plan(replace(strong, motion=(replace(strong.motion[0], duration=duration),)))
-    found = size_motion(made.trajectory, made.problem.robot).verdicts[0].requirement.rms_torque
-    found *= np.sqrt(made.duration / (made.duration + pause))
-    assert 0.3 * found < bound <= found if pause == 0 else bound <= found
+    output = plan(replace(strong, motion=(replace(strong.motion[0], duration=duration),)))
+    result = size_motion(output.trajectory, output.problem.robot).verdicts[0].requirement.rms_torque
+    result *= np.sqrt(output.duration / (output.duration + pause))
+    assert 0.3 * result < bound <= result if pause == 0 else bound <= result
 
 
 def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_not_refused(
@@ -47,23 +47,23 @@ def test_what_is_refused_early_costs_no_planning_and_what_may_stand_or_rest_is_n
     solves = []
     monkeypatch.setattr(phase_planner, "retime", lambda *_, **__: solves.append("retime"))
     monkeypatch.setattr(phase_planner, "solve_straight", lambda *_, **__: solves.append("straight"))
-    made = plan(tilting(8e-3), relaxations=False)
+    result = plan(tilting(8e-3), relaxations=False)
     monkeypatch.undo()
     assert solves == []
-    assert made.status == "infeasible"
-    assert made.reason.limit.key == ("continuous torque", "roll")
-    assert "however slowly" in made.reason.message
+    assert result.status == "infeasible"
+    assert result.reason.limit.key == ("continuous torque", "roll")
+    assert "however slowly" in result.reason.message
     assert check_thermal_bound(tilting(8e-3, duty=None)) is None  # The motion does not repeat.
-    whole = tilting(8e-3)
-    rested = replace(whole, motion=(*whole.motion, Dwell(60.0, "rest")))
+    complete = tilting(8e-3)
+    rested = replace(complete, motion=(*complete.motion, Dwell(60.0, "rest")))
     assert check_thermal_bound(rested) is None
     insertion = load_problem("problems/tilt_insert.yaml").motion[1]
     assert (
-        check_thermal_bound(replace(whole, motion=(*whole.motion, insertion))) is None
+        check_thermal_bound(replace(complete, motion=(*complete.motion, insertion))) is None
     )  # The insertion may be as slow as necessary.
     assert (
         check_thermal_bound(
-            replace(whole, motion=(*whole.motion, replace(insertion, duration=0.5)))
+            replace(complete, motion=(*complete.motion, replace(insertion, duration=0.5)))
         )
         is not None
     )

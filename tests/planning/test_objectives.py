@@ -120,13 +120,13 @@ def test_a_given_duration_is_taken_with_less_effort_than_the_fastest_motion_stre
     tilt_insert: Problem, kind: str
 ) -> None:
     fastest = plan(moving(tilt_insert, MOTIONS[kind], objective="time"))
-    asked = 1.4 * fastest.duration
-    result = plan(moving(tilt_insert, MOTIONS[kind], objective="effort", duration=asked))
+    request = 1.4 * fastest.duration
+    result = plan(moving(tilt_insert, MOTIONS[kind], objective="effort", duration=request))
     assert result.passed
-    assert result.duration == pytest.approx(asked, rel=1e-9)
+    assert result.duration == pytest.approx(request, rel=1e-9)
     robot = tilt_insert.robot
     same = stretched(fastest.trajectory, 1.4)
-    assert same.duration == pytest.approx(asked)
+    assert same.duration == pytest.approx(request)
     assert effort(result.trajectory, robot) < 0.9 * effort(same, robot)
 
 

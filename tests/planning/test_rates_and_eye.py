@@ -65,7 +65,7 @@ def moving(
 def limit(result: Plan, name: str) -> LimitCheck:
     """Return the check of the limit with this name."""
     assert result.certificate is not None
-    return next(found for found in result.certificate.limits if found.name == name)
+    return next(outcome for outcome in result.certificate.limits if outcome.name == name)
 
 
 @pytest.mark.parametrize("kind", ["straight", "free"])
@@ -94,7 +94,7 @@ def test_all_rates_and_the_tip_speed_together(tilt_insert: Problem, kind: str) -
     )
     assert result.passed
     assert {LIMIT[name] for name in RATES} | {"tip speed"} <= {
-        found.name for found in result.certificate.limits
+        outcome.name for outcome in result.certificate.limits
     }
 
 
@@ -105,7 +105,7 @@ def test_the_tip_stays_off_the_retina_where_the_direct_way_does_not(laser_scan: 
     with_eye = moving(laser_scan, "free", start, goal)
     without = plan(dataclasses.replace(with_eye, eye=None))
     against = check(without.trajectory, laser_scan.robot, with_eye.task_limits)
-    violated = next(found for found in against.limits if found.name == RetinaClearance.name)
+    violated = next(outcome for outcome in against.limits if outcome.name == RetinaClearance.name)
     assert violated.margin < -1e-3
     result = plan(with_eye)
     assert result.passed
@@ -123,8 +123,8 @@ def edge_of_the_port(problem: Problem) -> dict[str, float]:
 
 
 def test_a_motion_may_end_at_the_edge_of_the_port(laser_scan: Problem) -> None:
-    begin = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.001}
-    result = plan(moving(laser_scan, "free", begin, edge_of_the_port(laser_scan)))
+    start = {"roll": 0.0, "tilt": float(np.radians(-88)), "spin": 0.0, "depth": 0.001}
+    result = plan(moving(laser_scan, "free", start, edge_of_the_port(laser_scan)))
     assert result.passed, result.reason
     assert limit(result, RetinaClearance.name).margin >= -1e-6
 
@@ -139,9 +139,9 @@ def test_from_the_edge_of_the_port_the_tip_swings_first(laser_scan: Problem) -> 
     result, back = (
         plan(moving(laser_scan, "free", *ends)) for ends in ((start, FAR), (FAR, start))
     )
-    for each in (result, back):
-        assert each.passed
-        assert limit(each, RetinaClearance.name).margin >= -1e-6
+    for item in (result, back):
+        assert item.passed
+        assert limit(item, RetinaClearance.name).margin >= -1e-6
     joints = result.trajectory.uniform(2000.0).q
     begun = int(np.argmax(-joints[:, 3] > eye.port + 1e-7))
     assert joints[begun, 1] != pytest.approx(joints[0, 1], abs=1e-2)
@@ -186,7 +186,8 @@ def test_the_shaft_goes_around_a_lens_in_its_way(laser_scan: Problem, objective:
     without = plan(dataclasses.replace(problem, eye=None))
     against = check(without.trajectory, problem.robot, problem.task_limits)
     assert (
-        next(found for found in against.limits if found.name == LensClearance.name).margin < -0.02
+        next(outcome for outcome in against.limits if outcome.name == LensClearance.name).margin
+        < -0.02
     )
     result = plan(problem)
     assert result.passed

@@ -110,10 +110,10 @@ def rolled(problem: Problem, _: Eye | None) -> Problem:
         Mechanism.from_geometry(problem.robot.geometry),
         [j.position for j in problem.robot.joints],
     )
-    found = inverse_task(
+    result = inverse_task(
         mechanism, [[0.55, -1.9, 0.0, 0.001]], limits=limits, reference=np.zeros(4)
     )
-    first, second, third, fourth = found.joints[0, int(np.argmax(found.valid[0]))].tolist()
+    first, second, third, fourth = result.joints[0, int(np.argmax(result.valid[0]))].tolist()
     return tilt(problem, motion=(Free(Joints((first, second, third, fourth))),))
 
 
@@ -337,12 +337,12 @@ def test_a_whole_turn_out_of_the_roll_range_is_named_before_anything_is_solved(
     # revolution.
     start = Joints((np.radians(294.1), np.radians(73.2), np.radians(39.4), -0.01))
     target = Free(Task(np.radians(16.7), np.radians(-136.5), np.radians(35.0), 0.01))
-    found = plan_motion(dataclasses.replace(tilt_insert, start=start, motion=(target,)))
-    assert found.reason is not None
-    assert found.reason.limit == next(
-        each for each in tilt_insert.limits if each.name == TaskRange.name_of("roll")
+    result = plan_motion(dataclasses.replace(tilt_insert, start=start, motion=(target,)))
+    assert result.reason is not None
+    assert result.reason.limit == next(
+        item for item in tilt_insert.limits if item.name == TaskRange.name_of("roll")
     )
-    assert found.reason.message.startswith(
+    assert result.reason.message.startswith(
         "roll would have to be -343.3 deg, but its range ends at -30 deg"
     )
 
@@ -351,15 +351,15 @@ def test_the_clock_does_not_bound_what_is_searched(
     tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The work of the search for a relaxation is limited, and its time is not."""
-    asked: list[Problem] = []
+    request: list[Problem] = []
     work = Work()
 
     def never(problem: Problem) -> Reason:
-        asked.append(problem)
+        request.append(problem)
         work.spent += 1.0
         return Reason(None, None, None, None, "no")
 
-    monkeypatch.setattr("time.process_time", lambda: 1e3 * len(asked))
+    monkeypatch.setattr("time.process_time", lambda: 1e3 * len(request))
     assert (
         find_relaxation(
             tilt_insert,
@@ -370,7 +370,7 @@ def test_the_clock_does_not_bound_what_is_searched(
         )
         is None
     )
-    assert 9 <= len(asked) <= 10
+    assert 9 <= len(request) <= 10
 
 
 def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
@@ -378,24 +378,24 @@ def test_patience_bounds_what_is_search(tilt_insert: Problem) -> None:
 
     It tries nothing if the reason names no limit.
     """
-    asked: list[Problem] = []
+    request: list[Problem] = []
 
     def never(problem: Problem) -> Reason:
-        asked.append(problem)
+        request.append(problem)
         return Reason(None, None, None, None, "no")
 
     nameless = Reason(None, "insert", None, None, "no motion found")
     assert find_relaxation(tilt_insert, nameless, never, budget=0.0) is None
-    assert not asked
+    assert not request
     named = Reason(tilt_insert.robot.joints[0].limit(MotorTorque), "insert", 0.2, 0.1, "too weak")
-    found = find_relaxation(tilt_insert, named, never, budget=0.0)
-    assert found is not None
-    assert not found.works
-    assert len(asked) == 1
+    result = find_relaxation(tilt_insert, named, never, budget=0.0)
+    assert result is not None
+    assert not result.works
+    assert len(request) == 1
     assert find_relaxation(tilt_insert, nameless, never) is None
     # The search changes the torque and the velocity of every joint that has them and both sides of
     # three ranges. It changes each by a tenth and by the full amount.
-    assert len(asked) == 1 + 2 * (3 + 4 + 6)
+    assert len(request) == 1 + 2 * (3 + 4 + 6)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(-177.8, 160.0), (-170.0, 150.0), (120.0, -100.0)])

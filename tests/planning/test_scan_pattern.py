@@ -206,22 +206,22 @@ def test_the_fastest_order_of_few_places_is_the_best_of_all_orders() -> None:
         def total(order: Any, times: Array = times) -> float:
             return float(times[[0, *order[:-1]], order].sum())
 
-        found = search_short_tour(times) + 1
-        assert sorted(found) == list(range(1, len(places)))
-        assert total(found) == pytest.approx(min(map(total, permutations(range(1, len(places))))))
+        result = search_short_tour(times) + 1
+        assert sorted(result) == list(range(1, len(places)))
+        assert total(result) == pytest.approx(min(map(total, permutations(range(1, len(places))))))
 
 
 def test_the_fastest_order_visits_every_spot_once_and_takes_less(laser_scan: Problem) -> None:
     scan = dataclasses.replace(THREE, dwell=0.02)
-    given, fastest = (
+    inputs, fastest = (
         scanning(laser_scan, dataclasses.replace(scan, order=order))
         for order in ("given", "fastest")
     )
-    own, other = (np.concatenate(spots(result)) for result in (given, fastest))
+    own, other = (np.concatenate(spots(result)) for result in (inputs, fastest))
     assert len(own) == len(other)
     assert np.lexsort(own.T).tolist() != np.lexsort(other.T).tolist()
     assert np.linalg.norm(own[:, None] - other, axis=2).min(axis=1) == pytest.approx(0.0, abs=1e-9)
-    assert fastest.duration < 0.97 * given.duration  # type: ignore[operator]
+    assert fastest.duration < 0.97 * inputs.duration  # type: ignore[operator]
     again = Plan.from_json(fastest.to_json().encode(), Path("plan.json"))
     assert again.problem.motion[0].order == "fastest"  # type: ignore[union-attr]
     # Without a dwell, one motion passes all spots and does not return to the first one.

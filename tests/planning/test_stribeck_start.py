@@ -35,11 +35,11 @@ def test_the_planners_torque_at_a_start_is_the_breakaway_torque(
     tilt_insert: Problem, sigma: float
 ) -> None:
     drive = stribeck(tilt_insert.robot.joints[0].drive)
-    at = SimpleNamespace(
+    time = SimpleNamespace(
         sigma=[ca.SX(sigma)], qd=[ca.SX(0)], qdd=[ca.SX(0)], tau_rigid=[ca.SX(0.3)]
     )
-    found = max(float(value) for value in directed_torques(drive, at, 0, breakaway=True))
-    assert found == pytest.approx(sigma * breakaway_torque(drive, 0.3, sigma, mu=0.4), rel=1e-12)
+    result = max(float(value) for value in directed_torques(drive, time, 0, breakaway=True))
+    assert result == pytest.approx(sigma * breakaway_torque(drive, 0.3, sigma, mu=0.4), rel=1e-12)
 
 
 def test_a_motor_too_weak_for_it_is_named(tilt_insert: Problem) -> None:

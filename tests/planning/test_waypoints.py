@@ -76,8 +76,8 @@ def test_a_point_on_the_way_is_passed_at_speed(
         tilt_insert = dataclasses.replace(
             tilt_insert, robot=with_jerk(tilt_insert.robot, 35.0, 1.0)
         )
-    whole = plan(through(tilt_insert, BETWEEN, LAST))
-    _, speed = passing(whole, BETWEEN)
+    complete = plan(through(tilt_insert, BETWEEN, LAST))
+    _, speed = passing(complete, BETWEEN)
     limit = np.array([joint.velocity for joint in tilt_insert.robot.joints])
     assert np.all(speed * np.subtract(LAST, FIRST) > 0)
     assert (np.abs(speed) / limit).max() > 0.3
@@ -85,7 +85,9 @@ def test_a_point_on_the_way_is_passed_at_speed(
     without = plan(through(tilt_insert, LAST))
     backoff = 1.001 * 1.0005  # This allows for the motion with the least heat and for the mesh.
     assert (
-        without.duration / backoff <= whole.duration <= 0.95 * sum(part.duration for part in parts)
+        without.duration / backoff
+        <= complete.duration
+        <= 0.95 * sum(part.duration for part in parts)
     )
 
 
@@ -136,7 +138,7 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
     A grid over the speeds of both joints at the point gives the minimum.
     """
     first, second = np.meshgrid(*(np.linspace(-v, v, 801) for v in velocity), indexing="ij")
-    there = (
+    target = (
         minimum_times(way, v, a, (np.zeros(()), speed))
         for way, v, a, speed in zip(ways[0], velocity, acceleration, (first, second), strict=True)
     )
@@ -144,7 +146,7 @@ def least_over(ways: Array, velocity: Array, acceleration: Array) -> float:
         minimum_times(way, v, a, (speed, np.zeros(())))
         for way, v, a, speed in zip(ways[1], velocity, acceleration, (first, second), strict=True)
     )
-    return float((np.maximum(*there) + np.maximum(*onward)).min())
+    return float((np.maximum(*target) + np.maximum(*onward)).min())
 
 
 def test_points_are_passed_in_their_order_in_any_form(tilt_insert: Problem) -> None:

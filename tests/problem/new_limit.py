@@ -43,7 +43,7 @@ def main(problem_file: str, kind: str, largest: float, folder: str) -> None:
     problem = dataclasses.replace(problem, objective="time", motion=(motion,))
     limited = AxisSpeed(largest).on(problem)
     free, result = ssm_planner.plan(problem), ssm_planner.plan(limited)
-    found = next(each for each in result.certificate.limits if each.name == AxisSpeed.name)
+    found = next(item for item in result.certificate.limits if item.name == AxisSpeed.name)
     file = result.write(Path(folder) / "plan.json")
     again = load_plan(file)
     page = write_report(again, Path(folder) / "report.html").read_text(encoding="utf-8")

@@ -173,10 +173,10 @@ def test_a_duration_finds_its_motion(tilt_insert: Problem) -> None:
     timed = dataclasses.replace(tilt_insert, motion=motion)
     longer = Duration(2.0, motion[0].name).relaxed(5.0).on(timed)
     assert [m.duration for m in longer.motion] == [5.0, *(m.duration for m in motion[1:])]
-    whole = dataclasses.replace(timed, motion=tilt_insert.motion, duration=4.0)
-    assert Duration(4.0).relaxed(6.0).on(whole).duration == 6.0
+    complete = dataclasses.replace(timed, motion=tilt_insert.motion, duration=4.0)
+    assert Duration(4.0).relaxed(6.0).on(complete).duration == 6.0
     assert (
-        Duration(3.0, motion[0].name).relaxed(6.0).on(whole).duration == 6.0
+        Duration(3.0, motion[0].name).relaxed(6.0).on(complete).duration == 6.0
     )  # the motion has a share of the total duration
     both = Duration(2.0, motion[0].name).relaxed(5.0).on(dataclasses.replace(timed, duration=4.0))
     assert (both.duration, [m.duration for m in both.motion]) == (
@@ -264,14 +264,14 @@ def test_what_cannot_be_a_limit_is_refused(make, told) -> None:
 def test_a_problem_refuses_limits_of_joints_among_its_own_and_one_given_twice(
     tilt_insert: Problem,
 ) -> None:
-    for wrong, told in (
+    for wrong, messages in (
         ((MotorTorque("roll", 1.0),), "not a limit of the task"),
         ((TipSpeed(1.0), TipSpeed(2.0)), "occurs twice"),
         ((TaskRange("roll", -1, 1), TaskRange("roll", -2, 2)), "roll range"),
     ):
-        with pytest.raises(ProblemError, match=told):
+        with pytest.raises(ProblemError, match=messages):
             dataclasses.replace(tilt_insert, limits=wrong)
-        with pytest.raises(ProblemError, match=told):
+        with pytest.raises(ProblemError, match=messages):
             dataclasses.replace(tilt_insert.robot, limits=wrong)
     with pytest.raises(ProblemError, match="unknown joint"):
         JointVelocity("elbow", 1.0).on(tilt_insert)
@@ -319,15 +319,15 @@ def test_a_new_limit_on_a_speed_of_the_tool_takes_two_places_of_code(
     command = [sys.executable, str(script), str(problem), kind, "0.3", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert found["passed"]
-    assert found["read back"]
-    assert found["checked again"]
-    assert found["on the page"]
-    assert found["slower"] > 1.2
-    assert found["worst"] == pytest.approx(1.0, abs=1e-5)
-    assert 0.9 < found["tightened"] < 1
-    assert found["in words"] == "axis speed of 34.3775 deg/s instead of 17.1887 deg/s"
+    result = json.loads(done.stdout)
+    assert result["passed"]
+    assert result["read back"]
+    assert result["checked again"]
+    assert result["on the page"]
+    assert result["slower"] > 1.2
+    assert result["worst"] == pytest.approx(1.0, abs=1e-5)
+    assert 0.9 < result["tightened"] < 1
+    assert result["in words"] == "axis speed of 34.3775 deg/s instead of 17.1887 deg/s"
 
 
 def test_a_jump_has_no_place_in_a_problem(tilt_insert: Problem) -> None:

@@ -35,24 +35,24 @@ DATA = {
 
 
 def test_the_same_problem_in_python_as_text_and_as_a_mapping() -> None:
-    written = Problem(
+    output = Problem(
         load_robot("vitreoretinal"),
         start=Task(tilt=-85 * deg),
         motion=[Straight(tilt=-135 * deg), Dwell(0.2), Straight(depth=20 * mm)],  # type: ignore[arg-type]
         limits=[TaskRange("tilt", -139 * deg, -81 * deg), TipSpeed(25 * mm)],  # type: ignore[arg-type]
     )
-    assert [motion.name for motion in written.motion] == ["tilt", "dwell", "insert"]
-    assert isinstance(written.limits, tuple)
-    assert to_plain(written.start)["task"] == pytest.approx(
+    assert [motion.name for motion in output.motion] == ["tilt", "dwell", "insert"]
+    assert isinstance(output.limits, tuple)
+    assert to_plain(output.start)["task"] == pytest.approx(
         {"roll": 0, "tilt": math.radians(-85), "spin": 0, "depth": 0}
     )
     text, data = Problem.from_yaml(TEXT), Problem.from_dict(DATA)
     assert text == data
     for field in ("robot", "objective", "planner"):
-        assert getattr(written, field) == getattr(data, field)
-    assert [m.kind for m in written.motion] == [m.kind for m in data.motion]
-    assert written.motion[2].to.depth == pytest.approx(data.motion[2].to.depth, rel=1e-15)
-    assert written.tip_speed == pytest.approx(data.tip_speed)
+        assert getattr(output, field) == getattr(data, field)
+    assert [m.kind for m in output.motion] == [m.kind for m in data.motion]
+    assert output.motion[2].to.depth == pytest.approx(data.motion[2].to.depth, rel=1e-15)
+    assert output.tip_speed == pytest.approx(data.tip_speed)
 
 
 def test_the_ranges_of_the_robot_hold_whatever_the_problem_says() -> None:

@@ -48,16 +48,16 @@ def ranges(motor, speeds):
 
 def test_the_current_keeps_to_the_supply_against_the_back_emf():
     speeds = np.linspace(-3000.0, 3000.0, 61)
-    found = ranges(MOTOR, speeds)
-    voltage = MOTOR.torque_constant * speeds[:, None] + MOTOR.resistance * found
+    result = ranges(MOTOR, speeds)
+    voltage = MOTOR.torque_constant * speeds[:, None] + MOTOR.resistance * result
     inside = np.abs(MOTOR.torque_constant * speeds) <= MOTOR.voltage
     assert np.all(np.abs(voltage[inside]) <= MOTOR.voltage * (1 + 1e-12))
-    assert np.all(np.abs(found) <= MOTOR.max_current)
-    assert np.all(found[:, 0] <= found[:, 1])
+    assert np.all(np.abs(result) <= MOTOR.max_current)
+    assert np.all(result[:, 0] <= result[:, 1])
     # Beyond the no-load speed, the motor can only brake.
     fast = speeds > MOTOR.voltage / MOTOR.torque_constant
     assert fast.any()
-    assert np.all(found[fast, 1] < 0)
+    assert np.all(result[fast, 1] < 0)
     # At rest, only the power stage limits the current: 5 A through 0.763 Ω need just 3.8 V.
     np.testing.assert_allclose(ranges(MOTOR, [0.0])[0], [-5.0, 5.0])
 
@@ -69,9 +69,9 @@ def test_without_a_resistance_the_supply_binds_at_the_no_load_speed_alone():
     """
     no_load = MOTOR.voltage / MOTOR.torque_constant
     speeds = [-1.01 * no_load, -0.99 * no_load, 0.0, 0.99 * no_load, 1.01 * no_load]
-    found = ranges(replace(MOTOR, resistance=0.0), speeds)
-    np.testing.assert_allclose(found[:, 0], [0.0, -5.0, -5.0, -5.0, -5.0])
-    np.testing.assert_allclose(found[:, 1], [5.0, 5.0, 5.0, 5.0, 0.0])
+    result = ranges(replace(MOTOR, resistance=0.0), speeds)
+    np.testing.assert_allclose(result[:, 0], [0.0, -5.0, -5.0, -5.0, -5.0])
+    np.testing.assert_allclose(result[:, 1], [5.0, 5.0, 5.0, 5.0, 0.0])
     for resistance in (0.0, 1.0):
         free = replace(MOTOR, resistance=resistance, voltage=np.inf)
         np.testing.assert_allclose(ranges(free, speeds), np.tile([-5.0, 5.0], (5, 1)))
@@ -87,9 +87,9 @@ def test_winding_and_supply_come_from_the_controller_and_then_from_the_motor(rob
     assert (plain.resistance, plain.voltage) == (0.0, pytest.approx(21.6))
     assert plain.max_current == pytest.approx(motor.max_torque / 0.02)
     axis = AxisController(max_current=0.7)
-    given = Controller(supply=10.0, output_share=0.5, joints={joint.name: axis}, current_lag=2e-4)
-    found = motor_electrics(joint, given)
-    assert (found.voltage, found.max_current, found.lag) == (5.0, 0.7, 2e-4)
+    inputs = Controller(supply=10.0, output_share=0.5, joints={joint.name: axis}, current_lag=2e-4)
+    result = motor_electrics(joint, inputs)
+    assert (result.voltage, result.max_current, result.lag) == (5.0, 0.7, 2e-4)
     dead = replace(joint, motor=replace(motor, nominal_voltage=None))
     assert motor_electrics(dead, Controller()).voltage == np.inf
     for lacking in (
@@ -112,8 +112,8 @@ def test_gains_need_an_inertia_or_p_and_d(robot):
     ):
         controller = Controller(joints={joint.name: axis})
         if enough:
-            found = loop_gains(light, controller, electrics)
-            assert (found.p, found.i, found.d) == (1.0, 0.0, 0.1)
+            result = loop_gains(light, controller, electrics)
+            assert (result.p, result.i, result.d) == (1.0, 0.0, 0.1)
             continue
         with pytest.raises(ProblemError, match="no input inertia"):
             loop_gains(light, controller, electrics)
@@ -160,7 +160,7 @@ def test_a_loop_is_the_stated_pid():
     current = integral = derivative = before = 0.0
     lag, delay = np.exp(-period / MOTOR.lag), gains.d / (10 * gains.p)
     for error in errors:
-        found = [
+        result = [
             float(v) for v in function([current, integral, derivative], [error, before], 100.0, 0.3)
         ]
         # The backward Euler method integrates the filtered derivative.
@@ -169,9 +169,9 @@ def test_a_loop_is_the_stated_pid():
         current = demanded + (current - demanded) * lag
         integral += gains.i * error * period
         before = error
-        assert not found[1]
+        assert not result[1]
         np.testing.assert_allclose(
-            [found[0], *found[2:]], [current, integral, derivative], rtol=1e-12
+            [result[0], *result[2:]], [current, integral, derivative], rtol=1e-12
         )
 
 
@@ -192,10 +192,10 @@ def test_an_encoder_rounds_to_the_nearest_increment(counts):
     a = ca.SX.sym("a")
     read = ca.Function("read", [a], [round_to_increments(a, counts)])
     angles = np.linspace(-20, 20, 777)
-    found = np.array([float(read(angle)) for angle in angles])
+    result = np.array([float(read(angle)) for angle in angles])
     increment = 2 * np.pi / counts
-    assert np.abs(found - angles).max() <= increment / 2 * (1 + 1e-9)
-    np.testing.assert_allclose(found / increment, np.round(found / increment), atol=1e-9)
+    assert np.abs(result - angles).max() <= increment / 2 * (1 + 1e-9)
+    np.testing.assert_allclose(result / increment, np.round(result / increment), atol=1e-9)
 
 
 def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robot):
@@ -215,8 +215,8 @@ def test_default_gains_come_from_the_plant_and_the_shipped_file_states_them(robo
         without = loop_gains(joint, Controller(torque_offset=False), electrics)
         assert without.ff_acceleration * k == pytest.approx(inertia)
         assert without.ff_velocity * k == pytest.approx(joint.drive.friction.b_v)
-        given = Controller(joints={joint.name: AxisController(p=1.0)})
-        assert loop_gains(joint, given, electrics).p == 1.0
+        inputs = Controller(joints={joint.name: AxisController(p=1.0)})
+        assert loop_gains(joint, inputs, electrics).p == 1.0
 
 
 def test_the_default_bandwidth_leaves_its_phase_margin(robot):

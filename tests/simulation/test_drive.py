@@ -137,9 +137,9 @@ def test_move_rest_move_back(name):
     assert motion.energy_error < 1e-7
     assert np.all(motion.w[motion.state == 0] == 0.0)
     assert np.all(np.diff(motion.dissipated) >= -1e-15)
-    for at, name_of_event in motion.events:
+    for time, name_of_event in motion.events:
         if name_of_event.startswith("starts"):
-            k = int(np.searchsorted(motion.time, at))
+            k = int(np.searchsorted(motion.time, time))
             sign = 1.0 if name_of_event.endswith("forwards") else -1.0
             assert motion.tau[k] == pytest.approx(
                 float(breakaway_torque(drive, load, sign)), rel=1e-5
@@ -212,7 +212,9 @@ def test_a_longer_rest_needs_more_torque_to_leave():
             return -5.0 if t < 0.5 or t > 0.5 + rest else 0.0
 
         motion = simulate_drive(drive, servo, wanted, rest + 1.0, load=load, max_step=0.02)
-        start = next(at for at, name in motion.events if name == "starts backwards" and at > 0.5)
+        start = next(
+            time for time, name in motion.events if name == "starts backwards" and time > 0.5
+        )
         torques.append(-motion.tau[np.searchsorted(motion.time, start)])
     assert torques[0] < torques[1] < torques[2]
 
@@ -238,7 +240,7 @@ def test_a_step_of_a_drive_balances_its_energy_whether_it_slides_stops_or_stands
     The drive slides through the step, stops within it, or stands during it.
     """
     drive, scale, _ = rig(name)
-    w, rest, tau, load = (ca.SX.sym(each) for each in ("w", "rest", "tau", "load"))
+    w, rest, tau, load = (ca.SX.sym(item) for item in ("w", "rest", "tau", "load"))
     h = 4e-4
     moved = drive_step(drive, w, rest, tau, load, h=h)
     held = with_blocked_motor(drive, moved, ca.SX(1), w=w, load=load, tau=tau, h=h)

@@ -85,9 +85,11 @@ class Bench:
             self._recorded(stage, truth, 1 + SCATTER * rng.normal()) for stage in self.stages
         ]
         fit = fit_map(self.drive, compute_torque_map(recordings), self.load)
-        whole = {**truth, "b_oc": self.friction[place["b_oc"]]}
+        complete = {**truth, "b_oc": self.friction[place["b_oc"]]}
         slow = map_torque(
-            drive_with_parameters(self.drive, "coulomb", whole), np.array([1e-6, -1e-6]), self.load
+            drive_with_parameters(self.drive, "coulomb", complete),
+            np.array([1e-6, -1e-6]),
+            self.load,
         )
         return {**truth, "forwards": slow[0], "backwards": slow[1]}, fit
 
@@ -137,16 +139,16 @@ def coverage(draws: int, folder: Path, seed: int = 3) -> dict[str, float]:
         estimates = {**fit.estimates, **fit.combinations}
         for name, value in truth.items():
             hits.setdefault(name, []).append(estimates[name].low <= value <= estimates[name].high)
-    return {name: float(np.mean(found)) for name, found in hits.items()}
+    return {name: float(np.mean(result)) for name, result in hits.items()}
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_points")
 def test_identification_finds_the_friction_of_simulated_recordings(tmp_path: Path) -> None:
-    found = coverage(selected(3, every=5), tmp_path)
+    result = coverage(selected(3, every=5), tmp_path)
     # There are 15 or 25 intervals of 95 %, which depend on each other in groups of five. It is very
     # unlikely that fewer than 12 or 20 of them are right. Run this file for more draws.
-    assert np.mean(list(found.values())) >= 0.8, found
+    assert np.mean(list(result.values())) >= 0.8, result
 
 
 if __name__ == "__main__":

@@ -68,39 +68,39 @@ def test_an_arm_that_begins_in_motion_is_in_equilibrium(
     robot: Robot, arms: dict[bool, ControlledArm], offsets: bool
 ) -> None:
     """The first periods keep the currents, the following errors and the accelerations."""
-    made = arms[offsets]
+    result = arms[offsets]
     needed = np.nan_to_num(motor_torque(robot, QA, QD_A, QDD_A))
-    told = commands(made, QD_A, QDD_A, 8, needed if offsets else None)
-    state = made.initial_state(QA, QD_A, QDD_A, told)
-    constants = np.array([made.electrics[k].torque_constant for k in made.driven])
-    driven = list(made.driven)
+    messages = commands(result, QD_A, QDD_A, 8, needed if offsets else None)
+    state = result.initial_state(QA, QD_A, QDD_A, messages)
+    constants = np.array([result.electrics[k].torque_constant for k in result.driven])
+    driven = list(result.driven)
     assert state[CURRENT][driven] * constants == pytest.approx(needed[driven])
     assert (state[INTEGRAL][driven] == pytest.approx(0.0, abs=1e-12)) == offsets
     assert np.array_equal(state[QD], QD_A)
     assert not state[REST][driven].any()
     assert not state[TRIP].any()
-    played = made.play(state, told, made.encoder_offsets(QA), made.friction_parameters())
+    played = result.play(state, messages, result.encoder_offsets(QA), result.friction_parameters())
     states = played.states[:, :]
     for k in driven:
         drift = np.ptp(states[:, CURRENT][:, k]) / abs(state[CURRENT][k])
         assert drift <= 0.03
-        ratio = made.drive(k).ratio
-        expected = ratio * (QD_A[k] + made.period * 8 * QDD_A[k])
+        ratio = result.drive(k).ratio
+        expected = ratio * (QD_A[k] + result.period * 8 * QDD_A[k])
         assert states[-1, W][k] == pytest.approx(expected, rel=2e-3)
         increment = 2 * np.pi / COUNTS
         assert abs(played.error[0, k]) <= 0.51 * increment
-        lag = abs(ratio * QDD_A[k]) * made.period**2
+        lag = abs(ratio * QDD_A[k]) * result.period**2
         assert np.abs(played.error[:, k]).max() <= increment + 10 * lag
 
 
 def test_only_moving_drives_have_a_current_at_the_start(
     arms: dict[bool, ControlledArm],
 ) -> None:
-    made = arms[True]
+    result = arms[True]
     qd = np.array([0.0, 0.3, 0.0, 0.0])
-    moving = made.initial_state(QA, qd, np.zeros(4), commands(made, qd, np.zeros(4), 1))
-    still = made.initial_state(QA, np.zeros(4), np.zeros(4), commands(made, qd * 0, qd * 0, 1))
-    assert np.array_equal(still[: len(still) - 16], made.state_at_rest(QA))
+    moving = result.initial_state(QA, qd, np.zeros(4), commands(result, qd, np.zeros(4), 1))
+    still = result.initial_state(QA, np.zeros(4), np.zeros(4), commands(result, qd * 0, qd * 0, 1))
+    assert np.array_equal(still[: len(still) - 16], result.state_at_rest(QA))
     assert not still[len(still) - 16 :].any()
     assert np.flatnonzero(moving[CURRENT]).tolist() == [1]
     assert moving[REST][1] == 0.0
@@ -114,24 +114,24 @@ def test_only_moving_drives_have_a_current_at_the_start(
 
 def test_a_drive_without_load_is_in_the_middle_of_its_backlash(robot: Robot) -> None:
     weightless = replace(robot, gravity=np.zeros(3))
-    made = arm(weightless, WITH_OFFSETS)
-    state = made.state_at_rest(QA)
-    for k in made.driven:
-        assert state[MOTOR][k] == pytest.approx(made.drive(k).ratio * QA[k], rel=1e-12)
+    result = arm(weightless, WITH_OFFSETS)
+    state = result.state_at_rest(QA)
+    for k in result.driven:
+        assert state[MOTOR][k] == pytest.approx(result.drive(k).ratio * QA[k], rel=1e-12)
 
 
 def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, ControlledArm]) -> None:
     """A chunk of periods has half steps if a drive starts in it or shortly before it."""
-    made, periods = arms[True], 6 * _PERIODS_PER_CHUNK - 7
+    result, periods = arms[True], 6 * _PERIODS_PER_CHUNK - 7
     for first in (
         1,
         2 * _PERIODS_PER_CHUNK + 3,
         3 * _PERIODS_PER_CHUNK - 1,
         3 * _PERIODS_PER_CHUNK - _MAX_BREAKAWAY_PERIODS,
     ):
-        told = commands(made, np.zeros(4), np.zeros(4), periods)
-        told.speed[first : first + 2 * _PERIODS_PER_CHUNK, 1] = 5.0
-        halved = made.half_step_periods(told)
+        messages = commands(result, np.zeros(4), np.zeros(4), periods)
+        messages.speed[first : first + 2 * _PERIODS_PER_CHUNK, 1] = 5.0
+        halved = result.half_step_periods(messages)
         assert halved.shape == (periods,)
         chunks = np.arange(periods) // _PERIODS_PER_CHUNK
         expected = {
@@ -140,27 +140,27 @@ def test_periods_after_a_breakaway_run_in_half_steps(arms: dict[bool, Controlled
         }
         assert set(chunks[halved].tolist()) == expected
         assert set(chunks[~halved].tolist()) == set(range(6)) - expected
-    moving = commands(made, QD_A, np.zeros(4), periods)
-    assert set((np.flatnonzero(made.half_step_periods(moving)) // _PERIODS_PER_CHUNK).tolist()) == {
-        0
-    }
+    moving = commands(result, QD_A, np.zeros(4), periods)
+    assert set(
+        (np.flatnonzero(result.half_step_periods(moving)) // _PERIODS_PER_CHUNK).tolist()
+    ) == {0}
 
 
 def test_the_integrals_make_up_for_what_the_first_commands_lack(
     arms: dict[bool, ControlledArm],
 ) -> None:
     """Only the first commands determine the integrals, and later commands do not."""
-    made, rng = arms[True], np.random.default_rng(3)
-    told = commands(made, QD_A, QDD_A, 3, np.zeros(4))
-    for column in (told.speed, told.acceleration, told.torque):
+    result, rng = arms[True], np.random.default_rng(3)
+    messages = commands(result, QD_A, QDD_A, 3, np.zeros(4))
+    for column in (messages.speed, messages.acceleration, messages.torque):
         column[:] = rng.normal(size=(3, 4)) * [[1.0], [5.0], [9.0]]
-    state = made.initial_state(QA, QD_A, QDD_A, told)
-    for k in made.driven:
-        electrics = made.electrics[k]
-        gains = loop_gains(made.robot.joints[k], made.controller, electrics)
-        forward = gains.ff_velocity * told.speed[0, k]
-        forward += gains.ff_acceleration * told.acceleration[0, k]
-        forward += told.torque[0, k] / electrics.torque_constant
+    state = result.initial_state(QA, QD_A, QDD_A, messages)
+    for k in result.driven:
+        electrics = result.electrics[k]
+        gains = loop_gains(result.robot.joints[k], result.controller, electrics)
+        forward = gains.ff_velocity * messages.speed[0, k]
+        forward += gains.ff_acceleration * messages.acceleration[0, k]
+        forward += messages.torque[0, k] / electrics.torque_constant
         assert state[CURRENT][k] == pytest.approx(state[INTEGRAL][k] + forward)
 
 
@@ -180,7 +180,7 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
     t = period / steps * np.arange(5 * steps + 3)
     accelerations = np.random.default_rng(1).normal(size=(len(t), 4))
     for with_offset in (True, False):
-        told = module.commands_from_setpoints(
+        messages = module.commands_from_setpoints(
             {"tilt": stream}, {"tilt": axis}, Controller(torque_offset=with_offset),
             (t, accelerations), period,
         )  # fmt: skip
@@ -189,21 +189,27 @@ def test_offsets_hold_for_a_period_and_positions_are_interpolated(
         inside = np.floor(share)
         position = inside**2 + (share - inside) * ((inside + 1) ** 2 - inside**2)
         turns = np.where(share >= 5, 25.0, position)
-        assert told.demand[:, 1] == pytest.approx(-2 * np.pi * turns)
-        assert told.speed[:, 1] == pytest.approx(-2 * np.pi * after)
+        assert messages.demand[:, 1] == pytest.approx(-2 * np.pi * turns)
+        assert messages.speed[:, 1] == pytest.approx(-2 * np.pi * after)
         rate = np.where(after - 1 < 5, -2 * np.pi / period, 0.0)
-        assert told.acceleration[:, 1] == pytest.approx(rate)
+        assert messages.acceleration[:, 1] == pytest.approx(rate)
         torque = -0.1 * after * axis.rated_torque
-        assert told.torque[:, 1] == pytest.approx(torque if with_offset else 0.0)
-        assert np.array_equal(told.prescribed, accelerations)
-        assert told.power.all()
+        assert messages.torque[:, 1] == pytest.approx(torque if with_offset else 0.0)
+        assert np.array_equal(messages.prescribed, accelerations)
+        assert messages.power.all()
         others = [0, 2, 3]
-        for column in (told.demand, told.speed, told.acceleration, told.torque, told.stalled):
+        for column in (
+            messages.demand,
+            messages.speed,
+            messages.acceleration,
+            messages.torque,
+            messages.stalled,
+        ):
             assert not column[:, others].any()
-        table = told.table()
+        table = messages.table()
         assert table.shape == (len(t), 25)
-        assert np.array_equal(table[:, 1], told.demand[:, 1])
-        assert np.array_equal(table[:, 24], told.power)
+        assert np.array_equal(table[:, 1], messages.demand[:, 1])
+        assert np.array_equal(table[:, 24], messages.power)
 
 
 def test_compliance_comes_from_the_controller_or_is_assumed(robot: Robot) -> None:

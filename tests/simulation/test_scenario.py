@@ -88,7 +88,7 @@ def result(robot: Robot, **changes: Any) -> SimulationResult:
     zero = np.zeros((n, 4))
     tip = np.array([0.0, 1.0, 5.0, 2.0, 1.0, 0.0, 80.0, 90.0]) * 1e-6
     losses = PowerLosses(np.array([0.5, 1.0, 1.5]), np.array([1e-4, 3e-4, 2e-4]), np.full(3, 0.1))
-    made = SimulationResult(
+    output = SimulationResult(
         time=0.1 * np.arange(n),
         planned=zero,
         q=zero,
@@ -106,7 +106,7 @@ def result(robot: Robot, **changes: Any) -> SimulationResult:
         reasons=(),
         axes=drive_axes(robot, 4096),
     )
-    return replace(made, **changes)
+    return replace(output, **changes)
 
 
 def reasons(robot: Robot, **changes: Any) -> list[str]:
@@ -114,14 +114,14 @@ def reasons(robot: Robot, **changes: Any) -> list[str]:
 
 
 def test_a_result_states_its_largest_values(robot: Robot) -> None:
-    made = result(robot)
-    assert made.passed
-    assert not replace(made, reasons=("x",)).passed
-    assert made.tip_error == pytest.approx(5e-6)  # the largest error while the drives have power
-    assert made.travel == 3e-4
-    assert made.losses.worst == 1
-    assert made.holds
-    stated = json.loads(json.dumps(made.to_dict(), allow_nan=False))
+    output = result(robot)
+    assert output.passed
+    assert not replace(output, reasons=("x",)).passed
+    assert output.tip_error == pytest.approx(5e-6)  # the largest error while the drives have power
+    assert output.travel == 3e-4
+    assert output.losses.worst == 1
+    assert output.holds
+    stated = json.loads(json.dumps(output.to_dict(), allow_nan=False))
     assert stated["tip_error"] == pytest.approx(5e-6)
     assert stated["power_loss"] == {
         "instants": 3,
@@ -131,10 +131,10 @@ def test_a_result_states_its_largest_values(robot: Robot) -> None:
     }
     assert stated["draws"] is None
     assert stated["tracking"] == [{"joint": "roll", "worst": 1e-5, "rms": 5e-6}]
-    falls = replace(made.losses, standing=np.array([0.1, np.inf, np.inf]))
-    stated = replace(made, losses=falls).to_dict()["power_loss"]
+    falls = replace(output.losses, standing=np.array([0.1, np.inf, np.inf]))
+    stated = replace(output, losses=falls).to_dict()["power_loss"]
     assert (stated["longest"], stated["not_held"]) == (None, 2)
-    dark = replace(made, powered=np.zeros(8, dtype=bool))
+    dark = replace(output, powered=np.zeros(8, dtype=bool))
     assert dark.tip_error == 0.0
 
 
@@ -171,7 +171,7 @@ def test_every_reason_names_its_joint_and_time(robot: Robot) -> None:
 
 def draws(**changes: Any) -> Draws:
     no = np.zeros((4, 4), dtype=bool)
-    made = Draws(
+    output = Draws(
         np.zeros((4, 28)),
         np.array([1.0, 2.0, 3.0, 4.0]) * 1e-5,
         np.outer([1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 0.0, 4.0]),
@@ -180,7 +180,7 @@ def draws(**changes: Any) -> Draws:
         tripped=no,
         tip_limit=1e-4,
     )
-    return replace(made, **changes)
+    return replace(output, **changes)
 
 
 def test_draws_pass_within_the_limit_and_without_trips(robot: Robot) -> None:
@@ -189,10 +189,10 @@ def test_draws_pass_within_the_limit_and_without_trips(robot: Robot) -> None:
     assert draws().passed.all()
     assert draws(tip_limit=2e-5).passed.tolist() == [True, True, False, False]
     for key in ("saturated", "tripped"):
-        made = draws(**{key: one})
-        assert made.passed.tolist() == [True, True, False, True]
-        assert made.to_dict()[key] == 1
-        (text,) = reasons(robot, draws=made)
+        output = draws(**{key: one})
+        assert output.passed.tolist() == [True, True, False, True]
+        assert output.to_dict()[key] == 1
+        (text,) = reasons(robot, draws=output)
         assert text.startswith("with 1 of 4 drawn frictions")
     assert reasons(robot, draws=draws()) == []
     stated = draws().to_dict()
@@ -224,30 +224,30 @@ def test_set_points_reach_the_drives_between_their_periods(robot: Robot) -> None
         "velocity_offset_mrpm": np.array([0.0, 600.0, 3000.0]),
         "torque_offset_permille": np.array([5.0, 7.0, 11.0]),
     }
-    t, given = np.array([0.0, 0.4, 1.0, 1.6, 2.0, 2.4]) * 1e-3, np.arange(24.0).reshape(6, 4)
-    told = commands_from_setpoints({"tilt": stream}, axes, Controller(), (t, given), 1e-3)
+    t, inputs = np.array([0.0, 0.4, 1.0, 1.6, 2.0, 2.4]) * 1e-3, np.arange(24.0).reshape(6, 4)
+    messages = commands_from_setpoints({"tilt": stream}, axes, Controller(), (t, inputs), 1e-3)
     increment = axis.direction * 2 * np.pi / axis.counts_per_turn
-    assert told.demand[:, 1] == pytest.approx(increment * np.array([0, 4, 10, 22, 30, 30.0]))
+    assert messages.demand[:, 1] == pytest.approx(increment * np.array([0, 4, 10, 22, 30, 30.0]))
     speed = axis.direction * np.array([0.6, 0.6, 3.0, 3.0, 3.0, 3.0]) * rpm
-    assert told.speed[:, 1] == pytest.approx(speed)
+    assert messages.speed[:, 1] == pytest.approx(speed)
     bend = axis.direction * np.array([0.6, 0.6, 2.4, 2.4, 2.4, 2.4]) * rpm / 1e-3
-    assert told.acceleration[:5, 1] == pytest.approx(bend[:5])
+    assert messages.acceleration[:5, 1] == pytest.approx(bend[:5])
     torque = axis.direction * np.array([7, 7, 11, 11, 11, 11]) * axis.rated_torque / 1000
-    assert told.torque[:, 1] == pytest.approx(torque)
-    assert not told.demand[:, [0, 2, 3]].any()
-    assert np.array_equal(told.prescribed, given)
-    assert told.power.all()
-    assert not told.stalled.any()
+    assert messages.torque[:, 1] == pytest.approx(torque)
+    assert not messages.demand[:, [0, 2, 3]].any()
+    assert np.array_equal(messages.prescribed, inputs)
+    assert messages.power.all()
+    assert not messages.stalled.any()
     without = Controller(torque_offset=False)
     assert not commands_from_setpoints(
-        {"tilt": stream}, axes, without, (t, given), 1e-3
+        {"tilt": stream}, axes, without, (t, inputs), 1e-3
     ).torque.any()
-    table = told.table()
+    table = messages.table()
     assert table.shape == (6, 25)
-    assert np.array_equal(table[:, 16:20], given)
+    assert np.array_equal(table[:, 16:20], inputs)
     assert table[:, 24].all()
-    assert np.array_equal(select_periods(told, slice(2, 4)).table(), table[2:4])
-    assert isinstance(select_periods(told, np.array([0])), Commands)
+    assert np.array_equal(select_periods(messages, slice(2, 4)).table(), table[2:4])
+    assert isinstance(select_periods(messages, np.array([0])), Commands)
 
 
 def test_springs_follow_frequency_and_scale(robot: Robot) -> None:
@@ -261,9 +261,9 @@ def test_springs_follow_frequency_and_scale(robot: Robot) -> None:
     assert other.stiffness / base.stiffness == pytest.approx([1.0, 4.0, 1.0, 1.0])
     assert other.damping / base.damping == pytest.approx([1.0, 4.0, 1.0, 1.0])
     assert other.backlash.tolist() == [base.backlash[0], 0.0, *base.backlash[2:]]
-    kept = robot_compliance(robot, Controller(compliance={"tilt": JointCompliance()}))
-    assert kept.stiffness == pytest.approx(base.stiffness)
-    assert kept.backlash == pytest.approx(base.backlash)
+    remaining = robot_compliance(robot, Controller(compliance={"tilt": JointCompliance()}))
+    assert remaining.stiffness == pytest.approx(base.stiffness)
+    assert remaining.backlash == pytest.approx(base.backlash)
 
 
 def test_recordings_are_averages_in_the_controller_s_units(robot: Robot, tmp_path: Any) -> None:
@@ -272,11 +272,11 @@ def test_recordings_are_averages_in_the_controller_s_units(robot: Robot, tmp_pat
     w = np.outer(np.arange(n), np.ones(4)) * 10.0
     angle = np.outer(np.arange(n), np.ones(4)) * 0.01
     torque = np.full((n, 4), 2e-3)
-    made = result(robot, time=time, w=w, torque=torque, motor_angle=angle)
-    paths = write_recordings(made, tmp_path, sampling=1e-3)
-    assert set(paths) == set(made.axes)
+    output = result(robot, time=time, w=w, torque=torque, motor_angle=angle)
+    paths = write_recordings(output, tmp_path, sampling=1e-3)
+    assert set(paths) == set(output.axes)
     for name, path in paths.items():
-        axis, lines = made.axes[name], path.read_text(encoding="utf-8").splitlines()
+        axis, lines = output.axes[name], path.read_text(encoding="utf-8").splitlines()
         assert lines[1:4] == [
             "Max. samples:;11",
             "Recorded samples:;11",

@@ -122,19 +122,19 @@ def test_energy_and_momentum_balance_without_feedback(plan, torques):
 @pytest.mark.parametrize("torques", [True, False])
 def test_a_motion_that_begins_in_motion_continues_it(plan, torques):
     """A re-plan that begins in motion starts from the state of an arm that has tracked the plan."""
-    controller, begin = Controller(torque_offset=torques), 1.2
-    whole = simulate(plan, controller=controller)
-    t = np.append(np.arange(begin, plan.motion.duration, 1e-3), plan.motion.duration)
+    controller, start = Controller(torque_offset=torques), 1.2
+    complete = simulate(plan, controller=controller)
+    t = np.append(np.arange(start, plan.motion.duration, 1e-3), plan.motion.duration)
     s = plan.motion.sample(t)
     assert np.all(np.abs(s.qd[0, :2]) > 0.3)
-    rest = Plan.from_trajectory(Trajectory.from_samples(t - begin, s.q, s.qd, s.qdd), plan.robot)
+    rest = Plan.from_trajectory(Trajectory.from_samples(t - start, s.q, s.qd, s.qdd), plan.robot)
     part = simulate(rest, controller=controller)
-    skipped = round(begin / controller.loop_period)
+    skipped = round(start / controller.loop_period)
     assert part.passed
-    for a, b in zip(part.motors, whole.motors, strict=True):
+    for a, b in zip(part.motors, complete.motors, strict=True):
         assert a.following_error <= b.following_error + 3
         assert a.peak_torque <= 1.05 * b.peak_torque
-    errors = [(result.q - result.planned)[:, :2] for result in (part, whole)]
+    errors = [(result.q - result.planned)[:, :2] for result in (part, complete)]
     count = round(0.5 / controller.loop_period)
     difference = errors[0][:count] - errors[1][skipped:][:count]
     # The zero positions of the encoders differ, so the difference may have a constant part.
@@ -198,10 +198,10 @@ def test_the_shipped_motion_is_followed_and_held(nominal, plan):
     assert nominal.tip_error < 2e-5
     planned = plan.motion.sample(np.minimum(nominal.time, plan.motion.duration)).q
     np.testing.assert_array_equal(nominal.planned, planned)
-    for each, motor in zip(nominal.motors, ("roll", "tilt", "insertion"), strict=True):
-        assert each.joint == motor
-        assert each.peak_torque < each.limit
-        assert each.following_error < 10 < each.window
+    for item, motor in zip(nominal.motors, ("roll", "tilt", "insertion"), strict=True):
+        assert item.joint == motor
+        assert item.peak_torque < item.limit
+        assert item.following_error < 10 < item.window
 
 
 def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, plan):
@@ -209,16 +209,16 @@ def test_without_torque_offsets_the_feedback_has_to_do_what_they_did(nominal, pl
     without = Controller(torque_offset=False)
     fine = with_fine_encoders(plan)
     errors = [simulate(fine).following, simulate(fine, controller=without).following]
-    helped, unhelped = (np.mean(each[:, [0, 1, 3]] ** 2, axis=0) for each in errors)
+    helped, unhelped = (np.mean(item[:, [0, 1, 3]] ** 2, axis=0) for item in errors)
     assert np.all(unhelped > 10 * helped)
     alone = simulate(plan, controller=without)
     # With the real encoder of the insertion, both errors are rounding errors of set point and
     # encoder. They depend on the positions of the increments.
     increment = 2 * np.pi / nominal.axes["insertion"].counts_per_turn
-    rounding = [np.sqrt(np.mean(each.following[:, 3] ** 2)) for each in (alone, nominal)]
+    rounding = [np.sqrt(np.mean(item.following[:, 3] ** 2)) for item in (alone, nominal)]
     assert rounding[0] == pytest.approx(rounding[1], rel=0.15)
     assert max(rounding) < increment / 2
-    assert max(np.abs(each.following[:, 3]).max() for each in (alone, nominal)) < 2.5 * increment
+    assert max(np.abs(item.following[:, 3]).max() for item in (alone, nominal)) < 2.5 * increment
     assert alone.motors[0].following_error > 2 * nominal.motors[0].following_error
 
 
@@ -300,9 +300,9 @@ def test_a_slower_playback_goes_the_same_way(plan):
     slow = plan.motion.slower(0.1)
     assert slow.duration == pytest.approx(10 * plan.motion.duration)
     t = np.linspace(0, plan.motion.duration, 50)
-    there, here = plan.motion.sample(t), slow.sample(10 * t)
-    np.testing.assert_allclose(here.q, there.q, atol=1e-12)
-    np.testing.assert_allclose(here.qd, there.qd / 10, atol=1e-9)
+    target, folder = plan.motion.sample(t), slow.sample(10 * t)
+    np.testing.assert_allclose(folder.q, target.q, atol=1e-12)
+    np.testing.assert_allclose(folder.qd, target.qd / 10, atol=1e-9)
 
 
 def test_a_lost_set_point_is_felt(plan, nominal):
@@ -315,8 +315,8 @@ def test_a_lost_set_point_is_felt(plan, nominal):
 def test_the_compliance_matters_as_a_spring_does(plan, nominal, scale):
     """A lower stiffness increases the tracking errors, and a higher stiffness reduces them."""
     result = simulate(plan, Scenario(compliance=scale))
-    worst = [each.rms for each in result.tracking][:2]
-    known = [each.rms for each in nominal.tracking][:2]
+    worst = [item.rms for item in result.tracking][:2]
+    known = [item.rms for item in nominal.tracking][:2]
     assert all((a > b) == (scale < 1) for a, b in zip(worst, known, strict=True))
 
 
@@ -327,8 +327,8 @@ def test_backlash_is_free_play(plan):
         name: JointCompliance(backlash=0.01 if name != "insertion" else 2e-5) for name in DRIVEN
     }
     arms = [
-        _Simulation(plan, Scenario(), Controller(compliance=each)).arm(0.0)
-        for each in (stiff, loose)
+        _Simulation(plan, Scenario(), Controller(compliance=item)).arm(0.0)
+        for item in (stiff, loose)
     ]
     twist = np.linspace(-0.02, 0.02, 9)
     np.testing.assert_allclose(arms[0].compliance.deflection(0, twist), twist)
@@ -341,9 +341,9 @@ def test_backlash_is_free_play(plan):
 def test_recordings_are_read_back(nominal, plan, tmp_path):
     files = write_recordings(nominal, tmp_path)
     assert set(files) == set(DRIVEN)
-    found = compare(plan, files, counts_per_turn=4096)
-    assert found.verdict == "held"
-    for axis in found:
+    result = compare(plan, files, counts_per_turn=4096)
+    assert result.verdict == "held"
+    for axis in result:
         assert axis.alignment.correlation > 0.999
         assert axis.differences["position"].nrmsd < 1e-3
 
@@ -378,7 +378,7 @@ def test_draws_are_what_single_playbacks_are(short):
     stage = _Simulation(short, Scenario(), Controller())
     played = stage.play()
     frictions[0] = stage.friction
-    found = play_draws(
+    result = play_draws(
         stage.arm(0.0),
         played.states[0],
         stage.commands,
@@ -387,12 +387,12 @@ def test_draws_are_what_single_playbacks_are(short):
         planned=stage.planned,
         tip_limit=1e-4,
     )
-    assert found.passed.all()
-    assert found.tip_error[0] == pytest.approx(nominal.tip_error, rel=0.01)
+    assert result.passed.all()
+    assert result.tip_error[0] == pytest.approx(nominal.tip_error, rel=0.01)
     for k, motor in zip((0, 1, 3), nominal.motors, strict=True):
-        assert found.peak_torque[0, k] == pytest.approx(motor.peak_torque, rel=1e-9)
-    assert np.ptp(found.peak_torque[:, 0]) > 1e-3
-    assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["count"] == 6
+        assert result.peak_torque[0, k] == pytest.approx(motor.peak_torque, rel=1e-9)
+    assert np.ptp(result.peak_torque[:, 0]) > 1e-3
+    assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["count"] == 6
 
 
 def test_frictions_are_drawn_from_the_posterior_or_said_to_be_as_stated(plan, short):

@@ -99,13 +99,13 @@ def test_the_playback_ends_after_the_target_was_held_or_after_the_loss_of_power(
         ({"power_loss": EVERYWHERE}, DURATION + HOLDING_TIME),
         ({"power_loss": 0.1}, 0.1 + MAX_STOPPING_TIME),
     ):
-        made = stage(plan, **scenario)
-        assert made.time[-1] + made.period == pytest.approx(end)
-        assert np.diff(made.time) == pytest.approx(made.period)
-        moving = made.time <= DURATION
-        assert made.planned[moving] == pytest.approx(plan.motion.sample(made.time[moving]).q)
-        assert made.planned[~moving] == pytest.approx(np.tile(END, (int((~moving).sum()), 1)))
-        assert len(made.commands.power) == len(made.time)
+        result = stage(plan, **scenario)
+        assert result.time[-1] + result.period == pytest.approx(end)
+        assert np.diff(result.time) == pytest.approx(result.period)
+        moving = result.time <= DURATION
+        assert result.planned[moving] == pytest.approx(plan.motion.sample(result.time[moving]).q)
+        assert result.planned[~moving] == pytest.approx(np.tile(END, (int((~moving).sum()), 1)))
+        assert len(result.commands.power) == len(result.time)
 
 
 def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Plan) -> None:
@@ -140,9 +140,9 @@ def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Pla
     changed = np.flatnonzero((demand != plain.commands.demand).any(axis=1))
     assert time[changed].min() > 0.099 - 1e-9
     assert time[changed].max() < 0.101 + 1e-9
-    at, before = (int(np.argmin(np.abs(time - t))) for t in (0.1, 0.099))
+    position, before = (int(np.argmin(np.abs(time - t))) for t in (0.1, 0.099))
     increment = np.abs(np.diff(plain.commands.demand, axis=0)).max(axis=0)
-    assert np.all(np.abs(demand[at] - plain.commands.demand[before]) <= increment)
+    assert np.all(np.abs(demand[position] - plain.commands.demand[before]) <= increment)
     last = differing(stage(plan, dropped=DURATION))
     assert np.flatnonzero((last["speed"] != plain.commands.speed).any(axis=1)).size > 0
 
@@ -150,39 +150,39 @@ def test_disturbances_change_the_commands_that_they_name_and_no_others(plan: Pla
 def test_joints_without_a_drive_are_prescribed_what_the_plan_accelerates_them_by(
     plan: Plan,
 ) -> None:
-    made = stage(plan)
-    moving = made.time < DURATION - 2e-3
-    middle = plan.motion.sample(made.time[moving] + made.period / 2).qdd
-    assert made.commands.prescribed[moving] == pytest.approx(middle, rel=1e-3, abs=1e-2)
-    assert not made.commands.prescribed[made.time > DURATION].any()
-    speed = np.cumsum(made.commands.prescribed[:, 2]) * made.period
+    result = stage(plan)
+    moving = result.time < DURATION - 2e-3
+    middle = plan.motion.sample(result.time[moving] + result.period / 2).qdd
+    assert result.commands.prescribed[moving] == pytest.approx(middle, rel=1e-3, abs=1e-2)
+    assert not result.commands.prescribed[result.time > DURATION].any()
+    speed = np.cumsum(result.commands.prescribed[:, 2]) * result.period
     assert speed[-1] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("pick", [0.0, 0.1])
 def test_a_payload_hangs_on_the_arm_from_its_time_on(plan: Plan, pick: float) -> None:
     """The arm has no payload until a given time, and has the payload afterwards."""
-    made = stage(plan, payload=0.05, payload_time=pick, friction=2.0)
+    result = stage(plan, payload=0.05, payload_time=pick, friction=2.0)
     empty, loaded = FakeArm(lambda s, n: s + np.arange(n + 1.0)[:, None]), FakeArm()
-    made.arms = {0.0: empty, 0.05: loaded}  # type: ignore[dict-item]
-    played = made.play()
-    n, change = len(made.time), round(pick / made.period)
-    assert np.array_equal(made.friction, np.full(28, 2.0))
-    assert np.array_equal(made.offsets, np.arange(4.0))
-    assert [len(told.power) for told in empty.commands] == ([change] if change else [])
-    assert [len(told.power) for told in loaded.commands] == [n - change]
+    result.arms = {0.0: empty, 0.05: loaded}  # type: ignore[dict-item]
+    played = result.play()
+    n, change = len(result.time), round(pick / result.period)
+    assert np.array_equal(result.friction, np.full(28, 2.0))
+    assert np.array_equal(result.offsets, np.arange(4.0))
+    assert [len(messages.power) for messages in empty.commands] == ([change] if change else [])
+    assert [len(messages.power) for messages in loaded.commands] == [n - change]
     assert played.states.shape == (n + 1, CONTROLLED_STATE_SIZE)
     assert played.error.shape == played.saturated.shape == (n, 4)
-    begin = loaded.begun[0]
-    assert begin[Q] == pytest.approx(made.planned[0] + change)
-    assert np.array_equal(played.states[change], begin)
-    told = np.vstack([arm.demand for arm in (*empty.commands, *loaded.commands)])
-    assert np.array_equal(told, made.commands.demand)
+    start = loaded.begun[0]
+    assert start[Q] == pytest.approx(result.planned[0] + change)
+    assert np.array_equal(played.states[change], start)
+    messages = np.vstack([arm.demand for arm in (*empty.commands, *loaded.commands)])
+    assert np.array_equal(messages, result.commands.demand)
     # If the power is lost before the payload is picked up, the empty arm stops.
-    off = Commands(**{key: column[:1000] for key, column in vars(made.commands).items()})
+    off = Commands(**{key: column[:1000] for key, column in vars(result.commands).items()})
     for instant, arm in ((0.05, loaded if pick == 0.0 else empty), (0.2, loaded)):
         count = len(arm.commands)
-        made._stop_without_power(arm.initial_state(START), off, instant)
+        result._stop_without_power(arm.initial_state(START), off, instant)
         assert len(arm.commands) > count
 
 
@@ -208,29 +208,31 @@ def falling(seconds: float, period: float) -> Any:
 def test_after_a_loss_of_power_travel_and_time_are_those_of_the_motion(
     plan: Plan, seconds: float
 ) -> None:
-    made = stage(plan, power_loss=0.1)
-    arm = FakeArm(falling(seconds, made.period))
-    made.arms = {0.0: arm}  # type: ignore[dict-item]
-    played = made.play()
+    result = stage(plan, power_loss=0.1)
+    arm = FakeArm(falling(seconds, result.period))
+    result.arms = {0.0: arm}  # type: ignore[dict-item]
+    played = result.play()
     played.states[:] = arm.initial_state(START)
-    losses = made.simulate_power_losses(played, lambda text: None)
+    losses = result.simulate_power_losses(played, lambda text: None)
     assert losses.time.tolist() == [0.1]
     stands = seconds < MAX_STOPPING_TIME - STANDSTILL_TIME
     assert losses.holds is stands
     if stands:
-        assert losses.standing[0] == pytest.approx(seconds, abs=2 * made.period)
+        assert losses.standing[0] == pytest.approx(seconds, abs=2 * result.period)
     ways = np.array([START, START])
     ways[1, 3] -= 2e-3 * min(MAX_STOPPING_TIME / seconds, 1.0)
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ways)
     assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-2)
-    told = arm.commands[-1]
-    assert not told.power.any()
-    assert np.array_equal(told.demand, np.tile(made.commands.demand[0], (len(told.power), 1)))
+    messages = arm.commands[-1]
+    assert not messages.power.any()
+    assert np.array_equal(
+        messages.demand, np.tile(result.commands.demand[0], (len(messages.power), 1))
+    )
 
 
 def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
     """The largest distance counts: the tip slides by 2 mm and returns by 1 mm before it stands."""
-    made = stage(plan, power_loss=0.1)
+    result = stage(plan, power_loss=0.1)
 
     def moves(state: np.ndarray, n: int) -> np.ndarray:
         states = np.tile(state, (n + 1, 1))
@@ -242,28 +244,28 @@ def test_travel_counts_from_the_loss_of_power(plan: Plan) -> None:
         return states
 
     arm = FakeArm(moves)
-    made.arms = {0.0: arm}  # type: ignore[dict-item]
-    played = made.play()
+    result.arms = {0.0: arm}  # type: ignore[dict-item]
+    played = result.play()
     played.states[:] = arm.initial_state(START)
     said: list[Step] = []
-    losses = made.simulate_power_losses(played, said.append)
+    losses = result.simulate_power_losses(played, said.append)
     ends = np.array([START, START - [0, 0, 0, 2e-3]])
     tips = tip_position(Mechanism.from_geometry(plan.robot.geometry), ends)
     assert losses.travel[0] == pytest.approx(np.linalg.norm(tips[1] - tips[0]), rel=1e-3)
-    assert losses.standing[0] == pytest.approx(200 * made.period)
+    assert losses.standing[0] == pytest.approx(200 * result.period)
     assert said == []  # Few instants report no progress.
 
 
 def test_tracking_counts_from_the_first_period_and_ends_with_the_power(plan: Plan) -> None:
     for loss, periods in ((0.0, 1), (0.1, 250)):
-        made = stage(plan, power_loss=loss)
-        made.arms = {0.0: FakeArm()}  # type: ignore[dict-item]
-        played = made.play()
-        played.states[:, Q][:-1] = made.planned
+        output = stage(plan, power_loss=loss)
+        output.arms = {0.0: FakeArm()}  # type: ignore[dict-item]
+        played = output.play()
+        played.states[:, Q][:-1] = output.planned
         played.states[0, 0] += 3e-3
         played.states[1:periods, 0] += 1e-3
         played.states[periods:, 0] += 9e-3
-        result = made.result(played, PowerLosses(*np.zeros((3, 1))))
+        result = output.result(played, PowerLosses(*np.zeros((3, 1))))
         assert int(result.powered.sum()) == (0 if loss == 0.0 else periods)
         assert result.tracking[0].worst == pytest.approx(3e-3)
         expected = np.sqrt((9e-6 + (periods - 1) * 1e-6) / periods)
@@ -271,31 +273,31 @@ def test_tracking_counts_from_the_first_period_and_ends_with_the_power(plan: Pla
 
 
 def test_power_is_lost_at_even_instants_from_the_states_there(plan: Plan) -> None:
-    made = stage(plan, power_loss=EVERYWHERE, instants=501)
+    result = stage(plan, power_loss=EVERYWHERE, instants=501)
     arm = FakeArm()
-    made.arms = {0.0: arm}  # type: ignore[dict-item]
-    played = made.play()
+    result.arms = {0.0: arm}  # type: ignore[dict-item]
+    played = result.play()
     played.states[:, 0] = np.arange(len(played.states))
     said: list[Step] = []
-    losses = made.simulate_power_losses(played, said.append)
+    losses = result.simulate_power_losses(played, said.append)
     assert losses.time == pytest.approx(np.linspace(0.0, DURATION, 501))
     begun = np.array([state[0] for state in arm.begun[1:]])
-    assert begun == pytest.approx(np.round(losses.time / made.period))
+    assert begun == pytest.approx(np.round(losses.time / result.period))
     assert losses.travel.max() <= 1e-15
     assert not losses.standing.any()
     assert said == [Step("losing power at all instants", k, 501) for k in (0, 250, 500)]
 
 
 def test_standing_means_that_every_motor_rests_and_no_joint_moves(plan: Plan) -> None:
-    made = stage(plan)
+    result = stage(plan)
     states = np.zeros((9, CONTROLLED_STATE_SIZE))
     for k, joint in enumerate(plan.robot.joints):
         states[k, QD.start + k] = -1.01 * REST_SPEED_RATIO * joint.velocity
         states[4 + k, QD.start + k] = 0.99 * REST_SPEED_RATIO * joint.velocity
-    assert made._is_at_rest(states).tolist() == [False] * 4 + [True] * 5
+    assert result._is_at_rest(states).tolist() == [False] * 4 + [True] * 5
     states = np.zeros((4, CONTROLLED_STATE_SIZE))
     states[:, W] = 1e-9 * np.eye(4)
-    assert not made._is_at_rest(states).any()
+    assert not result._is_at_rest(states).any()
 
 
 def played_by_hand(made: _Simulation) -> Playback:
@@ -317,13 +319,13 @@ def played_by_hand(made: _Simulation) -> Playback:
 
 
 def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> None:
-    made = stage(plan)
-    made.offsets = np.arange(4.0)
-    n, none = len(made.time), PowerLosses(*np.zeros((3, 1)))
-    result = made.result(played_by_hand(made), none)
+    output = stage(plan)
+    output.offsets = np.arange(4.0)
+    n, none = len(output.time), PowerLosses(*np.zeros((3, 1)))
+    result = output.result(played_by_hand(output), none)
     assert np.array_equal(result.powered, np.arange(n) < n // 2)
     roll = result.tracking[0]
-    assert [each.joint for each in result.tracking] == list(JOINTS)
+    assert [item.joint for item in result.tracking] == list(JOINTS)
     assert (roll.worst, roll.rms) == pytest.approx((2e-6, 2e-6))
     assert result.tracking[1].worst == 0.0
     assert result.motor_angle == pytest.approx(np.tile(7.0 - np.arange(4.0), (n, 1)))
@@ -337,8 +339,8 @@ def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> No
         assert motor.limit == known.max_torque
         assert motor.saturated is (k == 3)
         assert motor.tripped is (k == 1)
-        assert motor.window == made.windows[motor.joint]
-    counts = made.axes["tilt"].counts_per_turn
+        assert motor.window == output.windows[motor.joint]
+    counts = output.axes["tilt"].counts_per_turn
     assert result.motors[1].following_error == pytest.approx(0.3 * counts / (2 * np.pi))
     assert not result.torque[:, 2].any()
     mechanism = Mechanism.from_geometry(plan.robot.geometry)
@@ -348,10 +350,10 @@ def test_a_result_states_what_was_played_while_there_was_power(plan: Plan) -> No
 
 
 def test_windows_and_notes_follow_from_controller_and_motors(plan: Plan) -> None:
-    given = Controller(joints={"roll": AxisController(following_error=0.01)})
-    made = _Simulation(plan, Scenario(), given)
-    axis = made.axes["roll"]
-    assert made.windows["roll"] == round(0.01 * abs(axis.increments_per_unit))
+    inputs = Controller(joints={"roll": AxisController(following_error=0.01)})
+    result = _Simulation(plan, Scenario(), inputs)
+    axis = result.axes["roll"]
+    assert result.windows["roll"] == round(0.01 * abs(axis.increments_per_unit))
     tiny = Controller(joints={"roll": AxisController(following_error=1e-12)})
     assert _Simulation(plan, Scenario(), tiny).windows["roll"] == 1
     joints = list(plan.robot.joints)
@@ -389,14 +391,14 @@ def test_an_arm_gets_its_windows_in_radians_and_its_payload(
         return FakeArm()
 
     monkeypatch.setattr(module, "ControlledArm", arm)
-    made = stage(plan)
-    assert made.arm(0.0) is made.arm(0.0)
-    made.arm(0.05)
+    result = stage(plan)
+    assert result.arm(0.0) is result.arm(0.0)
+    result.arm(0.05)
     (empty, windows), (loaded, same) = built
     assert windows == same
     for name, window in windows.items():
-        turn = made.axes[name].counts_per_turn
-        assert window == pytest.approx(2 * np.pi * made.windows[name] / turn)
+        turn = result.axes[name].counts_per_turn
+        assert window == pytest.approx(2 * np.pi * result.windows[name] / turn)
     masses = [sum(body.mass for body in robot.bodies) for robot in (empty, loaded)]
     assert masses[1] - masses[0] == pytest.approx(0.05)
 
@@ -404,39 +406,39 @@ def test_an_arm_gets_its_windows_in_radians_and_its_payload(
 def test_draws_play_the_same_commands_under_scaled_frictions(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[Any] = []
+    request: list[Any] = []
     monkeypatch.setattr(
         module,
         "draw_frictions",
-        lambda *given: (asked.append(given), (np.ones((3, 28)), ("n",)))[1],
+        lambda *given: (request.append(given), (np.ones((3, 28)), ("n",)))[1],
     )
     monkeypatch.setattr(module, "play_draws", lambda *given, **named: (given, named))
-    made = stage(plan, draws=3, spread=0.2, friction=1.5, payload=0.05, tip_error=2e-4)
+    result = stage(plan, draws=3, spread=0.2, friction=1.5, payload=0.05, tip_error=2e-4)
     arm = FakeArm()
-    made.arms = {0.0: arm, 0.05: arm}  # type: ignore[dict-item]
-    made.play()
-    played: Any = made.draws(print)
-    (used, state, told), named = played
-    assert (used, told, named["progress"]) == (arm, made.commands, print)
-    assert asked == [(plan.robot, 3, 0.2)]
-    assert np.array_equal(state, arm.initial_state(made.planned[0]))
+    result.arms = {0.0: arm, 0.05: arm}  # type: ignore[dict-item]
+    result.play()
+    played: Any = result.draws(print)
+    (used, state, messages), named = played
+    assert (used, messages, named["progress"]) == (arm, result.commands, print)
+    assert request == [(plan.robot, 3, 0.2)]
+    assert np.array_equal(state, arm.initial_state(result.planned[0]))
     assert np.array_equal(named["friction"], np.full((3, 28), 1.5))
     assert np.array_equal(named["offsets"], np.arange(4.0))
-    assert np.array_equal(named["planned"], made.planned)
+    assert np.array_equal(named["planned"], result.planned)
     assert named["tip_limit"] == 2e-4
-    assert made.unknown == ("n",)
+    assert result.unknown == ("n",)
     assert stage(plan).draws(print) is None
 
 
 @pytest.mark.parametrize(("dropped", "lost"), [(0.0, 1), (0.1, 100), (DURATION, 400)])
 def test_a_lost_set_point_repeats_the_one_before(plan: Plan, dropped: float, lost: int) -> None:
     """A set point holds for one period of the stream, and the last one holds to the end."""
-    plain, made = stage(plan), stage(plan, dropped=dropped)
+    plain, result = stage(plan), stage(plan, dropped=dropped)
     speed, period = plain.commands.speed, round(1e-3 / plain.period)
     expected = speed.copy()
-    changed = np.flatnonzero((made.commands.speed != speed).any(axis=1))
+    changed = np.flatnonzero((result.commands.speed != speed).any(axis=1))
     expected[changed] = speed[changed[0] - period] if lost > 1 else 0.0
-    assert made.commands.speed == pytest.approx(expected, abs=1e-12)
+    assert result.commands.speed == pytest.approx(expected, abs=1e-12)
     first, last = plain.time[changed[[0, -1]]]
     assert first == pytest.approx(1e-3 * (lost - 1), abs=1.1 * plain.period)
     end = plain.time[-1] if dropped == DURATION else 1e-3 * lost - plain.period

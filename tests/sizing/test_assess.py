@@ -54,9 +54,9 @@ def catalogue() -> Iterator[Motor]:
 
 @pytest.fixture(scope="module")
 def motors() -> list[Motor]:
-    found = list(catalogue())
-    assert len(found) == 48
-    return found
+    result = list(catalogue())
+    assert len(result) == 48
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -101,15 +101,17 @@ def holds(load: JointLoad, motor: Motor, torque: Array) -> Array:
     span = load.t[-1] - load.t[0]
     speed = np.abs(load.qd * load.drive.ratio)
     rms = np.sqrt(np.trapezoid(torque**2, load.t, axis=1) / span)
-    kept = (np.abs(torque).max(axis=1) <= motor.max_torque) & (rms <= motor.nominal_torque)
-    kept &= speed.max() <= motor.max_speed
+    remaining = (np.abs(torque).max(axis=1) <= motor.max_torque) & (rms <= motor.nominal_torque)
+    remaining &= speed.max() <= motor.max_speed
     for temperature in (25.0, motor.max_winding_temperature - 273.15):
         k = motor.torque_constant * (1 - 0.0012 * (temperature - 25))
         ohm = motor.terminal_resistance * (1 + 0.00393 * (temperature - 25))
         volts = np.abs(ohm * torque / k + k * load.qd * load.drive.ratio)
-        kept &= volts.max(axis=1) <= motor.nominal_voltage
-    kept[kept] = hottest(load, motor, torque[kept]) <= motor.max_winding_temperature - 273.15
-    return kept
+        remaining &= volts.max(axis=1) <= motor.nominal_voltage
+    remaining[remaining] = (
+        hottest(load, motor, torque[remaining]) <= motor.max_winding_temperature - 273.15
+    )
+    return remaining
 
 
 def hottest(load: JointLoad, motor: Motor, torque: Array) -> Array:
@@ -174,11 +176,11 @@ def answers(load: JointLoad, motor: Motor) -> dict[float, bool | None]:
             for factor in factors
         ]
     # The cases of all uncertainties are computed together because the small time steps take long.
-    kept = holds(load, motor, np.array([*itertools.chain(*torque.values())]))
+    remaining = holds(load, motor, np.array([*itertools.chain(*torque.values())]))
     ends = np.cumsum([len(rows) for rows in torque.values()])[:-1]
     return {
         spread: True if part.all() else False if not part.any() else None
-        for spread, part in zip(SPREADS, np.split(kept, ends), strict=True)
+        for spread, part in zip(SPREADS, np.split(remaining, ends), strict=True)
     }
 
 
@@ -194,17 +196,17 @@ def test_no_verdict_is_wrong_and_only_what_is_missing_leaves_one_open(
 
     An open verdict names the missing rotor inertia or the ranges of friction that would decide it.
     """
-    found: dict[float, list[bool | None]] = {spread: [] for spread in SPREADS}
+    result: dict[float, list[bool | None]] = {spread: [] for spread in SPREADS}
     for load in axes:
         for motor in motors[::3]:
             expected = answers(load, motor)
             for spread in SPREADS:
                 verdict = assess(load, motor, Conditions(spread=spread))
-                found[spread].append(verdict.adequate)
+                result[spread].append(verdict.adequate)
                 assert verdict.adequate is expected[spread], (load.joint, motor.name, spread)
                 if verdict.adequate is None:
                     assert "rotor_inertia of" in needed(verdict) or "ranges of" in needed(verdict)
-    for verdicts in found.values():
+    for verdicts in result.values():
         assert verdicts.count(True) > 6
         assert verdicts.count(False) > 6
 

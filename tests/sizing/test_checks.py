@@ -107,24 +107,24 @@ def test_margins_by_hand(loads: tuple[JointLoad, ...]) -> None:
     """The margins of a gear equal those computed by hand from its ratings."""
     ratings = Ratings(0.4, 0.5, 200.0, 0.5, 0.06, 2.4e-3, "fixed-free")
     for load in loads:
-        found = checks_of(load, ratings, Conditions(pause=1.0))
+        result = checks_of(load, ratings, Conditions(pause=1.0))
         peak = np.abs(load.effort()).max()
-        assert found["gear_peak_output"].margin == pytest.approx((0.5 - peak) / 0.5)
+        assert result["gear_peak_output"].margin == pytest.approx((0.5 - peak) / 0.5)
         fast = np.abs(load.qd).max() * load.drive.ratio
-        assert found["gear_speed"].margin == pytest.approx((200 - fast) / 200)
+        assert result["gear_speed"].margin == pytest.approx((200 - fast) / 200)
         share = load.moving_share * 3.0 / 4.0
-        assert found["gear_duty"].worst == pytest.approx(share)
+        assert result["gear_duty"].worst == pytest.approx(share)
         moving = load.direction != 0
         cube = np.cbrt(
             load.weight[moving] @ np.abs(load.effort()[moving]) ** 3 / load.weight[moving].sum()
         )
-        assert found["gear_continuous_output"].worst == pytest.approx(cube, rel=1e-9)
+        assert result["gear_continuous_output"].worst == pytest.approx(cube, rel=1e-9)
         if load.joint == "insertion":
             limit = 0.8 * critical_speed(0.06, 2.4e-3, "fixed-free")
-            assert found["critical_speed"].margin == pytest.approx(1 - fast / limit)
-            assert found["buckling"].worst == pytest.approx(peak)
+            assert result["critical_speed"].margin == pytest.approx(1 - fast / limit)
+            assert result["buckling"].worst == pytest.approx(peak)
         else:
-            assert "buckling" not in found
+            assert "buckling" not in result
 
 
 def test_self_locking_at_the_lowest_plausible_friction(loads: tuple[JointLoad, ...]) -> None:

@@ -76,7 +76,7 @@ def test_the_few_instants_of_a_monte_carlo_suffice(robot: Robot) -> None:
             few = select_instants(load)
             assert len(few.t) < 1500
             full, part = (
-                compute_demands(replace(each, motor=COMPLETE)).array()[0] for each in (load, few)
+                compute_demands(replace(item, motor=COMPLETE)).array()[0] for item in (load, few)
             )
             assert part == pytest.approx(full, rel=2e-3)
 

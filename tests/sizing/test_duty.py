@@ -62,16 +62,16 @@ def test_a_stroke_is_the_fastest_within_its_limits(
     ],
 )
 def test_the_shipped_runs(file: str, speeds: dict[str, tuple[float, float]]) -> None:
-    found = load_motorisation(SHIPPED / "motorisation" / f"{file}.yaml")
-    for stroke in found.strokes:
+    result = load_motorisation(SHIPPED / "motorisation" / f"{file}.yaml")
+    for stroke in result.strokes:
         v, a = speeds[stroke.joint]
         if v == 65:
             v, a = math.radians(v), math.radians(a)
         assert (stroke.velocity, stroke.acceleration) == pytest.approx((v, a))
         assert stroke.reach == pytest.approx(0.03 if stroke.joint == "insertion" else math.pi / 2)
-    for load in DutyCycle.of_motorisation(found).loads():
+    for load in DutyCycle.of_motorisation(result).loads():
         requirement = motor_requirement(load)
-        v, a = next((s.velocity, s.acceleration) for s in found.strokes if s.joint == load.joint)
+        v, a = next((s.velocity, s.acceleration) for s in result.strokes if s.joint == load.joint)
         assert requirement.peak_speed == pytest.approx(load.drive.ratio * v)
         assert requirement.peak_acceleration == pytest.approx(load.drive.ratio * a)
         assert load.moving_share == pytest.approx(1.0)
@@ -82,9 +82,9 @@ def test_the_screw_at_constant_speed_by_hand() -> None:
 
     At constant speed the load of the screw is the component of the weight along the tool axis.
     """
-    found = load_motorisation(SHIPPED / "motorisation" / "package.yaml")
+    result = load_motorisation(SHIPPED / "motorisation" / "package.yaml")
     (load,) = [
-        each for each in DutyCycle.of_motorisation(found).loads() if each.joint == "insertion"
+        item for item in DutyCycle.of_motorisation(result).loads() if item.joint == "insertion"
     ]
     drive, f = load.drive, load.drive.friction
     # The tool axis is inclined by 23° to the vertical.

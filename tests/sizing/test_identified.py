@@ -123,17 +123,17 @@ def test_peaks_of_identified_drives(rig: str, robot: Robot) -> None:
     i = JOINTS.index(joint)
     motor = Motor("any", nominal_torque=0.02, max_torque=0.05, max_speed=5000.0)
     joints = tuple(
-        replace(each, drive=drive, motor=motor, alternatives=()) if k == i else each
-        for k, each in enumerate(robot.joints)
+        replace(item, drive=drive, motor=motor, alternatives=()) if k == i else item
+        for k, item in enumerate(robot.joints)
     )
     duty = DutyCycle.of_motorisation(
         Motorisation("one axis", replace(robot, joints=joints), (STROKES[joint],))
     )
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        (found,) = size(duty).joints
-        expected = reference_peaks(found.load, drive, posterior)
-    band = found.band
+        (result,) = size(duty).joints
+        expected = reference_peaks(result.load, drive, posterior)
+    band = result.band
     for confidence in (0.5, 0.9, 0.99):
         assert band.high("peak_torque", confidence) == pytest.approx(
             np.quantile(expected, confidence), rel=0.1

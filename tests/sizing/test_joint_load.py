@@ -47,18 +47,18 @@ def test_torque_is_the_law_over_pinocchio(robot: Robot, seed: int) -> None:
     data = model.createData()
     loads = joint_loads(trajectory, robot, 200.0)
     worst = 0.0
-    at = trajectory.sample(loads[0].t)
+    time = trajectory.sample(loads[0].t)
     for n in range(0, len(loads[0].t), 3):
         piece_ends = np.any(np.abs(loads[0].t[n] - trajectory.breaks) < 1e-12)
         if piece_ends:
             # The derivatives have two one-sided values at a break of the trajectory.
             continue
-        tau = pin.rnea(model, data, at.q[n], at.qd[n], at.qdd[n])
+        tau = pin.rnea(model, data, time.q[n], time.qd[n], time.qdd[n])
         for i, load in zip(DRIVEN, loads, strict=True):
-            turning = abs(at.qd[n, i]) < 1e-9 * robot.joints[i].velocity
-            way = load.direction[n] if turning else np.sign(at.qd[n, i])
+            turning = abs(time.qd[n, i]) < 1e-9 * robot.joints[i].velocity
+            way = load.direction[n] if turning else np.sign(time.qd[n, i])
             expected = plain_law(
-                load.drive, tau[i], at.qd[n, i], at.qdd[n, i], way, load.breakaway[n] > 0
+                load.drive, tau[i], time.qd[n, i], time.qdd[n, i], way, load.breakaway[n] > 0
             )
             worst = max(worst, abs(expected - load.torque()[n]))
     assert worst <= 1e-9
@@ -88,12 +88,12 @@ def test_every_turn_is_an_instant_with_static_friction(
         inner = np.flatnonzero(np.diff(np.sign(load.qd[np.abs(load.qd) > 1e-7])) != 0)
         # Static friction acts at the first start and at every reversal.
         assert load.breakaway.sum() == len(inner) + 1
-        at = np.flatnonzero(load.breakaway)
+        time = np.flatnonzero(load.breakaway)
         limit = robot.joints[("roll", "tilt", "spin", "insertion").index(load.joint)].velocity
-        assert np.abs(load.qd[at]).max() < 1e-9 * limit
+        assert np.abs(load.qd[time]).max() < 1e-9 * limit
         # Breaking away needs at least the torque that continued motion needs.
-        sign = load.direction[at]
-        assert np.all(load.torque()[at] * sign >= load.torque()[at + 1] * sign)
+        sign = load.direction[time]
+        assert np.all(load.torque()[time] * sign >= load.torque()[time + 1] * sign)
 
 
 def test_figures_are_those_of_a_dense_quadrature(robot: Robot, trajectory: Trajectory) -> None:
@@ -165,14 +165,14 @@ def test_loads_in_sections_are_the_loads(
     Loads, torques and requirements are equal to the last bit for every section size.
     """
     trajectory = random_trajectory(5)
-    whole = joint_loads(trajectory, robot)
-    requirements = [motor_requirement(load).to_dict() for load in whole]
+    complete = joint_loads(trajectory, robot)
+    requirements = [motor_requirement(load).to_dict() for load in complete]
     monkeypatch.setattr(module, "SECTION_SIZE", section)
-    for load, other in zip(whole, joint_loads(trajectory, robot), strict=True):
+    for load, other in zip(complete, joint_loads(trajectory, robot), strict=True):
         for name in ("t", *JOINT_COLUMNS, "weight"):
             assert np.array_equal(getattr(load, name), getattr(other, name)), name
         assert np.array_equal(load.torque(), other.torque())
-    assert [motor_requirement(load).to_dict() for load in whole] == requirements
+    assert [motor_requirement(load).to_dict() for load in complete] == requirements
 
 
 def test_a_motion_of_many_pieces_has_few_instants_in_each() -> None:

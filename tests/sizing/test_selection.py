@@ -51,16 +51,16 @@ def motors():
 
 
 def gears(duty, covariance=False):
-    found = {}
+    result = {}
     for joint in duty.robot.joints:
         if joint.drive is not None:
             parts = [
                 part for file in (WORMS, SCREWS) for part in drives_with_gears(file, joint.drive)
             ]
-            found[joint.name] = [*parts[::6], CatalogueEntry("own", joint.drive)]
+            result[joint.name] = [*parts[::6], CatalogueEntry("own", joint.drive)]
             if covariance:
-                found[joint.name] = [CatalogueEntry("own", with_covariance(joint.drive))]
-    return found
+                result[joint.name] = [CatalogueEntry("own", with_covariance(joint.drive))]
+    return result
 
 
 @pytest.mark.parametrize(

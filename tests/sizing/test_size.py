@@ -82,16 +82,16 @@ def test_a_missing_rating_leaves_the_whole_unknown(robot: Robot, name: str) -> N
         )
         for joint in full.joints
     ]
-    found = size(
+    result = size(
         DutyCycle.of_trajectory(random_trajectory(3), replace(full, joints=tuple(joints))),
         None,
         KNOWN,
     )
-    assert found.adequate is None
-    document = found.to_dict()
+    assert result.adequate is None
+    document = result.to_dict()
     assert name in json.dumps(document["gears"])
     lacking = {gear["joint"] for gear in document["gears"] if gear["not_checked"]}
-    for verdict, row in zip(found.verdicts, document["motors"], strict=True):
+    for verdict, row in zip(result.verdicts, document["motors"], strict=True):
         assert all(check.passed for check in verdict.checks)
         assert verdict.adequate is (None if verdict.joint in lacking else True)
         assert (name in json.dumps(row["not_checked"])) is (verdict.joint in lacking)
@@ -111,11 +111,11 @@ def test_without_uncertainty_nothing_is_claimed(robot: Robot, trajectory) -> Non
 def test_a_failing_check_says_no_whatever_else_is_missing(robot: Robot, trajectory) -> None:
     """A failed check gives the verdict no even if other figures are missing."""
     weak = Motor("weak", nominal_torque=1e-5, max_torque=1e-5, max_speed=1.0)
-    found = size(DutyCycle.of_trajectory(trajectory, robot), {"tilt": [weak]})
-    (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
+    result = size(DutyCycle.of_trajectory(trajectory, robot), {"tilt": [weak]})
+    (verdict,) = [item for item in result.verdicts if item.joint == "tilt"]
     assert verdict.adequate is False
     assert verdict.binds in ("torque", "speed", "continuous_torque")
-    assert found.adequate is False
+    assert result.adequate is False
 
 
 def test_an_overloaded_gear_fails_every_motor(robot: Robot, trajectory) -> None:
@@ -124,13 +124,13 @@ def test_an_overloaded_gear_fails_every_motor(robot: Robot, trajectory) -> None:
     joints[1] = replace(
         joints[1], drive=replace(joints[1].drive, ratings=Ratings(peak_output=1e-3))
     )
-    found = size(
+    result = size(
         DutyCycle.of_trajectory(trajectory, replace(full, joints=tuple(joints))), None, KNOWN
     )
-    (verdict,) = [each for each in found.verdicts if each.joint == "tilt"]
+    (verdict,) = [item for item in result.verdicts if item.joint == "tilt"]
     assert verdict.adequate is False
     assert verdict.binds == "gear_peak_output"
-    assert found.adequate is False
+    assert result.adequate is False
 
 
 def test_margins_by_hand(sizing: Sizing) -> None:
@@ -167,17 +167,17 @@ def test_three_answers_by_the_share_of_the_draws_that_hold(complete: DutyCycle) 
     cases = ((1.0, 1.0, True), (1.0, 0.999, None), (0.0, 1.001, None), (0.0, 0.999, False))
     for end, factor, expected in cases:
         largest = ends[int(end)] * factor
-        found = assess(
+        result = assess(
             load, replace(COMPLETE, nominal_torque=largest, max_torque=largest), Conditions()
         )
-        torque = next(check for check in found.checks if check.name == "torque")
+        torque = next(check for check in result.checks if check.name == "torque")
         assert torque.passed is expected
-        assert found.adequate is expected
+        assert result.adequate is expected
         assert (torque.probability >= 0.99) is (expected is True)
         assert (torque.needs is not None) is (expected is None)
         if expected is None:
             assert "recordings at motor speeds up to" in torque.needs
-            assert found.to_dict()["not_checked"]["torque"] == torque.needs
+            assert result.to_dict()["not_checked"]["torque"] == torque.needs
 
 
 def test_more_confidence_leaves_less_margin(complete: DutyCycle) -> None:
@@ -188,7 +188,7 @@ def test_more_confidence_leaves_less_margin(complete: DutyCycle) -> None:
     ]
     for name in ("torque", "continuous_torque", "heat", "voltage"):
         margins = [
-            next(check.margin for check in each.checks if check.name == name) for each in levels
+            next(check.margin for check in item.checks if check.name == name) for item in levels
         ]
         assert margins == sorted(margins, reverse=True)
         assert margins[0] > margins[-1]
@@ -223,8 +223,8 @@ def test_heat_capacity_gives_exactly_the_limit(complete: DutyCycle) -> None:
     few = select_instants(load)
     cycle = Cycle.from_torque(few.t, few.torque())
     scaled = cycle.scaled(heat.capacity / np.sqrt(cycle.mean(cycle.square)))
-    found = steady_state(ThermalModel.from_motor(COMPLETE, KNOWN.ambient), scaled)
-    assert found.peak == pytest.approx(COMPLETE.max_winding_temperature, abs=2e-3)
+    result = steady_state(ThermalModel.from_motor(COMPLETE, KNOWN.ambient), scaled)
+    assert result.peak == pytest.approx(COMPLETE.max_winding_temperature, abs=2e-3)
 
 
 def test_too_hot_says_when(complete: DutyCycle) -> None:
@@ -298,7 +298,7 @@ def test_an_unknown_rotor_counts_whole_and_leaves_open_only_what_it_decides(
     ):
         motor = replace(candidate, nominal_torque=float(torque), max_torque=float(torque))
         check = next(
-            each for each in assess(load, motor, Conditions()).checks if each.name == "torque"
+            item for item in assess(load, motor, Conditions()).checks if item.name == "torque"
         )
         # The bound on an unknown rotor inertia depends on the nominal torque.
         if which != "candidate":
@@ -310,8 +310,8 @@ def test_a_motor_that_the_joint_may_have_instead_is_judged_beside_it(
     robot: Robot, trajectory
 ) -> None:
     duty = DutyCycle.of_trajectory(trajectory, robot)
-    found = size(duty)
-    (other,) = found.to_dict()["alternatives"]
+    result = size(duty)
+    (other,) = result.to_dict()["alternatives"]
     assert other["joint"] == "insertion"
     assert other["motor"] == robot.joints[3].alternatives[0].name
     assert {**other, "file": None} == {
@@ -322,7 +322,7 @@ def test_a_motor_that_the_joint_may_have_instead_is_judged_beside_it(
     joints = (*robot.joints[:3], replace(robot.joints[3], alternatives=(weak,)))
     beside = size(DutyCycle.of_trajectory(trajectory, replace(robot, joints=joints)))
     assert beside.to_dict()["alternatives"][0]["adequate"] is False
-    assert beside.adequate is found.adequate
+    assert beside.adequate is result.adequate
     with pytest.raises(ProblemError, match="alternatives need a motor"):
         replace(robot.joints[3], motor=None)
 
@@ -331,13 +331,13 @@ def test_the_smallest_that_suffices(complete: DutyCycle) -> None:
     weak = replace(COMPLETE, name="weak", nominal_torque=1e-5, max_torque=2e-5)
     strong = replace(COMPLETE, name="strong", nominal_torque=0.3, max_torque=0.5)
     vague = replace(COMPLETE, name="vague", nominal_torque=0.05, terminal_resistance=None)
-    found = size(complete, {"tilt": [strong, COMPLETE, weak, vague]}, KNOWN)
-    tilt = found.joints[1]
-    assert [each.motor.name for each in tilt.candidates] == ["weak", "vague", "complete", "strong"]
-    assert [each.adequate for each in tilt.candidates] == [False, None, True, True]
+    result = size(complete, {"tilt": [strong, COMPLETE, weak, vague]}, KNOWN)
+    tilt = result.joints[1]
+    assert [item.motor.name for item in tilt.candidates] == ["weak", "vague", "complete", "strong"]
+    assert [item.adequate for item in tilt.candidates] == [False, None, True, True]
     assert tilt.smallest.motor.name == "complete"
-    assert found.to_dict()["smallest"]["tilt"] == "complete"
-    assert found.adequate is True
+    assert result.to_dict()["smallest"]["tilt"] == "complete"
+    assert result.adequate is True
     assert size(complete, {"tilt": [weak, vague]}, KNOWN).adequate is None
     assert size(complete, {"tilt": [weak]}, KNOWN).adequate is False
 
@@ -394,9 +394,9 @@ def test_a_motion_at_rest_asks_nothing(robot: Robot) -> None:
     still = np.zeros((1, 6, 4))
     still[0, 0] = [0.3, -0.2, 0.1, -0.01]
     duty = DutyCycle.of_trajectory(Trajectory(np.array([0.0, 1.0]), still, ()), equipped(robot))
-    found = size(duty, None, replace(KNOWN, draws=1000))
-    json.dumps(found.to_dict(), allow_nan=False)
-    assert found.adequate is True
+    result = size(duty, None, replace(KNOWN, draws=1000))
+    json.dumps(result.to_dict(), allow_nan=False)
+    assert result.adequate is True
 
 
 def test_three_valued_and() -> None:

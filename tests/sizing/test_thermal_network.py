@@ -111,19 +111,19 @@ def simulated(model: ThermalModel, cycle: Cycle) -> np.ndarray:
         trace[0] = winding
         for k, h in enumerate(steps):
             rates = []
-            at = (winding, housing)
+            time = (winding, housing)
             for s in (square[k], square[k + 1]):
-                warm = at[0] - 298.15
+                warm = time[0] - 298.15
                 grown = (1 + model.copper * warm) / (1 + model.magnet * warm) ** 2
-                flow = (at[0] - at[1]) / model.r_winding_housing
+                flow = (time[0] - time[1]) / model.r_winding_housing
                 rates.append(
                     (
                         (model.loss * s * grown - flow) / model.c_winding,
-                        (flow - (at[1] - model.ambient) / model.r_housing_ambient)
+                        (flow - (time[1] - model.ambient) / model.r_housing_ambient)
                         / model.c_housing,
                     )
                 )
-                at = (winding + h * rates[0][0], housing + h * rates[0][1])
+                time = (winding + h * rates[0][0], housing + h * rates[0][1])
             winding += h * (rates[0][0] + rates[1][0]) / 2
             housing += h * (rates[0][1] + rates[1][1]) / 2
             trace[k + 1] = winding
@@ -133,10 +133,10 @@ def simulated(model: ThermalModel, cycle: Cycle) -> np.ndarray:
 def test_steady_state_is_what_simulating_ends_in() -> None:
     cycle = cycle_of(0.10, count=161, pause=0.0)
     trace = simulated(MODEL, cycle)
-    found = steady_state(MODEL, cycle)
-    assert found.steady
-    assert found.peak - 298.15 > 50
-    assert np.abs(found.winding - trace).max() <= 0.1
+    result = steady_state(MODEL, cycle)
+    assert result.steady
+    assert result.peak - 298.15 > 50
+    assert np.abs(result.winding - trace).max() <= 0.1
 
 
 @given(st.floats(0.02, 0.11), st.floats(0.2, 60), st.floats(0, 30))
@@ -159,16 +159,16 @@ def test_steady_state_repeats_and_keeps_the_heat_balance(
 
 def test_there_is_no_steady_state_when_losses_outrun_the_cooling() -> None:
     cycle = cycle_of(0.16)
-    found = steady_state(MODEL, cycle)
-    assert not found.steady
-    assert found.status == "no steady state"
+    result = steady_state(MODEL, cycle)
+    assert not result.steady
+    assert result.status == "no steady state"
     assert time_until(MODEL, cycle, 428.15) is not None
 
 
 @pytest.mark.parametrize("rms", [0.128, 0.15, 0.3, 0.7])
 def test_time_until_too_hot(rms: float) -> None:
     cycle = cycle_of(rms, count=401)
-    found = time_until(MODEL, cycle, 428.15)
+    result = time_until(MODEL, cycle, 428.15)
     start, cycles = (298.15, 298.15), 0
     while True:  # Each pass simulates one cycle.
         reached = warm_up(MODEL, cycle, start)
@@ -177,7 +177,7 @@ def test_time_until_too_hot(rms: float) -> None:
         start, cycles = (reached.winding[-1], reached.housing[-1]), cycles + 1
         assert cycles < 3000
     first = cycle.t[np.argmax(reached.winding >= 428.15)]
-    assert found == pytest.approx(
+    assert result == pytest.approx(
         cycles * cycle.period + first, abs=cycle.period if cycles > 50 else 0.02
     )
 

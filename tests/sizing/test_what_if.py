@@ -85,17 +85,17 @@ def strong(robot: Robot) -> DutyCycle:
 
 @pytest.mark.slow
 def test_largest_payload(strong: DutyCycle) -> None:
-    found = largest_payload(strong, {}, KNOWN)
-    assert found.status == "found"
-    assert found.not_checked == ()
-    assert passes(strong, found.value)
-    assert not passes(strong, found.value * 1.001)
-    assert found.binds
+    result = largest_payload(strong, {}, KNOWN)
+    assert result.status == "found"
+    assert result.not_checked == ()
+    assert passes(strong, result.value)
+    assert not passes(strong, result.value * 1.001)
+    assert result.binds
 
 
 def test_shortest_duration(strong: DutyCycle) -> None:
-    found = shortest_duration(strong, {}, KNOWN)
-    assert found.status == "found"
+    result = shortest_duration(strong, {}, KNOWN)
+    assert result.status == "found"
 
     def faster(factor: float) -> DutyCycle:
         ((trajectory, _),) = strong.runs
@@ -104,8 +104,8 @@ def test_shortest_duration(strong: DutyCycle) -> None:
             Trajectory(trajectory.breaks * factor, coefficients, ()), strong.robot
         )
 
-    assert passes(faster(found.value * 1.001))
-    assert not passes(faster(found.value * 0.998))
+    assert passes(faster(result.value * 1.001))
+    assert not passes(faster(result.value * 0.998))
 
 
 def test_a_motor_that_never_suffices(robot: Robot) -> None:
@@ -113,8 +113,8 @@ def test_a_motor_that_never_suffices(robot: Robot) -> None:
     weak = replace(COMPLETE, max_torque=2e-5, nominal_torque=1e-5)
     duty = DutyCycle.of_trajectory(random_trajectory(3), equipped(robot, weak))
     assert largest_payload(duty, {}, KNOWN).status == "never"
-    found = shortest_duration(duty, {}, KNOWN)
-    assert (found.status, found.value) == ("never", None)
+    result = shortest_duration(duty, {}, KNOWN)
+    assert (result.status, result.value) == ("never", None)
 
 
 def test_no_negative_payload(robot: Robot) -> None:

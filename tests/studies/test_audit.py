@@ -165,11 +165,11 @@ def test_every_damage_of_a_row_is_found_in_words(folder: Path, column: str) -> N
                         )
                 if content(copy) == content(folder):
                     continue
-                found = statuses(copy)
-                assert set(found) <= {0, 1, 2}, (number, value, hashed, found)
+                result = statuses(copy)
+                assert set(result) <= {0, 1, 2}, (number, value, hashed, result)
                 if not hashed:
-                    assert found[0] == found[1] == found[2] == 2, (number, value, found)
-                    assert found[3] == 1, (number, value, found)
+                    assert result[0] == result[1] == result[2] == 2, (number, value, result)
+                    assert result[3] == 1, (number, value, result)
 
 
 def test_missing_added_and_exchanged_rows_are_found(folder: Path) -> None:

@@ -87,16 +87,16 @@ def test_candidates_are_generated_when_they_are_needed(method: str) -> None:
 @pytest.mark.parametrize("dimensions", [1, 3, 20])
 @pytest.mark.parametrize("points", [1, 5, 4096, 4097, 10_000])
 def test_the_points_are_those_of_the_whole_sequence(dimensions: int, points: int) -> None:
-    whole = qmc.Sobol(dimensions, scramble=True, seed=7).random_base2(14)
+    complete = qmc.Sobol(dimensions, scramble=True, seed=7).random_base2(14)
     drawn = np.array(list(sobol_points(dimensions, points, 7)))
-    assert np.array_equal(drawn, whole[:points])
+    assert np.array_equal(drawn, complete[:points])
 
 
 def test_the_number_of_candidates_is_that_of_the_designs() -> None:
     of = study(vary={**FILE["vary"], "joints.roll.drive.friction.mu": {"choices": [0.1, 0.2]}})
     for search in (Search("sobol", 13), Search("grid", 3), Search("grid", 1)):
-        each = replace(of, search=search)
-        assert each.count == sum(1 for _ in each.designs())
+        item = replace(of, search=search)
+        assert item.count == sum(1 for _ in item.designs())
 
 
 NAMES = [

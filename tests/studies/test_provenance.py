@@ -111,7 +111,7 @@ def test_every_input_changes_the_context_and_the_search_does_not() -> None:
         replace(of, vary=(*of.vary, Varied("joints.roll.drive.ratio", 1.0, 2.0, ""))),
         replace(of, selected=(Choice("joints.roll.motor", {"a": {}}, "mass"),)),
     ]
-    assert len({context, *(context_hash(describe_study(each)) for each in others)}) == 6
+    assert len({context, *(context_hash(describe_study(item)) for item in others)}) == 6
     for same in (
         replace(of, search=Search("grid", 3)),
         replace(of, minimise=("duration",)),
@@ -195,8 +195,8 @@ def test_rows_of_another_study_are_not_shown(
     assert not (tmp_path / "candidate_0").exists()
     result = run_study(other, tmp_path)
     assert [row.design for row in result.rows] == list(other.designs())
-    shown = compare_candidates(other, tmp_path, 3, 4)
-    assert shown["design"]["geometry.alpha"][0] == result.rows[3].design["geometry.alpha"]
+    text = compare_candidates(other, tmp_path, 3, 4)
+    assert text["design"]["geometry.alpha"][0] == result.rows[3].design["geometry.alpha"]
     with pytest.raises(ProblemError, match="another study or program"):
         compare_candidates(study(), tmp_path, 0, 1)
 

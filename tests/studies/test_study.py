@@ -138,9 +138,9 @@ def test_a_screen_drops_nothing_that_can_be_planned():
     )
     designs = list(of.designs())
     fallen = Screens(of).reject(designs)
-    assert {each.stage for each in fallen if each is not None} >= {"reach"}
-    for design, each in zip(designs, fallen, strict=True):
-        if each is not None and each.stage != "reach":
+    assert {item.stage for item in fallen if item is not None} >= {"reach"}
+    for design, item in zip(designs, fallen, strict=True):
+        if item is not None and item.stage != "reach":
             assert Evaluation(of)(0, design).state == "infeasible"
 
 
@@ -222,15 +222,15 @@ class Here(Executor):
 @pytest.mark.slow
 def test_a_lost_engine_is_named_and_nothing_is_done_twice(tmp_path):
     of = study()
-    whole = Here()
-    run_study(of, tmp_path / "calm", executor=whole)
+    complete = Here()
+    run_study(of, tmp_path / "calm", executor=complete)
     with pytest.raises(
         StudyError, match=r"the workers are lost .*the same command continues the study"
     ):
         run_study(of, tmp_path / "lost", executor=Here(3))
     rest = Here()
     run_study(of, tmp_path / "lost", executor=rest)
-    assert rest.count == whole.count - 3
+    assert rest.count == complete.count - 3
     assert (tmp_path / "lost" / "table.csv").read_bytes() == (
         tmp_path / "calm" / "table.csv"
     ).read_bytes()
@@ -551,8 +551,8 @@ def test_a_page_of_many_candidates_stays_small(tmp_path):
     designs = [of.design(place) for place in rng.random((20_000, 2))]
     values = rng.random((len(designs), 2))
     figures = [{"duration": a, "peak_torque": b} for a, b in values.tolist()]
-    found = enumerate(zip(designs, figures, strict=True))
-    rows = [Candidate(i, "done", design, figures=each) for i, (design, each) in found]
+    result = enumerate(zip(designs, figures, strict=True))
+    rows = [Candidate(i, "done", design, figures=item) for i, (design, item) in result]
     write_study_page(
         of, (rows[0], *rows), pareto_front(rows, of.minimise), tmp_path / "page.html", finished=True
     )
@@ -592,22 +592,22 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
     row = Evaluation(of)(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})
     assert row.state == "done"
     assert row.figures["motor_margin"] >= 0.2
-    made = plan_candidate(of, row)["tilt_insert"]
-    assert made.passed
-    assert made.duration == pytest.approx(
+    result = plan_candidate(of, row)["tilt_insert"]
+    assert result.passed
+    assert result.duration == pytest.approx(
         row.figures["duration"], rel=1e-4
     )  # The limits of these motors are not active.
     for path in PARTS:
-        variable = next(each for each in of.selected if each.path == path)
+        variable = next(item for item in of.selected if item.path == path)
         joint = ("roll", "tilt").index(path.split(".")[1])
-        chosen = made.problem.robot.joints[joint].motor
+        chosen = result.problem.robot.joints[joint].motor
         for label in variable.contents:
             design = {**row.design, **{p: row.figures[p] for p in PARTS}, path: label}
             ((_, problem),) = candidate_problems(of, design)
             if problem.robot.joints[joint].motor.mass >= chosen.mass:
                 continue
             robot = with_friction_of_its_motor(problem.robot, joint)
-            verdict = size_motion(made.trajectory, robot).verdicts[joint]
+            verdict = size_motion(result.trajectory, robot).verdicts[joint]
             assert min(check.margin for check in verdict.checks if check.margin is not None) < 0.2
 
 
@@ -617,18 +617,18 @@ def test_selected_motors_are_the_lightest_that_hold_the_motion_with_the_margin()
 def test_a_worker_that_has_grown_forgets_its_programs(monkeypatch):
     from ssm_planner.planning.ocp.transcription import Transcription
 
-    asked = [(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})]
+    request = [(0, {"geometry.alpha": "33 deg", "geometry.home_tilt": "-112 deg"})]
     pickled = pickle.dumps(Evaluation(study()))
     # Plan with Ipopt instead of the fast planner, because the programs of Ipopt take the memory.
     monkeypatch.setattr("ssm_planner.studies.evaluation.with_fast_planner", lambda problem: problem)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", math.inf)
-    ((kept,), *_) = evaluate_batch(pickled, asked)
+    ((remaining,), *_) = evaluate_batch(pickled, request)
     assert Transcription.build.cache_info().currsize > 0
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_THRESHOLD", 0)
     monkeypatch.setattr("ssm_planner.studies.evaluation.MEMORY_GROWTH_THRESHOLD", -math.inf)
-    ((forgotten,), *_) = evaluate_batch(pickled, asked)
+    ((forgotten,), *_) = evaluate_batch(pickled, request)
     assert Transcription.build.cache_info().currsize == 0
-    assert kept == forgotten
+    assert remaining == forgotten
 
 
 @pytest.mark.parametrize("rank", ["mass", "length"])

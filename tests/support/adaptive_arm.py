@@ -64,7 +64,7 @@ def simulate_arm(
     x = np.concatenate([full[:20], np.zeros(4)])
     t, end = float(times[0]), float(times[-1])
     modes, since = dict.fromkeys(arm.driven, 0), dict.fromkeys(arm.driven, -np.inf)
-    kept: list[Array] = [x]
+    remaining: list[Array] = [x]
     events: list[tuple[float, int, str]] = []
     status = "done"
     while t < end:
@@ -73,7 +73,7 @@ def simulate_arm(
             break
         owners, watched = plant.events(modes, since)
         inside = times[(times > t) & (times <= end)]
-        found = solve_ivp(
+        result = solve_ivp(
             plant.rates,
             (t, end),
             x,
@@ -83,19 +83,19 @@ def simulate_arm(
             rtol=rtol,
             atol=rtol * plant.scale,
         )
-        if len(found.t):
-            kept.extend(found.y.T)
-        instants, at_events = found.t_events or [], found.y_events or []
-        fired = [k for k, at in enumerate(instants) if len(at)]
+        if len(result.t):
+            remaining.extend(result.y.T)
+        instants, at_events = result.t_events or [], result.y_events or []
+        fired = [k for k, time in enumerate(instants) if len(time)]
         if not fired:
-            status = "done" if found.success else str(found.message)
+            status = "done" if result.success else str(result.message)
             break
         t, x = float(instants[fired[0]][0]), at_events[fired[0]][0].copy()
         joint = owners[fired[0]]
         modes[joint], name = plant.after_event(t, x, joint, modes[joint])
         since[joint] = t if modes[joint] == 0 else -np.inf
         events.append((t, joint, name))
-    states = np.array(kept)
+    states = np.array(remaining)
     tau = np.array([plant.torques(s, row) for s, row in zip(times, states, strict=False)])
     full_states = np.hstack([states[:, :20], np.zeros((len(states), 4)), states[:, 20:]])
     return AdaptiveMotion(

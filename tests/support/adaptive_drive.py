@@ -74,8 +74,8 @@ def servo_torque(servo: Servo, error: float, integral: float) -> float:
 
 def servo_rate(servo: Servo, error: float, integral: float) -> float:
     """Return the rate of the integral. It is 0 if the error pushes the torque beyond its limit."""
-    wanted = servo.kp * error + integral
-    return 0.0 if abs(wanted) > servo.limit and wanted * error > 0 else servo.ki * error
+    expected = servo.kp * error + integral
+    return 0.0 if abs(expected) > servo.limit and expected * error > 0 else servo.ki * error
 
 
 def slip_acceleration(
@@ -98,21 +98,21 @@ def slip_acceleration(
         inertia = drive.input_inertia + main * output + second * drive.second_nut_mass / drive.ratio
         wd = (left - float(mesh_torque(drive, effort, 0.0, direction, mu))) / float(inertia)
         return Slip(wd, effort + output * wd, "unique")
-    found = []
+    result = []
     for side, slope, inertia in zip((1, -1), (up, down), inertias, strict=True):
         if inertia == 0:
             continue
         wd = (left - slope * effort) / float(inertia)
         carried = effort + output * wd
         if carried * direction * side >= 0:
-            found.append((wd, carried))
-    if not found:
+            result.append((wd, carried))
+    if not result:
         return Slip(float("nan"), float("nan"), "none")
-    wd, carried = found[0]
+    wd, carried = result[0]
     return Slip(
         float(wd),
         float(carried),
-        "unique" if len(found) == 1 or found[0] == found[1] else "several",
+        "unique" if len(result) == 1 or result[0] == result[1] else "several",
     )
 
 
@@ -285,7 +285,7 @@ def _piece(
 
     watched = _sliding_events() if state else _standing_events(plant, rest_since)
     scale = np.array([1e-3, 1e-4, 1e-7, 1e-9, 1e-9])
-    found = solve_ivp(
+    result = solve_ivp(
         plant.rates,
         (t, end),
         x,
@@ -295,8 +295,8 @@ def _piece(
         atol=rtol * scale,
         max_step=max_step,
     )
-    fired = [k for k, at in enumerate(found.t_events or []) if len(at)]
-    return found.t, found.y.T, fired[0] if fired else None
+    fired = [k for k, time in enumerate(result.t_events or []) if len(time)]
+    return result.t, result.y.T, fired[0] if fired else None
 
 
 def _sliding_events() -> list[Any]:
@@ -432,10 +432,10 @@ def _period(
 
     It maps the state and the wanted speed to the state after the period and the torque in it.
     """
-    x, wanted = ca.SX.sym("x", 6), ca.SX.sym("wanted")
+    x, expected = ca.SX.sym("x", 6), ca.SX.sym("wanted")
     angle, w, integral, rest, work, loss = ca.vertsplit(x)
     tau, integral = (
-        (ca.SX(0), integral) if servo is None else servo_step(servo, wanted - w, integral, period)
+        (ca.SX(0), integral) if servo is None else servo_step(servo, expected - w, integral, period)
     )
     h = period / steps
     for _ in range(steps):
@@ -445,7 +445,7 @@ def _period(
         w, rest = step.w, step.rest_time
     return ca.Function(
         "period",
-        [x, wanted],
+        [x, expected],
         [ca.vertcat(angle, w, integral, rest, work, loss), tau],
         {"cse": True},
     )

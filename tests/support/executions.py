@@ -78,14 +78,14 @@ class Executions:
         The noise of the speed is uniform within ± rpm. The noise of the torque is normal, relative
         to the largest torque of the axis.
         """
-        found = []
+        result = []
         for name in self.names:
             nominal, ratio = self.joints[name].motor.nominal_torque, self.joints[name].drive.ratio
             w = run.w[name] / RPM + rng.uniform(-rpm, rpm, len(run.w[name]))
             largest = np.abs(self.plans[name].torque).max()
             tau = (run.tau[name] + torque * largest * rng.normal(size=len(w))) / nominal
             increment = 2 * np.pi / COUNTS / ratio
-            found.append(
+            result.append(
                 AxisRecording(
                     name,
                     f"{name}.csv",
@@ -98,7 +98,7 @@ class Executions:
                     position_resolution=increment,
                 )
             )
-        return found
+        return result
 
     def healthy(self, seed: int) -> list[AxisRecording]:
         """Return recordings of a healthy run.
@@ -128,7 +128,7 @@ def decimated(
     recordings: Sequence[AxisRecording], factor: int, first: int = 0
 ) -> list[AxisRecording]:
     """Return every `factor`-th sample of each recording."""
-    return [taken(each, slice(first, None, factor)) for each in recordings]
+    return [taken(item, slice(first, None, factor)) for item in recordings]
 
 
 def taken(recording: AxisRecording, chosen: slice | np.ndarray) -> AxisRecording:
@@ -140,15 +140,15 @@ def taken(recording: AxisRecording, chosen: slice | np.ndarray) -> AxisRecording
 def write(it: Executions, measured: Sequence[AxisRecording], folder: Path) -> dict[str, Path]:
     """Write EPOS recorder exports with a position channel, and return their paths by joint."""
     paths = {}
-    for each in measured:
-        joint = it.joints[each.joint]
-        percent = 100 * each.tau / joint.motor.nominal_torque
-        counts = each.q * joint.drive.ratio * COUNTS / (2 * np.pi)
-        rows = np.column_stack([1000 * each.time, each.w / RPM, percent, counts])
-        paths[each.joint] = folder / f"{each.joint}.csv"
+    for item in measured:
+        joint = it.joints[item.joint]
+        percent = 100 * item.tau / joint.motor.nominal_torque
+        counts = item.q * joint.drive.ratio * COUNTS / (2 * np.pi)
+        rows = np.column_stack([1000 * item.time, item.w / RPM, percent, counts])
+        paths[item.joint] = folder / f"{item.joint}.csv"
         names = ";Velocity actual value averaged;Torque actual value averaged;Position actual value\nms;rpm;%;inc"
         np.savetxt(
-            paths[each.joint],
+            paths[item.joint],
             rows,
             fmt=("%.6f", "%.0f", "%.1f", "%.0f"),
             delimiter=";",
@@ -196,11 +196,11 @@ def stall(
 
     The motor gives its largest torque until the motion is over.
     """
-    begin = int(rng.choice(moving[: int(0.9 * len(moving))]))
-    sign = np.sign(run.w[joint][begin])
+    start = int(rng.choice(moving[: int(0.9 * len(moving))]))
+    sign = np.sign(run.w[joint][start])
     end = int(np.flatnonzero(run.w[joint]).max())
-    run.w[joint][begin:] = 0.0
-    run.tau[joint][begin:end] = sign * it.joints[joint].motor.max_torque
+    run.w[joint][start:] = 0.0
+    run.tau[joint][start:end] = sign * it.joints[joint].motor.max_torque
     it.follow(run, joint)
 
 
@@ -209,24 +209,24 @@ def overspeed(
 ) -> None:
     """Exceed the velocity limit of a joint for 30 ms to 100 ms while it moves at its limit."""
     fast = np.flatnonzero(np.abs(run.w[joint]) > 0.995 * it.plans[joint].peak)
-    begin, length = int(rng.choice(fast[: len(fast) // 2])), round(rng.uniform(0.03, 0.1) / it.step)
-    run.w[joint][begin : begin + length] *= 1 + rng.uniform(0.05, 0.15)
+    start, length = int(rng.choice(fast[: len(fast) // 2])), round(rng.uniform(0.03, 0.1) / it.step)
+    run.w[joint][start : start + length] *= 1 + rng.uniform(0.05, 0.15)
     it.follow(run, joint)
 
 
 def torque_burst(
     it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
 ) -> None:
-    begin, length = int(rng.choice(moving)), round(rng.uniform(0.015, 0.06) / it.step)
+    start, length = int(rng.choice(moving)), round(rng.uniform(0.015, 0.06) / it.step)
     burst = rng.uniform(1.1, 1.4) * it.joints[joint].motor.max_torque
-    run.tau[joint][begin : begin + length] = burst * np.sign(run.tau[joint][begin])
+    run.tau[joint][start : start + length] = burst * np.sign(run.tau[joint][start])
 
 
 def lost_increments(
     it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator
 ) -> None:
-    begin = int(rng.choice(moving))
-    run.q[joint][begin:] += (
+    start = int(rng.choice(moving))
+    run.q[joint][start:] += (
         rng.choice([-1, 1]) * rng.uniform(1.3, 4.0) * 10e-3 * it.joints[joint].velocity
     )
 
@@ -241,9 +241,9 @@ def slow(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.rando
 
 
 def gap(it: Executions, run: Run, joint: str, moving: np.ndarray, rng: np.random.Generator) -> None:
-    begin, length = int(rng.choice(moving)), round(rng.uniform(0.03, 0.5) / it.step)
+    start, length = int(rng.choice(moving)), round(rng.uniform(0.03, 0.5) / it.step)
     keep = np.ones(len(run.time[joint]), dtype=bool)
-    keep[begin : begin + length] = False
+    keep[start : start + length] = False
     run.keep(joint, keep)
 
 
@@ -290,9 +290,9 @@ FAULTS = {
 
 def kinds(found) -> set[str]:
     """Return the kinds of the findings and the names of the limits that are not held."""
-    names = {each.kind for each in found.findings}
+    names = {item.kind for item in found.findings}
     for axis in found:
-        names |= {each.kind for each in axis.findings} | {
-            each.name for each in axis.limits if not each.held
+        names |= {item.kind for item in axis.findings} | {
+            item.name for item in axis.limits if not item.held
         }
     return names

@@ -333,39 +333,39 @@ def violations(
     """
     dense = sampled(motion)
     q, qd, qdd = dense.states
-    found: dict[Key, float] = {}
+    result: dict[Key, float] = {}
     smooth = bool(motion.curved.all())
     for i, joint in enumerate(robot.joints):
         name = joint.name
         low, high = joint.position
         half = (high - low) / 2
-        found["position", name] = max(q[..., i].max() - high, low - q[..., i].min()) / half
+        result["position", name] = max(q[..., i].max() - high, low - q[..., i].min()) / half
         fastest = np.abs(qd[..., i]).max()
-        found["velocity", name] = fastest / joint.velocity - 1
-        found["steps of position", name] = _steps(dense.t, q[..., i], joint.velocity, STEP, None)
+        result["velocity", name] = fastest / joint.velocity - 1
+        result["steps of position", name] = _steps(dense.t, q[..., i], joint.velocity, STEP, None)
         if motion.curved.any():
-            found["acceleration", name] = (
+            result["acceleration", name] = (
                 np.abs(qdd[motion.curved][..., i]).max() / joint.acceleration - 1
             )
         if smooth:
-            found["steps of velocity", name] = _steps(
+            result["steps of velocity", name] = _steps(
                 dense.t, qd[..., i], joint.acceleration, STEP * joint.velocity, 0.0
             )
         if joint.jerk is not None and motion.curved.any():
             jerk = np.abs(_values(motion, dense.s, 3)[motion.curved][..., i]).max()
-            found["jerk", name] = jerk / joint.jerk - 1
+            result["jerk", name] = jerk / joint.jerk - 1
         if joint.motor is not None and joint.drive is not None:
-            found["motor speed", name] = fastest * joint.drive.ratio / joint.motor.max_speed - 1
+            result["motor speed", name] = fastest * joint.drive.ratio / joint.motor.max_speed - 1
     if motion.curved.any():
-        found |= _of_motors(motion, dense, robot, pause)
+        result |= _of_motors(motion, dense, robot, pause)
     flat = q.reshape(-1, 4), qd.reshape(-1, 4)
     if ranges and "tilt" in ranges:
         low, high = ranges["tilt"]
         angles = tilt(robot, flat[0])
-        found["tilt range", None] = max(angles.max() - high, low - angles.min()) * 2 / (high - low)
+        result["tilt range", None] = max(angles.max() - high, low - angles.min()) * 2 / (high - low)
     if tip is not None:
-        found["tip speed", None] = tip_speed(robot, *flat).max() / tip - 1
-    return {key: float(value) for key, value in found.items()}
+        result["tip speed", None] = tip_speed(robot, *flat).max() / tip - 1
+    return {key: float(value) for key, value in result.items()}
 
 
 def _of_motors(motion: Played, dense: Dense, robot: Any, pause: float | None) -> dict[Key, float]:
@@ -377,19 +377,19 @@ def _of_motors(motion: Played, dense: Dense, robot: Any, pause: float | None) ->
         h = np.diff(motion.breaks)[keep]
         part = Played(np.append(0.0, np.cumsum(h)), motion.powers[keep], keep[keep])
         dense = sampled(part)
-    found: dict[Key, float] = {}
+    result: dict[Key, float] = {}
     h = np.diff(part.breaks)
     for i, (moving, starting) in torques(part, dense, robot).items():
         motor, name = robot.joints[i].motor, robot.joints[i].name
         peak = max(np.abs(moving).max(), np.abs(starting).max(initial=0.0))
-        found["motor torque", name] = peak / motor.max_torque - 1
+        result["motor torque", name] = peak / motor.max_torque - 1
         if pause is not None and motion.curved.all():
             # Simpson's rule, with the middle value taken from both sides
             left, right = np.moveaxis(moving**2, 2, 0)
             mean = (left[:, ::2] + 2 * right[:, ::2] + 2 * left[:, 1::2] + right[:, 1::2]) / 6
             rms = np.sqrt(mean @ np.diff(dense.s[::2]) @ h / (h.sum() + pause))
-            found["continuous torque", name] = rms / motor.nominal_torque - 1
-    return found
+            result["continuous torque", name] = rms / motor.nominal_torque - 1
+    return result
 
 
 def _steps(t: Array, values: Array, rate: float, step: float, outside: float | None) -> float:

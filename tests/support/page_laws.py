@@ -64,13 +64,13 @@ def serious(page: Any, contrast: bool = True) -> list[str]:
         reason="axe-core is not installed (pip install axe-playwright-python)",
     )
     page.evaluate(resources.files(axe).joinpath("axe.min.js").read_text(encoding="utf-8"))
-    found = page.evaluate(f"axe.run({OTHER_RULES})")["violations"]
+    result = page.evaluate(f"axe.run({OTHER_RULES})")["violations"]
     for scheme in ("light", "dark") if contrast else ():
         page.emulate_media(color_scheme=scheme)
-        found += page.evaluate(f"axe.run({CONTRAST_RULE})")["violations"]
+        result += page.evaluate(f"axe.run({CONTRAST_RULE})")["violations"]
     return [
-        f"{each['id']}: {node['html'][:160]}"
-        for each in found
-        if each["impact"] in ("serious", "critical")
-        for node in each["nodes"]
+        f"{item['id']}: {node['html'][:160]}"
+        for item in result
+        if item["impact"] in ("serious", "critical")
+        for node in item["nodes"]
     ]

@@ -63,9 +63,9 @@ def rig_map(drive_path: str | Path, recordings: str | Path) -> TorqueMap:
     """
     rig = load_drive(drive_path).rig
     nominal, direction = (None, 1) if rig is None else (rig.motor_nominal_torque, rig.direction)
-    found = read_recordings([recordings], nominal_torque=nominal, direction=direction)
+    result = read_recordings([recordings], nominal_torque=nominal, direction=direction)
     return compute_torque_map(
-        [recording for recording in found if recording_kind(recording) == "steady"]
+        [recording for recording in result if recording_kind(recording) == "steady"]
     )
 
 

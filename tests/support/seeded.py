@@ -83,23 +83,23 @@ class Case:
         name, (low, high) = self.limit[0], self.bounds(factor)
         joints = []
         for i, joint in enumerate(self.robot.joints):
-            here = name if i == self.joint else ""
+            folder = name if i == self.joint else ""
             motor = joint.motor
             if motor is not None:
                 motor = dataclasses.replace(
                     motor,
-                    max_speed=high if here == "motor speed" else 1e6,
-                    max_torque=high if here == "motor torque" else LOOSE,
-                    nominal_torque=high if here in (OVERALL, "motor torque") else LOOSE,
+                    max_speed=high if folder == "motor speed" else 1e6,
+                    max_torque=high if folder == "motor torque" else LOOSE,
+                    nominal_torque=high if folder in (OVERALL, "motor torque") else LOOSE,
                 )
             joints.append(
                 dataclasses.replace(
                     joint,
                     motor=motor,
-                    position=(low, high) if here == "position" else (-LOOSE, LOOSE),
-                    velocity=high if here == "velocity" else LOOSE,
-                    acceleration=high if here == "acceleration" else 1e6,
-                    jerk=high if here == "jerk" else 1e9,
+                    position=(low, high) if folder == "position" else (-LOOSE, LOOSE),
+                    velocity=high if folder == "velocity" else LOOSE,
+                    acceleration=high if folder == "acceleration" else 1e6,
+                    jerk=high if folder == "jerk" else 1e9,
                 )
             )
         return dataclasses.replace(self.robot, joints=tuple(joints))

@@ -53,9 +53,9 @@ def servo_step(
     servo: Servo, error: ca.SX, integral: ca.SX, period: float, feedforward: ca.SX | float = 0.0
 ) -> tuple[ca.SX, ca.SX]:
     """Return the torque, and the integral after the period, of a sampled servo in CasADi."""
-    wanted = servo.kp * error + integral + feedforward
-    torque = ca.fmin(ca.fmax(wanted, -servo.limit), servo.limit)
-    winds = ca.logic_and(torque != wanted, wanted * error > 0)
+    expected = servo.kp * error + integral + feedforward
+    torque = ca.fmin(ca.fmax(expected, -servo.limit), servo.limit)
+    winds = ca.logic_and(torque != expected, expected * error > 0)
     return torque, integral + ca.if_else(winds, 0, period * servo.ki * error)
 
 
@@ -151,8 +151,8 @@ class ArmSimulation(ArmPlant):
             servo, drive = self.servos[k], self.drive(k)
             if servo is None:
                 continue
-            wanted = drive.ratio * qd[k] + self.position_gain * (drive.ratio * q[k] - x[MOTOR][k])
-            error = wanted - x[W][k]
+            expected = drive.ratio * qd[k] + self.position_gain * (drive.ratio * q[k] - x[MOTOR][k])
+            error = expected - x[W][k]
             torques[k], integrals[k] = servo_step(
                 servo, error, x[INTEGRAL][k], self.period, feedforward[k]
             )

@@ -70,10 +70,10 @@ def test_maxima_are_those_of_a_dense_evaluation_at_the_argument_that_is_stated(
 def test_the_argument_of_a_maximum_is_its_end_or_inside(
     coefficients: list[float], value: float, s: float
 ) -> None:
-    found = find_group_maxima(
+    result = find_group_maxima(
         np.array(coefficients)[None, :, None], np.full(1, 1e-9), np.full(1, -9.0)
     )
-    assert [float(x[0]) for x in found] == pytest.approx([value, 0.0, s], abs=1e-6)
+    assert [float(x[0]) for x in result] == pytest.approx([value, 0.0, s], abs=1e-6)
 
 
 @pytest.mark.parametrize("count", [3, 30])

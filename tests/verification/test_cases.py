@@ -25,14 +25,14 @@ from ssm_planner.verification.check import check
 def test_outermost_sets_are_those_that_no_other_exceeds_or_is_below() -> None:
     rng = np.random.default_rng(4)
     values = np.round(rng.uniform(0, 1, (40, 3)), 1)
-    found = cases._extreme_parameter_sets(dict(zip("abc", values.T, strict=True)))
-    assert list(found) == ["a", "b", "c"]
-    kept = set(map(tuple, np.column_stack(list(found.values())).tolist()))
+    result = cases._extreme_parameter_sets(dict(zip("abc", values.T, strict=True)))
+    assert list(result) == ["a", "b", "c"]
+    remaining = set(map(tuple, np.column_stack(list(result.values())).tolist()))
     every = np.unique(values, axis=0)
     for row in every:
         others = every[np.any(every != row, axis=1)]
         above, below = np.all(others >= row, axis=1).any(), np.all(others <= row, axis=1).any()
-        assert (tuple(row.tolist()) in kept) == (not (above and below))
+        assert (tuple(row.tolist()) in remaining) == (not (above and below))
 
 
 def test_a_smaller_friction_of_the_output_can_need_more_torque() -> None:
@@ -42,8 +42,8 @@ def test_a_smaller_friction_of_the_output_can_need_more_torque() -> None:
     A smaller friction of the output therefore leaves more load to the drive.
     """
     sets = {"mu": np.array([0.1, 0.2, 0.2]), "b_oc": np.array([0.2, 0.1, 0.2])}
-    found = cases._extreme_parameter_sets(sets)
-    assert set(zip(*found.values(), strict=True)) == {(0.1, 0.2), (0.2, 0.1), (0.2, 0.2)}
+    result = cases._extreme_parameter_sets(sets)
+    assert set(zip(*result.values(), strict=True)) == {(0.1, 0.2), (0.2, 0.1), (0.2, 0.2)}
 
 
 def motion() -> Trajectory:
@@ -58,13 +58,13 @@ def motion() -> Trajectory:
 
 def test_joints_start_at_the_begin_of_the_motion_alone(robot: Robot) -> None:
     """Static friction counts where a joint starts from rest, and not where pieces join."""
-    found = cases._SampledMotion(motion(), robot, [0.0])
+    result = cases._SampledMotion(motion(), robot, [0.0])
     moving = np.array([True, True, False, True])
-    assert np.array_equal(found.start[0], moving)
-    assert not found.start[1:].any()
-    assert np.array_equal(found.direction[1:-1], np.sign(found.qd[1:-1]))
+    assert np.array_equal(result.start[0], moving)
+    assert not result.start[1:].any()
+    assert np.array_equal(result.direction[1:-1], np.sign(result.qd[1:-1]))
     # At the end, each joint stops in the direction of its motion.
-    assert np.array_equal(found.direction[-1], np.sign(found.qd[-2]))
+    assert np.array_equal(result.direction[-1], np.sign(result.qd[-2]))
 
 
 def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot) -> None:
@@ -79,15 +79,15 @@ def test_a_joint_rests_and_starts_by_the_rule_of_the_nominal_torque(robot: Robot
     coefficients[:, 2, 3] = 4e-10 * velocity[3]
     coefficients[1, 1, 3] = 8e-10 * velocity[3]
     coefficients[1, 2, 3] *= -1
-    found = cases._SampledMotion(
+    result = cases._SampledMotion(
         Trajectory(np.array([0.0, 1.0, 2.0]), coefficients, ()), robot, [0.0]
     )
-    jumped = np.abs(found.qd / velocity - 3e-8).min(axis=0) < 1e-12
+    jumped = np.abs(result.qd / velocity - 3e-8).min(axis=0) < 1e-12
     assert jumped.tolist() == [True, True, False, False]
-    assert found.start.any(axis=0).tolist() == [True, True, False, False]
-    assert found.direction.any(axis=0).tolist() == [True, True, False, False]
+    assert result.start.any(axis=0).tolist() == [True, True, False, False]
+    assert result.direction.any(axis=0).tolist() == [True, True, False, False]
     # The second joint reverses and starts again.
-    assert {-1.0, 1.0} <= set(found.direction[:, 1])
+    assert {-1.0, 1.0} <= set(result.direction[:, 1])
 
 
 def test_friction_at_a_start_with_a_small_jump_is_a_case(robot: Robot) -> None:
@@ -105,8 +105,10 @@ def test_friction_at_a_start_with_a_small_jump_is_a_case(robot: Robot) -> None:
     worst = []
     for jump in (0.0, 3e-8):
         coefficients[1, 1:3, 1] = [jump * tilt.velocity, 0.05 * tilt.velocity]
-        whole = Trajectory(np.array([0.0, 1.0, 2.0]), coefficients.copy(), ())
-        worst.append(check(whole, stuck, TaskLimits(friction=0.95))["motor torque", "tilt"].worst)
+        complete = Trajectory(np.array([0.0, 1.0, 2.0]), coefficients.copy(), ())
+        worst.append(
+            check(complete, stuck, TaskLimits(friction=0.95))["motor torque", "tilt"].worst
+        )
     assert worst[1] == pytest.approx(worst[0], rel=1e-6)
 
 
@@ -121,10 +123,10 @@ def test_without_a_range_there_are_no_cases(robot: Robot) -> None:
 
 
 def test_payloads_alone_are_named_and_keep_the_stated_friction(robot: Robot) -> None:
-    found = cases.worst_case_torques(motion(), robot, TaskLimits(payload=(0.01, 0.05)))
-    assert {quantity.index for quantity in found} == {0, 1, 3}
+    result = cases.worst_case_torques(motion(), robot, TaskLimits(payload=(0.01, 0.05)))
+    assert {quantity.index for quantity in result} == {0, 1, 3}
     masses = set()
-    for quantity in found:
+    for quantity in result:
         case = quantity.case
         assert case is not None
         drive = robot.joints[quantity.index].drive
@@ -164,7 +166,7 @@ def test_the_check_reports_the_worst_of_all_payloads(robot: Robot) -> None:
 
 
 def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
-    whole, masses, share = motion(), (0.0, 0.05), 0.95
+    complete, masses, share = motion(), (0.0, 0.05), 0.95
     limits = TaskLimits(friction=share, payload=(0.0, 0.05))
     joints = []
     for joint in robot.joints:
@@ -174,9 +176,9 @@ def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
             joint = replace(joint, drive=replace(joint.drive, friction_ranges=ranges))
         joints.append(joint)
     robot = replace(robot, joints=tuple(joints))
-    found = cases.worst_case_torques(whole, robot, limits)
+    result = cases.worst_case_torques(complete, robot, limits)
     t = np.linspace(0.01, 1.99, 100)
-    samples = whole.sample(t)
+    samples = complete.sample(t)
     for i in (0, 1, 3):
         drive = robot.joints[i].drive
         assert drive is not None
@@ -188,14 +190,14 @@ def test_no_corner_of_the_ranges_asks_more_than_the_cases(robot: Robot) -> None:
             state = tau, samples.qd[:, i], samples.qdd[:, i], np.sign(samples.qd[:, i])
             return np.asarray(drive_torque(of, *state, breakaway=np.zeros(100))[0])  # type: ignore[arg-type]
 
-        chosen = [torque(q.case.drive, q.case.payload) for q in found if q.index == i and q.case]
+        chosen = [torque(q.case.drive, q.case.payload) for q in result if q.index == i and q.case]
         ends = [sorted({float(column.min()), float(column.max())}) for column in sets.values()]
         for corner, mass in product(product(*ends), masses):
             one = torque(drive_with_values(drive, dict(zip(sets, corner, strict=True))), mass)
-            assert one.max() <= max(each.max() for each in chosen) + 1e-12
-            assert one.min() >= min(each.min() for each in chosen) - 1e-12
+            assert one.max() <= max(item.max() for item in chosen) + 1e-12
+            assert one.min() >= min(item.min() for item in chosen) - 1e-12
             square = np.mean(one**2)
-            assert square <= max(np.mean(each**2) for each in chosen) * (1 + 1e-2)
+            assert square <= max(np.mean(item**2) for item in chosen) * (1 + 1e-2)
 
 
 def test_changes_of_sign_leave_zeros_out() -> None:
@@ -210,11 +212,11 @@ def test_zeros_on_the_ends_of_halves_are_found_once(zeros: list[float], sign: fl
     few = np.repeat(powers, 3, axis=0)
     many = np.repeat(powers, 12, axis=0)
     for rows in (few, many):
-        index, found = bernstein.find_sign_changes(
+        index, result = bernstein.find_sign_changes(
             bernstein.from_powers(rows), np.full(len(rows), 1e-12)
         )
         assert np.array_equal(index, np.repeat(np.arange(len(rows)), len(zeros)))
-        assert found.reshape(len(rows), -1) == pytest.approx(
+        assert result.reshape(len(rows), -1) == pytest.approx(
             np.tile(sorted(zeros), (len(rows), 1)), abs=1e-12
         )
 
@@ -232,16 +234,18 @@ def test_extreme_sets_ask_for_the_largest_torques_and_heat(
     coefficients = np.zeros((1, 6, 4))
     coefficients[0, 0], way = [0.3, 1.15, 0.1, -0.01], np.array([0.5, -0.3, 0.2, 4e-3])
     coefficients[0, 2], coefficients[0, 3] = way, -way  # The motion returns to its start.
-    whole = cases._SampledMotion(Trajectory(np.array([0.0, 1.0]), coefficients, ()), robot, masses)
+    complete = cases._SampledMotion(
+        Trajectory(np.array([0.0, 1.0]), coefficients, ()), robot, masses
+    )
     sets = {"mu": np.array([0.06, 0.15, 0.09, 0.12, 0.07])}
-    instants = np.arange(len(whole.qd))
+    instants = np.arange(len(complete.qd))
     for i in (0, 1, 3):
         drive = robot.joints[i].drive
         assert drive is not None
         for load in range(len(masses)):
             torque = np.vstack(
                 [
-                    whole.torque(i, drive_with_values(drive, {"mu": mu}), load, instants)
+                    complete.torque(i, drive_with_values(drive, {"mu": mu}), load, instants)
                     for mu in sets["mu"]
                 ]
             )
@@ -250,7 +254,7 @@ def test_extreme_sets_ask_for_the_largest_torques_and_heat(
                 (int(np.argmin(torque.min(axis=1))), load),
                 (int(np.argmax(np.square(torque).mean(axis=1))), load),
             }
-            assert whole.extreme_sets(i, drive, sets, load) == expected
+            assert complete.extreme_sets(i, drive, sets, load) == expected
 
 
 def test_a_range_of_friction_needs_the_uncertainty_of_every_drive(robot: Robot) -> None:

@@ -37,9 +37,9 @@ def motion(last: float = 1.0) -> Trajectory:
 def test_margins_are_shares_of_the_limit(robot: Robot) -> None:
     """A margin is the unused fraction of a limit, and is negative for a violation."""
     limit = robot.joints[0].limit(JointVelocity)
-    found = LimitCheck.from_extreme(limit, 0.25 * limit.high, 1.5)
-    assert found.margin == pytest.approx(0.75)
-    assert (found.worst, found.limit, found.time) == (0.25 * limit.high, limit.high, 1.5)
+    result = LimitCheck.from_extreme(limit, 0.25 * limit.high, 1.5)
+    assert result.margin == pytest.approx(0.75)
+    assert (result.worst, result.limit, result.time) == (0.25 * limit.high, limit.high, 1.5)
     assert LimitCheck.from_extreme(limit, 1.5 * limit.high, 0.0).margin == pytest.approx(-0.5)
 
 

@@ -148,20 +148,20 @@ def test_worst_values_are_those_of_dense_evaluation_by_the_model(
     values = dense(trajectory, robot)
     compared = 0
     for limit in certificate.limits:
-        found = values.get((limit.name, limit.joint))
-        if found is None:
+        result = values.get((limit.name, limit.joint))
+        if result is None:
             continue
         compared += 1
         if limit.name in LOW:
-            assert limit.worst == pytest.approx(found.min(), rel=1e-5, abs=1e-9)
-            assert limit.worst <= found.min() + 1e-9
+            assert limit.worst == pytest.approx(result.min(), rel=1e-5, abs=1e-9)
+            assert limit.worst <= result.min() + 1e-9
             continue
         bounds = RANGES.get(limit.name.removesuffix(" range"))
         joint = next((j for j in robot.joints if j.name == limit.joint), None)
         low, high = bounds or (
             joint.position if limit.name == "position" else (-limit.limit, limit.limit)
         )
-        margin = float(np.minimum(high - found, found - low).min()) / ((high - low) / 2)
+        margin = float(np.minimum(high - result, result - low).min()) / ((high - low) / 2)
         # Dense samples may miss a little of a peak or the instant of a start. The check must not.
         assert limit.margin <= margin + 1e-9
         if limit.name != "motor torque":
@@ -180,13 +180,13 @@ def test_the_way_through_the_port_is_looked_at_where_port_and_retina_meet(robot:
     trajectory = Trajectory(
         breaks, quintic_coefficients(np.diff(breaks), (q, zero, zero), (end, zero, zero)), ()
     )
-    found = limit_of(check(trajectory, robot, LIMITS), "retina clearance")
+    result = limit_of(check(trajectory, robot, LIMITS), "retina clearance")
     direction = tip_position(Mechanism.from_geometry(robot.geometry), end)[0] / 0.012
     depth = np.linspace(0.0, 0.012, 1_000_001)[:, None]
     wall = EYE.radius - np.linalg.norm(depth * direction - EYE.centre, axis=1)
     kink = np.maximum(wall, EYE.clearance + EYE.port - depth[:, 0])
     assert 1000 < kink.argmin() < 990_000
-    assert found.worst == pytest.approx(kink.min(), abs=3e-8)
+    assert result.worst == pytest.approx(kink.min(), abs=3e-8)
 
 
 def test_a_trapezoid_has_its_closed_form_extremes(robot: Robot) -> None:
@@ -244,9 +244,9 @@ def test_a_start_is_charged_with_static_friction(robot: Robot) -> None:
         (),
     )
     tau = RigidBody.from_robot(robot).gravity_load(q)[0, 0]
-    found = limit_of(check(trajectory, robot), "motor torque", "roll")
-    assert found.time == 0.0
-    assert found.worst == pytest.approx(abs(float(breakaway_torque(drive, tau, 1.0))), rel=1e-9)
+    result = limit_of(check(trajectory, robot), "motor torque", "roll")
+    assert result.time == 0.0
+    assert result.worst == pytest.approx(abs(float(breakaway_torque(drive, tau, 1.0))), rel=1e-9)
 
 
 def test_a_held_joint_needs_no_torque_whatever_rounding_does_to_it(robot: Robot) -> None:
@@ -273,14 +273,14 @@ def test_jumps_are_found_on_either_side_of_a_block(
     for k in range(1, 11):
         coefficients = trajectory.coefficients.copy()
         coefficients[k, 0, 1] += 1e-4
-        found = limit_of(
+        result = limit_of(
             check(Trajectory(trajectory.breaks.copy(), coefficients, ()), robot),
             "position jump",
             "tilt",
         )
-        assert not found.passed
-        assert found.worst == pytest.approx(1e-4, rel=1e-6)
-        assert found.time in trajectory.breaks[[k, min(k + 1, 10)]]
+        assert not result.passed
+        assert result.worst == pytest.approx(1e-4, rel=1e-6)
+        assert result.time in trajectory.breaks[[k, min(k + 1, 10)]]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -293,11 +293,11 @@ def test_the_first_look_hides_nothing(
     """
     robot, trajectory = screw(robot), wavy(np.random.default_rng(seed))
     limits = dataclasses.replace(LIMITS, duty=0.0)
-    found = check(trajectory, robot, limits)
+    result = check(trajectory, robot, limits)
     monkeypatch.setattr(sampled_extremes, "FIRST_PASS_PARTS", 1)
-    whole = check(trajectory, robot, limits)
-    assert found.instants < 0.7 * whole.instants
-    for a, b in zip(found.limits, whole.limits, strict=True):
+    complete = check(trajectory, robot, limits)
+    assert result.instants < 0.7 * complete.instants
+    for a, b in zip(result.limits, complete.limits, strict=True):
         # Near kinks of the friction, both means are exact to 1e-5.
         assert a.margin == pytest.approx(
             b.margin, abs=3e-5 if a.name == "continuous torque" else 3e-8
@@ -307,10 +307,10 @@ def test_the_first_look_hides_nothing(
 def test_blocks_make_no_difference(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """The number of pieces in a block does not change the result."""
     trajectory = wavy(np.random.default_rng(2), pieces=10)
-    whole = check(trajectory, robot, LIMITS)
+    complete = check(trajectory, robot, LIMITS)
     monkeypatch.setattr("ssm_planner.verification.pieces.PIECES_PER_BLOCK", 3)
     parts = check(trajectory, robot, LIMITS)
-    for a, b in zip(whole.limits, parts.limits, strict=True):
+    for a, b in zip(complete.limits, parts.limits, strict=True):
         assert a.margin == pytest.approx(b.margin, abs=3e-8)
 
 
@@ -382,16 +382,16 @@ def test_a_motion_of_an_hour_costs_what_its_pieces_cost(
     """The worst values equal those at many more instants, and dense samples do not exceed them."""
     robot, quick = screw(robot), wavy(np.random.default_rng(seed))
     slow = quick.slower(quick.duration / 3600)
-    found, values = check(slow, robot, LIMITS), dense(slow, robot, 20_000)
+    result, values = check(slow, robot, LIMITS), dense(slow, robot, 20_000)
     for i in (0, 1, 3):
         name = robot.joints[i].name
-        assert limit_of(found, "motor torque", name).worst >= np.abs(
+        assert limit_of(result, "motor torque", name).worst >= np.abs(
             values["motor torque", name]
         ).max() * (1 - 1e-9)
     monkeypatch.setattr(sampled_extremes, "PIECE_INTERVALS_RANGE", (8192, 8192))
     full = check(slow, robot, LIMITS)
-    assert found.instants < full.instants / 8
-    for a, b in zip(found.limits, full.limits, strict=True):
+    assert result.instants < full.instants / 8
+    for a, b in zip(result.limits, full.limits, strict=True):
         assert a.margin == pytest.approx(b.margin, rel=3e-8, abs=3e-8), a.name
 
 

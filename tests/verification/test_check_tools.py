@@ -99,12 +99,12 @@ def test_bulk_evaluation_is_casadi_s(monkeypatch: pytest.MonkeyPatch) -> None:
     x, y = rng.uniform(-3, 3, (150, 3)), rng.uniform(-2, 2, (150, 1))
     x[:10] = 0.0
     x[10:20, 1] = x[10:20, 0]
-    found = VectorisedFunction(function)(x, y)
+    result = VectorisedFunction(function)(x, y)
     monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
-    for mine, theirs in zip(found, VectorisedFunction(function)(x, y), strict=True):
+    for mine, theirs in zip(result, VectorisedFunction(function)(x, y), strict=True):
         assert mine.tobytes() == theirs.tobytes()
     for k in range(150):
-        for mine, theirs in zip(found, function(x[k], y[k]), strict=True):
+        for mine, theirs in zip(result, function(x[k], y[k]), strict=True):
             assert mine[k] == pytest.approx(theirs.full()[:, 0], rel=1e-14, abs=1e-15)
 
 
@@ -161,9 +161,9 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
     The joints move, rest, start or are held.
     """
     samples = random_samples(np.random.default_rng(5), 4000)
-    for each in variants(robot):
-        direction, breakaway = motion_directions(each, samples, side)
-        expected = motor_motion(each, RigidBody.from_robot(each), samples, direction, breakaway)
+    for item in variants(robot):
+        direction, breakaway = motion_directions(item, samples, side)
+        expected = motor_motion(item, RigidBody.from_robot(item), samples, direction, breakaway)
         q, qd, qdd, qddd, way, away = (
             ca.SX.sym(name, 4) for name in ("q", "qd", "qdd", "qddd", "way", "away")
         )
@@ -171,13 +171,13 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
             dense_function(
                 "law",
                 [q, qd, qdd, way, away],
-                list(motor_torque_symbolic(each, q, qd, qdd, way, away)),
+                list(motor_torque_symbolic(item, q, qd, qdd, way, away)),
             )
         )
         _, torque, effort = law(
             samples.q, samples.qd, samples.qdd, direction, np.asarray(breakaway, dtype=float)
         )
-        for i, joint in enumerate(each.joints):
+        for i, joint in enumerate(item.joints):
             if joint.drive is None:
                 assert not torque[:, i].any()
                 continue
@@ -186,9 +186,9 @@ def test_the_motors_law_is_that_of_the_model(robot: Robot, side: int) -> None:
             assert effort[:, i] == pytest.approx(expected.effort[:, i], rel=1e-13, abs=1e-13)
         rule = VectorisedFunction(
             dense_function(
-                "rule", [qd, qdd, qddd], list(motion_directions_symbolic(each, qd, qdd, qddd, side))
+                "rule", [qd, qdd, qddd], list(motion_directions_symbolic(item, qd, qdd, qddd, side))
             )
         )
-        found = rule(samples.qd, samples.qdd, samples.qddd)
-        assert np.array_equal(found[0], direction)
-        assert np.array_equal(found[1] != 0, np.asarray(breakaway, dtype=bool))
+        result = rule(samples.qd, samples.qdd, samples.qddd)
+        assert np.array_equal(result[0], direction)
+        assert np.array_equal(result[1] != 0, np.asarray(breakaway, dtype=bool))

@@ -29,7 +29,7 @@ def continuous(certificate: Certificate) -> dict[str | None, LimitCheck]:
 
 
 def by_sizing(trajectory: Trajectory, robot: Robot, rate: float = 2000.0) -> dict[str, float]:
-    return {each.joint: each.rms_torque for each in motor_requirements(trajectory, robot, rate)}
+    return {item.joint: item.rms_torque for item in motor_requirements(trajectory, robot, rate)}
 
 
 def with_static_friction(robot: Robot, mu: float) -> Robot:
@@ -67,10 +67,10 @@ def back_and_forth(robot: Robot, count: int) -> Trajectory:
 def test_it_is_the_rms_of_the_sizing_on_the_shipped_plan() -> None:
     """The continuous torque of the certificate equals the RMS torque of the sizing."""
     plan = load_plan(ROOT / "results/tilt_insert/plan.json")
-    found = continuous(check(plan.trajectory, plan.robot, plan.limits))
+    result = continuous(check(plan.trajectory, plan.robot, plan.limits))
     sized = by_sizing(plan.trajectory, plan.robot)
-    assert set(found) == set(sized) == {"roll", "tilt", "insertion"}
-    for joint, limit in found.items():
+    assert set(result) == set(sized) == {"roll", "tilt", "insertion"}
+    for joint, limit in result.items():
         assert limit.worst == pytest.approx(sized[joint], rel=1e-6)
 
 
@@ -79,9 +79,9 @@ def test_it_is_the_rms_of_the_sizing_with_starts_turns_and_jumps(robot: Robot, m
     """The continuous torque equals that of the sizing, also with starts, reversals and jumps."""
     robot = with_static_friction(robot, 0.6)
     trajectory = make(robot)
-    found = continuous(check(trajectory, robot))
+    result = continuous(check(trajectory, robot))
     for joint, rms in by_sizing(trajectory, robot, 20_000.0).items():
-        assert found[joint].worst == pytest.approx(rms, rel=1e-6)
+        assert result[joint].worst == pytest.approx(rms, rel=1e-6)
 
 
 def test_constant_speed_and_a_dwell_in_closed_form(robot: Robot) -> None:
@@ -99,15 +99,15 @@ def test_constant_speed_and_a_dwell_in_closed_form(robot: Robot) -> None:
     load = RigidBody.from_robot(robot).inverse_dynamics(HOME, rate, ZERO)[0, 3]
     effort = output_effort(joint.drive, load, speed, 0.0)
     torque = abs(float(motor_torque(joint.drive, effort, joint.drive.ratio * speed, 0.0)))
-    found = continuous(check(trajectory, robot))
-    assert found["insertion"].worst == pytest.approx(torque * np.sqrt(0.25), rel=1e-9)
-    assert found["insertion"].limit == joint.motor.nominal_torque
-    assert found["insertion"].margin == pytest.approx(
+    result = continuous(check(trajectory, robot))
+    assert result["insertion"].worst == pytest.approx(torque * np.sqrt(0.25), rel=1e-9)
+    assert result["insertion"].limit == joint.motor.nominal_torque
+    assert result["insertion"].margin == pytest.approx(
         1 - torque / 2 / joint.motor.nominal_torque, rel=1e-9
     )
-    assert (found["insertion"].time, found["insertion"].unit) == (2.0, "N·m")
+    assert (result["insertion"].time, result["insertion"].unit) == (2.0, "N·m")
     # Self-locking drives hold without torque.
-    assert found["roll"].worst == found["tilt"].worst == 0.0
+    assert result["roll"].worst == result["tilt"].worst == 0.0
 
 
 def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> None:
@@ -119,7 +119,7 @@ def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> Non
     )
     robot = dataclasses.replace(robot, joints=(free, *robot.joints[1:]))
     times = np.array([0.0, 3.0])
-    found = continuous(
+    result = continuous(
         check(
             Trajectory(
                 times,
@@ -130,10 +130,10 @@ def test_a_drive_that_does_not_lock_itself_pays_for_a_dwell(robot: Robot) -> Non
         )
     )
     load = float(RigidBody.from_robot(robot).gravity_load(HOME)[0, 0])
-    assert found["roll"].worst == pytest.approx(
+    assert result["roll"].worst == pytest.approx(
         abs(load) * drive.gamma * np.tan(drive.lead_angle), rel=1e-6
     )
-    assert found["roll"].worst > 0
+    assert result["roll"].worst > 0
 
 
 def test_static_friction_is_a_peak_and_no_heat(robot: Robot) -> None:

@@ -51,17 +51,17 @@ def test_a_cut_of_the_shipped_motion_fails(
 ) -> None:
     header, *lines = SHIPPED.read_text(encoding="utf-8").splitlines()
     path = tmp_path / "cut.csv"
-    kept = [",".join(line.split(",")[:columns]) for line in (header, *lines[rows])]
-    path.write_text("\n".join(kept) + "\n", encoding="utf-8")
+    remaining = [",".join(line.split(",")[:columns]) for line in (header, *lines[rows])]
+    path.write_text("\n".join(remaining) + "\n", encoding="utf-8")
     end = "--end-rate" if rows.start == 0 else "--start-rate"
     judged = ENDS if columns == 13 else {"velocity jump"}
 
     def exceeded(*options: str) -> set[str]:
         assert main(["check", str(path), "--robot", ROBOT, "--json", *options]) in (0, 1, 4)
-        found = json.loads(capsys.readouterr().out)
-        broken = any(limit["margin"] < -1e-6 for limit in found["limits"])
-        assert broken == (found["verdict"] == "violated")
-        return judged & {limit["name"] for limit in found["limits"] if limit["margin"] < -1e-6}
+        result = json.loads(capsys.readouterr().out)
+        broken = any(limit["margin"] < -1e-6 for limit in result["limits"])
+        assert broken == (result["verdict"] == "violated")
+        return judged & {limit["name"] for limit in result["limits"] if limit["margin"] < -1e-6}
 
     assert exceeded()
     assert not exceeded(end, "any")
@@ -78,14 +78,14 @@ def test_rates_that_are_none_are_refused(word: str, capsys: pytest.CaptureFixtur
 
 
 def test_every_cut_fails_and_every_declared_cut_passes(robot: Robot) -> None:
-    whole = trapezoids(robot)
-    assert check(whole, robot).passed
-    count = len(whole.breaks) - 1
+    complete = trapezoids(robot)
+    assert check(complete, robot).passed
+    count = len(complete.breaks) - 1
     for k in range(1, count):
-        for piece, end in ((part(whole, 0, k), 1), (part(whole, k, count), 0)):
-            found = ENDS & {limit.name for limit in check(piece, robot).violations}
+        for piece, end in ((part(complete, 0, k), 1), (part(complete, k, count), 0)):
+            result = ENDS & {limit.name for limit in check(piece, robot).violations}
             moving = np.abs(end_velocities(piece)[end]).max() > 1e-9
-            assert found == ({("start velocity", "end velocity")[end]} if moving else set())
+            assert result == ({("start velocity", "end velocity")[end]} if moving else set())
             declared = {("start_rate", "end_rate")[end]: rates_at(piece, robot, end)}
             assert not ENDS & {
                 limit.name for limit in check(piece, robot, TaskLimits(**declared)).violations
@@ -112,8 +112,8 @@ def test_joint_rates_are_those_of_the_task(robot: Robot) -> None:
 
 def test_a_plan_that_ends_moving_leaves_for_every_controller(robot: Robot, tmp_path: Path) -> None:
     """Exports keep the last speed of a plan that ends in motion."""
-    whole = trapezoids(robot)
-    moving = part(whole, 0, 1)
+    complete = trapezoids(robot)
+    moving = part(complete, 0, 1)
     limits = TaskLimits(end_rate=rates_at(moving, robot, 1))
     plan = read_back(tmp_path / "plan.json", robot, moving, limits=limits)
     assert plan.limits.end_rate == limits.end_rate

@@ -41,15 +41,15 @@ def of_stop(trajectory: Trajectory, robot: Robot, way: float, **more: object) ->
 
 def test_the_farthest_stop_is_that_of_a_closer_look(robot: Robot) -> None:
     """The reported travel is at least that of the coarse search."""
-    whole = motion()
-    stops = quickest_stops(whole, robot)
-    line = of_stop(whole, robot, 0.01)
+    complete = motion()
+    stops = quickest_stops(complete, robot)
+    line = of_stop(complete, robot, 0.01)
     k = int(np.argmax(stops.travel))
     assert stops.travel[k] <= line.worst <= 1.05 * stops.travel[k]
     assert line.time == pytest.approx(1.0 + stops.time[k], abs=2e-3)
     assert line.margin == pytest.approx(1 - line.worst / 0.01)
     assert line.case is None
-    assert not of_stop(whole, robot, 0.9 * line.worst).passed
+    assert not of_stop(complete, robot, 0.9 * line.worst).passed
 
 
 def test_a_motion_that_ends_moving_has_no_stops_to_rely_on(robot: Robot) -> None:
@@ -95,10 +95,10 @@ def test_stops_are_joined_one_after_the_other(robot: Robot) -> None:
 def test_a_motion_done_once_is_not_held_against_what_motors_give_for_all_time(robot: Robot) -> None:
     """The continuous torque is not checked for a motion that is performed once."""
     for duty, count in ((None, 0), (0.0, 3), (10.0, 3)):
-        found = check(motion(), robot, TaskLimits(duty=duty))
-        lines = [line for line in found.limits if line.name == ContinuousTorque.name]
+        result = check(motion(), robot, TaskLimits(duty=duty))
+        lines = [line for line in result.limits if line.name == ContinuousTorque.name]
         assert len(lines) == count
-        assert any("continuous torque" in note for note in found.unchecked) == (count == 0)
+        assert any("continuous torque" in note for note in result.unchecked) == (count == 0)
     assert module.STOP_SAMPLING_RATE < module.SAMPLING_RATE
 
 
@@ -111,11 +111,11 @@ def test_what_is_missing_for_the_torque_of_a_joint_is_named(robot: Robot) -> Non
         ({"drive": None}, f"names no drive for it, so its motor {joint.motor.name} is ignored"),
     ):
         changed = replace(joint, **changes)
-        found = check(motion(), replace(robot, joints=(changed, *robot.joints[1:])))
-        notes = [note for note in found.unchecked if f"of joint {joint.name}:" in note]
+        result = check(motion(), replace(robot, joints=(changed, *robot.joints[1:])))
+        notes = [note for note in result.unchecked if f"of joint {joint.name}:" in note]
         assert len(notes) == 1
         assert text in notes[0]
-        judged = {(line.name, line.joint) for line in found.limits}
+        judged = {(line.name, line.joint) for line in result.limits}
         assert ("motor torque", joint.name) not in judged
         assert ("self-locking", joint.name) not in judged or "drive" not in changes
 
@@ -143,9 +143,9 @@ def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Rob
             if line.name == SelfLocking.name
         }
 
-    whole, none, part = lines(1.0, 0.9), lines(None, 0.9), lines(1.0, 0.95)
-    assert set(whole) == {j.name for j in robot.joints if j.drive and j.drive.self_locking}
-    for name, line in whole.items():
+    complete, none, part = lines(1.0, 0.9), lines(None, 0.9), lines(1.0, 0.95)
+    assert set(complete) == {j.name for j in robot.joints if j.drive and j.drive.self_locking}
+    for name, line in complete.items():
         drive = robot.joints[[j.name for j in robot.joints].index(name)].drive
         mu = drive.friction.mu
         assert none[name].worst == pytest.approx(mu)
@@ -155,8 +155,8 @@ def test_drives_that_lock_do_so_at_the_lowest_friction_of_their_range(robot: Rob
         assert line.case == f"mu {0.9 * mu:.4g}"
         # The needed friction follows from the lead alone.
         assert line.limit == pytest.approx(none[name].limit) == pytest.approx(part[name].limit)
-        for each in (line, none[name], part[name]):
-            assert each.margin == pytest.approx(each.worst / each.limit - 1)
+        for item in (line, none[name], part[name]):
+            assert item.margin == pytest.approx(item.worst / item.limit - 1)
 
 
 @pytest.mark.parametrize("k", [0, 1, 3, 4])

@@ -70,8 +70,8 @@ def agrees(robot: Robot, motion: Trajectory) -> bool:
     k = len(motion.breaks) // 2
     few = Trajectory(motion.breaks[k - 100 : k + 101], motion.pieces(slice(k - 100, k + 100)), ())
     alone = check(few, robot, ANY_SPEED, rate=200_000.0)["motor torque", "roll"]
-    whole = check(motion, robot, ANY_SPEED)["motor torque", "roll"]
-    return bool(whole.worst >= alone.worst * (1 - 1e-4))
+    complete = check(motion, robot, ANY_SPEED)["motor torque", "roll"]
+    return bool(complete.worst >= alone.worst * (1 - 1e-4))
 
 
 @pytest.mark.parametrize(

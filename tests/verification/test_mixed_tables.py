@@ -47,15 +47,15 @@ def test_linear_pieces_do_not_excuse_the_smooth_ones(robot: Robot, lacking: list
             for limit in certificate.limits
         }
 
-    whole, part = limits(10.0, []), limits(10.0, lacking)
+    complete, part = limits(10.0, []), limits(10.0, lacking)
     worst, time, passed = part["acceleration", "roll"]
     assert not passed
     # The remaining smooth pieces contain at least one of the two peaks.
-    assert worst == pytest.approx(whole["acceleration", "roll"][0], rel=1e-6)
+    assert worst == pytest.approx(complete["acceleration", "roll"][0], rel=1e-6)
     peaks = np.array([0.5, 1.5]) * np.pi / 8.0
     assert np.abs(time - peaks).min() < PERIOD
     name = "motor torque", "roll"
-    assert name in part or name not in whole
+    assert name in part or name not in complete
     slow = limits(0.5, lacking)
     assert slow["acceleration", "roll"][2]
 

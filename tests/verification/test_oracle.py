@@ -36,15 +36,15 @@ def states(seed: int, count: int = 60) -> np.ndarray:
 def test_efforts_are_those_of_the_package_and_of_pinocchio(tilt_insert: Problem, seed: int) -> None:
     robot = random_problem(tilt_insert, seed).robot
     q, qd, qdd = states(seed)
-    found = oracle.efforts(robot, q, qd, qdd)
-    assert found == pytest.approx(
+    result = oracle.efforts(robot, q, qd, qdd)
+    assert result == pytest.approx(
         RigidBody.from_robot(robot).inverse_dynamics(q, qd, qdd), abs=1e-12
     )
     pin = pytest.importorskip("pinocchio")
     model = pinocchio_model.build(robot)
     data = model.createData()
     expected = [pin.rnea(model, data, *state) for state in zip(q, qd, qdd, strict=True)]
-    assert found == pytest.approx(np.array(expected), abs=1e-12)
+    assert result == pytest.approx(np.array(expected), abs=1e-12)
 
 
 @pytest.mark.parametrize("law", ["coulomb", "stribeck_exponential", "stribeck_gaussian"])
@@ -63,8 +63,8 @@ def test_motor_torques_are_those_of_the_motor_law(robot: Robot, law: str) -> Non
         way = np.sign(qd)
         effort = output_effort(drive, load, qd, qdd, way)
         w, wd = drive.ratio * qd, drive.ratio * qdd
-        found = oracle.motor_torque(drive, load, qd, qdd, way)
-        assert found == pytest.approx(motor_torque(drive, effort, w, wd), rel=1e-9)
+        result = oracle.motor_torque(drive, load, qd, qdd, way)
+        assert result == pytest.approx(motor_torque(drive, effort, w, wd), rel=1e-9)
         started = oracle.motor_torque(drive, load, qd, qdd, way, True)
         mu = breakaway_coefficient(drive.friction, w)
         assert started == pytest.approx(motor_torque(drive, effort, w, wd, mu=mu), rel=1e-9)
@@ -109,16 +109,16 @@ def test_the_worst_values_are_those_of_the_certificate(robot: Robot, name: str) 
     limits = TaskLimits((TaskRange("tilt", -2.4, -1.42), TipSpeed(TIP)))
     certificate = check(motion, robot, limits)
     played = oracle.from_pieces(motion.breaks, motion.coefficients)
-    found = oracle.violations(played, robot, ranges={"tilt": (-2.4, -1.42)}, tip=TIP)
-    common = [line for line in certificate.limits if (line.name, line.joint) in found]
+    result = oracle.violations(played, robot, ranges={"tilt": (-2.4, -1.42)}, tip=TIP)
+    common = [line for line in certificate.limits if (line.name, line.joint) in result]
     assert {"position", "velocity", "acceleration", "motor speed", "motor torque"} <= {
         line.name for line in common
     }
     for line in common:
-        excess = found[line.name, line.joint]
+        excess = result[line.name, line.joint]
         assert excess == pytest.approx(-line.margin, abs=5e-4), line
         assert excess <= -line.margin + 1e-6, line
-    assert all(excess < 0 for (limit, _), excess in found.items() if limit.startswith("steps"))
+    assert all(excess < 0 for (limit, _), excess in result.items() if limit.startswith("steps"))
 
 
 @pytest.mark.parametrize(("size", "broken"), [(5e-7, False), (2e-6, True)])
@@ -133,12 +133,12 @@ def test_steps_count_as_speed(robot: Robot, size: float, broken: bool) -> None:
         coefficients[2:, 0, 0] += size
         if times > 1:
             coefficients[3:, 0, 0] += 9 * size
-        found = oracle.violations(oracle.from_pieces(motion.breaks, coefficients), robot)
-        assert (found["steps of position", "roll"] > 1e-3) is (broken or times > 1)
+        result = oracle.violations(oracle.from_pieces(motion.breaks, coefficients), robot)
+        assert (result["steps of position", "roll"] > 1e-3) is (broken or times > 1)
     coefficients = motion.coefficients.copy()
     coefficients[0, 1, 0] += size * robot.joints[0].velocity
-    found = oracle.violations(oracle.from_pieces(motion.breaks, coefficients), robot)
-    assert (found["steps of velocity", "roll"] > 1e-3) is broken
+    result = oracle.violations(oracle.from_pieces(motion.breaks, coefficients), robot)
+    assert (result["steps of velocity", "roll"] > 1e-3) is broken
 
 
 def test_a_target_is_missed_beyond_its_tolerance(robot: Robot) -> None:
@@ -157,6 +157,6 @@ def test_a_small_excess_of_every_limit_is_seen(robot: Robot) -> None:
     motion = trapezoids(robot, share=1.0)
     quicker = motion.slower(1.003)
     played = oracle.from_pieces(quicker.breaks, quicker.coefficients)
-    found = oracle.violations(played, robot)
-    assert found["velocity", "tilt"] == pytest.approx(3e-3, rel=1e-6)
-    assert found["acceleration", "tilt"] == pytest.approx(1.003**2 - 1, rel=1e-6)
+    result = oracle.violations(played, robot)
+    assert result["velocity", "tilt"] == pytest.approx(3e-3, rel=1e-6)
+    assert result["acceleration", "tilt"] == pytest.approx(1.003**2 - 1, rel=1e-6)

@@ -28,10 +28,10 @@ ROUNDING = 1e-6
 
 @pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
 def test_shipped_plans_are_within_half_a_per_mille_of_their_bound(name: str) -> None:
-    made = load_plan(ROOT / "results" / name)
-    for span in made.motion.phases:
+    result = load_plan(ROOT / "results" / name)
+    for span in result.motion.phases:
         bound = shortest_path_duration(
-            made.motion, made.robot, made.limits, (span.start, span.end)
+            result.motion, result.robot, result.limits, (span.start, span.end)
         ).bound
         assert bound is not None
         duration = span.end - span.start
@@ -51,14 +51,14 @@ def test_the_bound_of_a_single_joint_is_its_bang_bang_time(joint: int, distance:
 
 def test_the_bound_is_valid_for_any_guess_of_the_timing() -> None:
     """The timing only guides the search for multipliers. A bad timing gives a smaller bound."""
-    made = load_plan(ROOT / "results/tilt_insert")
-    span = made.motion.phases[0].start, made.motion.phases[0].end
-    path = path_rows.PathRows.from_trajectory(made.motion, made.robot, span, (0.0, 1.0))
+    result = load_plan(ROOT / "results/tilt_insert")
+    span = result.motion.phases[0].start, result.motion.phases[0].end
+    path = path_rows.PathRows.from_trajectory(result.motion, result.robot, span, (0.0, 1.0))
     rng = np.random.default_rng(0)
     bounds = []
     for size in (0.02, 0.2, 0.9):
         squares = 1 - size * rng.uniform(0, 1, len(path.lengths) + 1)
-        bounds.append(path_bound(made.motion, made.robot, made.limits, span, squares)[0])
+        bounds.append(path_bound(result.motion, result.robot, result.limits, span, squares)[0])
     known = [bound for bound in bounds if bound is not None]
     assert known
     assert max(known) <= (1 + ROUNDING) * (span[1] - span[0])
@@ -66,10 +66,12 @@ def test_the_bound_is_valid_for_any_guess_of_the_timing() -> None:
 
 @pytest.mark.parametrize("speed", [0.85, 0.3])
 def test_a_slow_motion_has_the_bound_of_its_path(speed: float) -> None:
-    made = load_plan(ROOT / "results/tilt_insert")
+    result = load_plan(ROOT / "results/tilt_insert")
     bounds = [
-        shortest_path_duration(motion, made.robot, made.limits, (0.0, motion.phases[0].end)).bound
-        for motion in (made.motion, made.motion.slower(speed))
+        shortest_path_duration(
+            motion, result.robot, result.limits, (0.0, motion.phases[0].end)
+        ).bound
+        for motion in (result.motion, result.motion.slower(speed))
     ]
     assert bounds[0] == pytest.approx(bounds[1], rel=GAP)
 
@@ -107,12 +109,12 @@ def test_a_motion_faster_than_its_bound_breaks_a_torque_limit() -> None:
 
 
 def test_the_integral_does_not_depend_on_the_grid(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = load_plan(ROOT / "results/tilt_insert")
-    span = made.motion.phases[0].start, made.motion.phases[0].end
+    result = load_plan(ROOT / "results/tilt_insert")
+    span = result.motion.phases[0].start, result.motion.phases[0].end
     bounds = []
     for intervals in (200, 700):
         monkeypatch.setattr(path_rows, "PATH_INTERVALS", intervals)
-        bounds.append(path_bound(made.motion, made.robot, made.limits, span)[0])
+        bounds.append(path_bound(result.motion, result.robot, result.limits, span)[0])
     assert bounds[0] == pytest.approx(bounds[1], rel=1e-5)
 
 
@@ -133,12 +135,12 @@ def test_the_smallest_value_is_exact() -> None:
 def test_random_motions_where_the_limits_alternate(seed: int) -> None:
     """The motions touch a speed limit briefly, stay at a torque limit, or begin to brake early."""
     problem: Any = random_problem(load_problem("tilt_insert"), 94000 + seed)
-    made = plan(unchecked_copy(problem, planner="fast"), relaxations=False)
-    assert made.trajectory is not None
-    phase = next(p for p in made.phases if p.name in ("straight", "free"))
-    span = made.trajectory.phases[made.phases.index(phase)]
+    result = plan(unchecked_copy(problem, planner="fast"), relaxations=False)
+    assert result.trajectory is not None
+    phase = next(p for p in result.phases if p.name in ("straight", "free"))
+    span = result.trajectory.phases[result.phases.index(phase)]
     opinion = shortest_path_duration(
-        made.trajectory, problem.robot, problem.task_limits, (span.start, span.end)
+        result.trajectory, problem.robot, problem.task_limits, (span.start, span.end)
     )
     assert opinion.bound is not None
     assert opinion.bound <= (1 + ROUNDING) * phase.duration
@@ -205,10 +207,10 @@ def test_sensitivities_satisfy_the_scaling_of_time(name: str) -> None:
 
     Euler's theorem then gives a weighted sum of the sensitivities.
     """
-    made = load_plan(ROOT / "results" / name)
-    for span in made.motion.phases:
+    result = load_plan(ROOT / "results" / name)
+    for span in result.motion.phases:
         opinion = shortest_path_duration(
-            made.motion, made.robot, made.limits, (span.start, span.end)
+            result.motion, result.robot, result.limits, (span.start, span.end)
         )
         changes = changes_of(opinion)
         assert not any(change for (limit, _), change in changes.items() if "torque" in limit)

@@ -48,8 +48,8 @@ def test_values_and_times_are_those_of_the_trajectory(
     s = np.array([[0.0, 0.3, 1.0, 0.7], [0.5, 0.1, 0.2, 0.9]])
     for row in s:
         expected = motion.sample_pieces(piece, row * np.diff(motion.breaks)[piece])
-        found = whole.evaluate(piece, row)
-        for values, name in zip(found, ("q", "qd", "qdd"), strict=True):
+        result = whole.evaluate(piece, row)
+        for values, name in zip(result, ("q", "qd", "qdd"), strict=True):
             assert values == pytest.approx(getattr(expected, name), rel=1e-9, abs=1e-9)
         assert whole.velocities_at(piece, row) == pytest.approx(expected.qd, rel=1e-9, abs=1e-9)
     both = whole.evaluate(piece, s)[0]
@@ -80,17 +80,17 @@ def test_bounds_hold_every_value(whole: PieceBlock) -> None:
 def test_segments_cover_every_piece_and_speeds_keep_their_signs(
     whole: PieceBlock, robot: Robot
 ) -> None:
-    piece, begin, end = whole.split_at_reversals(robot)
+    piece, start, end = whole.split_at_reversals(robot)
     for k in range(COUNT):
         mine = piece == k
-        assert begin[mine][0] == 0.0
+        assert start[mine][0] == 0.0
         assert end[mine][-1] == 1.0
-        assert np.array_equal(begin[mine][1:], end[mine][:-1])
-        assert np.all(end[mine] > begin[mine])
+        assert np.array_equal(start[mine][1:], end[mine][:-1])
+        assert np.all(end[mine] > start[mine])
         dense = whole.velocities_at(np.full(201, k), GRID)
         turns = np.count_nonzero(np.diff(np.sign(dense), axis=0))
         assert mine.sum() == turns + 1
-    inside = begin + np.array([[0.01], [0.5], [0.99]]) * (end - begin)
+    inside = start + np.array([[0.01], [0.5], [0.99]]) * (end - start)
     signs = np.sign(whole.velocities_at(piece, inside))
     assert np.all(signs == signs[1])
 
@@ -111,7 +111,7 @@ def test_extremes_of_polynomials_are_those_of_dense_evaluation(
 
     def extremes() -> list[WorstValue]:
         judged = [
-            each for each in limited_quantities(robot, TaskLimits()) if each.order is not None
+            item for item in limited_quantities(robot, TaskLimits()) if item.order is not None
         ]
         worst = [WorstValue(quantity) for quantity in judged]
         for pieces in piece_blocks(motion):
@@ -119,23 +119,23 @@ def test_extremes_of_polynomials_are_those_of_dense_evaluation(
         return worst
 
     worst = extremes()
-    assert {each.quantity.order for each in worst} == {0, 1, 2}
+    assert {item.quantity.order for item in worst} == {0, 1, 2}
     t = np.concatenate(
         [a + GRID * (b - a) for a, b in zip(motion.breaks[:-1], motion.breaks[1:], strict=True)]
     )
     piece = np.repeat(np.arange(COUNT), len(GRID))
     samples = motion.sample_pieces(piece, t - motion.breaks[piece])
-    for each in worst:
-        quantity = each.quantity
+    for item in worst:
+        quantity = item.quantity
         name = ("q", "qd", "qdd")[quantity.order or 0]
         values = quantity.scale * getattr(samples, name)[:, quantity.index]
         dense = quantity.excess(values, values)
-        assert each.excess >= dense.max() - 1e-9
-        assert each.excess <= dense.max() + 1e-2 * abs(dense.max())
-        k = np.argmin(np.abs(t - each.time))
-        assert each.value == pytest.approx(values[k], rel=0.05, abs=0.05)
-        exactly = quantity.excess(np.array([each.value]), np.array([each.value]))
-        assert exactly[0] == pytest.approx(each.excess, rel=1e-9, abs=1e-9)
+        assert item.excess >= dense.max() - 1e-9
+        assert item.excess <= dense.max() + 1e-2 * abs(dense.max())
+        k = np.argmin(np.abs(t - item.time))
+        assert item.value == pytest.approx(values[k], rel=0.05, abs=0.05)
+        exactly = quantity.excess(np.array([item.value]), np.array([item.value]))
+        assert exactly[0] == pytest.approx(item.excess, rel=1e-9, abs=1e-9)
     monkeypatch.setattr(module, "PIECES_PER_BLOCK", 2)
     assert len(list(piece_blocks(motion))) == 4
     for one, other in zip(worst, extremes(), strict=True):

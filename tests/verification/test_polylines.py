@@ -52,7 +52,7 @@ def test_speeds_and_jumps_are_those_of_the_points(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(polylines, "PIECES_PER_BLOCK", block)
-    found = check(table, robot, resolution=resolution)
+    result = check(table, robot, resolution=resolution)
     length = np.diff(table.breaks)
     speed = table.pieces(slice(0, 12))[:, 1]
     rest = np.zeros((1, 4))
@@ -61,25 +61,25 @@ def test_speeds_and_jumps_are_those_of_the_points(
     sum_of_inverses = np.array([1 / length[0], *(1 / length[:-1] + 1 / length[1:]), 1 / length[-1]])
     for i, joint in enumerate(robot.joints):
         fastest = np.maximum(np.abs(speed[:, i]) - 2 * resolution[i] / length, 0.0)
-        line = of_joint(found, "velocity", joint.name)
+        line = of_joint(result, "velocity", joint.name)
         assert line.worst == pytest.approx(fastest.max(), rel=1e-6)
         assert line.time == pytest.approx(table.breaks[fastest.argmax()])
         assert line.margin == pytest.approx(1 - fastest.max() / joint.velocity, rel=1e-6)
         size = np.maximum(np.abs(jumps[:, i]) - 2 * resolution[i] * sum_of_inverses, 0.0)
         allowed = joint.acceleration * (before + after) / 2
         k = int(np.argmax(size / allowed))
-        line = of_joint(found, "velocity jump", joint.name)
+        line = of_joint(result, "velocity jump", joint.name)
         assert line.worst == pytest.approx(size[k], rel=1e-6)
         assert line.limit == pytest.approx(allowed[k])
         assert line.time == pytest.approx(table.breaks[k])
-    said = [note for note in found.unchecked if "rounding" in note]
+    said = [note for note in result.unchecked if "rounding" in note]
     assert len(said) == bool(resolution.any())
-    undefined = {u.name for u in found.unjudged if "not defined on straight pieces" in u.reason}
+    undefined = {u.name for u in result.unjudged if "not defined on straight pieces" in u.reason}
     assert undefined >= {"continuous torque"}
-    assert all(not line.passed for line in found.limits if line.name == "acceleration")
+    assert all(not line.passed for line in result.limits if line.name == "acceleration")
     # Torques can only be kept if the accelerations are kept.
-    torques = [line for line in found.limits if line.name == "motor torque"]
-    assert all(not line.passed for line in torques) or not found.violations
+    torques = [line for line in result.limits if line.name == "motor torque"]
+    assert all(not line.passed for line in torques) or not result.violations
 
 
 def test_speeds_of_the_tool_are_reduced_by_what_rounding_explains(
@@ -96,16 +96,16 @@ def test_speeds_of_the_tool_are_reduced_by_what_rounding_explains(
 
     limits = TaskLimits((TipSpeed(1e-6), TaskRate("depth", 1e-6)))
     for resolution in (EXACT, np.array([0.0, 0.0, 0.0, 2e-5]), np.full(4, 1e-4)):
-        found = check(table, robot, limits, resolution=resolution)
+        result = check(table, robot, limits, resolution=resolution)
         wrong = 2 * resolution / length[:, None]
         explained = sum(tip_speed(q, np.eye(4)[i] * wrong) for i in range(4))
         starts = np.maximum(tip_speed(q, qd) - explained, 0.0)
         ends = np.maximum(tip_speed(q + qd * length[:, None], qd) - explained, 0.0)
-        line = of_joint(found, "tip speed", None)
+        line = of_joint(result, "tip speed", None)
         assert starts.max() * (1 - 1e-6) <= line.worst <= max(*starts, *ends) * 1.001
         assert line.margin == pytest.approx(1 - line.worst / 1e-6)
         depth = np.maximum(np.abs(qd[:, 3]) - wrong[:, 3], 0.0).max()
-        assert of_joint(found, TaskRate.name_of("depth"), None).worst == pytest.approx(
+        assert of_joint(result, TaskRate.name_of("depth"), None).worst == pytest.approx(
             depth, rel=1e-5
         )
     fast = TaskLimits((TipSpeed(10.0),))
@@ -148,10 +148,10 @@ def test_points_with_velocities_are_judged_by_these(robot: Robot) -> None:
     coefficients[1, 0, 0] += 0.3 * 0.25 - 0.2 * 0.125
     coefficients[1, 1:3, 0] = 0.1, -0.1  # The speed jumps to 0.1 and falls to 0 in 0.5 s.
     motion = Trajectory(np.array([0.0, 0.5, 1.0]), coefficients, ())
-    found = check(motion, robot, resolution=np.full(4, 1e-9))
-    line = of_joint(found, "velocity", "roll")
+    result = check(motion, robot, resolution=np.full(4, 1e-9))
+    line = of_joint(result, "velocity", "roll")
     assert (line.worst, line.time) == (pytest.approx(0.15), pytest.approx(0.5))
-    line = of_joint(found, "velocity jump", "roll")
+    line = of_joint(result, "velocity jump", "roll")
     assert (line.worst, line.time) == (pytest.approx(0.05, rel=1e-5), 0.5)
     assert line.limit == pytest.approx(robot.joints[0].acceleration * 0.5)
 

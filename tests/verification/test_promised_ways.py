@@ -126,18 +126,18 @@ def test_leaving_the_lines_counts_near_a_corner_by_its_reach() -> None:
 def test_a_value_to_be_kept_may_be_off_by_its_tolerance_either_way(sign: float) -> None:
     limit = promises.RetinaDistance(2e-3)
     t, values = np.array([1.0, 1.5, 2.0]), 2e-3 + sign * np.array([0.0, 4e-7, -1e-7])
-    found = promises._check_required_value(limit, 1e-6, way(), t, values)
-    assert found.margin == pytest.approx(0.6)
-    assert (found.worst, found.time) == (values[1], 1.5)
-    assert found.limit == pytest.approx(2e-3 + sign * 1e-6)
+    result = promises._check_required_value(limit, 1e-6, way(), t, values)
+    assert result.margin == pytest.approx(0.6)
+    assert (result.worst, result.time) == (values[1], 1.5)
+    assert result.limit == pytest.approx(2e-3 + sign * 1e-6)
     assert not promises._check_required_value(limit, 3e-7, way(), t, values).passed
 
 
 def test_a_value_that_is_kept_exactly_has_the_whole_margin() -> None:
     t, values = np.array([1.0, 2.0]), np.full(2, promises.RetinaDistance(2e-3).largest)
-    found = promises._check_required_value(promises.RetinaDistance(2e-3), 1e-6, way(), t, values)
-    assert (found.margin, found.worst, found.time) == (1.0, values[0], 1.0)
-    assert found.limit == values[0] + 1e-6
+    result = promises._check_required_value(promises.RetinaDistance(2e-3), 1e-6, way(), t, values)
+    assert (result.margin, result.worst, result.time) == (1.0, values[0], 1.0)
+    assert result.limit == values[0] + 1e-6
 
 
 def test_a_constant_speed_holds_from_its_first_to_its_last_instant() -> None:
@@ -196,9 +196,9 @@ def test_instants_are_denser_about_corners_and_at_constant_speed(
         # one after it.
         even = np.linspace(1.0, 2.0, 61)
         near = np.flatnonzero(np.abs(0.02 * (even - 1.5) - corner) < 1.5e-3)
-        begin, end = even[max(near[0] - 1, 0)], even[min(near[-1] + 1, 60)]
+        start, end = even[max(near[0] - 1, 0)], even[min(near[-1] + 1, 60)]
         dense = t[:-1][np.diff(t) < 1e-3 * (1 + 1e-9)]
-        assert (dense.min(), t[t > dense.max()][0]) == pytest.approx((begin, end))
+        assert (dense.min(), t[t > dense.max()][0]) == pytest.approx((start, end))
         assert np.diff(t).max() == pytest.approx(1 / 60)
         assert (t[0], t[-1]) == (1.0, 2.0)
 
@@ -234,9 +234,9 @@ def test_a_phase_begins_on_the_branch_and_turn_of_its_motion(robot: Robot) -> No
     span = Span("way", 0.0, 2.0)
     for turns in (-1, 0, 1):
         roll = float(task[1, 0] + 2 * np.pi * turns)
-        found, branch = promises._initial_task(motion, mechanism, [Straight(roll=roll)], span)
-        assert found[0] == pytest.approx(roll - 1.0)
-        assert found[1:] == pytest.approx(task[0, 1:])
+        result, branch = promises._initial_task(motion, mechanism, [Straight(roll=roll)], span)
+        assert result[0] == pytest.approx(roll - 1.0)
+        assert result[1:] == pytest.approx(task[0, 1:])
         assert branch == mechanism.branch_of(start)
     assert promises._initial_task(motion, mechanism, [Straight(tilt=-1.8)], span)[
         0

@@ -71,12 +71,12 @@ def over_retina(distance: float) -> Follow:
 
 def exceeded(motion: Trajectory, robot: Any, limits: TaskLimits) -> set[str]:
     """Return the names of the violated limits."""
-    return {found.name for found in check(motion, robot, limits).violations}
+    return {result.name for result in check(motion, robot, limits).violations}
 
 
 @pytest.mark.slow
 def test_healthy_plans_hold_their_promises(planned: Callable[..., Plan]) -> None:
-    for made, names in (
+    for output, names in (
         (planned(*cornered(3e-4)), ["path departure", "corner rounding"]),
         (planned(line(constant_speed=4e-3)), ["path departure", "constant speed"]),
         (
@@ -86,14 +86,14 @@ def test_healthy_plans_hold_their_promises(planned: Callable[..., Plan]) -> None
         (planned(over_retina(1.5e-3), eye=True), ["path departure", "retina distance"]),
         (planned(Free(Task(tilt=-1.9))), []),
     ):
-        certificate = check(made.motion, made.robot, made.limits, seal=True)
+        certificate = check(output.motion, output.robot, output.limits, seal=True)
         assert certificate.passed
-        assert certificate.limits == made.certificate.limits  # type: ignore[union-attr]
+        assert certificate.limits == output.certificate.limits  # type: ignore[union-attr]
         assert [
-            found.name for found in certificate.limits if found.name in PATH_REQUIREMENTS
+            result.name for result in certificate.limits if result.name in PATH_REQUIREMENTS
         ] == names
-        again = Plan.from_json(made.to_json().encode(), Path("plan.json"))
-        assert (again.certificate, again.uncertified_reason) == (made.certificate, None)
+        again = Plan.from_json(output.to_json().encode(), Path("plan.json"))
+        assert (again.certificate, again.uncertified_reason) == (output.certificate, None)
 
 
 def test_a_motion_that_departs_further_is_refused(planned: Callable[..., Plan]) -> None:
@@ -115,58 +115,58 @@ def test_a_motion_that_departs_further_is_refused(planned: Callable[..., Plan]) 
 
 
 def test_phases_that_are_moved_or_renamed_are_refused(planned: Callable[..., Plan]) -> None:
-    made = planned(Straight(tilt=-2.0), line())
-    (a, b), whole = made.motion.phases, made.motion
+    result = planned(Straight(tilt=-2.0), line())
+    (a, b), complete = result.motion.phases, result.motion
     for phases in (
         (replace(a, name="free"), b),
         (Span("tilt", 0.0, b.end), Span("line", b.end, b.end)),
         (Span("tilt", 0.0, a.end / 2), Span("line", a.end / 2, b.end)),
         (Span("all", 0.0, b.end),),
     ):
-        other = Trajectory(whole.breaks, whole.coefficients, phases)
-        assert exceeded(other, made.robot, made.limits) == {"path departure"}
+        other = Trajectory(complete.breaks, complete.coefficients, phases)
+        assert exceeded(other, result.robot, result.limits) == {"path departure"}
 
 
 def test_a_constant_speed_is_one_without_gaps_and_never_exceeded(
     planned: Callable[..., Plan],
 ) -> None:
-    made = planned(line(constant_speed=4e-3))
-    t = made.motion.breaks
+    result = planned(line(constant_speed=4e-3))
+    t = result.motion.breaks
     # The motion has the same path, but is 10 % faster or slower in its middle.
     for faster in (0.1, -0.1):
-        at = np.linspace(0.0, t[-1], 2001)
-        warped = at - faster * 0.1 * np.exp(-(((at - t[-1] / 2) / 0.1) ** 2)) * np.sin(
-            (at - t[-1] / 2) / 0.1
+        time = np.linspace(0.0, t[-1], 2001)
+        warped = time - faster * 0.1 * np.exp(-(((time - t[-1] / 2) / 0.1) ** 2)) * np.sin(
+            (time - t[-1] / 2) / 0.1
         )
-        samples = made.motion.sample(np.clip(warped, 0.0, t[-1]))
-        rate = np.gradient(warped, at)[:, None]
+        samples = result.motion.sample(np.clip(warped, 0.0, t[-1]))
+        rate = np.gradient(warped, time)[:, None]
         state = samples.q, samples.qd * rate, samples.qdd * rate**2
         pieces = quintic_coefficients(
-            np.diff(at), tuple(x[:-1] for x in state), tuple(x[1:] for x in state)
+            np.diff(time), tuple(x[:-1] for x in state), tuple(x[1:] for x in state)
         )  # type: ignore[arg-type]
-        other = Trajectory(at, pieces, (Span("line", 0.0, float(at[-1])),))
-        assert "constant speed" in exceeded(other, made.robot, made.limits)
+        other = Trajectory(time, pieces, (Span("line", 0.0, float(time[-1])),))
+        assert "constant speed" in exceeded(other, result.robot, result.limits)
 
 
 def test_a_slower_playback_keeps_the_way_at_a_lower_constant_speed(
     planned: Callable[..., Plan],
 ) -> None:
-    made = planned(line(constant_speed=4e-3))
-    slow = made.motion.slower(0.5)
-    assert exceeded(slow, made.robot, made.limits) == {"constant speed"}
-    assert not exceeded(slow, made.robot, made.limits.slower(2.0))
+    result = planned(line(constant_speed=4e-3))
+    slow = result.motion.slower(0.5)
+    assert exceeded(slow, result.robot, result.limits) == {"constant speed"}
+    assert not exceeded(slow, result.robot, result.limits.slower(2.0))
 
 
 def test_check_refuses_changed_plans_and_passes_others(
     planned: Callable[..., Plan], tmp_path: Path, capsys: Any
 ) -> None:
-    made, file = planned(*cornered(3e-4)), tmp_path / "plan.json"
-    file.write_text(made.to_json(), encoding="utf-8")
+    output, file = planned(*cornered(3e-4)), tmp_path / "plan.json"
+    file.write_text(output.to_json(), encoding="utf-8")
     assert main(["check", str(file)]) == 0
     assert "corner rounding" in capsys.readouterr().out
-    document = json.loads(made.to_json())
+    document = json.loads(output.to_json())
     for change in ("blend", "target", "trajectory"):
-        changed = json.loads(made.to_json())
+        changed = json.loads(output.to_json())
         entries = changed["problem"]["motion"]
         if change == "blend":
             entries[0]["blend"] = 1e-4
@@ -177,8 +177,8 @@ def test_check_refuses_changed_plans_and_passes_others(
         file.write_text(json.dumps(changed), encoding="utf-8")
         assert load_plan(file).uncertified_reason is not None
         assert main(["check", str(file), "--json"]) == 1
-        found = json.loads(capsys.readouterr().out)["limits"]
-        assert min(found, key=lambda each: each["margin"])["name"] in PATH_REQUIREMENTS
+        result = json.loads(capsys.readouterr().out)["limits"]
+        assert min(result, key=lambda each: each["margin"])["name"] in PATH_REQUIREMENTS
     document["trajectory"]["phases"] = []
     file.write_text(json.dumps(document), encoding="utf-8")
     assert main(["check", str(file)]) == 2
@@ -186,11 +186,11 @@ def test_check_refuses_changed_plans_and_passes_others(
 
 def test_a_table_says_nothing_of_phases(planned: Callable[..., Plan]) -> None:
     """A table has no phases, so the promises about its path are not checked."""
-    made = planned(line())
-    bare = Trajectory(made.motion.breaks, made.motion.coefficients, ())
-    found = check(bare, made.robot, made.limits)
-    assert not {each.name for each in found.limits} & set(PATH_REQUIREMENTS)
-    assert any("path of line" in text for text in found.unchecked)
+    output = planned(line())
+    bare = Trajectory(output.motion.breaks, output.motion.coefficients, ())
+    result = check(bare, output.robot, output.limits)
+    assert not {item.name for item in result.limits} & set(PATH_REQUIREMENTS)
+    assert any("path of line" in text for text in result.unchecked)
 
 
 def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> None:
@@ -219,7 +219,7 @@ def test_the_departure_is_measured_by_the_tip_alone(tilt_insert: Problem) -> Non
     assert (off.departure, off.corner_reach) == pytest.approx(
         (0.002 * np.sqrt(0.75), 0.002), rel=1e-6
     )
-    assert not any(found.passed for found in off.checks)
+    assert not any(result.passed for result in off.checks)
 
 
 def test_arcs_and_lines_after_tables_and_scans(
@@ -238,14 +238,14 @@ def test_arcs_and_lines_after_tables_and_scans(
     points = tuple(Task(tilt=-1.66 - 0.01 * k) for k in range(3)) + tuple(
         Task(tilt=-1.68, depth=0.006 + 0.001 * k) for k in range(3)
     )
-    made = planned(
+    result = planned(
         Follow(points[-1], points[:-1], curve="samples", name="table"), arc, Straight(roll=0.0)
     )
-    kept = check_path_promises(
-        made.motion, Mechanism.from_geometry(made.robot.geometry), made.limits
+    remaining = check_path_promises(
+        result.motion, Mechanism.from_geometry(result.robot.geometry), result.limits
     )
-    assert [each.promise.span.name for each in kept] == ["arc", "roll"]
-    assert max(each.departure for each in kept) < 1e-8
+    assert [item.promise.span.name for item in remaining] == ["arc", "roll"]
+    assert max(item.departure for item in remaining) < 1e-8
     scan = next(entry for entry in laser_scan.motion if isinstance(entry, Scan))
     small = replace(scan, rows=2, columns=2, diameters=())
     scanned = planned(small, Straight(tilt=-2.05), eye=True)
@@ -267,5 +267,5 @@ def test_roll_beyond_half_a_turn(planned: Callable[..., Plan], tilt_insert: Prob
         motion=(Straight(roll=3.5),),
         planner="fast",
     )
-    made = plan(problem)
-    assert made.passed, made.reason
+    result = plan(problem)
+    assert result.passed, result.reason

@@ -202,8 +202,8 @@ def test_limits_just_kept_and_just_exceeded(document: Document) -> None:
                 continue
             names.add((name, joint))
         assert len(names) >= 20
-        found = proven(plan)
-        assert {found[key].verdict for key in names} == {verdict}
+        result = proven(plan)
+        assert {result[key].verdict for key in names} == {verdict}
 
 
 def shifted(c: np.ndarray, x: float) -> np.ndarray:
@@ -225,16 +225,16 @@ def with_bump(document: Document, rng: np.random.Generator) -> tuple[Document, f
     j, piece = int(rng.integers(4)), int(rng.integers(len(pieces)))
     length = breaks[piece + 1] - breaks[piece]
     width = min(10 ** rng.uniform(-6, -3), length / 3)
-    begin = float(rng.choice([0.0, rng.uniform(0, length - width), length - 1.01 * width]))
+    start = float(rng.choice([0.0, rng.uniform(0, length - width), length - 1.01 * width]))
     top = plan["problem"]["robot"]["joints"][j]["acceleration"]
     share = 10 ** rng.uniform(0.4, 1)
-    middle = shifted(pieces[piece], begin)
+    middle = shifted(pieces[piece], start)
     # The added acceleration is a parabola that rises from 0 to its peak and returns to 0.
     middle[3, j] += 4 * share * top / width / 6
     middle[4, j] -= 4 * share * top / width**2 / 12
-    end = shifted(pieces[piece], begin + width)
-    parts = ([pieces[piece]] if begin > 0 else []) + [middle, end]
-    times = ([breaks[piece] + begin] if begin > 0 else []) + [breaks[piece] + begin + width]
+    end = shifted(pieces[piece], start + width)
+    parts = ([pieces[piece]] if start > 0 else []) + [middle, end]
+    times = ([breaks[piece] + start] if start > 0 else []) + [breaks[piece] + start + width]
     trajectory["breaks_s"] = breaks[: piece + 1] + times + breaks[piece + 1 :]
     every = pieces[:piece] + parts + pieces[piece + 1 :]
     trajectory["coefficients"] = [c.tolist() for c in every]
@@ -426,8 +426,8 @@ def test_a_limit_outside_of_the_proof_is_named() -> None:
 
 @pytest.mark.slow
 def test_mutants_of_the_proof_are_found() -> None:
-    found = [found for *_, found in survivors(12, seed=6)]
-    assert sum(found) >= 10
+    result = [result for *_, result in survivors(12, seed=6)]
+    assert sum(result) >= 10
 
 
 def test_check_runs_the_separate_program(

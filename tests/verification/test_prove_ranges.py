@@ -90,10 +90,10 @@ def test_no_case_exceeds_what_is_proven_of_a_range(
     seed: int, *, friction: bool, payload: bool
 ) -> None:
     plan = changed(seed, friction=friction, payload=payload)
-    whole, rng = claims_of(plan), np.random.default_rng(seed)
+    complete, rng = claims_of(plan), np.random.default_rng(seed)
     for _ in range(3):
         for key, claim in claims_of(case_of(plan, rng)).items():
-            assert claim.excess <= whole[key].excess + 1e-9 * (1 + abs(claim.excess)), key
+            assert claim.excess <= complete[key].excess + 1e-9 * (1 + abs(claim.excess)), key
 
 
 def test_limits_just_kept_and_just_exceeded_by_a_corner() -> None:
@@ -102,14 +102,14 @@ def test_limits_just_kept_and_just_exceeded_by_a_corner() -> None:
     A limit that is smaller by 3e-6 is refuted.
     """
     plan = changed(0, friction=True, payload=True)
-    whole = claims_of(plan)
+    complete = claims_of(plan)
     for share, verdict in ((1 + 1e-8, "PROVEN"), (1 - 3e-6, "REFUTED")):
         for joint in plan["problem"]["robot"]["joints"]:
             if joint["drive"]:
-                worst = whole["motor torque", joint["name"]]
+                worst = complete["motor torque", joint["name"]]
                 joint["motor"]["max_torque"] = max(abs(worst.low), abs(worst.high)) * share
-        found = {key: claim for key, claim in claims_of(plan).items() if key[0] == "motor torque"}
-        assert {claim.verdict for claim in found.values()} == {verdict}
+        result = {key: claim for key, claim in claims_of(plan).items() if key[0] == "motor torque"}
+        assert {claim.verdict for claim in result.values()} == {verdict}
 
 
 def test_self_locking_is_that_of_the_least_friction() -> None:

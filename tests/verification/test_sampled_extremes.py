@@ -67,23 +67,23 @@ def test_intervals_cover_the_segments_at_the_rate(
 ) -> None:
     motion, cut = intervals
     (pieces,) = piece_blocks(motion)
-    piece, begin, end = pieces.split_at_reversals(robot)
+    piece, start, end = pieces.split_at_reversals(robot)
     edges = np.flatnonzero(np.append(True, ~cut.shares_end[:-1]))
     assert len(edges) == len(piece)
     last = np.append(edges[1:], len(cut.piece)) - 1
     assert np.array_equal(cut.piece[edges], piece)
-    assert cut.begin[edges] == pytest.approx(begin)
+    assert cut.begin[edges] == pytest.approx(start)
     assert cut.begin[last] + cut.width[last] == pytest.approx(end)
     assert not cut.shares_end[last].any()
     inner = cut.shares_end
     assert (cut.begin + cut.width)[inner] == pytest.approx(cut.begin[1:][inner[:-1]])
-    length = (end - begin) * pieces.length[piece]
-    wanted = np.clip(np.ceil(length * 40.0 / 3), 1, 6)
-    assert np.array_equal(last - edges + 1, wanted)
-    assert {1, 6} < set(wanted.astype(int).tolist())
+    length = (end - start) * pieces.length[piece]
+    expected = np.clip(np.ceil(length * 40.0 / 3), 1, 6)
+    assert np.array_equal(last - edges + 1, expected)
+    assert {1, 6} < set(expected.astype(int).tolist())
     speeds = pieces.velocities_at(cut.piece, cut.begin + cut.width / 2)
     assert np.array_equal(cut.direction, np.sign(speeds))
-    turning = np.abs(pieces.velocities_at(piece, np.stack([begin, end]))) < 1e-9
+    turning = np.abs(pieces.velocities_at(piece, np.stack([start, end]))) < 1e-9
     assert np.array_equal(cut.starting[edges], turning[0])
     assert not np.delete(cut.starting, edges, axis=0).any()
     slow = np.zeros(len(cut.piece), dtype=bool)
@@ -125,19 +125,19 @@ def test_means_of_squares_are_integrals(robot: Robot) -> None:
     speed = LimitedQuantity(robot.joints[0].limits[0], 0, 0)
     rms = RmsTorques([speed, *(LimitedQuantity(limit, i) for i, limit in enumerate(limits))])
     rng = np.random.default_rng(3)
-    begin, slope, duration = rng.normal(size=(6, 3)), rng.normal(size=(6, 3)), rng.uniform(1, 2, 6)
-    values = begin + THIRDS[:, None, None] * slope
+    start, slope, duration = rng.normal(size=(6, 3)), rng.normal(size=(6, 3)), rng.uniform(1, 2, 6)
+    values = start + THIRDS[:, None, None] * slope
     starting = np.zeros((6, 4), dtype=bool)
     starting[2, 0] = True
     values[0, 2, 1] += 5.0  # static friction at an instant
     rms.add_intervals(values, starting, duration)
-    square = begin**2 + begin * slope + slope**2 / 3
+    square = start**2 + start * slope + slope**2 / 3
     expected = (duration[:, None] * square).sum(axis=0)[1:]
     assert rms.integrals == pytest.approx(expected)
     motion = random_motion(5)
     checks = rms.results(robot, motion, pause=0.5)
-    whole = motion.breaks[-1] - motion.breaks[0] + 0.5
-    assert [check.worst for check in checks] == pytest.approx(np.sqrt(expected / whole))
+    complete = motion.breaks[-1] - motion.breaks[0] + 0.5
+    assert [check.worst for check in checks] == pytest.approx(np.sqrt(expected / complete))
     assert [check.time for check in checks] == [motion.breaks[-1]] * 2
     for check, i in zip(checks, (0, 1), strict=True):
         assert check.limit == robot.joints[i].limit(ContinuousTorque).high

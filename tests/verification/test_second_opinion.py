@@ -59,8 +59,8 @@ def assert_agreement(made: Plan) -> int:
 
 @pytest.mark.parametrize("name", ["tilt_insert", "eye_approach"])
 def test_shipped_plans_are_as_fast_as_their_paths_allow(name: str) -> None:
-    made = load_plan(ROOT / "results" / name)
-    assert assert_agreement(made) == len(made.problem.motion)
+    result = load_plan(ROOT / "results" / name)
+    assert assert_agreement(result) == len(result.problem.motion)
 
 
 @pytest.mark.slow
@@ -69,9 +69,9 @@ def test_shipped_plans_are_as_fast_as_their_paths_allow(name: str) -> None:
 )
 def test_other_shipped_problems(name: str) -> None:
     """Free motions of a requested duration are not judged."""
-    made = plan(unchecked_copy(load_problem(name), planner="fast"))
-    timed = sum(isinstance(entry, Free) and bool(entry.duration) for entry in made.problem.motion)
-    assert assert_agreement(made) == sum(bool(phase.solver) for phase in made.phases) - timed
+    result = plan(unchecked_copy(load_problem(name), planner="fast"))
+    timed = sum(isinstance(entry, Free) and bool(entry.duration) for entry in result.problem.motion)
+    assert assert_agreement(result) == sum(bool(phase.solver) for phase in result.phases) - timed
 
 
 @pytest.mark.slow
@@ -83,19 +83,19 @@ def test_random_plans(first: int) -> None:
     for seed in range(first, first + 6 + first // 2):
         problem = unchecked_copy(random_problem(base, 94000 + seed), planner="fast")
         if problem.duration is None and not problem.robot.jerk_limited:
-            made = plan(problem, relaxations=False)
-            count += assert_agreement(made) if made.passed else 0
+            result = plan(problem, relaxations=False)
+            count += assert_agreement(result) if result.passed else 0
     assert count >= 4
 
 
 @pytest.mark.parametrize("speed", [0.85, 0.5])
 def test_the_timing_of_a_motion_does_not_count(speed: float) -> None:
     """The fastest duration depends on the path of a motion, and not on its timing."""
-    made = load_plan(ROOT / "results/tilt_insert")
-    motions = made.motion, made.motion.slower(speed)
+    result = load_plan(ROOT / "results/tilt_insert")
+    motions = result.motion, result.motion.slower(speed)
     durations = [
         shortest_path_duration(
-            motion, made.robot, made.limits, (0.0, motion.phases[0].end)
+            motion, result.robot, result.limits, (0.0, motion.phases[0].end)
         ).duration
         for motion in motions
     ]
@@ -152,8 +152,8 @@ def test_friction_that_the_planner_underestimates_is_noticed(strength: float) ->
 
 def test_it_says_why_it_cannot_judge() -> None:
     """The result names the reason for each phase that is not judged."""
-    made = load_plan(ROOT / "results/tilt_insert")
-    problem = made.problem
+    result = load_plan(ROOT / "results/tilt_insert")
+    problem = result.problem
     joints = problem.robot.joints
     jerky = replace(problem.robot, joints=(replace(joints[0], jerk=1e3), *joints[1:]))
     tilt, insert = problem.motion
@@ -164,7 +164,7 @@ def test_it_says_why_it_cannot_judge() -> None:
         ({"motion": (tilt, replace(insert, duration=2.0))}, [None, "a duration is requested"]),
         ({"motion": (tilt, Dwell(1.2))}, [None, None]),
     ):
-        opinions = second_opinions(made.motion, unchecked_copy(problem, **changes))
+        opinions = second_opinions(result.motion, unchecked_copy(problem, **changes))
         assert [opinion.not_judged for opinion in opinions] == reasons
 
 
@@ -191,9 +191,11 @@ def test_nothing_of_the_planner_is_loaded_on_its_way() -> None:
 
 
 def test_a_phase_that_takes_no_time_has_the_duration_0(tilt_insert: Problem) -> None:
-    made = plan(replace(tilt_insert, motion=(*tilt_insert.motion, tilt_insert.motion[-1])))
-    assert made.phases[-1].duration == 0.0
-    assert second_opinions(made.motion, made.problem)[-1].duration == 0.0
-    result = judged(made)
+    output = plan(replace(tilt_insert, motion=(*tilt_insert.motion, tilt_insert.motion[-1])))
+    assert output.phases[-1].duration == 0.0
+    assert second_opinions(output.motion, output.problem)[-1].duration == 0.0
+    result = judged(output)
     assert result.passed
-    assert result.path_bound == pytest.approx(made.duration, rel=SLOWER + HEAT_OBJECTIVE_ALLOWANCE)
+    assert result.path_bound == pytest.approx(
+        output.duration, rel=SLOWER + HEAT_OBJECTIVE_ALLOWANCE
+    )

@@ -42,14 +42,14 @@ def with_stribeck(plan, rise: float, speed: float):
 
 def scan(plan, robot, factors):
     """Return the largest motor torques (m, 4) of a motion at each of m factors of its speed."""
-    found = []
+    result = []
     for factor in factors:
         slow = plan.motion.slower(factor)
         samples = slow.sample(np.linspace(slow.breaks[0], slow.breaks[-1], 2000))
         way, away = motion_directions(robot, samples, 1)
         torque = motor_motion(robot, RigidBody.from_robot(robot), samples, way, away).torque
-        found.append(np.nanmax(np.abs(np.nan_to_num(torque)), axis=0))
-    return np.array(found)
+        result.append(np.nanmax(np.abs(np.nan_to_num(torque)), axis=0))
+    return np.array(result)
 
 
 @pytest.mark.parametrize("law", ["coulomb", "stribeck"])
@@ -58,16 +58,16 @@ def test_the_worst_speed_is_that_of_a_scan_of_a_thousand(plan, law):
     robot = plan.robot if law == "coulomb" else with_stribeck(plan, 0.8, 40.0)
     factors = np.geomspace(0.01, 1.0, 1000)
     brute = scan(plan, robot, factors)
-    found = check_speeds(plan.motion, robot, plan.limits)
-    worst = {each.found.joint: each for each in found.worst if each.found.name == "motor torque"}
+    result = check_speeds(plan.motion, robot, plan.limits)
+    worst = {item.found.joint: item for item in result.worst if item.found.name == "motor torque"}
     assert set(worst) == {"roll", "tilt", "insertion"}
-    for joint, each in worst.items():
+    for joint, item in worst.items():
         i = [j.name for j in robot.joints].index(joint)
-        assert each.found.worst == pytest.approx(brute[:, i].max(), rel=0.01)
-        there = np.interp(each.speed, factors, brute[:, i])
-        assert there == pytest.approx(brute[:, i].max(), rel=0.01)
+        assert item.found.worst == pytest.approx(brute[:, i].max(), rel=0.01)
+        target = np.interp(item.speed, factors, brute[:, i])
+        assert target == pytest.approx(brute[:, i].max(), rel=0.01)
     if law == "stribeck":
-        assert min(each.speed for each in worst.values()) < 0.5
+        assert min(item.speed for item in worst.values()) < 0.5
 
 
 def test_a_certificate_at_one_speed_is_that_of_the_slowed_motion(plan):
@@ -81,9 +81,9 @@ def test_a_certificate_at_one_speed_is_that_of_the_slowed_motion(plan):
         for c in check(plan.motion, plan.robot, plan.limits).limits
         if c.name == "velocity"
     }
-    for each in slow.limits:
-        if each.name == "velocity":
-            assert each.worst == pytest.approx(0.1 * speeds[each.joint], rel=1e-6)
+    for item in slow.limits:
+        if item.name == "velocity":
+            assert item.worst == pytest.approx(0.1 * speeds[item.joint], rel=1e-6)
 
 
 def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
@@ -91,14 +91,14 @@ def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
     robot = with_stribeck(plan, 0.8, 40.0)
     free = check_speeds(plan.motion, robot, plan.limits)
     worst = next(
-        each
-        for each in free.worst
-        if each.found.name == "motor torque" and each.found.joint == "tilt"
+        item
+        for item in free.worst
+        if item.found.name == "motor torque" and item.found.joint == "tilt"
     )
     full = next(
-        each
-        for each in dict(free.certificates)[1.0].limits
-        if (each.name, each.joint) == ("motor torque", "tilt")
+        item
+        for item in dict(free.certificates)[1.0].limits
+        if (item.name, item.joint) == ("motor torque", "tilt")
     )
     assert full.worst < worst.found.worst
     between = (full.worst + worst.found.worst) / 2
@@ -108,8 +108,8 @@ def test_a_motion_that_passes_at_full_speed_may_not_at_a_lower_one(plan):
     )
     weak = replace(robot, joints=(robot.joints[0], tilt, *robot.joints[2:]))
     assert check(plan.motion, weak, plan.limits).passed
-    found = check_speeds(plan.motion, weak, plan.limits)
-    assert not found.passed
+    result = check_speeds(plan.motion, weak, plan.limits)
+    assert not result.passed
     assert not check_slower(plan.motion, weak, plan.limits, worst.speed).passed
 
 

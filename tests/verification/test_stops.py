@@ -18,8 +18,8 @@ from tests.support.plans import trapezoids
 @pytest.fixture(scope="module")
 def motion(robot: Robot) -> Trajectory:
     """Return a motion that starts at 3 s."""
-    whole = trapezoids(robot)
-    return Trajectory(whole.breaks + 3.0, whole.coefficients, ())
+    complete = trapezoids(robot)
+    return Trajectory(complete.breaks + 3.0, complete.coefficients, ())
 
 
 def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -> None:
@@ -39,10 +39,10 @@ def test_instants_beside_a_break_add_no_node(robot: Robot, motion: Trajectory) -
     )
     for end, (nodes, side) in enumerate(((path.s[:-1], "right"), (path.s[1:], "left"))):
         samples = motion.sample(3.0 + nodes, side)  # type: ignore[arg-type]
-        for found, expected in zip(
+        for result, expected in zip(
             (path.q, path.dq, path.ddq), (samples.q, samples.qd, samples.qdd), strict=True
         ):
-            assert found[end] == pytest.approx(expected)
+            assert result[end] == pytest.approx(expected)
     speeds = np.abs(motion.sample(3.0 + path.s).qd)
     slow = module.rest_speeds(robot)
     assert np.array_equal(path.rests, np.all(speeds <= slow, axis=1))
@@ -85,7 +85,7 @@ def test_parts_between_rests_have_the_same_stops(
     length, pieces = once.duration, once.coefficients
     breaks = np.concatenate([once.breaks[:-1] + k * length for k in range(3)] + [[3 * length]])
     motion = Trajectory(breaks, np.concatenate([pieces] * 3), ())
-    whole = module.quickest_stops(motion, robot, 200)
+    complete = module.quickest_stops(motion, robot, 200)
     searched = []
     original = module._stops_of_leg
 
@@ -97,9 +97,9 @@ def test_parts_between_rests_have_the_same_stops(
     monkeypatch.setattr(module, "_stops_of_leg", search)
     parts = module.quickest_stops(motion, robot, 200)
     assert len(searched) >= 3
-    assert np.allclose(parts.time, whole.time, atol=1e-12)
-    assert np.allclose(parts.duration, whole.duration, atol=1e-9)
-    assert np.allclose(parts.travel, whole.travel, atol=1e-12)
-    assert np.array_equal(np.diff(parts.edges) > 0, np.diff(whole.edges) > 0)
-    assert parts.ends_at_rest == whole.ends_at_rest
+    assert np.allclose(parts.time, complete.time, atol=1e-12)
+    assert np.allclose(parts.duration, complete.duration, atol=1e-9)
+    assert np.allclose(parts.travel, complete.travel, atol=1e-12)
+    assert np.array_equal(np.diff(parts.edges) > 0, np.diff(complete.edges) > 0)
+    assert parts.ends_at_rest == complete.ends_at_rest
     assert parts.joined is not None

@@ -27,9 +27,9 @@ TORQUE = MotorTorque.name
 
 def peaks(motion: Trajectory, robot: Robot) -> dict[str, float]:
     """Return the largest motor torques of a smooth motion by joint, N·m."""
-    found = oracle.violations(oracle.from_pieces(motion.breaks, motion.coefficients), robot)
+    result = oracle.violations(oracle.from_pieces(motion.breaks, motion.coefficients), robot)
     return {
-        joint.name: (1 + found[TORQUE, joint.name]) * joint.motor.max_torque
+        joint.name: (1 + result[TORQUE, joint.name]) * joint.motor.max_torque
         for joint in robot.joints
         if joint.motor is not None and joint.drive is not None
     }
@@ -88,12 +88,12 @@ def test_a_verdict_is_that_of_the_oracle(robot: Robot, seed: int) -> None:
     judged = set()
     for share in (0.2, 0.5, 2 / 3, 0.9, 0.999, 1.001, 1.1, 1.5, 3.0, 30.0):
         weak = with_torques(robot, {name: share * torque for name, torque in true.items()})
-        found = verdicts(check(table, weak, resolution=np.full(4, digits / 2)))
-        assert found.keys() == true.keys()
+        result = verdicts(check(table, weak, resolution=np.full(4, digits / 2)))
+        assert result.keys() == true.keys()
         wrong = "kept" if share < 1 else "violated"
-        moving = {name for name in found if true[name] > 1e-9}
-        assert not [name for name in moving if found[name] == wrong], share
-        judged |= {found[name] for name in moving}
+        moving = {name for name in result if true[name] > 1e-9}
+        assert not [name for name in moving if result[name] == wrong], share
+        judged |= {result[name] for name in moving}
     assert {"kept", "not judged"} <= judged
 
 
@@ -109,9 +109,9 @@ def test_fine_tables_are_judged(
     table = through(np.round(s.q / digits) * digits if digits else s.q, s.t)
     for share, expected in ((2 / 3, "violated"), (2.0, "kept")):
         weak = with_torques(robot, {name: share * torque for name, torque in true.items()})
-        found = check(table, weak, resolution=np.full(4, digits / 2))
-        assert set(verdicts(found).values()) == {expected}
-        for line in found.limits:
+        result = check(table, weak, resolution=np.full(4, digits / 2))
+        assert set(verdicts(result).values()) == {expected}
+        for line in result.limits:
             if line.name == TORQUE:
                 assert line.worst == pytest.approx(true[str(line.joint)], rel=0.5)
                 assert motion.breaks[0] <= line.time <= motion.breaks[-1]
@@ -121,8 +121,8 @@ def test_a_band_that_contains_the_limit_is_stated(robot: Robot) -> None:
     motion = trapezoids(robot)
     true = peaks(motion, robot)
     s = motion.uniform(1000.0)
-    found = check(through(s.q, s.t), with_torques(robot, true), resolution=np.zeros(4))
-    reasons = {u.joint: u.reason for u in found.unjudged if u.name == TORQUE}
+    result = check(through(s.q, s.t), with_torques(robot, true), resolution=np.zeros(4))
+    reasons = {u.joint: u.reason for u in result.unjudged if u.name == TORQUE}
     assert reasons.keys() == true.keys()
     for name, reason in reasons.items():
         low, high = (
@@ -140,8 +140,8 @@ def test_a_band_has_no_upper_end_if_its_assumption_fails(robot: Robot, cause: st
     strong = with_torques(robot, {name: 3 * x for name, x in peaks(motion, robot).items()})
     limits = TaskLimits(payload=(0.0, 0.05) if cause == "range of payload" else None)
     t = s.t / 5 if cause == "too fast" else s.t
-    found = check(through(s.q, t), strong, limits, resolution=np.zeros(4))
-    reasons = [u.reason for u in found.unjudged if u.name == TORQUE]
+    result = check(through(s.q, t), strong, limits, resolution=np.zeros(4))
+    reasons = [u.reason for u in result.unjudged if u.name == TORQUE]
     assert reasons
     assert all("at least" in reason and "at most" not in reason for reason in reasons)
 
@@ -150,10 +150,10 @@ def test_a_range_of_friction_or_payload_is_never_kept_by_the_nominal_band(robot:
     motion = smooth(robot)
     s = motion.uniform(1000.0)
     strong = with_torques(robot, {name: 3 * x for name, x in peaks(motion, robot).items()})
-    found = check(
+    result = check(
         through(s.q, s.t), strong, TaskLimits(payload=(0.0, 0.05)), resolution=np.zeros(4)
     )
-    assert set(verdicts(found).values()) == {"not judged"}
+    assert set(verdicts(result).values()) == {"not judged"}
 
 
 def test_rows_that_do_not_move_need_no_torque(robot: Robot) -> None:
@@ -161,8 +161,8 @@ def test_rows_that_do_not_move_need_no_torque(robot: Robot) -> None:
     t = np.linspace(0.0, 1.0, 101)
     q = np.tile([0.3, 1.15, 0.1, -0.01], (101, 1))
     q[:, 3] -= 0.005 * (3 * t**2 - 2 * t**3)
-    found = verdicts(check(through(q, t), robot, resolution=np.zeros(4)))
-    assert found["roll"] == found["tilt"] == "kept"
+    result = verdicts(check(through(q, t), robot, resolution=np.zeros(4)))
+    assert result["roll"] == result["tilt"] == "kept"
 
 
 @pytest.mark.parametrize(("factor", "violated"), [(1.5, True), (0.95, False)])
@@ -182,10 +182,10 @@ def test_rounding_hides_no_acceleration_over_longer_windows(
     q[:, 1] += bend * (rise - fall - later + last)
     digits = 2 * joint.acceleration * dt**2
     rounded = np.round(q / digits) * digits
-    found = check(through(rounded, t), robot, resolution=np.full(4, digits / 2))
-    lines = [line for line in found.violations if line.name == "acceleration"]
+    result = check(through(rounded, t), robot, resolution=np.full(4, digits / 2))
+    lines = [line for line in result.violations if line.name == "acceleration"]
     assert [line.joint for line in lines] == ["tilt"] * violated
-    assert len(found.violations) == len(lines)
+    assert len(result.violations) == len(lines)
     for line in lines:
         assert line.worst / line.limit == pytest.approx(factor, rel=0.3)
     open_end = TaskLimits(end_rate=None)

@@ -45,8 +45,8 @@ def test_a_certificate_is_violated_before_it_is_not_judged() -> None:
     """A violated limit has priority over limits that are not judged."""
     torque = Unjudged("motor torque", "roll", "no reason")
     broken = LimitCheck("jerk", None, 3.0, 2.0, -0.5, 0.0, "")
-    kept = Certificate((LINE,), "x", 3)
-    assert (kept.verdict, kept.passed) == ("kept", True)
+    remaining = Certificate((LINE,), "x", 3)
+    assert (remaining.verdict, remaining.passed) == ("kept", True)
     assert Certificate((), "x", 3).verdict == "not judged"
     open_ = Certificate((LINE,), "x", 3, unjudged=(torque,))
     assert (open_.verdict, open_.passed) == ("not judged", False)
@@ -57,7 +57,7 @@ def test_a_certificate_is_violated_before_it_is_not_judged() -> None:
     assert own.verdict_of(LINE) == "not judged"
     assert open_.verdict_of(LINE) == "kept"
     assert open_.verdict_of(broken) == "violated"
-    for certificate in (kept, open_, own):
+    for certificate in (remaining, open_, own):
         data = json.loads(json.dumps(certificate.to_dict()))
         assert Certificate.from_dict(data) == certificate
         assert data["verdict"] == certificate.verdict
@@ -165,8 +165,8 @@ def test_a_steady_speed_beyond_the_limit_is_violated_in_every_rounding(
     q = np.tile(HOME, (len(t), 1))
     q[:, joint] += factor * robot.joints[joint].velocity * t
     q[:, joint] = np.round(q[:, joint] / digits) * digits
-    found = check(through(q, t), robot, resolution=np.full(4, digits / 2))
-    line = found["velocity", robot.joints[joint].name]
+    result = check(through(q, t), robot, resolution=np.full(4, digits / 2))
+    line = result["velocity", robot.joints[joint].name]
     assert not line.passed
     assert line.worst <= factor * robot.joints[joint].velocity * (1 + 1e-9)
 
@@ -178,5 +178,5 @@ def test_a_healthy_speed_is_never_violated(robot: Robot, digits: float, share: f
     q = HOME + share * np.outer(t, [joint.velocity for joint in robot.joints])
     q = np.round(q / digits) * digits
     limits = TaskLimits((TipSpeed(1.0),))
-    found = check(through(q, t), robot, limits, resolution=np.full(4, digits / 2))
-    assert {line.name for line in found.violations} <= {"velocity jump", "position"}
+    result = check(through(q, t), robot, limits, resolution=np.full(4, digits / 2))
+    assert {line.name for line in result.violations} <= {"velocity jump", "position"}

@@ -67,9 +67,9 @@ def knot(motion: Trajectory) -> int:
 
 
 def test_a_motion_does_what_its_problem_asks(table: Trajectory, problem: Problem) -> None:
-    found = with_task_results(EMPTY, table, problem)
-    assert found.verdict == "kept"
-    assert {line.name for line in found.limits} == {"target", "path departure"}
+    result = with_task_results(EMPTY, table, problem)
+    assert result.verdict == "kept"
+    assert {line.name for line in result.limits} == {"target", "path departure"}
     plan = load_plan(SHIPPED).motion
     assert with_task_results(EMPTY, plan, problem).verdict == "kept"
 
@@ -131,10 +131,10 @@ def test_waypoints_are_passed_in_order(table: Trajectory, problem: Problem) -> N
 @pytest.mark.parametrize("pause", [0.2, 1.0])
 def test_a_dwell_lasts_as_long_as_asked(table: Trajectory, problem: Problem, pause: float) -> None:
     k, n = knot(table), len(table.breaks) - 1
-    asked = asking(problem, TILT, Dwell(pause), INSERT)
-    assert broken(table, asked) == {"dwell"}
-    assert broken(holding(table, [(k, 0.8 * pause)]), asked) == {"dwell"}
-    assert not broken(holding(table, [(k, pause)]), asked)
+    request = asking(problem, TILT, Dwell(pause), INSERT)
+    assert broken(table, request) == {"dwell"}
+    assert broken(holding(table, [(k, 0.8 * pause)]), request) == {"dwell"}
+    assert not broken(holding(table, [(k, pause)]), request)
     at_end = asking(problem, TILT, INSERT, Dwell(pause))
     assert broken(table, at_end) == {"dwell"}
     assert not broken(holding(table, [(n, pause)]), at_end)
@@ -155,8 +155,8 @@ def test_durations_are_those_of_the_problem(table: Trajectory, problem: Problem)
 def test_the_duration_of_the_whole_motion_counts(
     table: Trajectory, problem: Problem, factor: float
 ) -> None:
-    asked = replace(problem, objective="effort", duration=table.duration)
-    assert not broken(table, asked)
+    request = replace(problem, objective="effort", duration=table.duration)
+    assert not broken(table, request)
     late = replace(problem, objective="effort", duration=factor * table.duration)
     assert broken(table, late) == {"duration"}
 
@@ -175,7 +175,7 @@ def test_a_table_that_leaves_its_line_is_noticed(
     coefficients[:, 0, joint] += values[:-1]
     coefficients[:, 1, joint] += slopes
     bent = Trajectory(table.breaks, coefficients, ())
-    found = with_task_results(EMPTY, bent, problem)
+    result = with_task_results(EMPTY, bent, problem)
     mechanism = Mechanism.from_geometry(problem.robot.geometry)
     from ssm_planner.kinematics.forward import tip_position
 
@@ -183,7 +183,7 @@ def test_a_table_that_leaves_its_line_is_noticed(
         tip_position(mechanism, motion.positions(table.breaks[: k + 1])) for motion in (bent, table)
     ]
     distance = np.linalg.norm(tips[0] - tips[1], axis=1).max()
-    (departure,) = (line for line in found.limits if line.name == "path departure")
+    (departure,) = (line for line in result.limits if line.name == "path departure")
     assert departure.worst <= distance + 2e-6
     if joint == 0:  # The roll moves the tip across its line.
         assert departure.worst == pytest.approx(distance, rel=0.05, abs=1e-6)
@@ -192,8 +192,8 @@ def test_a_table_that_leaves_its_line_is_noticed(
 
 def test_lines_of_a_plan_are_left_to_the_check(problem: Problem) -> None:
     """The check of a plan with phases judges its lines, so they are not judged twice."""
-    found = with_task_results(EMPTY, load_plan(SHIPPED).motion, problem)
-    assert "path departure" not in {line.name for line in found.limits}
+    result = with_task_results(EMPTY, load_plan(SHIPPED).motion, problem)
+    assert "path departure" not in {line.name for line in result.limits}
 
 
 def test_rounded_corners_and_constant_speeds_of_tables_are_not_judged(
@@ -209,8 +209,8 @@ def test_what_is_unknown_is_not_judged(table: Trajectory, problem: Problem) -> N
     """The targets and lines of a problem with a scan are not judged for a table."""
     eye = load_problem(PROBLEMS / "eye_approach.yaml").eye
     spots = Scan(Task(tilt=-2.0), 0.0015, rows=2, columns=2)
-    found = with_task_results(EMPTY, table, asking(problem, TILT, spots, INSERT, eye=eye))
-    assert [u.name for u in found.unjudged] == ["target", "path departure"]
+    result = with_task_results(EMPTY, table, asking(problem, TILT, spots, INSERT, eye=eye))
+    assert [u.name for u in result.unjudged] == ["target", "path departure"]
 
 
 def test_the_command_judges_the_task(tmp_path: Path) -> None:
@@ -229,5 +229,5 @@ def test_joint_targets_are_positions_of_joints_and_not_poses(
     first, last = (tuple(q) for q in table.positions(table.breaks[[0, -1]]).tolist())
     turned = (last[0] - 2 * np.pi, *last[1:])
     for target, expected in ((last, set()), (turned, {"target"})):
-        asked = asking(problem, Free(Joints(target)), start=Joints(first))
-        assert broken(table, asked) == expected
+        request = asking(problem, Free(Joints(target)), start=Joints(first))
+        assert broken(table, request) == expected

@@ -50,22 +50,24 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_no_speed_beyond_full_speed_is_the_worst(robot: Robot, asked: list[float]) -> None:
-    found = check_speeds(Trajectory(np.arange(2.0), np.zeros((1, 6, 4)), ()), robot, Limits(), 0.01)  # type: ignore[arg-type]
+    result = check_speeds(
+        Trajectory(np.arange(2.0), np.zeros((1, 6, 4)), ()), robot, Limits(), 0.01
+    )  # type: ignore[arg-type]
     assert asked == sorted(asked)
     assert asked == pytest.approx([0.01, 0.02, 0.3, 1.0], rel=1e-3)
-    assert [speed for speed, _ in found.certificates] == asked
-    assert not found.passed
-    assert SpeedRange(0.1, (), found.certificates[2:]).passed
+    assert [speed for speed, _ in result.certificates] == asked
+    assert not result.passed
+    assert SpeedRange(0.1, (), result.certificates[2:]).passed
     # The result has a line for each kind and each joint with a motor. The line belongs to the
     # certificate at its worst speed.
     driven = [joint.name for joint in robot.joints if joint.motor is not None]
     expected = [
         (kind, name) for kind in (MotorTorque.name, ContinuousTorque.name) for name in driven
     ]
-    assert [(each.found.name, each.found.joint) for each in found.worst] == expected
-    assert [each.speed for each in found.worst] == pytest.approx([0.3] * 3 + [0.02] * 3, rel=1e-3)
-    by_speed = dict(found.certificates)
-    assert all(each.found in by_speed[each.speed].limits for each in found.worst)
+    assert [(item.found.name, item.found.joint) for item in result.worst] == expected
+    assert [item.speed for item in result.worst] == pytest.approx([0.3] * 3 + [0.02] * 3, rel=1e-3)
+    by_speed = dict(result.certificates)
+    assert all(item.found in by_speed[item.speed].limits for item in result.worst)
 
 
 def test_torques_of_a_slower_motion_are_those_of_its_samples(robot: Robot) -> None:
@@ -89,8 +91,8 @@ def test_torques_of_a_slower_motion_are_those_of_its_samples(robot: Robot) -> No
         assert peak[k] == pytest.approx(alone[0][0], rel=1e-9)
         assert rms[k] == pytest.approx(alone[1][0], rel=1e-9)
     body = RigidBody.from_robot(robot)
-    for side, at in ((1, np.linspace(0.0, 2.0, 1501)), (-1, np.array([1.0, 2.0]))):
-        samples = motion.sample(at, "right" if side > 0 else "left")
+    for side, time in ((1, np.linspace(0.0, 2.0, 1501)), (-1, np.array([1.0, 2.0]))):
+        samples = motion.sample(time, "right" if side > 0 else "left")
         torque = motor_motion(robot, body, samples, *motion_directions(robot, samples, side)).torque
         torque = np.nan_to_num(torque)
         assert np.all(peak[2] >= np.abs(torque).max(axis=0) - 1e-12)
@@ -134,8 +136,8 @@ def test_the_worst_speed_is_found_on_either_side_of_the_grid(
 
         monkeypatch.setattr(slower, "_peak_and_rms_torques", torques)
         values = torques(None, None, grid, 0.0)[0][:, 0]  # type: ignore[index]
-        found = slower._worst_speed(None, robot, grid, values, (False, 0), pause=0.0)  # type: ignore[arg-type]
-        assert found == pytest.approx(place, rel=1e-3)
+        result = slower._worst_speed(None, robot, grid, values, (False, 0), pause=0.0)  # type: ignore[arg-type]
+        assert result == pytest.approx(place, rel=1e-3)
 
 
 @pytest.mark.parametrize("best", [0.0, 0.3, 0.62, 1.0])
@@ -156,7 +158,7 @@ def test_the_worst_factor_is_sought_between_the_neighbours_of_the_largest_value(
     monkeypatch.setattr(slower, "_peak_and_rms_torques", torques)
     factors = np.geomspace(low, high, 8)
     values = -np.abs(np.log(factors / worst))
-    found = slower._worst_speed(None, robot, factors, values, (True, 2), pause=0.0)  # type: ignore[arg-type]
+    result = slower._worst_speed(None, robot, factors, values, (True, 2), pause=0.0)  # type: ignore[arg-type]
     assert len(looks) == slower.SPEED_REFINEMENTS
     for before, after in zip([factors, *looks], looks, strict=False):
         k = int(np.argmin(np.abs(np.log(before / worst))))
@@ -164,7 +166,7 @@ def test_the_worst_factor_is_sought_between_the_neighbours_of_the_largest_value(
         assert (after[0], after[-1]) == pytest.approx(ends)
         assert len(after) == 13
     step = np.diff(np.log(looks[-1])).max()
-    assert abs(np.log(found / worst)) <= step
+    assert abs(np.log(result / worst)) <= step
 
 
 def test_a_slower_motion_may_end_at_the_slower_rate(robot: Robot) -> None:

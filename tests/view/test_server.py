@@ -87,8 +87,8 @@ def send(
 def ask(server: ViewServer, path: str, body: Any) -> dict[str, Any]:
     status, text = send(server, "POST", path, body)
     assert status == 200, text
-    found: dict[str, Any] = json.loads(text)
-    return found
+    result: dict[str, Any] = json.loads(text)
+    return result
 
 
 def own_motion(server: ViewServer, **more: Any) -> dict[str, Any]:
@@ -208,11 +208,11 @@ def test_bad_values_are_named(
 def test_branches_reach_the_pose(server: ViewServer) -> None:
     mechanism, _ = server.jobs.requested_page({}).mechanism(ANGLES)
     assert (mechanism.alpha, mechanism.beta) == pytest.approx(tuple(ANGLES.values()), abs=1e-12)
-    found = ask(server, "/ik", {**ANGLES, "pose": POSE})
+    result = ask(server, "/ik", {**ANGLES, "pose": POSE})
     rotation, position = pose_from_task(mechanism, [POSE])
-    assert found["reachable"]
-    assert {branch["branch"] for branch in found["branches"]} == {1, -1}
-    for branch in found["branches"]:
+    assert result["reachable"]
+    assert {branch["branch"] for branch in result["branches"]} == {1, -1}
+    for branch in result["branches"]:
         reached = forward(mechanism, [branch["joints"]])
         assert np.allclose(reached[0], rotation, atol=1e-9)
         assert np.allclose(reached[1], position, atol=1e-9)
@@ -221,23 +221,23 @@ def test_branches_reach_the_pose(server: ViewServer) -> None:
 
 def test_pose_outside_the_workspace_says_how_far(server: ViewServer) -> None:
     nearest = -(ANGLES["beta"] - ANGLES["alpha"])
-    found = ask(server, "/ik", {**ANGLES, "pose": [0.0, nearest + 0.1, 0.0, 0.01]})
-    assert not found["reachable"]
-    assert found["error"] == pytest.approx(0.1)
+    result = ask(server, "/ik", {**ANGLES, "pose": [0.0, nearest + 0.1, 0.0, 0.01]})
+    assert not result["reachable"]
+    assert result["error"] == pytest.approx(0.1)
 
 
 def test_band_is_the_closed_form_tilt_range(server: ViewServer) -> None:
-    found = ask(server, "/workspace", {**ANGLES, "tilt_range": [-2.0, -1.5]})
+    result = ask(server, "/workspace", {**ANGLES, "tilt_range": [-2.0, -1.5]})
     low, high = -(ANGLES["alpha"] + ANGLES["beta"]), -(ANGLES["beta"] - ANGLES["alpha"])
-    assert found["tilt_range"] == pytest.approx([low, high])
-    assert found["margin"] == pytest.approx(min(-2.0 - low, high + 1.5))
-    vertices = np.reshape(found["scene"]["bands"][0]["vertices"], (-1, 3))
+    assert result["tilt_range"] == pytest.approx([low, high])
+    assert result["margin"] == pytest.approx(min(-2.0 - low, high + 1.5))
+    vertices = np.reshape(result["scene"]["bands"][0]["vertices"], (-1, 3))
     angles = np.arccos(
-        vertices @ np.array(found["scene"]["axes"][0]) / np.linalg.norm(vertices, axis=1)
+        vertices @ np.array(result["scene"]["axes"][0]) / np.linalg.norm(vertices, axis=1)
     )
     assert angles.min() == pytest.approx(-high, abs=1e-4)
     assert angles.max() == pytest.approx(-low, abs=1e-4)
-    assert not found["own"]
+    assert not result["own"]
 
 
 def test_plan_runs_with_progress_and_gives_a_report(
@@ -281,11 +281,11 @@ def test_motion_outside_the_limits_is_explained(server: ViewServer, tilt_insert:
         "motion": [{"pose": [0.0, -2.2, 0.0, 0.0]}],
     }
     status, text = send(server, "POST", "/plan", {**request, "tilt_range": [-2.0, -1.5]})
-    found = json.loads(text)
+    result = json.loads(text)
     assert status == 400
-    assert found["key"].endswith("tilt")
-    assert "motion[0]" in found["key"]
-    assert "deg" in found["reason"]
+    assert result["key"].endswith("tilt")
+    assert "motion[0]" in result["key"]
+    assert "deg" in result["reason"]
 
 
 def finished(server: ViewServer, job: str, seconds: float = 60.0) -> dict[str, Any]:
@@ -355,15 +355,15 @@ def test_waypoints_and_dwells_are_planned_and_saved(
     }
     path = tmp_path / "saved.yaml"
     path.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    saved, made = load_problem(path), server.jobs.requested_page({}).requested_problem(request)
-    assert saved.start == made.start
+    saved, result = load_problem(path), server.jobs.requested_page({}).requested_problem(request)
+    assert saved.start == result.start
     assert [step.kind for step in saved.motion] == ["straight", "dwell", "straight"]
     ends = [
         [getattr(step, name) for name in ("roll", "tilt", "spin", "depth")]
-        for step in (saved.motion[2], made.motion[2])
+        for step in (saved.motion[2], result.motion[2])
     ]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
-    assert saved.ranges["tilt"] == pytest.approx(made.ranges["tilt"], abs=1e-12)
+    assert saved.ranges["tilt"] == pytest.approx(result.ranges["tilt"], abs=1e-12)
     answer = finished(server, ask(server, "/plan", request)["job"])
     assert json.loads(send(server, "GET", answer["plan"])[1])["status"] == "solved"
 
@@ -378,8 +378,8 @@ def test_other_angles_are_planned_with_the_links_of_the_robot(
         "motion": [{"pose": [0.0, math.radians(-100), 0.0, 0.004]}],
         "tilt_range": [math.radians(-130), math.radians(-81)],
     }
-    made = server.jobs.requested_page({}).requested_problem(request)
-    turned, original = made.robot, tilt_insert.robot
+    result = server.jobs.requested_page({}).requested_problem(request)
+    turned, original = result.robot, tilt_insert.robot
     mechanism = Mechanism.from_geometry(turned.geometry)
     assert (mechanism.alpha, mechanism.beta) == pytest.approx(
         (request["alpha"], request["beta"]), abs=1e-12
@@ -462,8 +462,8 @@ def without_files(value: Any) -> Any:
 
     def cleaned(tree: Any) -> Any:
         if isinstance(tree, dict):
-            return {key: cleaned(each) for key, each in tree.items() if key != "file"}
-        return [cleaned(each) for each in tree] if isinstance(tree, list) else tree
+            return {key: cleaned(item) for key, item in tree.items() if key != "file"}
+        return [cleaned(item) for item in tree] if isinstance(tree, list) else tree
 
     return {**cleaned(to_plain(value)), "name": None}
 
@@ -492,10 +492,10 @@ def test_a_changed_part_gives_the_robot_of_the_same_study(server: ViewServer) ->
         )
     )
     ((_, expected),) = candidate_problems(study, study.design([0.0] * 4))
-    made = server.jobs.requested_page({}).requested_problem(own_motion(server, design=design))
-    assert without_files(made.robot) == without_files(expected.robot)
+    result = server.jobs.requested_page({}).requested_problem(own_motion(server, design=design))
+    assert without_files(result.robot) == without_files(expected.robot)
     assert (
-        made.robot.joints[1].drive
+        result.robot.joints[1].drive
         != server.jobs.requested_page({})
         .requested_problem(own_motion(server))
         .robot.joints[1]
@@ -508,8 +508,8 @@ def test_a_saved_design_plans_the_same_elsewhere(server: ViewServer, tmp_path: P
     answer = finished(server, ask(server, "/plan", request)["job"])
     saved = tmp_path / "elsewhere.yaml"
     saved.write_text(ask(server, "/yaml", request)["text"], encoding="utf-8")
-    problem, made = load_problem(saved), server.jobs.requested_page({}).requested_problem(request)
-    assert without_files(problem.robot) == without_files(made.robot)
+    problem, result = load_problem(saved), server.jobs.requested_page({}).requested_problem(request)
+    assert without_files(problem.robot) == without_files(result.robot)
     assert problem.robot.bodies[3].mass == pytest.approx(0.09964338 + 0.05, abs=1e-12)
     assert str(PROBLEMS) not in saved.read_text(encoding="utf-8")
     document = json.loads(send(server, "GET", answer["plan"])[1])
@@ -551,12 +551,14 @@ def test_a_pinned_plan_is_compared_with_the_present_one(server: ViewServer) -> N
 
 
 def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
-    wanted = [math.radians(-130), math.radians(-90)]
-    found = ask(server, "/suggest", {"tilt_range": wanted})
+    expected = [math.radians(-130), math.radians(-90)]
+    result = ask(server, "/suggest", {"tilt_range": expected})
     reached = ask(
-        server, "/workspace", {"alpha": found["alpha"], "beta": found["beta"], "tilt_range": wanted}
+        server,
+        "/workspace",
+        {"alpha": result["alpha"], "beta": result["beta"], "tilt_range": expected},
     )
-    assert reached["margin"] == pytest.approx(found["margin"], abs=1e-9)
+    assert reached["margin"] == pytest.approx(result["margin"], abs=1e-9)
     status, text = send(server, "POST", "/suggest", {"tilt_range": [-1.0, 1.0]})
     assert status == 400
     assert json.loads(text)["key"] == "tilt_range"
@@ -565,7 +567,7 @@ def test_suggested_angles_reach_the_range(server: ViewServer) -> None:
 def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
     problem = load_problem(APPROACH)
     own = ViewedProblem(problem).robot_mechanism
-    made = ViewedProblem(problem).requested_problem(
+    result = ViewedProblem(problem).requested_problem(
         {
             "alpha": own.alpha,
             "beta": own.beta,
@@ -575,13 +577,13 @@ def test_a_motion_planned_here_keeps_every_limit_of_the_problem() -> None:
         }
     )
     ours, theirs = (
-        sorted(map(str, to_plain(each.task_limits)["limits"])) for each in (made, problem)
+        sorted(map(str, to_plain(item.task_limits)["limits"])) for item in (result, problem)
     )
     assert len(ours) == len(theirs)
-    assert to_plain(made.eye) == to_plain(problem.eye)
-    assert dict(made.rates) == dict(problem.rates)
+    assert to_plain(result.eye) == to_plain(problem.eye)
+    assert dict(result.rates) == dict(problem.rates)
     for name, ends in problem.ranges.items():
-        assert made.ranges[name] == pytest.approx(ends)
+        assert result.ranges[name] == pytest.approx(ends)
 
 
 def test_the_eye_is_drawn_where_the_problem_has_one(tilt_insert: Problem) -> None:
@@ -621,7 +623,7 @@ def test_a_text_replaces_the_problem_and_names_its_faults(server: ViewServer) ->
     status, html = send(server, "GET", page)
     assert status == 200
     assert f'"{RATIO}":90' in html.replace(".0", "")
-    edited, before = (server.jobs.requested_page({"of": each}) for each in (page, "/"))
+    edited, before = (server.jobs.requested_page({"of": item}) for item in (page, "/"))
     assert edited.requested_problem(own_motion(server)).robot.joints[0].velocity == pytest.approx(
         math.radians(40.0)
     )

@@ -57,8 +57,8 @@ def moving(request: pytest.FixtureRequest, tilt_insert: Problem) -> Plan:
 
 def replanned(base: Plan, at: float, *motion: Motion) -> Plan:
     """Return the plan that continues from the instant `at` of the base plan."""
-    there = starting_from(replace(base.problem, motion=motion), base, at)
-    return plan(there, relaxations=False)
+    target = starting_from(replace(base.problem, motion=motion), base, at)
+    return plan(target, relaxations=False)
 
 
 def stopping_times(base: Plan, at: float) -> Array:
@@ -72,15 +72,15 @@ def stopping_times(base: Plan, at: float) -> Array:
     if joints[0].jerk is None:
         return np.abs(qd) / [joint.acceleration for joint in joints]
     ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
-    task, found = ruckig.InputParameter(4), ruckig.Trajectory(4)
+    task, result = ruckig.InputParameter(4), ruckig.Trajectory(4)
     task.control_interface = ruckig.ControlInterface.Velocity
     task.synchronization = ruckig.Synchronization.No
     task.current_position, task.current_velocity, task.current_acceleration = q, qd, qdd
     task.target_velocity = task.target_acceleration = [0.0] * 4
     task.max_acceleration = [joint.acceleration for joint in joints]
     task.max_jerk = [joint.jerk for joint in joints]
-    assert ruckig.Ruckig(4).calculate(task, found) == ruckig.Result.Working
-    return np.array(found.independent_min_durations)
+    assert ruckig.Ruckig(4).calculate(task, result) == ruckig.Result.Working
+    return np.array(result.independent_min_durations)
 
 
 KEPT = [(0, 1, 2, 3), (0, 1, 2), (3,), (1, 3)]
@@ -92,12 +92,12 @@ def test_joints_return_to_where_they_are_while_they_move(
     moving: Plan, share: float, kept: tuple[int, ...]
 ) -> None:
     """Some joints have their present position as the target. The others continue a little."""
-    at = share * moving.motion.duration
-    state = moving.motion.sample(at)
+    time = share * moving.motion.duration
+    state = moving.motion.sample(time)
     q, qd = state.q[0], state.qd[0]
     target = q + 0.3 * qd * np.abs(qd) / moving.problem.robot.accelerations
     target[list(kept)] = q[list(kept)]
-    result = replanned(moving, at, Free(Joints.from_array(target)))
+    result = replanned(moving, time, Free(Joints.from_array(target)))
     assert result.passed, result.reason
     first, last = (
         result.motion.sample(t, side) for t, side in ((0.0, "right"), (result.duration, "left"))
@@ -105,17 +105,17 @@ def test_joints_return_to_where_they_are_while_they_move(
     assert first.q[0] == pytest.approx(q, abs=1e-9)
     assert first.qd[0] == pytest.approx(qd, abs=1e-7)
     assert last.q[0] == pytest.approx(target, abs=1e-8)
-    assert result.duration >= (1 - 1e-6) * stopping_times(moving, at).max()
+    assert result.duration >= (1 - 1e-6) * stopping_times(moving, time).max()
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
 def test_a_line_begins_after_a_stop(moving: Plan, share: float) -> None:
     """With jerk limits, the robot comes to rest as soon as its slowest joint can."""
-    at = share * moving.motion.duration
-    result = replanned(moving, at, Straight(depth=0.002))
+    time = share * moving.motion.duration
+    result = replanned(moving, time, Straight(depth=0.002))
     assert result.passed, result.reason
     assert [phase.name.partition(",")[0] for phase in result.phases] == ["stop", "insert"]
-    quickest = stopping_times(moving, at).max()
+    quickest = stopping_times(moving, time).max()
     stop = result.phases[0].duration
     if moving.problem.robot.joints[0].jerk is None:
         assert quickest * (1 - 1e-6) <= stop <= 1.5 * quickest
@@ -125,9 +125,9 @@ def test_a_line_begins_after_a_stop(moving: Plan, share: float) -> None:
 
 def test_the_present_position_is_a_target_only_at_speed(tilt_insert: Problem) -> None:
     """A motion to the present position is refused at rest, and planned at speed."""
-    start, here = Task(tilt=-1.6, depth=0.01), Free(Task(tilt=-1.6))
+    start, folder = Task(tilt=-1.6, depth=0.01), Free(Task(tilt=-1.6))
     still = replace(
-        tilt_insert, planner="fast", objective="time", start=start, motion=(here,), limits=()
+        tilt_insert, planner="fast", objective="time", start=start, motion=(folder,), limits=()
     )
     with pytest.raises(ProblemError, match="goes nowhere"):
         plan(still)
@@ -138,7 +138,7 @@ def test_the_present_position_is_a_target_only_at_speed(tilt_insert: Problem) ->
     # The joint brakes over v²/(2 a) and returns from rest.
     expected = speed / acceleration * (1 + np.sqrt(2))
     assert result.duration == pytest.approx(expected, rel=1e-4)
-    waits = plan(replace(moving, motion=(here, Dwell(0.3))), relaxations=False)
+    waits = plan(replace(moving, motion=(folder, Dwell(0.3))), relaxations=False)
     assert waits.passed, waits.reason
     assert [phase.duration for phase in waits.phases] == pytest.approx([expected, 0.3], rel=1e-4)
     backwards = replace(still, end_rate=moving.start_rate)
@@ -154,7 +154,7 @@ def test_the_quickest_stop_is_that_of_ruckig(seed: int) -> None:
     limit, jerk = rng.uniform(0.5, 4.0), 10 ** rng.uniform(-0.5, 2)
     speed, acceleration = rng.uniform(-1.0, 1.0), rng.uniform(-limit, limit)
     curve = quickest_stop(speed, acceleration, limit, jerk)
-    task, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    task, result = ruckig.InputParameter(1), ruckig.Trajectory(1)
     task.control_interface = ruckig.ControlInterface.Velocity
     task.current_position, task.current_velocity, task.current_acceleration = (
         [0.0],
@@ -163,10 +163,10 @@ def test_the_quickest_stop_is_that_of_ruckig(seed: int) -> None:
     )
     task.target_velocity = task.target_acceleration = [0.0]
     task.max_acceleration, task.max_jerk = [limit], [jerk]
-    assert ruckig.Ruckig(1).calculate(task, found) == ruckig.Result.Working
-    assert curve.duration == pytest.approx(found.duration, rel=1e-9)
+    assert ruckig.Ruckig(1).calculate(task, result) == ruckig.Result.Working
+    assert curve.duration == pytest.approx(result.duration, rel=1e-9)
     t = np.linspace(0.0, curve.duration, 200)
-    values = np.array([found.at_time(instant) for instant in t])[:, :, 0]
+    values = np.array([result.at_time(instant) for instant in t])[:, :, 0]
     for own, other in zip(curve.evaluate(t), values.T, strict=True):
         assert own == pytest.approx(other, abs=1e-8)
 
@@ -219,19 +219,19 @@ def test_a_weak_motor_brakes_its_heavy_rotor_less_hard(tilt_insert: Problem, tor
 @pytest.mark.parametrize("share", [0.3, 0.7])
 def test_a_requested_duration_is_kept_after_a_stop(moving: Plan, share: float) -> None:
     """A slower stop would need another path, so only the motion after the stop takes longer."""
-    at = share * moving.motion.duration
+    time = share * moving.motion.duration
     target = Joints.from_array(moving.motion.sample(0.0).q[0])
-    fastest = replanned(moving, at, Free(target))
+    fastest = replanned(moving, time, Free(target))
     assert fastest.passed, fastest.reason
     assert [phase.name for phase in fastest.phases] == ["free, stops first"]
     duration = 1.3 * fastest.duration
-    slower = replanned(moving, at, Free(target, duration=duration))
+    slower = replanned(moving, time, Free(target, duration=duration))
     assert slower.passed, slower.reason
     assert slower.duration == pytest.approx(duration, rel=1e-9)
-    instants = np.linspace(0.0, stopping_times(moving, at).max(), 20)
+    instants = np.linspace(0.0, stopping_times(moving, time).max(), 20)
     own, other = (result.motion.sample(instants).q for result in (slower, fastest))
     assert own == pytest.approx(other, abs=1e-9)
-    late = replanned(moving, at, Free(target, duration=0.9 * fastest.duration))
+    late = replanned(moving, time, Free(target, duration=0.9 * fastest.duration))
     assert late.reason is not None
     assert late.reason.constraint == "duration"
 
@@ -272,9 +272,9 @@ def test_the_tasks_of_a_retracting_tool(tilt_insert: Problem) -> None:
     )
     assert base.passed
     mechanism = Mechanism.from_robot(tilt_insert.robot)
-    for at in np.linspace(0.02, 0.98, 17) * base.motion.duration:
-        result = replanned(base, float(at), Free(Task(depth=0.002)))
-        assert result.passed, (at, result.reason)
+    for time in np.linspace(0.02, 0.98, 17) * base.motion.duration:
+        result = replanned(base, float(time), Free(Task(depth=0.002)))
+        assert result.passed, (time, result.reason)
         ends = result.motion.sample(result.duration, "left").q
-        task = task_from_joints(mechanism, base.motion.sample(at).q)[0]
+        task = task_from_joints(mechanism, base.motion.sample(time).q)[0]
         assert task_from_joints(mechanism, ends)[0] == pytest.approx([*task[:3], 0.002], abs=1e-7)

@@ -23,8 +23,8 @@ ways = st.lists(st.just(0.0) | st.floats(1e-9, 1.2), min_size=4, max_size=4).fil
 
 def accelerations(way: np.ndarray, jerk: bool, count: int) -> np.ndarray:
     """Return the largest acceleration of each joint in the guess, (4,)."""
-    made = guess_of(way, jerk, count).elements
-    return np.abs([made.a0, made.a1]).max(axis=(0, 1))
+    result = guess_of(way, jerk, count).elements
+    return np.abs([result.a0, result.a1]).max(axis=(0, 1))
 
 
 def guess_of(way: np.ndarray, jerk: bool, count: int) -> SegmentGuess:

@@ -46,15 +46,15 @@ Solve = tuple[Any, Any, Any, Any, NlpSolution | None, NlpSolution]
 @pytest.fixture
 def solves(monkeypatch: pytest.MonkeyPatch) -> list[Solve]:
     """Return a list that records the arguments and the solution of every structured solve."""
-    found: list[Solve] = []
+    result: list[Solve] = []
 
     def noted(structure: Any, element: Any, data: Any, start: Any, **options: Any) -> NlpSolution:
         solution = solve_structured(structure, element, data, start, **options)
-        found.append((structure, element, data, start, options.get("warm"), solution))
+        result.append((structure, element, data, start, options.get("warm"), solution))
         return solution
 
     monkeypatch.setattr(refinement, "solve_structured", noted)
-    return found
+    return result
 
 
 def fast(problem: Problem) -> Problem:
@@ -149,11 +149,11 @@ def test_ipopt_solves_where_it_does_not_converge(
 ) -> None:
     """If the structured solver does not converge, Ipopt solves every phase."""
     monkeypatch.setattr(refinement, "solve_structured", gives_up)
-    found = plan(fast(tilt_insert))
-    assert found.certificate is not None
-    assert found.certificate.passed
-    assert {phase.solver for phase in found.phases} == {"Ipopt"}
-    assert any(line.split() == ["solver", "Ipopt"] for line in solver_and_condition_lines(found))
+    result = plan(fast(tilt_insert))
+    assert result.certificate is not None
+    assert result.certificate.passed
+    assert {phase.solver for phase in result.phases} == {"Ipopt"}
+    assert any(line.split() == ["solver", "Ipopt"] for line in solver_and_condition_lines(result))
 
 
 def test_joints_that_turn_back_at_points_need_no_ipopt(
@@ -174,11 +174,11 @@ def test_ipopt_solves_alone_without_the_compiled_part(
     """Without the compiled part, Ipopt solves every phase and confirms nothing."""
     problem = dataclasses.replace(tilt_insert, objective="time")
     monkeypatch.setenv("SSM_PLANNER_NATIVE", "0")
-    found = plan(dataclasses.replace(problem, planner=planner))
-    assert found.passed
-    assert {phase.solver for phase in found.phases} == {"Ipopt"}
-    assert found.confirmation is None
-    assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
+    result = plan(dataclasses.replace(problem, planner=planner))
+    assert result.passed
+    assert {phase.solver for phase in result.phases} == {"Ipopt"}
+    assert result.confirmation is None
+    assert result.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
 
 
 @pytest.mark.parametrize(("tilt", "speed"), [(-95.0, 8e-3), (-95.0, 0.012), (-125.0, 0.012)])
@@ -208,10 +208,10 @@ def durations(problem: Problem, **changes: Any) -> list[float]:
 def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
     """Ipopt confirms each phase within 8 iterations, and the report states this."""
     problem = load_problem(f"problems/{name}.yaml")
-    found = plan(problem)
-    assert found.passed
-    assert {phase.solver for phase in found.phases} == {"structured"}
-    for phase in found.phases:
+    result = plan(problem)
+    assert result.passed
+    assert {phase.solver for phase in result.phases} == {"structured"}
+    for phase in result.phases:
         # The solver computes the fastest motion first, and then the motion with the least heat.
         assert phase.confirmation_iterations is not None
         assert 0 <= phase.confirmation_iterations <= 8
@@ -220,8 +220,8 @@ def test_ipopt_confirms_in_a_few_iterations_and_says_so(name: str) -> None:
         assert phase.confirmation_residual is not None
         assert 0 <= phase.confirmation_residual <= SAME
         assert phase.iterations > phase.confirmation_iterations
-    assert found.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
-    said = [line for line in solver_and_condition_lines(found) if line.startswith("confirmed")]
+    assert result.duration == pytest.approx(sum(durations(problem, planner="ipopt")), rel=SAME)
+    said = [line for line in solver_and_condition_lines(result) if line.startswith("confirmed")]
     assert len(said) == 1
     assert "Ipopt confirms" in said[0]
     assert "agree within" in said[0]
@@ -241,9 +241,9 @@ def test_what_is_longer_than_what_is_known_is_neither_cooled_nor_confirmed(
     """A motion longer than the cutoff of 1 ms is neither cooled nor confirmed by Ipopt."""
     monkeypatch.delattr(Transcription, "solve")
     phase = free_phase(tilt_insert)
-    found = solve_free(phase, method="confirmed", cutoff=1e-3)
-    assert found.solved
-    assert found.duration > 1e-3
+    result = solve_free(phase, method="confirmed", cutoff=1e-3)
+    assert result.solved
+    assert result.duration > 1e-3
     assert [element.aim for _, element, *_ in solves] == ["time"]
 
 
@@ -262,13 +262,13 @@ def test_a_motion_without_torque_limits_that_bind_takes_the_time_of_its_slowest_
 ) -> None:
     """If no torque limit binds, the duration is the closed form of the slowest joint."""
     phase = free_phase(tilt_insert)
-    found = solve_free(phase, method="confirmed")
+    result = solve_free(phase, method="confirmed")
     limits = ((joint.velocity, joint.acceleration) for joint in tilt_insert.robot.joints)
     alone = [
         rest_to_rest(abs(way), *most).duration
         for way, most in zip(phase.points[1] - phase.points[0], limits, strict=True)
     ]
-    assert found.duration == pytest.approx(max(alone), rel=1e-6)
+    assert result.duration == pytest.approx(max(alone), rel=1e-6)
     weak = dataclasses.replace(tilt_insert, robot=weaker(tilt_insert.robot, 0.35))
     assert solve_free(free_phase(weak), method="confirmed").duration > 1.01 * max(alone)
 
@@ -281,13 +281,13 @@ def test_the_fastest_motion_is_confirmed_later_to_the_same_result(
         tilt_insert, robot=weaker(tilt_insert.robot, 0.35), objective="time"
     )
     phase = free_phase(problem)
-    whole = solve_free(phase, method="confirmed")
+    complete = solve_free(phase, method="confirmed")
     fastest = solve_free(phase, method="confirmed", fastest_only=True)
     assert fastest.confirmation is None
     confirmed = find_best_free(fastest)
-    assert confirmed.confirmation == whole.confirmation
-    assert confirmed.coefficients.tobytes() == whole.coefficients.tobytes()
-    assert fastest.duration == pytest.approx(whole.duration, rel=1e-6)
+    assert confirmed.confirmation == complete.confirmation
+    assert confirmed.coefficients.tobytes() == complete.coefficients.tobytes()
+    assert fastest.duration == pytest.approx(complete.duration, rel=1e-6)
 
 
 def test_ipopt_alone_where_there_is_nothing_to_confirm(
@@ -301,11 +301,11 @@ def test_ipopt_alone_where_there_is_nothing_to_confirm(
     solve = Transcription.solve
 
     def does_not_confirm(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
-        found = solve(self, *given, confirming=confirming)
+        result = solve(self, *given, confirming=confirming)
         return (
-            dataclasses.replace(found, message="Maximum_Iterations_Exceeded")
+            dataclasses.replace(result, message="Maximum_Iterations_Exceeded")
             if confirming
-            else found
+            else result
         )
 
     with monkeypatch.context() as patch:
@@ -314,10 +314,10 @@ def test_ipopt_alone_where_there_is_nothing_to_confirm(
     with monkeypatch.context() as patch:
         patch.setattr(refinement, "solve_structured", gives_up)
         unsolved = plan(problem)
-    for found in (unconfirmed, unsolved):
-        assert found.passed
-        assert found.confirmation is None
-        assert found.motion.coefficients.tobytes() == alone.motion.coefficients.tobytes()
+    for result in (unconfirmed, unsolved):
+        assert result.passed
+        assert result.confirmation is None
+        assert result.motion.coefficients.tobytes() == alone.motion.coefficients.tobytes()
 
 
 def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -326,19 +326,19 @@ def test_the_shorter_motion_is_taken(tilt_insert: Problem, monkeypatch: pytest.M
     solve = Transcription.solve
 
     def longer(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
-        found = solve(self, *given, confirming=confirming)
+        result = solve(self, *given, confirming=confirming)
         if not confirming:
-            return found
-        return dataclasses.replace(found, elements=stretched(found.elements, 1.001))
+            return result
+        return dataclasses.replace(result, elements=stretched(result.elements, 1.001))
 
     monkeypatch.setattr(Transcription, "solve", longer)
-    found = plan(problem)
-    assert found.passed
-    assert {phase.solver for phase in found.phases} == {"structured"}
-    assert found.duration == pytest.approx(sum(durations(problem, planner="fast")), rel=1e-12)
+    result = plan(problem)
+    assert result.passed
+    assert {phase.solver for phase in result.phases} == {"structured"}
+    assert result.duration == pytest.approx(sum(durations(problem, planner="fast")), rel=1e-12)
     assert any(
         "differ by up to 1e-03: the shorter motion is used" in line
-        for line in solver_and_condition_lines(found)
+        for line in solver_and_condition_lines(result)
     )
 
 
@@ -368,23 +368,23 @@ def test_a_better_motion_of_ipopts_is_taken_if_it_keeps_every_row(
     solve = Transcription.solve
 
     def shorter(self: Transcription, *given: Any, confirming: bool = False) -> NlpSolution:
-        found = solve(self, *given, confirming=confirming)
+        result = solve(self, *given, confirming=confirming)
         if not confirming:
-            return found
-        elements = found.elements.copy()
+            return result
+        elements = result.elements.copy()
         elements[:, 1:4] *= 1.01 if exceeds else 1.0
         elements[:, -1] *= 1 - 1e-5
-        return dataclasses.replace(found, elements=elements)
+        return dataclasses.replace(result, elements=elements)
 
     monkeypatch.setattr(Transcription, "solve", shorter)
-    found = plan(problem)
-    assert found.passed
-    assert {phase.solver for phase in found.phases} == {"Ipopt"}
+    result = plan(problem)
+    assert result.passed
+    assert {phase.solver for phase in result.phases} == {"Ipopt"}
     if exceeds:
-        assert found.confirmation is None
+        assert result.confirmation is None
     else:
-        assert found.confirmation is not None
-        assert found.confirmation[1] == pytest.approx(-1e-5, rel=0.1)
+        assert result.confirmation is not None
+        assert result.confirmation[1] == pytest.approx(-1e-5, rel=0.1)
 
 
 @pytest.mark.slow
@@ -424,18 +424,18 @@ def test_into_an_eye_and_out_again(clearance: float, strength: float) -> None:
         for joint in problem.robot.joints
     )
     robot = dataclasses.replace(problem.robot, joints=joints)
-    limits = tuple(each for each in problem.limits if not isinstance(each, TaskRate))
+    limits = tuple(item for item in problem.limits if not isinstance(item, TaskRate))
     eye = dataclasses.replace(problem.eye, clearance=clearance, lens=None)
     deep = Task(roll=-0.1, tilt=-2.05, spin=0.3, depth=0.016)
     durations = []
     for start, goal in ((problem.start, deep), (deep, problem.start)):
-        there = dataclasses.replace(
+        target = dataclasses.replace(
             problem, robot=robot, limits=limits, eye=eye, start=start, motion=(Free(goal),)
         )
-        found = plan(fast(there), relaxations=False)
-        assert found.passed
-        assert {phase.solver for phase in found.phases} == {"structured"}
-        durations.append(found.duration)
+        result = plan(fast(target), relaxations=False)
+        assert result.passed
+        assert {phase.solver for phase in result.phases} == {"structured"}
+        durations.append(result.duration)
     assert durations[0] == pytest.approx(durations[1], rel=GAP)
 
 
@@ -461,11 +461,11 @@ def test_a_jerk_limited_insertion_is_that_of_its_joint_alone(
     """A straight insertion takes the closed-form time of the sliding joint under its jerk limit."""
     problem = faster_starting(tilt_insert, times, depth=depth)
     own = problem.robot.joints[3]
-    found = plan(problem)
-    assert found.certificate is not None
-    assert found.certificate.passed
+    result = plan(problem)
+    assert result.certificate is not None
+    assert result.certificate.passed
     closed_form = rest_to_rest(depth, own.velocity, own.acceleration, own.jerk).duration
-    assert closed_form <= found.duration <= (1 + 1.5e-4) * closed_form
+    assert closed_form <= result.duration <= (1 + 1.5e-4) * closed_form
 
 
 @pytest.mark.parametrize("to", [{"depth": 6e-3}, {}])
@@ -474,7 +474,7 @@ def test_jerk_limited_joints_in_step_are_as_fast_as_on_a_fine_mesh(
 ) -> None:
     """The plan is at most 0.05 % slower than a plan on a mesh with four times as many elements."""
     problem = faster_starting(tilt_insert, 3.0, tilt=np.radians(-120.0), **to)
-    found = plan(problem)
+    result = plan(problem)
     monkeypatch.setattr(straight, "MIN_ELEMENTS", 4 * straight.MIN_ELEMENTS)
     fine = plan(fast(problem))
-    assert found.duration <= (1 + 5e-4) * fine.duration
+    assert result.duration <= (1 + 5e-4) * fine.duration

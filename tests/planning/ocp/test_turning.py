@@ -72,7 +72,7 @@ def optimum(
     ruckig = pytest.importorskip("ruckig", reason="Ruckig is not installed")
     slowest = 0.0
     for i, joint in enumerate(problem.robot.joints):
-        task, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+        task, result = ruckig.InputParameter(1), ruckig.Trajectory(1)
         task.current_position, task.current_velocity, task.target_position = (
             [q[i]],
             [qd[i]],
@@ -85,8 +85,8 @@ def optimum(
             [(1 + 1e-9) * joint.acceleration],
         )
         task.max_jerk = [joint.jerk or np.inf]
-        assert ruckig.Ruckig(1).calculate(task, found) == ruckig.Result.Working
-        slowest = max(slowest, found.duration)
+        assert ruckig.Ruckig(1).calculate(task, result) == ruckig.Result.Working
+        slowest = max(slowest, result.duration)
     return slowest
 
 
@@ -108,15 +108,15 @@ def test_from_any_instant_to_any_target_as_fast_as_the_slowest_joint(
 ) -> None:
     """The duration is within 1 % of the time that Ruckig computes for the slowest joint."""
     rng = np.random.default_rng(seed)
-    at = float(rng.uniform(0, shipped.motion.duration))
+    time = float(rng.uniform(0, shipped.motion.duration))
     roll, tilt, spin = rng.uniform(LOW, HIGH).tolist()
     target = Task(roll, tilt, spin, float(rng.uniform(0.001, 0.029)))
-    found = Replanner(to_anywhere).plan_from(shipped, at, target)
-    assert found.passed, found.reason
-    state = shipped.motion.sample(at)
-    last = found.motion.sample(found.motion.breaks[-1:], "left").q[0]
+    result = Replanner(to_anywhere).plan_from(shipped, time, target)
+    assert result.passed, result.reason
+    state = shipped.motion.sample(time)
+    last = result.motion.sample(result.motion.breaks[-1:], "left").q[0]
     least = optimum(to_anywhere, state.q[0], state.qd[0], last)
-    assert (1 - 1e-6) * least <= found.duration <= 1.01 * least
+    assert (1 - 1e-6) * least <= result.duration <= 1.01 * least
 
 
 @pytest.mark.parametrize("seed", [0, 7])
@@ -128,16 +128,16 @@ def test_where_jerk_is_limited_the_acceleration_goes_on_too(
     problem = dataclasses.replace(tilt_insert, objective="time", robot=robot)
     first = plan(dataclasses.replace(problem, motion=(Straight(tilt=np.radians(-135)),)))
     rng = np.random.default_rng(seed)
-    at = float(rng.uniform(0, first.motion.duration))
+    time = float(rng.uniform(0, first.motion.duration))
     roll, tilt, spin = rng.uniform(LOW, HIGH).tolist()
     free = dataclasses.replace(problem, motion=(Free(Task(tilt=-1.6)),))
-    found = Replanner(free).plan_from(first, at, Task(roll, tilt, spin, 0.01))
-    assert found.passed, found.reason
-    state, begins = first.motion.sample(at), found.motion.sample(0.0)
+    result = Replanner(free).plan_from(first, time, Task(roll, tilt, spin, 0.01))
+    assert result.passed, result.reason
+    state, begins = first.motion.sample(time), result.motion.sample(0.0)
     assert begins.qdd == pytest.approx(state.qdd, abs=1e-9)
-    last = found.motion.sample(found.motion.breaks[-1:], "left").q[0]
+    last = result.motion.sample(result.motion.breaks[-1:], "left").q[0]
     least = optimum(free, state.q[0], state.qd[0], last, pull=state.qdd[0])
-    assert (1 - 1e-6) * least <= found.duration <= 1.01 * least
+    assert (1 - 1e-6) * least <= result.duration <= 1.01 * least
 
 
 def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: Problem) -> None:
@@ -151,9 +151,9 @@ def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: P
     problem = dataclasses.replace(
         tilt_insert, objective="time", start=first, motion=(Free(last),), end_rate=rate
     )
-    found = plan(problem)
-    assert found.passed, found.reason
-    depth = found.motion.uniform(500).q[:, 3]
+    result = plan(problem)
+    assert result.passed, result.reason
+    depth = result.motion.uniform(500).q[:, 3]
     # The joint passes the target by at least 90 % of its braking distance.
     assert depth.min() < -0.015 - 0.9 * 0.012**2 / 0.2
     least = optimum(
@@ -163,7 +163,7 @@ def test_an_end_at_speed_against_the_way_is_a_start_run_backwards(tilt_insert: P
         np.array(last.values),
         qd_end=np.array([0, 0, 0, 0.012]),
     )
-    assert found.duration == pytest.approx(least, rel=1e-4)
+    assert result.duration == pytest.approx(least, rel=1e-4)
 
 
 def test_too_fast_to_stop_before_the_target_it_overshoots(tilt_insert: Problem) -> None:
@@ -171,21 +171,21 @@ def test_too_fast_to_stop_before_the_target_it_overshoots(tilt_insert: Problem) 
     start, speed = 0.010, 0.018
     motion = (Free(Task(depth=start + 0.0005)),)
     first = Task(tilt=-1.6, depth=start)
-    found = plan(
+    result = plan(
         dataclasses.replace(
             tilt_insert, objective="time", start=first, motion=motion, start_rate={"depth": speed}
         )
     )
-    assert found.passed, found.reason
+    assert result.passed, result.reason
     a = tilt_insert.robot.joints[3].acceleration
     beyond = speed**2 / (2 * a) - 0.0005
-    assert found.duration == pytest.approx(speed / a + 2 * np.sqrt(beyond / a), rel=1e-4)
+    assert result.duration == pytest.approx(speed / a + 2 * np.sqrt(beyond / a), rel=1e-4)
     missed = check(
-        found.motion,
-        found.robot,
-        dataclasses.replace(found.limits, start_rate={"depth": 0.9 * speed}),
+        result.motion,
+        result.robot,
+        dataclasses.replace(result.limits, start_rate={"depth": 0.9 * speed}),
     )
-    assert [each.name for each in missed.violations] == ["start velocity"]
+    assert [item.name for item in missed.violations] == ["start velocity"]
 
 
 def test_points_are_passed_after_turning(tilt_insert: Problem) -> None:
@@ -197,15 +197,15 @@ def test_points_are_passed_after_turning(tilt_insert: Problem) -> None:
     qd = np.array([[-0.6, 0.7, 0.3, -0.015]])
     rates = task_rates(mechanism, [start.values], qd)[0]
     problem = dataclasses.replace(tilt_insert, objective="time", start=start, motion=motion)
-    found = plan(
+    result = plan(
         dataclasses.replace(
             problem, start_rate=dict(zip(TASK_COORDINATES, rates.tolist(), strict=True))
         )
     )
-    assert found.passed, found.reason
-    q = found.motion.uniform(2000).q
+    assert result.passed, result.reason
+    q = result.motion.uniform(2000).q
     assert np.abs(q - through[0].values).max(axis=1).min() < 1e-3
-    assert found.motion.sample(0.0).qd == pytest.approx(qd, abs=1e-9)
+    assert result.motion.sample(0.0).qd == pytest.approx(qd, abs=1e-9)
 
 
 def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(
@@ -213,9 +213,9 @@ def test_where_a_line_cannot_begin_at_this_speed_the_robot_stops_first(
 ) -> None:
     """If a straight motion cannot begin at the given speed, the plan has a stop phase first."""
     line = dataclasses.replace(tilt_insert, motion=(Straight(tilt=np.radians(-100)),))
-    found = plan(starting_from(line, shipped, 0.9))
-    assert found.passed, found.reason
-    assert [phase.name for phase in found.phases] == ["stop", "tilt"]
+    result = plan(starting_from(line, shipped, 0.9))
+    assert result.passed, result.reason
+    assert [phase.name for phase in result.phases] == ["stop", "tilt"]
     with pytest.raises(ProblemError, match=r"at = 9 s: not an instant of this motion"):
         starting_from(line, shipped, 9.0)
 
@@ -227,16 +227,16 @@ def test_the_guess_keeps_the_limits_of_each_joint_and_its_directions(seed: int) 
     way, limits = rng.uniform(-1, 1, 4), np.array([[1.0] * 4, [3.0] * 4, [np.inf] * 4])
     speeds = np.stack([rng.uniform(-1, 1, 4) * (rng.random(4) < 0.7), np.zeros(4)])
     start = rng.uniform(-1, 1, 4)
-    found = guess_between(
+    result = guess_between(
         start, way, speeds, limits, start_acceleration=np.zeros(4), count=40, least_count=2
     )
-    assert found.points[0] == pytest.approx(start)
-    assert found.points[-1] == pytest.approx(start + way)
-    for guess, sign in zip(found.guesses, found.directions, strict=True):
+    assert result.points[0] == pytest.approx(start)
+    assert result.points[-1] == pytest.approx(start + way)
+    for guess, sign in zip(result.guesses, result.directions, strict=True):
         velocity = guess.elements.v
         assert np.abs(velocity).max() <= 1 + 1e-9
         assert np.abs([guess.elements.a0, guess.elements.a1]).max() <= 3 + 1e-9
-        slack = 3.0 * 2 * 4e-3 * sum(each.motion.duration for each in found.guesses)
+        slack = 3.0 * 2 * 4e-3 * sum(item.motion.duration for item in result.guesses)
         assert (velocity * sign >= -slack).all()
         assert (velocity[:, sign == 0] == 0).all()
 
@@ -256,9 +256,9 @@ def test_the_command_begins_at_an_instant_of_a_plan(
         str(tmp_path / "on"),
     ]
     assert main([*words, "--at", "1.2s"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["passed"]
-    assert [phase["name"] for phase in found["phases"]] == ["stop", "tilt", "insert"]
+    result = json.loads(capsys.readouterr().out)
+    assert result["passed"]
+    assert [phase["name"] for phase in result["phases"]] == ["stop", "tilt", "insert"]
     assert "starts       at tilt" in "\n".join(
         solver_and_condition_lines(load_plan(tmp_path / "on"))
     )
@@ -269,11 +269,11 @@ def test_a_start_at_the_limit_of_a_rate_is_within_it() -> None:
     """A start state whose tilt rate lies exactly at its limit is not refused."""
     shipped = load_plan(ROOT / "results/eye_approach")
     free = dataclasses.replace(shipped.problem, objective="time", motion=(Free(Task(tilt=-1.6)),))
-    found = Replanner(free).plan_from(shipped, 0.4836, Task(0.1, -1.75, 0.4, 0.005))
-    assert found.passed, found.reason
-    assert [phase.name for phase in found.phases] == ["free"]
+    result = Replanner(free).plan_from(shipped, 0.4836, Task(0.1, -1.75, 0.4, 0.005))
+    assert result.passed, result.reason
+    assert [phase.name for phase in result.phases] == ["free"]
     assert shipped.certificate is not None
-    first = next(each for each in shipped.certificate.limits if each.name == "tilt rate")
+    first = next(item for item in shipped.certificate.limits if item.name == "tilt rate")
     assert first.margin == pytest.approx(0.0, abs=1e-6)
 
 
@@ -284,14 +284,14 @@ def test_where_no_joint_may_turn_by_itself_the_robot_stops_first(
     solve = phase_planner.solve_free
 
     def without_turns(*given: Any, **named: Any) -> PhaseSolution:
-        found = solve(*given, **named)
-        return PhaseSolution("not converged", "") if len(found.directions) > 1 else found
+        result = solve(*given, **named)
+        return PhaseSolution("not converged", "") if len(result.directions) > 1 else result
 
     monkeypatch.setattr(phase_planner, "solve_free", without_turns)
-    found = Replanner(to_anywhere).plan_from(shipped, 1.0, Task(tilt=np.radians(-85)))
-    assert found.passed, found.reason
-    assert [phase.name for phase in found.phases] == ["free, stops first"]
-    assert 1.6498 < found.duration < 1.1 * 1.6498
+    result = Replanner(to_anywhere).plan_from(shipped, 1.0, Task(tilt=np.radians(-85)))
+    assert result.passed, result.reason
+    assert [phase.name for phase in result.phases] == ["free, stops first"]
+    assert 1.6498 < result.duration < 1.1 * 1.6498
 
 
 def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
@@ -302,8 +302,8 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
     Of 400 random accelerations within the limits, none requires less than the torque that the
     reason states.
     """
-    at = 1.0
-    state = shipped.motion.sample(at)
+    time = 1.0
+    state = shipped.motion.sample(time)
     robot, rng = to_anywhere.robot, np.random.default_rng(3)
     most = np.array([joint.acceleration for joint in robot.joints])
     qdd = np.clip(rng.uniform(-1.5, 1.5, (400, 4)), -1, 1) * most
@@ -327,8 +327,8 @@ def test_a_motor_that_can_neither_hold_its_speed_nor_brake_is_named_at_once(
         weak = dataclasses.replace(
             to_anywhere, robot=dataclasses.replace(robot, joints=joints), duty=None
         )
-        there = starting_from(weak, shipped, at)
-        (phase,), _ = planner.feasible_phases(there)
+        target = starting_from(weak, shipped, time)
+        (phase,), _ = planner.feasible_phases(target)
         reason = planner.check_braking_torque(phase)
         assert (reason is None) == (share > 1)
         if reason is not None:
@@ -346,8 +346,10 @@ def test_a_joint_that_stands_but_for_rounding_begins_at_rest(
     drift = shipped.motion.coefficients.copy()
     drift[:, :, 2] = 0.0
     drift[:, 1, 2] = 2e-7
-    there = starting_from(to_anywhere, dataclasses.replace(shipped.motion, coefficients=drift), 1.0)
-    (phase,), _ = planner.feasible_phases(there)
+    target = starting_from(
+        to_anywhere, dataclasses.replace(shipped.motion, coefficients=drift), 1.0
+    )
+    (phase,), _ = planner.feasible_phases(target)
     assert phase.qd_start[2] == 0.0
 
 
@@ -369,7 +371,7 @@ def reaches(
     )
     t = h * np.arange(1, count + 1)
     start_a, start_v = np.full(count, pull), speed + pull * t
-    found = linprog(
+    result = linprog(
         np.zeros(count),
         A_ub=jerk * np.vstack([a / acceleration, -a / acceleration, v / velocity, -v / velocity]),
         b_ub=1
@@ -389,7 +391,7 @@ def reaches(
         ],
         bounds=(-1, 1),
     )
-    return bool(found.status == 0)
+    return bool(result.status == 0)
 
 
 def test_under_a_jerk_limit_it_is_as_fast_as_the_slowest_joint() -> None:

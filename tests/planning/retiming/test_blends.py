@@ -48,17 +48,17 @@ def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
     assert isinstance(path, BlendedPath)
     s = np.linspace(0.001, 0.999, 3001)
     s = s[np.abs(s[:, None] - path.breaks).min(axis=1) > 2 * h]
-    before, here, behind = (path.sample(s + shift) for shift in (-h, 0.0, h))
+    before, folder, behind = (path.sample(s + shift) for shift in (-h, 0.0, h))
     assert (behind.q - before.q) / (2 * h) == pytest.approx(
-        here.dq, abs=1e-5 * np.abs(here.dq).max()
+        folder.dq, abs=1e-5 * np.abs(folder.dq).max()
     )
     assert (behind.dq - before.dq) / (2 * h) == pytest.approx(
-        here.ddq, abs=1e-4 * np.abs(here.ddq).max()
+        folder.ddq, abs=1e-4 * np.abs(folder.ddq).max()
     )
     inner = path.breaks[1:-1]
     left, right = path.sample(inner - 1e-12), path.sample(inner + 1e-12)
     for one, other in ((left.q, right.q), (left.dq, right.dq), (left.ddq, right.ddq)):
-        assert one == pytest.approx(other, abs=1e-6 * np.abs(here.ddq).max())
+        assert one == pytest.approx(other, abs=1e-6 * np.abs(folder.ddq).max())
     # No joint reverses between knots, and one reverses at each knot that is not a break.
     knots, signs = path.directions
     assert (knots[0], knots[-1]) == (0.0, 1.0)
@@ -67,7 +67,7 @@ def test_a_rounded_path_is_smooth_and_keeps_to_its_lines_but_near_corners(
         assert np.all(slopes * sign >= -1e-9)
         assert sign.any()
     turning = knots[1:-1][np.abs(knots[1:-1, None] - path.breaks).min(axis=1) > 1e-9]
-    slopes = np.abs(path.sample(turning).dq / np.abs(here.dq).max(axis=0).clip(1e-12))
+    slopes = np.abs(path.sample(turning).dq / np.abs(folder.dq).max(axis=0).clip(1e-12))
     assert np.all(np.where(slopes == 0, 1.0, slopes).min(axis=1) < 1e-6)
     # On a short rounding, the joints move almost in straight lines too, and none overshoots.
     joints = path.sample(np.linspace(*inner[:2], 101)).q
@@ -85,36 +85,36 @@ def test_corners_are_passed_sooner_and_the_check_says_how_far_off(tilt_insert: P
     """A larger rounding is faster, and the plan states how far the tip departs from the corner."""
     durations = [plan(cornered(tilt_insert, None, planner="toppra")).duration]
     for blend in (0.2e-3, 0.8e-3):
-        found = plan(cornered(tilt_insert, blend))
-        assert found.passed, found.reason
-        (phase,) = found.phases
+        result = plan(cornered(tilt_insert, blend))
+        assert result.passed, result.reason
+        (phase,) = result.phases
         assert phase.name == "tilt + insert + line"
         # At a right angle, the tip departs from the corner by (3/16) √2 of the distance. Farther
         # from the corner than the distance, it stays on its lines.
         assert 0.1 * blend < phase.corner_departure < 0.3 * blend  # type: ignore[operator]
         assert phase.corner_reach <= blend + 1e-9  # type: ignore[operator]
         assert phase.corner_reach == pytest.approx(blend, rel=0.2)
-        durations.append(found.duration)
-        speed = np.abs(found.motion.sample(found.duration * np.linspace(0.05, 0.95, 500)).qd).max(
+        durations.append(result.duration)
+        speed = np.abs(result.motion.sample(result.duration * np.linspace(0.05, 0.95, 500)).qd).max(
             axis=1
         )
         assert speed.min() > 0
     assert durations == sorted(durations, reverse=True)  # type: ignore[type-var]
-    again = Plan.from_json(found.to_json().encode(), Path("plan.json"))
+    again = Plan.from_json(result.to_json().encode(), Path("plan.json"))
     assert again.problem.motion[0].blend == pytest.approx(0.8e-3)  # type: ignore[union-attr]
-    assert again.phases == found.phases
+    assert again.phases == result.phases
 
 
 def test_rates_of_task_coordinates_are_kept_in_the_corners_too(tilt_insert: Problem) -> None:
     rates = (TaskRate("tilt", np.radians(10)), TaskRate("depth", 4e-3))
     tilt = Straight(tilt=np.radians(-110), blend=0.3e-3)
     problem = replace(tilt_insert, start=START, motion=(tilt, Straight(depth=0.009)))
-    found = plan(replace(problem, limits=(*problem.limits, *rates)))
-    assert found.passed, found.reason
-    assert found.phases[0].solver == "TOPP-RA"
+    result = plan(replace(problem, limits=(*problem.limits, *rates)))
+    assert result.passed, result.reason
+    assert result.phases[0].solver == "TOPP-RA"
     # Each rate binds during almost all of its motion, and the two motions overlap only near the
     # corner.
-    assert found.duration == pytest.approx(
+    assert result.duration == pytest.approx(
         np.radians(15) / rates[0].largest + 4e-3 / rates[1].largest, rel=0.12
     )
 
@@ -127,9 +127,9 @@ def test_where_jerk_is_limited_it_is_kept_in_the_corners_too(
     problem = replace(
         tilt_insert, robot=robot, start=START, motion=(tilt, Straight(depth=0.01)), objective="time"
     )
-    found = plan(problem)
-    assert found.passed, found.reason
-    assert 0 < found.phases[0].corner_departure < 0.1e-3  # type: ignore[operator]
+    result = plan(problem)
+    assert result.passed, result.reason
+    assert 0 < result.phases[0].corner_departure < 0.1e-3  # type: ignore[operator]
 
 
 def test_a_line_of_the_tip_takes_durations_and_jerk_limits(
@@ -139,11 +139,11 @@ def test_a_line_of_the_tip_takes_durations_and_jerk_limits(
     problem = replace(
         tilt_insert, robot=robot, start=START, motion=(replace(ONWARD, duration=4.0),)
     )
-    found = plan(problem)
-    assert found.passed, found.reason
-    assert found.duration == pytest.approx(4.0, rel=1e-6)
+    result = plan(problem)
+    assert result.passed, result.reason
+    assert result.duration == pytest.approx(4.0, rel=1e-6)
     tips = tip_position(
-        Mechanism.from_geometry(robot.geometry), found.motion.sample(np.linspace(0, 4, 3000)).q
+        Mechanism.from_geometry(robot.geometry), result.motion.sample(np.linspace(0, 4, 3000)).q
     )
     way = tips[-1] - tips[0]
     off = np.cross(tips - tips[0], way / np.linalg.norm(way))

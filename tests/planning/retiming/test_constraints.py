@@ -149,9 +149,9 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
         along = PathLimits.on_grid(turned, GRID, robot, TaskLimits())
         rows = along.constraints(np.full(9, x), static_start=False)
         values = rows.b * x + rows.c + rows.k * np.sqrt(x)
-        at = q + [tilted, 0.0, 0.0, 0.0]
+        time = q + [tilted, 0.0, 0.0, 0.0]
         qd = np.tile(np.sqrt(x) * WAY * way, (9, 1))
-        samples = Samples(GRID, at, qd, 0 * at, 0 * at)
+        samples = Samples(GRID, time, qd, 0 * time, 0 * time)
         torque = motor_motion(
             robot, RigidBody.from_robot(robot), samples, *motion_directions(robot, samples, 1)
         ).torque
@@ -169,8 +169,8 @@ def test_at_a_steady_speed_a_braking_row_is_the_torque_itself(
 def test_directions_and_starts_along_a_path_that_turns_back(robot: Robot) -> None:
     """Each grid point has the joint's direction after it, also where the joint reverses."""
     mechanism = Mechanism.from_geometry(robot.geometry)
-    there, back = START + WAY, START + WAY * [-0.5, 2.0, 1.0, 1.0]
-    path = PolylinePath(mechanism, np.stack([START, there, back, back + 0.5 * WAY]))
+    target, back = START + WAY, START + WAY * [-0.5, 2.0, 1.0, 1.0]
+    path = PolylinePath(mechanism, np.stack([START, target, back, back + 0.5 * WAY]))
     grid = np.linspace(0.0, 1.0, 31)
     along = PathLimits.on_grid(path, grid, robot, TaskLimits())
     ahead = path.sample(np.minimum(grid + 1e-6, 1 - 1e-9)).dq
@@ -194,12 +194,12 @@ def test_ceilings_are_the_speed_limits(path: PolylinePath, robot: Robot) -> None
     q = START + GRID[:, None] * WAY
     ahead, behind = (tip_position(path.mechanism, q + side * h * WAY) for side in (1, -1))
     tip = np.linalg.norm(ahead - behind, axis=1) / (2 * h)
-    found = rows_at(path, robot, 1.0, limits=(TipSpeed(1e-3),)).ceiling
-    assert found == pytest.approx((1e-3 / tip) ** 2, rel=1e-5)
+    result = rows_at(path, robot, 1.0, limits=(TipSpeed(1e-3),)).ceiling
+    assert result == pytest.approx((1e-3 / tip) ** 2, rel=1e-5)
     ahead, behind = (task_from_joints(path.mechanism, q + side * h * WAY) for side in (1, -1))
     rate = np.abs(ahead - behind)[:, 1] / (2 * h)
-    found = rows_at(path, robot, 1.0, limits=(TaskRate("tilt", 1e-3),)).ceiling
-    assert found == pytest.approx((1e-3 / rate) ** 2, rel=1e-4)
+    result = rows_at(path, robot, 1.0, limits=(TaskRate("tilt", 1e-3),)).ceiling
+    assert result == pytest.approx((1e-3 / rate) ** 2, rel=1e-4)
     travel = braking_travel(path.mechanism, robot, q, np.tile(WAY, (9, 1)))
     times = np.max(np.abs(WAY) / [joint.acceleration for joint in robot.joints])
     assert travel == pytest.approx(tip * times / 2, rel=1e-5)
@@ -237,19 +237,19 @@ def test_a_motion_within_acceleration_alone_is_the_triangle(
     """Without motors, a motion from rest to rest takes T = 2 √(|Δq| / a) of its slowest joint."""
     joints = tuple(replace(joint, drive=None, motor=None, velocity=1e3) for joint in robot.joints)
     free = replace(robot, joints=joints)
-    found = retime(path, free, points=300)
+    result = retime(path, free, points=300)
     share = max(abs(w) / j.acceleration for w, j in zip(WAY, joints, strict=True))
-    assert found.duration == pytest.approx(2 * np.sqrt(share), rel=1e-4)
-    assert found.times[-1] == pytest.approx(found.duration)
+    assert result.duration == pytest.approx(2 * np.sqrt(share), rel=1e-4)
+    assert result.times[-1] == pytest.approx(result.duration)
     slowest = int(np.argmax([abs(w) / j.acceleration for w, j in zip(WAY, joints, strict=True)]))
-    half = len(found.active) // 2
+    half = len(result.active) // 2
     signs = (0, 1) if WAY[slowest] > 0 else (1, 0)
-    assert (found.active[: half - 1] == 2 * slowest + signs[0]).all()
-    assert (found.active[half + 1 :] == 2 * slowest + signs[1]).all()
+    assert (result.active[: half - 1] == 2 * slowest + signs[0]).all()
+    assert (result.active[half + 1 :] == 2 * slowest + signs[1]).all()
     limits = TaskLimits((TipSpeed(2e-3),))
     steady = retime(path, free, limits, points=300)
     assert holds_tip_speed(steady, path, 2e-3 * 0.99)
-    assert not holds_tip_speed(found, path, 10.0)
+    assert not holds_tip_speed(result, path, 10.0)
     moving = retime(path, free, points=300, speeds=(0.1, 0.2))
     assert moving.speed_squared[[0, -1]] == pytest.approx([0.01, 0.04])
     impossible = retime(path, free, points=60, speeds=(1e4, 0.0))
@@ -278,8 +278,8 @@ def test_a_speed_at_an_end_may_be_rounded_but_not_more() -> None:
         ((0.0, 1.0 + 1e-6), False),
     ):
         assert (fastest_profile(grid, rows, speeds) is not None) == possible
-    whole = fastest_profile(grid, rows, (0.0, 0.0))
-    assert whole == pytest.approx(np.minimum(1.0, 2 * np.minimum(grid, 1 - grid)), abs=1e-9)
+    complete = fastest_profile(grid, rows, (0.0, 0.0))
+    assert complete == pytest.approx(np.minimum(1.0, 2 * np.minimum(grid, 1 - grid)), abs=1e-9)
 
 
 def with_stribeck(robot: Robot) -> Robot:

@@ -53,21 +53,21 @@ def slow_motion(mechanism: Mechanism, way: float) -> MotionPath:
 
 def test_a_slow_motion_is_faster_along_its_own_path(mechanism: Mechanism, robot: Robot) -> None:
     path = slow_motion(mechanism, 0.2)
-    found = retime_motion(path, robot, NONE)
-    assert found.solved
-    assert found.duration < 3.0
-    assert np.sqrt(found.speed_squared[[0, -1]]) == pytest.approx([1 / 3, 1 / 3])
-    assert np.sqrt(found.speed_squared.max()) <= 10 / 3 * (1 + 1e-9)
+    result = retime_motion(path, robot, NONE)
+    assert result.solved
+    assert result.duration < 3.0
+    assert np.sqrt(result.speed_squared[[0, -1]]) == pytest.approx([1 / 3, 1 / 3])
+    assert np.sqrt(result.speed_squared.max()) <= 10 / 3 * (1 + 1e-9)
     slower = retime_motion(path, robot, NONE, speed_ratio=0.5)
     assert np.sqrt(slower.speed_squared[[0, -1]]) == pytest.approx([1 / 6, 1 / 6])
-    motion = retimed_trajectory(path, found)
-    assert motion.duration == pytest.approx(found.duration, rel=1e-2)
+    motion = retimed_trajectory(path, result)
+    assert motion.duration == pytest.approx(result.duration, rel=1e-2)
     ends = motion.sample(motion.breaks[[0, -1]]).q
     assert ends == pytest.approx(path.trajectory.sample(np.array([0.0, 3.0])).q)
     # The two grid points beside the break become one.
-    assert len(motion.breaks) == len(found.s) - 1
+    assert len(motion.breaks) == len(result.s) - 1
     # At the break, the retimed motion has the mean of the squared speeds on both sides.
-    t, x = 3.0 * found.s, 9.0 * found.speed_squared
+    t, x = 3.0 * result.s, 9.0 * result.speed_squared
     behind = int(np.searchsorted(t, 1.0))
     joined = motion.breaks[behind - 1]
     q, qd = (getattr(path.trajectory.sample(np.array([1.0])), key) for key in ("q", "qd"))
@@ -97,9 +97,9 @@ def corner(mechanism: Mechanism, distance: float, back: bool = False) -> Blended
     end = task + np.array([0.0, 0.0, 0.0, 0.001]) if back else middle + [0.4, -0.05, 0.0, 0.0]
     branch = int(mechanism.branch_of(START))
     first = StraightPath(mechanism, task, middle, branch, START)
-    at = first.sample(np.ones(1)).q[0]
+    time = first.sample(np.ones(1)).q[0]
     return blend_pieces(
-        mechanism, (first, StraightPath(mechanism, middle, end, branch, at)), (distance,)
+        mechanism, (first, StraightPath(mechanism, middle, end, branch, time)), (distance,)
     )
 
 
@@ -111,15 +111,15 @@ def test_a_corner_is_left_and_joined_at_its_distance(mechanism: Mechanism, dista
     assert (path.breaks[0], path.breaks[-1]) == (0.0, 1.0)
     tips = tip_position(mechanism, path.sample(path.breaks).q)
     before, behind = path.pieces
-    there = tip_position(mechanism, before.sample(np.ones(1)).q)[0]
-    assert np.linalg.norm(tips[1:3] - there, axis=1) == pytest.approx([distance] * 2, rel=1e-6)
+    target = tip_position(mechanism, before.sample(np.ones(1)).q)[0]
+    assert np.linalg.norm(tips[1:3] - target, axis=1) == pytest.approx([distance] * 2, rel=1e-6)
     inside = np.linspace(path.breaks[1], path.breaks[2], 41)
-    away = np.linalg.norm(tip_position(mechanism, path.sample(inside).q) - there, axis=1)
+    away = np.linalg.norm(tip_position(mechanism, path.sample(inside).q) - target, axis=1)
     assert away.max() <= distance * (1 + 1e-6)
     s, h = np.linspace(0.01, 0.99, 50), 1e-6
-    here, ahead, back = (path.sample(s + step) for step in (0.0, h, -h))
-    scale = 1 + np.abs(here.ddq).max()
-    assert (ahead.q - back.q) / (2 * h) == pytest.approx(here.dq, abs=1e-6 * scale)
+    folder, ahead, back = (path.sample(s + step) for step in (0.0, h, -h))
+    scale = 1 + np.abs(folder.ddq).max()
+    assert (ahead.q - back.q) / (2 * h) == pytest.approx(folder.dq, abs=1e-6 * scale)
     for order, name in enumerate(("q", "dq", "ddq")):
         left, right = (
             getattr(path.sample(path.breaks[1:3] + step), name) for step in (-1e-9, 1e-9)

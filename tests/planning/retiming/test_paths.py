@@ -68,10 +68,10 @@ def arc(mechanism: Mechanism, angle: float) -> TipPath:
 
 def derivatives_hold(path: JointPath) -> None:
     """Assert that q' and q'' equal central differences of q and q'."""
-    here, ahead, behind = (path.sample(S + h) for h in (0.0, H, -H))
-    scale = 1 + np.abs(here.ddq).max()
-    assert (ahead.q - behind.q) / (2 * H) == pytest.approx(here.dq, abs=1e-6 * scale)
-    assert (ahead.dq - behind.dq) / (2 * H) == pytest.approx(here.ddq, abs=1e-5 * scale)
+    folder, ahead, behind = (path.sample(S + h) for h in (0.0, H, -H))
+    scale = 1 + np.abs(folder.ddq).max()
+    assert (ahead.q - behind.q) / (2 * H) == pytest.approx(folder.dq, abs=1e-6 * scale)
+    assert (ahead.dq - behind.dq) / (2 * H) == pytest.approx(folder.ddq, abs=1e-5 * scale)
 
 
 def directions_hold(path: JointPath) -> None:
@@ -236,10 +236,10 @@ def motion_path(mechanism: Mechanism) -> MotionPath:
 
 def test_the_path_of_a_motion_is_the_motion(motion_path: MotionPath) -> None:
     samples = motion_path.sample(np.array([0.25, 0.75, 1.2]))
-    there = motion_path.trajectory.sample(np.array([0.5, 1.5, 2.0]))
-    assert samples.q == pytest.approx(there.q)
-    assert samples.dq == pytest.approx(2 * there.qd)
-    assert samples.ddq == pytest.approx(4 * there.qdd)
+    target = motion_path.trajectory.sample(np.array([0.5, 1.5, 2.0]))
+    assert samples.q == pytest.approx(target.q)
+    assert samples.dq == pytest.approx(2 * target.qd)
+    assert samples.ddq == pytest.approx(4 * target.qdd)
     assert not samples.dq[:, 1:].any()
     derivatives_hold(motion_path)
     grid = motion_path.grid(104)
@@ -305,8 +305,8 @@ def test_sign_changes_are_found_to_the_last_digits(root: float, swapped: bool) -
     """The first end may be the larger one. Of several roots, the one nearest to it is returned."""
     low, high = (1.0, 0.1) if swapped else (0.1, 1.0)
     for sign in (1.0, -1.0):
-        found = paths.find_sign_change(lambda s: sign * (s - root), low, high)  # noqa: B023
-        assert found == pytest.approx(root, abs=1e-11)
+        result = paths.find_sign_change(lambda s: sign * (s - root), low, high)  # noqa: B023
+        assert result == pytest.approx(root, abs=1e-11)
     three = paths.find_sign_change(lambda s: (s - 0.2) * (s - 0.5) * (s - 0.8), low, high)
     assert three == pytest.approx(0.8 if swapped else 0.2, abs=1e-11)
 

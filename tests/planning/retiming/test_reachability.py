@@ -107,10 +107,10 @@ def hard_case(seed: int) -> Case:
         c[rng.integers(len(grid)), 2] = 1.001
     if seed % 7 == 1:
         c[:, 2] = 1.0
-    parts = (np.hstack([*each]) for each in ((rows.a, a), (rows.b, b), (rows.c, c)))
-    whole = LinearConstraints(*parts, np.zeros((len(grid), rows.a.shape[1] + 3)), rows.ceiling)
+    parts = (np.hstack([*item]) for item in ((rows.a, a), (rows.b, b), (rows.c, c)))
+    complete = LinearConstraints(*parts, np.zeros((len(grid), rows.a.shape[1] + 3)), rows.ceiling)
     least = max(float(c[[0, -1], :2].max()) - 1, 0.0)
-    return grid, whole, (np.sqrt(least * rng.uniform(1, 3)), np.sqrt(least * rng.uniform(1, 3)))
+    return grid, complete, (np.sqrt(least * rng.uniform(1, 3)), np.sqrt(least * rng.uniform(1, 3)))
 
 
 @pytest.mark.skipif(library.load() is None, reason="installed without the compiled part")
@@ -155,9 +155,9 @@ def test_a_limit_on_acceleration_alone_gives_the_triangle(
     grid = np.linspace(0, 1, 201)
     both = np.ones((201, 2)) * [0.5, -0.5]  # |s̈| ≤ 2
     rows = LinearConstraints(both, 0 * both, 0 * both, 0 * both, np.full(201, 100.0))
-    found = fastest_profile(grid, rows, (0.0, 0.0))
-    assert found is not None
-    assert found == pytest.approx(4 * np.minimum(grid, 1 - grid), abs=1e-6)
+    result = fastest_profile(grid, rows, (0.0, 0.0))
+    assert result is not None
+    assert result == pytest.approx(4 * np.minimum(grid, 1 - grid), abs=1e-6)
 
 
 @pytest.mark.parametrize("compiled", ["0", "1"])

@@ -86,7 +86,7 @@ def test_figures_of_a_width_are_that_wide_and_their_type_is_not_scaled(name: str
             for text in (axes.xaxis.label, axes.yaxis.label, *axes.texts)
         ]
         texts += [axes._right_title for axes in figure.axes] + [
-            each for key in figure.legends for each in key.texts
+            item for key in figure.legends for item in key.texts
         ]
         boxes = [text.get_window_extent() for text in texts if text.get_text()]
         for i, box in enumerate(boxes):

@@ -80,10 +80,8 @@ def test_page_and_terminal_show_where_the_joints_start_and_end(page: str) -> Non
     rows = joints_table(plan).rows
     ends = plan.trajectory.sample(np.array([0.0, plan.trajectory.duration])).q
     for k, (row, unit) in enumerate(zip(rows, ("deg", "deg", "deg", "mm"), strict=True)):
-        shown = [float(cell.replace("\u2212", "-")) for cell in row[1:3]]
-        assert shown == pytest.approx(
-            ends[:, k] * (180 / np.pi if unit == "deg" else 1e3), abs=1e-3
-        )
+        text = [float(cell.replace("\u2212", "-")) for cell in row[1:3]]
+        assert text == pytest.approx(ends[:, k] * (180 / np.pi if unit == "deg" else 1e3), abs=1e-3)
         assert row[3] == unit
     assert "<h3>Joints at both ends</h3>" in page
     assert "joint        from" in "\n".join(summary_lines(plan, verbose=True))
@@ -190,7 +188,7 @@ def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) ->
     plan = load_plan(path)
     data = report_data(plan)
     assert data["scene"]["eye"] == to_plain(problem.eye)
-    found = {limit.name: limit for limit in check(plan.trajectory, plan.robot, plan.limits).limits}
+    result = {limit.name: limit for limit in check(plan.trajectory, plan.robot, plan.limits).limits}
     panels = {
         limit["name"]: (panel, limit) for panel in data["panels"] for limit in panel["limits"]
     }
@@ -203,10 +201,10 @@ def test_an_eye_and_rates_have_their_panels_limits_and_places(tmp_path: Path) ->
         panel, limit = panels[name]
         assert panel["scale"] == pytest.approx(scale)
         low_side = name.endswith("clearance")
-        assert limit["low" if low_side else "high"] == pytest.approx(scale * found[name].limit)
+        assert limit["low" if low_side else "high"] == pytest.approx(scale * result[name].limit)
         values = np.frombuffer(base64.b64decode(data["channels"][limit["channel"]]), dtype="<f8")
         worst = values.min() if low_side else np.abs(values).max()
-        assert worst == pytest.approx(found[name].worst, rel=0.02)
+        assert worst == pytest.approx(result[name].worst, rel=0.02)
     assert "roll rate" not in panels
     text = write_report(load_plan(path), tmp_path / "report.html").read_text(encoding="utf-8")
     assert "retina clearance, radius 11.3 mm" in text
@@ -361,13 +359,13 @@ def test_the_page_of_power_losses_shows_their_travel() -> None:
     data = simulation_data(plan, result)
     (panel,) = (panel for panel in data["panels"] if panel["channel"] == "travel")
     assert (panel["unit"], panel["scale"]) == ("mm", 1e3)
-    shown = {
+    text = {
         name: np.frombuffer(base64.b64decode(data["channels"][1][name]), dtype="<f8")
         for name in ("t", "travel")
     }
     # The page draws straight lines between the power losses and samples them at its instants.
-    travel = np.interp(shown["t"], result.losses.time, result.losses.travel)
-    np.testing.assert_allclose(shown["travel"], travel, rtol=1e-12, atol=0.0)
+    travel = np.interp(text["t"], result.losses.time, result.losses.travel)
+    np.testing.assert_allclose(text["travel"], travel, rtol=1e-12, atol=0.0)
 
 
 def test_a_joint_without_a_drive_has_no_tracking() -> None:
@@ -386,9 +384,9 @@ def test_the_bound_of_a_free_motion_is_called_loose(page: str) -> None:
     """
     assert "proven: no motion on this path is shorter than" in page
     for name in ("eye_approach", "tilt_insert"):
-        made = load_plan(RESULTS / name / "plan.json")
-        phases = tuple(replace(phase, path_bound=None) for phase in made.phases)
-        text = report_page(replace(made, phases=phases))
+        result = load_plan(RESULTS / name / "plan.json")
+        phases = tuple(replace(phase, path_bound=None) for phase in result.phases)
+        text = report_page(replace(result, phases=phases))
         assert "proven: no motion" not in text
         assert ("loose for free motions" in text) == (name == "eye_approach")
 
