@@ -1,9 +1,16 @@
 """Fit a friction law to a torque–velocity map.
 
-The map contains one point for each steady-state recording. The fit reduces the weight of outliers.
-Cross-validation selects the friction law and decides whether a constant load is added: each fit is
-judged by its errors on recordings that it has not used. Parameters have 95 % intervals of the
-posterior.
+The map contains one point, mean speed and mean torque, for each recording at constant speed.
+`fit_map` is the main function. It reduces the weight of outliers, fits every friction law, and
+selects one of them by cross-validation: each fit is judged by its errors on recordings that the fit
+has not used. Cross-validation also decides whether a constant load is added to the payload. The
+parameters have 95 % intervals of the posterior, which the modules `posterior` and `sampling`
+compute.
+
+Some words have a fixed meaning in this module. A model (`MapModel`) is one friction law with the
+data and with the names of the parameters that are fitted. Its coordinates z (k,) are the scaled
+logarithms of the k parameters, as the module `posterior` defines them. A parameter set contains one
+value for each parameter of a law.
 """
 
 import math
@@ -54,19 +61,22 @@ SMALLEST_LAW_PROBABILITY = 0.01
 LARGEST_TORQUE_RATIO = 1.5
 """Ratio of measured to expected torque above which another drive is suspected."""
 LARGEST_RELATIVE_ERROR = 0.2
-"""RMS error, as a share of the mean torque, above which another drive is suspected."""
+"""RMS error, divided by the mean |torque|, above which another drive is suspected."""
 WEIGHT_COLUMN = "weight"
 """Name of the column of weights in a table of parameter sets."""
 _DIRECTIONS = ("forwards", "backwards")
 _STRIBECK = ("mu_stribeck", "stribeck_speed")
 _INITIAL_SCATTER = 0.1
-"""Initial guess of the scatter between recordings, as a share of the deviation in a recording."""
+"""Guess of the scatter of the mean torque between recordings, before the fit.
+
+It is a share of the standard deviation of the torque in one recording.
+"""
 
 
 FittedModels = list[tuple[MapModel, Array]]
-"""Models with the most likely coordinates (k,) of their parameters."""
+"""Models, each with the most likely coordinates z (k,) of its k parameters."""
 PossibleLaws = list[tuple[PosteriorSample, float]]
-"""Samples and probabilities of the friction laws that are possible."""
+"""Posterior sample and probability of each friction law."""
 
 
 @frozen
@@ -141,7 +151,7 @@ class MapFit:
     criterion: dict[str, float]
     """RMS error of each plausible law on recordings that the fit has not used, N·m."""
     law_shares: dict[str, float]
-    """Probability of each law, as a share of the parameter sets."""
+    """Probability of each law: the share of the posterior's parameter sets that have this law."""
     notes: tuple[str, ...] = ()
     """Remarks on implausible results, as sentences."""
 
@@ -231,23 +241,24 @@ def fit_map(
 
 
 def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel]:
-    """Return the models that are compared.
+    """Return the models that are compared: each friction law with and without additional terms.
 
-    They are each law without and with a load offset, and without and with a change during the
-    session.
+    The additional terms are a constant load offset, and a change of friction during the session.
+    The models of each law are without any, with the offset, with the change, and with both.
 
     Parameters
     ----------
     prototype : MapModel
         Model with the data of the map. Its law is one of `FRICTION_LAWS`, or `auto` for all laws.
     free : sequence of str
-        Parameters that are fitted in addition to those of the law.
+        Names of the parameters that are fitted in addition to those of the law.
 
     Returns
     -------
     list of MapModel
-        Models of each law. The last one has all parameters. There is none with a load offset if
-        the user fixed it, and none with a change if the recordings have no dates.
+        Models, ordered by law. The last model of each law has all parameters. There is none with a
+        load offset if the user fixed the offset, and none with a change if too few recordings have
+        dates.
     """
     fixed = prototype.fixed
     additions: list[tuple[str, ...]] = [()]
@@ -271,16 +282,23 @@ def _candidate_models(prototype: MapModel, free: Sequence[str]) -> list[MapModel
 
 
 def _plausible_models(determined: FittedModels, probabilities: PossibleLaws) -> FittedModels:
-    """Return the models of the Coulomb law unless its probability is below 5 %, else the others.
+    """Return the models among which cross-validation selects.
 
-    Otherwise, a change of friction during the session would often be taken for a Stribeck term.
+    These are the models of the Coulomb law, which has the fewest parameters, if its probability
+    exceeds 5 %. Otherwise, they are the models of the Stribeck laws. Cross-validation alone would
+    often take a change of friction during the session for a Stribeck term.
 
     Parameters
     ----------
-    determined : list of (MapModel, (k,))
+    determined : list of (MapModel, (k,) array)
         Models with the most likely coordinates of their parameters.
-    probabilities : list of (Sample, float)
-        Samples and probabilities of all laws.
+    probabilities : list of (PosteriorSample, float)
+        Posterior sample and probability of each law.
+
+    Returns
+    -------
+    list of (MapModel, (k,) array)
+        The selected entries of `determined`, or all entries if none would be left.
     """
     laws = {s.model.law for s, share in probabilities if share > 1 - CONFIDENCE}
     is_coulomb = "coulomb" in laws
@@ -295,15 +313,16 @@ def _choose_model(
 
     Parameters
     ----------
-    determined : list of (MapModel, (k,))
+    determined : list of (MapModel, (k,) array)
         Models with the most likely coordinates of their parameters.
 
     Returns
     -------
-    chosen : (MapModel, (k,))
-        The selected entry.
+    chosen : (MapModel, (k,) array)
+        The selected entry of `determined`.
     criterion : dict
-        RMS error of each law in the cross-validation, N·m.
+        RMS error in the cross-validation by name of the law (N·m). It is that of the selected model
+        for its law, and that of the best model for each other law.
     """
     models = [model for model, _ in determined]
     errors = [cross_validation_errors(model, z) for model, z in determined]
@@ -317,9 +336,19 @@ def _choose_model(
 
 
 def _check_fixed(fixed: Numbers, free: Sequence[str]) -> None:
-    """Raise RecordingError for an unknown parameter or an invalid value.
+    """Raise an error if the user names an unknown parameter or fixes one at an invalid value.
 
-    `fixed` contains values by name, and `free` the names of parameters that are fitted in addition.
+    Parameters
+    ----------
+    fixed : Mapping
+        Values by name of the parameter. They must be finite and, except the load offset, ≥ 0.
+    free : sequence of str
+        Names of the parameters that are fitted in addition to those of the law.
+
+    Raises
+    ------
+    RecordingError
+        If a name is unknown or a value is invalid.
     """
     names = (*MAP_PARAMETERS, LOAD_OFFSET)
     for name in free:
@@ -334,7 +363,11 @@ def _check_fixed(fixed: Numbers, free: Sequence[str]) -> None:
 
 
 def _check_directions(data: TorqueMap) -> None:
-    """Raise RecordingError if all recordings move in one direction."""
+    """Raise RecordingError if all recordings move in one direction.
+
+    Friction changes its sign with the direction and the load does not, so only recordings of both
+    directions tell them apart.
+    """
     if not (np.any(data.w > 0) and np.any(data.w < 0)):
         side = "positive" if np.any(data.w > 0) else "negative"
         raise RecordingError(
@@ -344,9 +377,22 @@ def _check_directions(data: TorqueMap) -> None:
 
 
 def _determined_models(fitted: FittedModels) -> FittedModels:
-    """Return the models that have fewer parameters than points, each with its coordinates (k,).
+    """Return the models that have fewer parameters than the map has points.
 
-    Raises RecordingError if no model is left.
+    Parameters
+    ----------
+    fitted : list of (MapModel, (k,) array)
+        Models with the most likely coordinates of their parameters.
+
+    Returns
+    -------
+    list of (MapModel, (k,) array)
+        The remaining entries of `fitted`.
+
+    Raises
+    ------
+    RecordingError
+        If no model remains.
     """
     points = len(fitted[0][0].w)
     determined = [(model, z) for model, z in fitted if points > len(model.names)]
@@ -360,16 +406,25 @@ def _determined_models(fitted: FittedModels) -> FittedModels:
 
 
 def _sample_laws(fitted: FittedModels) -> PossibleLaws:
-    """Sample the posterior of each law, and return the samples with the probabilities of the laws.
+    """Sample the posterior of each friction law, and compute the probabilities of the laws.
 
-    A load offset or a change during the session that does not reduce the error in the
-    cross-validation is 0 in the fit, but it remains uncertain. The samples therefore belong to the
-    models with all parameters.
+    Only the model of each law with all parameters is sampled. Cross-validation may later select a
+    model without a load offset or without a change during the session. The offset and the change
+    remain uncertain even then, and the intervals must include this uncertainty.
+
+    The laws are equally likely before the fit, so their probabilities are in proportion to their
+    evidence, that is, to the probability density of the data under each law.
 
     Parameters
     ----------
-    fitted : list of (MapModel, (k,))
-        Models with the most likely coordinates. For each law, that with all parameters is last.
+    fitted : list of (MapModel, (k,) array)
+        Models with the most likely coordinates of their parameters. For each law, the model with
+        all parameters is the last.
+
+    Returns
+    -------
+    list of (PosteriorSample, float)
+        Posterior sample and probability of each law. The probabilities have the sum 1.
     """
     models = {model.law: (model, z) for model, z in fitted}
     samples = [sample_posterior(model, z) for model, z in models.values()]
@@ -379,10 +434,23 @@ def _sample_laws(fitted: FittedModels) -> PossibleLaws:
 
 
 def _possible_laws(probabilities: PossibleLaws, chosen: str) -> PossibleLaws:
-    """Return the laws whose probability is at least `SMALLEST_LAW_PROBABILITY`, and the chosen law.
+    """Return the laws that become part of the posterior, with their probabilities.
 
-    Laws with more parameters than points are possible as well, because the prior bounds their
-    parameters. The probabilities in the result have the sum 1.
+    These are the laws whose probability is at least `SMALLEST_LAW_PROBABILITY`, and the selected
+    law, which is given at least this probability. A law may have more parameters than the map has
+    points, because the prior bounds its parameters.
+
+    Parameters
+    ----------
+    probabilities : list of (PosteriorSample, float)
+        Posterior sample and probability of each law.
+    chosen : str
+        Name of the selected law.
+
+    Returns
+    -------
+    list of (PosteriorSample, float)
+        Posterior sample and probability of each possible law. The probabilities have the sum 1.
     """
     possible = [
         (law_sample, max(share, SMALLEST_LAW_PROBABILITY))
@@ -394,14 +462,26 @@ def _possible_laws(probabilities: PossibleLaws, chosen: str) -> PossibleLaws:
 
 
 def _pool_parameter_sets(possible: PossibleLaws, slow: Array) -> Arrays:
-    """Combine the parameter sets of all possible laws to one table with columns (sets,) by name.
+    """Combine the weighted parameter sets of all possible laws in one table.
 
-    Half of the sets contain the friction at the beginning of the session, the others that at its
-    end.
+    Every second set contains the friction at the beginning of the session, and the others that at
+    its end. The table therefore includes a change of friction during the session.
 
-    The columns are the parameters, the torques at the slow speeds `slow` (2,) in rad/s, and the
-    weights (WEIGHT). If several laws are possible, there is also the column LAW with the index of
-    the law. Missing values are NaN, except that the Stribeck friction of the Coulomb law is 0.
+    Parameters
+    ----------
+    possible : list of (PosteriorSample, float)
+        Posterior sample and probability of each possible law.
+    slow : (2,) array
+        A small positive and a small negative motor speed (rad/s), at which torques are computed.
+
+    Returns
+    -------
+    dict of (sets,) arrays
+        One column for each parameter in SI units. The columns `forwards` and `backwards` contain
+        the torques at the slow speeds (N·m), and `WEIGHT_COLUMN` the weights. If several laws are
+        possible, `LAW_COLUMN` contains the index of the law in `FRICTION_LAWS`. NaN marks a
+        parameter that the law of a set does not have, except the Stribeck friction of the Coulomb
+        law, which is 0.
     """
     laws = []
     for law_sample, share in possible:
@@ -424,22 +504,24 @@ def _pool_parameter_sets(possible: PossibleLaws, slow: Array) -> Arrays:
 
 
 def _draw_sets(pooled: Arrays) -> Arrays:
-    """Draw `POSTERIOR_DRAWS` equally likely friction parameter sets from weighted ones.
+    """Draw `POSTERIOR_DRAWS` equally likely parameter sets from weighted ones.
 
-    The method is systematic resampling. A parameter set of the Coulomb law has no Stribeck speed,
-    but the table needs a number. Such a set receives the Stribeck speed of a set of another law.
-    The Coulomb law ignores this number.
+    The method is systematic resampling: sets are picked at equal steps of the cumulative weight, so
+    a set is drawn in proportion to its weight. A parameter set of the Coulomb law has no Stribeck
+    speed, but the drive file needs a number. Such a set receives the Stribeck speed of a set of
+    another law, and the Coulomb law ignores this number.
 
     Parameters
     ----------
     pooled : dict of (sets,) arrays
-        The weighted parameter sets of all friction laws: one column for each parameter, and the
+        Weighted parameter sets of all possible laws: one column for each parameter, and the
         weights. NaN marks a parameter that the law of a set does not have.
 
     Returns
     -------
     dict of (POSTERIOR_DRAWS,) arrays
-        Columns of the drawn sets by name, without weights and without parameters of the session.
+        Columns of the drawn sets by name, in random order of the sets. The weights, the torques of
+        slow motion, and the parameters of the change during the session are omitted.
     """
     cumulative = np.cumsum(pooled[WEIGHT_COLUMN])
     indices = np.searchsorted(
@@ -466,15 +548,20 @@ def _build_map_fit(model: MapModel, z: Array, data: TorqueMap, possible: Possibl
     ----------
     model : MapModel
         The selected model.
-    z : (k,)
-        Its most likely coordinates.
+    z : (k,) array
+        Most likely coordinates of its parameters.
     data : TorqueMap
         Points of the map.
-    possible : list of (Sample, float)
-        Samples and probabilities of the possible laws.
+    possible : list of (PosteriorSample, float)
+        Posterior sample and probability of each possible law.
+
+    Returns
+    -------
+    MapFit
+        Result of `fit_map`, still without the fields `outliers` and `criterion`.
     """
     predicted = model.torque(z[None])[0]
-    # The torque of slow motion does not contain viscous friction.
+    # The torque of very slow motion contains almost no viscous friction.
     slow = 1e-3 * float(np.abs(model.w).min()) * np.array([1.0, -1.0])
     pooled = _pool_parameter_sets(possible, slow)
     posterior = _build_posterior(model, predicted, data, possible, _draw_sets(pooled))
@@ -519,7 +606,18 @@ def _build_map_fit(model: MapModel, z: Array, data: TorqueMap, possible: Possibl
 def _separable_parameters(possible: PossibleLaws) -> set[str]:
     """Return the names of the parameters that the data determine under every possible law.
 
-    `possible` contains the samples and the probabilities of the laws.
+    The data determine a parameter if its prior pull is below `LARGEST_PRIOR_PULL`. The prior pull
+    says how far the posterior mean follows a shift of the prior, see `prior_pull`.
+
+    Parameters
+    ----------
+    possible : list of (PosteriorSample, float)
+        Posterior sample and probability of each possible law.
+
+    Returns
+    -------
+    set of str
+        Names of the parameters.
     """
     names = []
     for law_sample, _ in possible:
@@ -536,20 +634,25 @@ def _build_posterior(
     possible: PossibleLaws,
     columns: Arrays,
 ) -> Posterior:
-    """Build the posterior of the drive file, with six digits as in the file.
+    """Build the posterior that the drive file contains, with numbers of six digits as in the file.
 
     Parameters
     ----------
     model : MapModel
-        The selected model.
-    predicted : (points,)
-        Its torque at the points of the map, N·m.
+        The selected model. Only its points without outliers become part of the posterior.
+    predicted : (points,) array
+        Torque of the model at the points of the map (N·m).
     data : TorqueMap
-        Points of the map.
-    possible : list of (Sample, float)
-        Samples and probabilities of the possible laws.
-    columns : dict
-        Equally likely parameter sets, as columns (draws,) by name.
+        Points of the map, from which ripple and noise of the torque are taken.
+    possible : list of (PosteriorSample, float)
+        Posterior sample and probability of each possible law.
+    columns : dict of (draws,) arrays
+        Equally likely parameter sets, one column for each parameter.
+
+    Returns
+    -------
+    Posterior
+        Parameter sets, scatter between recordings, and errors of the model at its points.
     """
     is_regular = model.weight == 1.0
     variance, common = np.sum([share * s.scatter for s, share in possible], axis=0)
@@ -567,12 +670,27 @@ def _build_posterior(
 
 
 def _round_to_six_digits(values: Array) -> tuple[float, ...]:
-    """Round values (n,) to six significant digits."""
+    """Round values (n,) to six significant digits, as the drive file states them."""
     return tuple(float(f"{value:.6g}") for value in values)
 
 
 def _interval_estimate(value: float, pooled: Arrays, name: str) -> Estimate:
-    """Return an estimate with the 95 % interval of one column of the pooled parameter sets."""
+    """Return an estimate with the 95 % interval of one column of the pooled parameter sets.
+
+    Parameters
+    ----------
+    value : float
+        Most likely value. The interval is widened to contain it.
+    pooled : dict of (sets,) arrays
+        Columns of `_pool_parameter_sets`. Sets in which the column is NaN are omitted.
+    name : str
+        Name of the column.
+
+    Returns
+    -------
+    Estimate
+        The value with its interval.
+    """
     is_present = np.isfinite(pooled[name])
     low, high = weighted_interval(pooled[name][is_present], pooled[WEIGHT_COLUMN][is_present])
     return Estimate(value, min(low, value), max(high, value))
@@ -581,8 +699,20 @@ def _interval_estimate(value: float, pooled: Arrays, name: str) -> Estimate:
 def _estimate_notes(estimates: dict[str, Estimate], possible: PossibleLaws) -> Iterator[str]:
     """Yield notes on estimates: on self-locking, a change of friction and unreliable intervals.
 
-    Intervals are not reliable if one parameter set has too much weight. `possible` contains the
-    samples and the probabilities of the laws.
+    Intervals are unreliable if one of the sampled parameter sets has more than `LARGEST_WEIGHT` of
+    the whole weight, because few sets then represent the posterior.
+
+    Parameters
+    ----------
+    estimates : dict
+        Estimates by name of the parameter.
+    possible : list of (PosteriorSample, float)
+        Posterior sample and probability of each possible law.
+
+    Yields
+    ------
+    str
+        One sentence for each finding.
     """
     if "mu" in estimates and estimates["mu"].at_bound:
         yield (
@@ -606,10 +736,10 @@ def _estimate_notes(estimates: dict[str, Estimate], possible: PossibleLaws) -> I
 def _plausibility_notes(
     model: MapModel, drive: Drive, predicted: Array, offset: float
 ) -> Iterator[str]:
-    """Yield remarks on implausible results of the fit, as sentences.
+    """Yield notes on results that suggest wrong recordings or a wrong description of the rig.
 
-    They concern the sign of the load, the contact of preloaded nuts, and another torque than
-    expected.
+    They concern a load opposite to the payload, a preload too small to keep both half nuts in
+    contact, a torque far from that of the expected friction, and a large error of the fitted law.
 
     Parameters
     ----------
@@ -617,10 +747,15 @@ def _plausibility_notes(
         The selected model.
     drive : Drive
         Drive with the identified friction.
-    predicted : (points,)
-        Fitted torque, N·m.
+    predicted : (points,) array
+        Torque of the fitted law at the points of the map (N·m).
     offset : float
-        Constant load in addition to the payload, N·m or N.
+        Constant load in addition to the payload (N·m or N).
+
+    Yields
+    ------
+    str
+        One sentence for each finding.
     """
     if model.load * (model.load + offset) < 0.0:
         yield (
@@ -665,7 +800,13 @@ def _identified_drive(
     posterior : Posterior
         Uncertainty of the parameters.
     offset : float
-        Constant load in addition to the payload, N·m or N.
+        Constant load in addition to the payload (N·m or N).
+
+    Returns
+    -------
+    Drive
+        The drive. Its static friction coefficient is the limit of the kinetic one at zero speed,
+        because a torque–velocity map does not show breakaway.
     """
     drive = drive_with_parameters(model.drive, model.law, {**model.fixed, **values})
     friction = replace(

@@ -1,4 +1,9 @@
-"""Predict motor torque from measured speed with 95 % bands, and compare it with measured torque."""
+"""Predict motor torque from measured speed with 95 % bands, and compare it with measured torque.
+
+`predict_recording` is the main function. The predicted torque is the sum of the friction law, of
+the ripple that repeats with the motor angle, and of the reaction of the speed controller. The band
+follows from the posterior, that is, from the equally likely parameter sets in the drive file.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -42,10 +47,11 @@ from ssm_planner.problem import (
 from ssm_planner.typing import Array, Indices, JsonObject, Keywords, Range, record
 
 ONSET_ANGLE = 0.1
-"""Angle of the usual speed in which the motor pushes before the first nonzero speed reading, rad.
+"""Angle that determines how long the motor pushes before the first nonzero speed reading, rad.
 
-The motor winds up the drive, and the recorder averages and rounds the speed. A slow start therefore
-takes a longer time than a fast one. The angle agrees with the recordings of all three rigs.
+This time is the angle divided by the usual speed. During it, the motor winds up the drive, and the
+recorder averages and rounds the speed. A slow start therefore takes longer than a fast one.
+The angle agrees with the recordings of all three rigs.
 """
 
 EXTRAPOLATION_THRESHOLD = 0.25
@@ -145,7 +151,12 @@ class Prediction:
         return tuple(self._remarks())
 
     def _remarks(self) -> Iterator[str]:
-        """Yield remarks on a torque of another drive, load or unit, and on extrapolated speeds."""
+        """Yield remarks on signs that another drive was recorded, and on extrapolated speeds.
+
+        The mean |torque| during motion is compared with the predicted one. A ratio of about 10 or
+        0.1 suggests that the units % and ‰ of the torque were exchanged. Other large errors suggest
+        another drive, load or direction.
+        """
         moving = np.logical_not(self.rest)
         expected = float(np.abs(self.tau[moving]).mean())
         measured = float(np.abs(self.recording.tau[moving]).mean())
@@ -185,10 +196,19 @@ class Prediction:
 
 
 def nrmsd(predicted: Array, measured: Array) -> float:
-    """Return the normalised RMS error of a predicted torque.
+    """Compute the normalised RMS error of a predicted torque.
 
-    It is the RMS of predicted − measured, divided by the range of the measured torque. Both arrays
-    have the shape (samples,) and the same unit.
+    It is the RMS of predicted − measured, divided by the range of the measured torque.
+
+    Parameters
+    ----------
+    predicted, measured : (samples,) array
+        Torques in the same unit.
+
+    Returns
+    -------
+    float
+        Error (dimensionless).
 
     Raises
     ------
@@ -257,10 +277,22 @@ def predict_recording(
 
 
 def position_ripple_torque(drive: Drive, recording: Recording, motion: "RecordedMotion") -> Array:
-    """Return the part of the torque (samples,) in N·m that repeats with the motor angle.
+    """Compute the part of the torque that repeats with the motor angle.
 
-    The result is 0 if the recording lacks the angle, or the drive file lacks the phases of the
-    harmonics.
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction. The harmonics of the ripple are in its posterior.
+    recording : Recording
+        Recording with the motor angle.
+    motion : RecordedMotion
+        Motion of the recording, which selects the harmonics of its direction.
+
+    Returns
+    -------
+    (samples,) array
+        Motor torques (N·m). They are 0 at rest, if the recording lacks the angle, and if the drive
+        file lacks the phases of the harmonics.
     """
     wave, posterior = np.zeros(len(motion.w)), required_friction(drive).posterior
     if posterior is None or recording.angle is None:
@@ -273,11 +305,24 @@ def position_ripple_torque(drive: Drive, recording: Recording, motion: "Recorded
 
 
 def controller_reaction(drive: Drive, motion: "RecordedMotion", deviation: Array) -> Array:
-    """Return the torque (samples,) in N·m with which the controller answers a deviation of the
-    speed.
+    """Compute the torque with which the speed controller answers a deviation of the speed.
 
-    The result is 0 if the drive file does not contain the reaction, and at speeds at which the
-    recordings of the fit do not confirm it. `deviation` (samples,) is in rad/s.
+    The torque is the deviation filtered with the taps in the drive file, see the module `reaction`.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction and posterior.
+    motion : RecordedMotion
+        Motion whose torque is predicted.
+    deviation : (samples,) array
+        Deviation of the recorded speed from the usual one (rad/s), see `speed_deviation`.
+
+    Returns
+    -------
+    (samples,) array
+        Motor torques (N·m). They are 0 at rest, at speeds at which the recordings of the fit do not
+        confirm the reaction, and if the drive file does not contain it.
     """
     posterior = required_friction(drive).posterior
     if posterior is None or posterior.reaction is None:
@@ -291,10 +336,22 @@ def controller_reaction(drive: Drive, motion: "RecordedMotion", deviation: Array
 
 
 def unseen_speed(drive: Drive, motion: "RecordedMotion") -> float | None:
-    """Return the motor speed that is farthest from the recordings of the fit, rad/s.
+    """Find the motor speed of a motion that is farthest from the recordings of the fit.
 
-    The result is None if the recordings cover the speeds of the motion, or if the drive has no
-    posterior.
+    No recording tests the friction law at such a speed, so the user is warned of an extrapolation.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with its friction and posterior.
+    motion : RecordedMotion
+        Motion whose torque is predicted. Its largest and its smallest signed speed are examined.
+
+    Returns
+    -------
+    float or None
+        Motor speed (rad/s). None if its `extrapolation_distance` is at most
+        `EXTRAPOLATION_THRESHOLD`, or if the drive has no posterior with recordings.
     """
     posterior = required_friction(drive).posterior
     extremes = np.array(
@@ -310,22 +367,28 @@ def unseen_speed(drive: Drive, motion: "RecordedMotion") -> float | None:
 
 
 def law_correction(drive: Drive, motion: "RecordedMotion", load: float) -> Array:
-    """Return the expected difference between the torque and that of the drive's parameters, N·m.
+    """Compute the expected difference between the true torque and that of the drive's parameters.
 
-    The result (samples,) has two parts. The first is the error of the friction law, which is
-    interpolated between the recordings of the fit. The second is the difference between the median
-    of the equally likely parameter sets and the drive's own parameters: if several laws are
-    possible, the selected law is not the best prediction at speeds without recordings. The result
-    is 0 at rest, and for a drive without a posterior.
+    The correction has two parts. The first is the error of the friction law, which is known at the
+    speeds of the recordings of the fit and is interpolated between them. The second is the median
+    torque of the equally likely parameter sets minus the torque of the drive's own parameters. If
+    several laws are possible, this median predicts better than the selected law at speeds without
+    recordings.
 
     Parameters
     ----------
     drive : Drive
         Drive with its friction.
-    motion : Motion
+    motion : RecordedMotion
         Motion whose torque is predicted.
     load : float
-        Constant effort on the output including the rig's load_offset, N·m or N.
+        Constant effort on the output including the load_offset of the rig (N·m or N).
+
+    Returns
+    -------
+    (samples,) array
+        Torques that must be added to those of the friction law (N·m). They are 0 at rest, and for a
+        drive without a posterior.
     """
     posterior = required_friction(drive).posterior
     if posterior is None:
@@ -338,14 +401,24 @@ def law_correction(drive: Drive, motion: "RecordedMotion", load: float) -> Array
 
 
 def _distinct_speeds(motion: "RecordedMotion") -> tuple[Array, Array, Indices]:
-    """Find the distinct pairs of speed and direction in a motion, which have equal torques.
+    """Find the distinct pairs of speed and direction in a motion.
+
+    Samples with the same pair have the same torque, so a torque is computed only once for each
+    pair.
+
+    Parameters
+    ----------
+    motion : RecordedMotion
+        Motion with `samples` samples.
 
     Returns
     -------
-    w, direction : (kinds,)
-        Motor speed in rad/s and sign of the motion of each pair. At rest, the speed is 1 rad/s, and
-        the direction 0.
-    index : (samples,)
+    w : (pairs,) array
+        Signed motor speed of each pair (rad/s), at least `STANDSTILL_SPEED` in magnitude. It is 1
+        rad/s at rest, where it is not used.
+    direction : (pairs,) array
+        Direction of motion of each pair, ±1, or 0 at rest.
+    index : (samples,) array
         Index of the pair of each sample.
     """
     pairs = np.column_stack([motion.w, motion.direction])
@@ -356,10 +429,16 @@ def _distinct_speeds(motion: "RecordedMotion") -> tuple[Array, Array, Indices]:
 
 
 def _parameter_set_differences(drive: Drive, posterior: Posterior, w: Array, load: float) -> Array:
-    """Return the differences between the torque of each parameter set and that of the drive, N·m.
+    """Compute by how much the torque of each parameter set differs from that of the drive itself.
 
-    Each parameter set has its own errors at the recordings of the fit. Their interpolation is
-    subtracted, so that every set agrees with the recordings at their speeds.
+    The drive and every set of the posterior have their own errors at the recordings of the fit.
+    Each is corrected by the interpolation of its errors, so all of them nearly agree at the speeds
+    of the recordings. What remains is the uncertainty at other speeds:
+
+        d(w) = Δτ(w) − A(w)·Δτ(w_k),
+
+    where Δτ is the torque of a set minus that of the drive, w_k are the speeds of the recordings,
+    and A contains the factors of `predict_law_error`.
 
     Parameters
     ----------
@@ -367,14 +446,15 @@ def _parameter_set_differences(drive: Drive, posterior: Posterior, w: Array, loa
         Drive with its friction.
     posterior : Posterior
         Equally likely parameter sets.
-    w : (speeds,)
-        Motor speeds, rad/s.
+    w : (speeds,) array
+        Motor speeds (rad/s).
     load : float
-        Constant effort on the output including the rig's load_offset, N·m or N.
+        Constant effort on the output including the load_offset of the rig (N·m or N).
 
     Returns
     -------
-    (sets, speeds)
+    (sets, speeds) array
+        Differences d of the motor torque (N·m).
     """
     sets: Keywords = {name: column[:, None] for name, column in posterior.values().items()}
     offset = 0.0 if drive.rig is None else drive.rig.load_offset
@@ -397,25 +477,36 @@ def prediction_band(
     position_ripple: Array | float = 0.0,
     reaction: Array | float = 0.0,
 ) -> PredictionBand | None:
-    """Return the 95 % band around a predicted torque, or None for a drive without a posterior.
+    """Compute the 95 % band around a predicted torque from the posterior of the drive.
+
+    The band contains the uncertainty of the parameters, the scatter of the mean torque between
+    recordings, and the ripple and noise that are not predicted. All of them are drawn at random
+    once for each parameter set of the posterior, and the band consists of the quantiles of the
+    draws.
 
     Parameters
     ----------
     drive : Drive
         Drive with its friction.
-    motion : Motion
+    motion : RecordedMotion
         Motion whose torque is predicted.
-    tau : (samples,)
-        Predicted torque including `law_correction`, without ripple, N·m.
+    tau : (samples,) array
+        Predicted torque including `law_correction`, without ripple (N·m).
     load : float
-        Constant effort on the output including the rig's load_offset, N·m or N.
-    position_ripple, reaction : float or (samples,)
-        Predicted parts of the ripple, N·m.
+        Constant effort on the output including the load_offset of the rig (N·m or N).
+    position_ripple, reaction : float or (samples,) array
+        Predicted torque that repeats with the motor angle, and that of the controller (N·m).
+
+    Returns
+    -------
+    PredictionBand or None
+        Band of the mean torque, of single samples and of the largest torque. None for a drive
+        without a posterior.
     """
     posterior = required_friction(drive).posterior
     if posterior is None:
         return None
-    # Samples of equal speed and direction have equal bands: each index is drawn once.
+    # Samples of equal speed and direction have equal bands, so each such pair is drawn once.
     w, direction, index = _distinct_speeds(motion)
     rng, count = np.random.default_rng(RANDOM_SEED), len(posterior.draws)
     spread = _parameter_set_differences(drive, posterior, w, load)
@@ -468,14 +559,20 @@ class RecordedMotion:
         """Find rests, directions and accelerations in a recorded speed.
 
         The speed channel shows a start too late. The direction is therefore set before the end of
-        each rest, by the time in which the usual speed passes the angle `ONSET_ANGLE`.
+        each rest, by the time in which the median speed of all motion passes the angle
+        `ONSET_ANGLE`.
 
         Parameters
         ----------
-        time : (samples,)
-            Time, s.
-        w : (samples,)
-            Motor speed, rad/s.
+        time : (samples,) array
+            Times (s).
+        w : (samples,) array
+            Motor speeds (rad/s).
+
+        Returns
+        -------
+        RecordedMotion
+            The motion.
         """
         rest = rest_mask(time, w)
         rests = [(start, stop) for start, stop in true_runs(rest)]
@@ -492,21 +589,27 @@ class RecordedMotion:
 
 
 def predict_torque(drive: Drive, motion: RecordedMotion, load: float, load_inertia: float) -> Array:
-    """Compute the motor torque along a motion by the drive's friction law, (samples,) in N·m.
+    """Compute the motor torque along a motion by the drive's friction law.
 
-    The law includes frictional memory and the growth of friction at rest. At rest, the result is
-    the holding torque.
+    The friction law includes frictional memory (friction follows the speed after a delay) and the
+    growth of friction at rest.
 
     Parameters
     ----------
     drive : Drive
         Drive with its friction.
-    motion : Motion
+    motion : RecordedMotion
         Motion of the motor.
     load : float
-        Constant effort on the output, N·m or N.
+        Constant effort on the output (N·m or N).
     load_inertia : float
-        Inertia of the payload at the output, kg·m² or kg.
+        Inertia of the payload at the output (kg·m² or kg).
+
+    Returns
+    -------
+    (samples,) array
+        Motor torques (N·m). At rest, they are the holding torque, which is 0 for a self-locking
+        drive.
     """
     drive = replace(drive, output_inertia=drive.output_inertia + load_inertia)
     moving = motion.direction != 0
@@ -521,11 +624,27 @@ def predict_torque(drive: Drive, motion: RecordedMotion, load: float, load_inert
 
 
 def friction_coefficient_along(friction: Friction, motion: RecordedMotion) -> Array:
-    """Return the friction coefficient of the gear mesh along a motion, (samples,).
+    """Compute the friction coefficient of the gear mesh along a motion.
 
-    The coefficient grows with the time at rest. After a rest, the Stribeck term starts at the
-    coefficient of breakaway and decreases with the speed that frictional memory delays. Before the
-    first rest, it starts at mu_stribeck.
+    Before the first rest, the coefficient is that of `friction_coefficient` at the speed w that
+    frictional memory delays. During each rest, it is the coefficient μ_s of breakaway that belongs
+    to the whole duration of this rest. After a rest, it is
+
+        μ = mu + (μ_s − mu) · s(|w| / stribeck_speed),
+
+    with the function s of `stribeck_shape`, so it decreases from μ_s as the speed rises.
+
+    Parameters
+    ----------
+    friction : Friction
+        Parameters of the friction law.
+    motion : RecordedMotion
+        Motion of the motor. A rest at its beginning counts as longer by `INITIAL_REST_TIME`.
+
+    Returns
+    -------
+    (samples,) array
+        Friction coefficients (dimensionless).
     """
     speed = np.abs(delayed_speed(friction, motion.time, motion.w))
     mu = np.array(friction_coefficient(friction, speed), dtype=float)
@@ -548,9 +667,19 @@ def friction_coefficient_along(friction: Friction, motion: RecordedMotion) -> Ar
 
 
 def _fill_gaps(values: Array) -> Array:
-    """Replace zeros and NaN in values (samples,) by the last nonzero value before them.
+    """Replace zeros and NaN by the last nonzero value before them.
 
-    At the beginning, they are replaced by the first nonzero value.
+    Zeros and NaN at the beginning are replaced by the first nonzero value.
+
+    Parameters
+    ----------
+    values : (samples,) array
+        Values of any unit.
+
+    Returns
+    -------
+    (samples,) array
+        Values without zeros and NaN, or only zeros if no other value exists.
     """
     values = np.where(values == 0, np.nan, values)
     valid = np.flatnonzero(np.isfinite(values))
