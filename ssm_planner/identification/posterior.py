@@ -57,7 +57,7 @@ PRIOR_DEVIATIONS = {
     CHANGE: 0.12,
     WARM_UP: 1.0,
 }
-"""Prior standard deviations d_i of ln θ_i, and of δ."""
+"""Prior standard deviations d_i of ln θ_i by name of the parameter, and of δ (`CHANGE`)."""
 LOAD_PRIOR_DEVIATION = 0.3
 """Prior standard deviation of the constant load.
 
@@ -80,7 +80,10 @@ SCATTER_DEGREES = 3.0
 _NORMAL_PRIOR_NAMES = (LOAD_OFFSET, CHANGE)
 """Parameters that have a normal prior, and may be negative."""
 NEGLIGIBLE_ERROR = 1e-5
-"""Share of the torque range below which errors are neglected."""
+"""Share of the torque range below which errors are neglected.
+
+It is also the weight of the almost flat prior in `data_correlation`.
+"""
 
 
 @record
@@ -117,9 +120,12 @@ class MapModel:
 
     @cached_property
     def prior(self) -> tuple[Array, Array]:
-        """Prior centres and standard deviations, (k,) each.
+        """Prior centres and standard deviations of the parameters, (k,) each.
 
-        They refer to ln θ, but those of the load offset and of δ refer to the value.
+        They refer to ln θ_i, except those of the load offset and of the change δ, which refer to
+        the value itself. Without an expected value in `reference`, the centre of a coefficient of
+        friction torque is a guess: half of the mean torque of the map is attributed to friction,
+        and a share of this friction to each coefficient.
         """
         friction, top_speed = 0.5 * float(np.mean(np.abs(self.tau))), float(np.abs(self.w).max())
         effort = friction / float(mesh_coefficients(self.drive, TYPICAL_MU)[0])
@@ -151,13 +157,21 @@ class MapModel:
 
     @property
     def floor(self) -> float:
-        """Contribution ν s₀² of the guessed scatter to the sum of squared errors, N²·m²."""
+        """Contribution ν s₀² of the guessed scatter s₀ to the sum of squared errors, N²·m²."""
         return SCATTER_PRIOR_WEIGHT * self.scatter**2
 
     def parameters(self, z: Array) -> Arrays:
-        """Return the parameters by name in SI units, (sets, 1) each, for coordinates z (sets, k).
+        """Convert coordinates to parameters in SI units.
 
-        The rows of z are parameter sets.
+        Parameters
+        ----------
+        z : (sets, k) array
+            Coordinates. Each row is one parameter set.
+
+        Returns
+        -------
+        dict of (sets, 1) arrays
+            Values of each parameter by name.
         """
         centre, spread = self.prior
         values = centre + z * spread
@@ -167,22 +181,41 @@ class MapModel:
         }
 
     def coordinate(self, name: str, value: float) -> float:
-        """Return the coordinate z of a parameter with the given value in SI units.
+        """Convert the value of one parameter to its coordinate z_i = (ln θ_i − ln c_i) / d_i.
 
-        The parameter must not be the load offset or δ, which have another scale.
+        Parameters
+        ----------
+        name : str
+            Name of the parameter. It must not be the load offset or the change δ, whose coordinates
+            are not logarithms.
+        value : float
+            Value in SI units, > 0.
+
+        Returns
+        -------
+        float
+            Coordinate (dimensionless).
         """
         i = self.names.index(name)
         centre, spread = self.prior
         return (math.log(value) - float(centre[i])) / float(spread[i])
 
     def torque(self, z: Array, w: Array | None = None) -> Array:
-        """Return the motor torque (sets, points) in N·m at constant speed.
+        """Compute the motor torque at constant speed for parameter sets.
 
-        `z` (sets, k) contains coordinates of the parameters.
+        Parameters
+        ----------
+        z : (sets, k) array
+            Coordinates of the parameters.
+        w : (points,) array, optional
+            Motor speeds (rad/s), at which friction is that in the middle of the session. The
+            default is the speeds of the map, at which friction is that at the time of each
+            recording.
 
-        `w` contains motor speeds (points,) in rad/s, at which friction is that in the middle of the
-        session. The default is the speeds of the map, at which friction is that at the time of each
-        recording.
+        Returns
+        -------
+        (sets, points) array
+            Motor torques (N·m).
         """
         values: Keywords = {**self.fixed, **self.parameters(z)}
         load = self.total_load(values.pop(LOAD_OFFSET, 0.0))
@@ -194,10 +227,25 @@ class MapModel:
         return np.broadcast_to(torque, (len(z), np.shape(torque)[-1]))
 
     def change(self, z: Array, elapsed: Array) -> Array:
-        """Return the change of ln friction since half of the session had passed, (sets, times).
+        """Compute how much ln friction differs from its value in the middle of the session.
 
-        `elapsed` contains times (times,) as shares of the session. The result is 0 where they are
-        NaN, and for a law without change. `z` (sets, k) contains coordinates of the parameters.
+        With the time t as a share of the session, the change δ over the whole session, and the time
+        constant T, the difference is
+
+            δ · [(1 − exp(−t/T)) − (1 − exp(−0.5/T))] / (1 − exp(−1/T)).
+
+        Parameters
+        ----------
+        z : (sets, k) array
+            Coordinates of the parameters.
+        elapsed : (times,) array
+            Times t, from 0 at the beginning of the session to 1 at its end. NaN if unknown.
+
+        Returns
+        -------
+        (sets, times) array
+            Differences (dimensionless). They are 0 at unknown times, and for a model without a
+            change.
         """
         values = self.parameters(z)
         if CHANGE not in values:
@@ -207,9 +255,21 @@ class MapModel:
         return np.nan_to_num(values[CHANGE] * progress / np.expm1(-rate))
 
     def at_ends(self, z: Array) -> Array:
-        """Return z (sets, k) with the friction at the beginning and the end of the session in turn.
+        """Replace friction in the middle of the session by that at its beginning or its end.
 
-        Intervals of such sets include the change of friction during the session.
+        The coordinates describe the friction in the middle of the session. Intervals of the
+        resulting sets include the change of friction during the session.
+
+        Parameters
+        ----------
+        z : (sets, k) array
+            Coordinates of the parameters.
+
+        Returns
+        -------
+        (sets, k) array
+            Coordinates with the friction at the beginning (rows 0, 2, …) and at the end (rows 1, 3,
+            …).
         """
         changes = self.change(z, np.array([0.0, 1.0]))
         log_factor = np.where(np.arange(len(z)) % 2, changes[:, 1], changes[:, 0])
@@ -217,22 +277,43 @@ class MapModel:
         return z + np.outer(log_factor, is_friction / self.prior[1])
 
     def total_load(self, offset: Any) -> Any:
-        """Return the effort on the output with a load offset, N·m or N.
+        """Return the effort on the output of the drive with a load offset.
 
-        If the user fixed the offset, `load` already includes it, and the argument is ignored.
+        Parameters
+        ----------
+        offset : float or array
+            Constant load in addition to the payload (N·m or N). It is ignored if the user fixed the
+            offset, because `load` then already includes it.
+
+        Returns
+        -------
+        float or array with the shape of offset
+            Effort (N·m or N).
         """
         return self.load if LOAD_OFFSET in self.fixed else self.load + offset
 
     def residual(self, z: Array) -> Array:
-        """Return the weighted torque errors (sets, points) in N·m for coordinates z (sets, k)."""
+        """Compute the weighted torque errors of parameter sets.
+
+        Parameters
+        ----------
+        z : (sets, k) array
+            Coordinates of the parameters.
+
+        Returns
+        -------
+        (sets, points) array
+            Torque of the model minus measured torque, multiplied by the weight of each point (N·m).
+        """
         return (self.torque(z) - self.tau) * self.weight
 
     @cached_property
     def whiteners(self) -> list[tuple[Array, float]]:
         """Whitening matrix and log-probability for each fraction c of `SHARED_FRACTIONS`.
 
-        The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹, so that eᵀ R_c⁻¹ e = |Wᵀ e|². The
-        logarithm is that of p(c) |R_c|^(−1/2).
+        The matrix W (points, points) satisfies W Wᵀ = R_c⁻¹, so the products Wᵀ e are uncorrelated
+        for errors e with the correlation R_c, and |Wᵀ e|² is eᵀ R_c⁻¹ e. The log-probability is the
+        logarithm of p(c) |R_c|^(−1/2), where p(c) is the prior probability of the fraction.
         """
         correlations, identity = error_correlation(self.w, self.w), np.eye(len(self.w))
         roots = [
@@ -244,9 +325,20 @@ class MapModel:
         ]
 
     def log_posterior(self, z: Array) -> Array:
-        """Return the logarithm of the posterior density (sets,) for coordinates z (sets, k).
+        """Compute the logarithm of the posterior density, up to a constant.
 
-        A constant is omitted. The result is −inf if the friction law overflows.
+        The density is that of this module's text, with the scatter s and its shared fraction c
+        integrated out. The coordinates z have a standard normal prior.
+
+        Parameters
+        ----------
+        z : (sets, k) array
+            Coordinates of the parameters.
+
+        Returns
+        -------
+        (sets,) array
+            Logarithms. They are −inf for a set at which the friction law overflows.
         """
         with np.errstate(all="ignore"):
             error, exponent = self.residual(z), 0.5 * (len(self.w) + SCATTER_PRIOR_WEIGHT)
@@ -258,7 +350,20 @@ class MapModel:
         return np.where(np.isfinite(value), value, -np.inf)
 
     def without(self, points: Indices) -> "MapModel":
-        """Return the model without the points at some indices, but with the same prior."""
+        """Return the model without some points of the map, for cross-validation.
+
+        The prior remains that of all points, although its centres may depend on the points.
+
+        Parameters
+        ----------
+        points : (removed,) array of int
+            Indices of the points that are left out.
+
+        Returns
+        -------
+        MapModel
+            Model with the other points.
+        """
         remaining = np.setdiff1d(np.arange(len(self.w)), points)
         arrays = ("w", "tau", "weight", "friction", "elapsed")
         model = replace(self, **{name: getattr(self, name)[remaining] for name in arrays})
@@ -269,20 +374,26 @@ class MapModel:
 def most_likely(
     model: MapModel, start: Array | None = None, held: tuple[int, float] | None = None
 ) -> Array:
-    """Find the coordinates z (k,) at which the posterior density is largest.
+    """Find the coordinates at which the posterior density is largest.
 
-    The search alternates between a least-squares fit with a fixed scatter and an update of the
-    scatter. If the friction coefficient of a self-locking drive becomes too small for self-locking,
-    the other parameters are fitted again with the smallest permitted coefficient.
+    The search alternates between a least-squares fit with a fixed scatter s and an update of s. If
+    the friction coefficient of a self-locking drive becomes too small for self-locking, the other
+    parameters are fitted again with the smallest permitted coefficient.
 
     Parameters
     ----------
     model : MapModel
         Friction law with the data.
-    start : (k,), optional
-        Coordinates at which the search starts. By default, it starts at several points.
+    start : (k,) array, optional
+        Coordinates at which the search starts. By default, it starts at the prior centre and at
+        three random points, and the best result is returned.
     held : (int, float), optional
         Index and value of a coordinate that does not change.
+
+    Returns
+    -------
+    (k,) array
+        Most likely coordinates.
     """
     k, rng = len(model.names), np.random.default_rng(RANDOM_SEED)
     free = np.array([held is None or i != held[0] for i in range(k)], dtype=bool)
@@ -309,7 +420,23 @@ def most_likely(
 
 
 def _most_likely_scatter(model: MapModel, z: Array) -> float:
-    """Return the most likely scatter s between recordings at coordinates z (k,), N·m."""
+    """Compute the most likely scatter of the mean torque between recordings.
+
+    It is s = √((|e|² + ν s₀²) / (n + ν)), with the errors e of n recordings and the guess s₀ with
+    the weight of ν recordings. The correlation of the errors is neglected.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    z : (k,) array
+        Coordinates of the parameters.
+
+    Returns
+    -------
+    float
+        Scatter s (N·m), at least 1e-9 of the range of the torque.
+    """
     square = float(np.sum(model.residual(z[None]) ** 2)) + model.floor
     return max(
         math.sqrt(square / (len(model.w) + SCATTER_PRIOR_WEIGHT)), 1e-9 * float(np.ptp(model.tau))
@@ -317,25 +444,26 @@ def _most_likely_scatter(model: MapModel, z: Array) -> float:
 
 
 def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Array:
-    """Minimise the sum of the squared residuals and the squares of the free coordinates.
+    """Find the coordinates with the largest posterior density for a given scatter.
 
-    This finds the largest posterior density for a given scatter. The method is that of Levenberg
-    and Marquardt.
+    The sum |e(z) / s|² + |z|² of the squared residuals and of the squared free coordinates is
+    minimised by the method of Levenberg and Marquardt. The second term is the standard normal
+    prior. The correlation of the errors e is neglected.
 
     Parameters
     ----------
     model : MapModel
         Friction law with the data.
-    z : (k,)
+    z : (k,) array
         Coordinates at which the search starts.
-    free : (k,)
+    free : (k,) array of bool
         Mask of the coordinates that may change.
     scatter : float
-        Scatter s, by which residuals are divided, N·m.
+        Scatter s, by which the torque errors are divided (N·m).
 
     Returns
     -------
-    (k,)
+    (k,) array
         Coordinates at the minimum.
     """
     from scipy.optimize import least_squares
@@ -361,10 +489,22 @@ def _least_squares(model: MapModel, z: Array, free: Array, scatter: float) -> Ar
 
 
 def cross_validation_errors(model: MapModel, z: Array) -> Array:
-    """Return the weighted errors (points,) in N·m of a cross-validation.
+    """Compute the errors of a model on recordings that its fit has not used.
 
-    The recordings are divided into folds. A fit to the other folds predicts the recordings of each
-    fold. These fits start at the coordinates z (k,).
+    The recordings are divided into `CROSS_VALIDATION_FOLDS` parts (folds), each of each of which
+    covers the whole range of speeds. A fit to the other folds predicts the recordings of each fold.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    z : (k,) array
+        Coordinates at which the fits start.
+
+    Returns
+    -------
+    (points,) array
+        Weighted errors of the predicted torque (N·m).
     """
     rng, count = np.random.default_rng(RANDOM_SEED), len(model.w)
     folds = min(CROSS_VALIDATION_FOLDS, count)
@@ -381,11 +521,22 @@ def cross_validation_errors(model: MapModel, z: Array) -> Array:
 
 
 def simplest_model(models: list[MapModel], errors: list[Array]) -> int:
-    """Return the index of the model with the fewest parameters that predicts well.
+    """Select the model with the fewest parameters that predicts about as well as the best one.
 
-    An error is close if the mean of the squared errors exceeds the smallest one by at most
-    `CLEAR_IMPROVEMENT` standard errors. `errors` contains the errors (points,) of each model in the
-    cross-validation.
+    A model predicts about as well if the mean of its squared errors exceeds that of the best model
+    by at most `CLEAR_IMPROVEMENT` standard errors of this difference.
+
+    Parameters
+    ----------
+    models : list of MapModel
+        Models of the same data.
+    errors : list of (points,) arrays
+        Errors of each model in the cross-validation (N·m).
+
+    Returns
+    -------
+    int
+        Index of the selected model.
     """
     best_model = min(range(len(models)), key=lambda i: float(np.mean(errors[i] ** 2)))
     for i in sorted(range(len(models)), key=lambda i: len(models[i].names)):
@@ -397,7 +548,23 @@ def simplest_model(models: list[MapModel], errors: list[Array]) -> int:
 
 
 def _fisher_information(model: MapModel, z: Array) -> Array:
-    """Return the Fisher information (k, k) of the data at coordinates z (k,), without the prior."""
+    """Compute the Fisher information of the data, without that of the prior.
+
+    It is J Jᵀ / s², with the derivatives J of the torque errors with respect to the coordinates and
+    the most likely scatter s. The correlation of the errors is neglected.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    z : (k,) array
+        Coordinates at which the derivatives are computed.
+
+    Returns
+    -------
+    (k, k) array
+        Information (dimensionless).
+    """
     sets = np.concatenate([z[None], z + 1e-5 * np.eye(len(z))])
     values = model.residual(sets) / _most_likely_scatter(model, z)
     jacobian = (values[1:] - values[0]) / 1e-5
@@ -405,14 +572,31 @@ def _fisher_information(model: MapModel, z: Array) -> Array:
 
 
 def approximate_covariance(model: MapModel, z: Array) -> Array:
-    """Return the covariance (k, k) of a normal approximation of the posterior at z (k,)."""
+    """Return the covariance (k, k) of a normal approximation of the posterior at z (k,).
+
+    It is the inverse of the sum of the Fisher information and the identity matrix. The latter is
+    the information of the standard normal prior.
+    """
     return np.asarray(np.linalg.inv(_fisher_information(model, z) + np.eye(len(z))))
 
 
 def data_correlation(model: MapModel, z: Array) -> Array:
-    """Return the correlation (k, k) of the parameters that the data alone imply at z (k,).
+    """Compute the correlation of the parameters that the data alone imply.
 
-    The prior is almost flat. An entry is ±1 if the data determine two parameters only together.
+    It is computed with an almost flat prior, which only keeps the matrix invertible.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    z : (k,) array
+        Coordinates at which the law is linearised.
+
+    Returns
+    -------
+    (k, k) array
+        Correlations of the coordinates. An entry near ±1 means that the data determine two
+        parameters only together.
     """
     covariance = np.linalg.inv(_fisher_information(model, z) + NEGLIGIBLE_ERROR * np.eye(len(z)))
     deviation = np.sqrt(np.diag(covariance))
@@ -420,24 +604,50 @@ def data_correlation(model: MapModel, z: Array) -> Array:
 
 
 def _log_speed(w: Array) -> Array:
-    """Return the logarithm of max(|w|, `SMALLEST_SPEED`) for motor speeds w (n,)."""
+    """Return ln max(|w|, `SMALLEST_SPEED`) for motor speeds w (n,) in rad/s."""
     return np.log(np.maximum(np.abs(w), SMALLEST_SPEED))
 
 
 def _log_distance(v: Array, w: Array) -> Array:
-    """Return |ln |v / w|| for motor speeds v (samples,) and w (recordings,) in rad/s.
+    """Compute the logarithmic distance |ln |v / w|| between motor speeds.
 
-    The result (samples, recordings) is infinite for speeds of different directions.
+    Magnitudes below `SMALLEST_SPEED` are replaced by it.
+
+    Parameters
+    ----------
+    v : (samples,) array
+        Motor speeds (rad/s).
+    w : (recordings,) array
+        Motor speeds of recordings (rad/s).
+
+    Returns
+    -------
+    (samples, recordings) array
+        Distances (dimensionless). They are infinite between speeds of different directions.
     """
     distance = np.abs(_log_speed(v)[:, None] - _log_speed(w))
     return np.where(np.sign(v)[:, None] == np.sign(w), distance, np.inf)
 
 
 def error_correlation(v: Array, w: Array) -> Array:
-    """Return the correlations K (samples, recordings) between errors of the law at motor speeds.
+    """Compute the correlations K between errors of the friction law at motor speeds.
 
-    `v` (samples,) and `w` (recordings,) are motor speeds in rad/s. K is defined in this module's
-    text.
+        K_kl = exp(−|ln v_k / w_l| / L)
+
+    in one direction, with the correlation length L = `CORRELATION_LENGTH`, and 0 between
+    directions.
+
+    Parameters
+    ----------
+    v : (samples,) array
+        Motor speeds (rad/s).
+    w : (recordings,) array
+        Motor speeds of recordings (rad/s).
+
+    Returns
+    -------
+    (samples, recordings) array
+        Correlations K (dimensionless).
     """
     return np.exp(-_log_distance(v, w) / CORRELATION_LENGTH)
 
@@ -445,22 +655,25 @@ def error_correlation(v: Array, w: Array) -> Array:
 def predict_law_error(posterior: Posterior, w: Array) -> tuple[Array, Array]:
     """Interpolate the error of the friction law between the speeds of the recordings.
 
-    The prediction is a regression with the correlations K (kriging). The uncertainty grows with the
-    logarithm of the distance from the recorded speeds, because no recording tests the law there.
+    The interpolation is a regression with the correlations K of this module's text (kriging). With
+    the shared fraction c, the factors are A = c K(w, w_k) R_c⁻¹, where w_k are the speeds of the
+    recordings. The factor √(1 − Σ A c K(w, w_k)) describes the scatter that remains. It is
+    multiplied by 1 + d with the logarithmic distance d to the nearest recorded speed, because no
+    recording tests the law there. In a direction without recordings, d is 1.
 
     Parameters
     ----------
     posterior : Posterior
-        Posterior with the speeds of the recordings and with the law's errors there.
-    w : (samples,)
-        Motor speeds, rad/s.
+        Posterior with the speeds of the recordings.
+    w : (samples,) array
+        Motor speeds at which the error is predicted (rad/s).
 
     Returns
     -------
-    factors : (samples, recordings)
-        Factors by which the errors at the recordings are multiplied and summed.
-    remaining : (samples,)
-        Factor by which the scatter is multiplied.
+    factors : (samples, recordings) array
+        Factors A. The predicted error is their product with the errors at the recordings.
+    remaining : (samples,) array
+        Factors by which the scatter s is multiplied to obtain the standard deviation of the error.
     """
     speeds, common = np.array(posterior.speeds), posterior.common
     if not len(speeds):
@@ -474,10 +687,22 @@ def predict_law_error(posterior: Posterior, w: Array) -> tuple[Array, Array]:
 
 
 def extrapolation_distance(posterior: Posterior, w: Array) -> Array:
-    """Return how far motor speeds are outside the range of the recordings, (samples,).
+    """Compute how far motor speeds are outside the range of the recordings.
 
     The distance is |ln(w / w_k)| to the nearest recorded speed w_k in the same direction, and 0
-    within the range. In a direction without recordings, it is 1. `w` (samples,) is in rad/s.
+    within the range of the recorded speeds.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Posterior with the speeds of the recordings.
+    w : (samples,) array
+        Motor speeds (rad/s).
+
+    Returns
+    -------
+    (samples,) array
+        Distances (dimensionless). They are 1 in a direction without recordings.
     """
     speeds = np.array(posterior.speeds)
     same_direction = np.sign(w)[:, None] == np.sign(speeds)
@@ -488,16 +713,26 @@ def extrapolation_distance(posterior: Posterior, w: Array) -> Array:
 
 
 def _replace_infinite(distance: Array) -> Array:
-    """Replace infinite distances by 1."""
+    """Replace infinite distances by 1, the value for a direction without recordings."""
     return np.where(np.isfinite(distance), distance, 1.0)
 
 
 def prior_pull(covariance: Array) -> Array:
-    """Return how strongly the prior influences each parameter, (k,), in standard deviations.
+    """Compute how strongly the prior influences the result for each parameter.
 
-    If every prior mean moved by one standard deviation of the prior, the posterior mean of a linear
-    model would move by the rows of the covariance (k, k) of z. The result is the norm of each row,
-    divided by the posterior standard deviation of the parameter. It is small for a parameter that
-    the data alone determine.
+    If the prior means of the coordinates z moved by a vector of length 1, that is, by one standard
+    deviation of the prior, the posterior mean of z_i in a linear model would move by at most the
+    norm of row i of the posterior covariance. The pull is this norm, divided by the posterior
+    standard deviation of z_i. It is small for a parameter that the data alone determine.
+
+    Parameters
+    ----------
+    covariance : (k, k) array
+        Posterior covariance of the coordinates z.
+
+    Returns
+    -------
+    (k,) array
+        Pulls (dimensionless), in posterior standard deviations.
     """
     return np.linalg.norm(covariance, axis=1) / np.sqrt(np.diag(covariance))

@@ -1,10 +1,14 @@
 """Sample the posterior of a drive's friction by importance sampling at deterministic points.
 
+`sample_posterior` is the main function, and `fit_map` calls it for every friction law. The module
+`posterior` defines the posterior and its symbols.
+
 The bearing friction b_c and b_v enter the torque linearly. Given the other parameters, their
-posterior is a truncated t-distribution, which is sampled exactly. The other parameters are drawn
-from a mixture of the prior and of t-distributions [1], which adapts to the posterior in rounds [2].
-Weights correct the difference between the mixture and the posterior. The sum of the weights is the
-evidence of the friction law. The module `posterior` defines the symbols.
+posterior is a truncated t-distribution, which is sampled exactly. The other parameters are called
+curved. They are drawn from a mixture of the prior and of t-distributions [1], which adapts to the
+posterior in rounds [2]. A weight corrects the difference between the density of the mixture and the
+posterior at each parameter set. The sum of the weights is the evidence of the friction law, that
+is, the probability density of the data under this law, up to a constant factor.
 
 [1] T. Hesterberg, Weighted average importance sampling and defensive mixture distributions,
 Technometrics 37, 1995.
@@ -42,9 +46,9 @@ POINTS_PER_BLOCK = 2**13
 COVARIANCE_WIDENING = 0.1
 """Share of the total covariance that is added to the covariance of each t-distribution."""
 UNCLIPPED_WEIGHTS = 100
-"""Number of points with the largest weights, whose weights are clipped to the smallest of them."""
+"""Number of points with the largest weights. These weights are clipped to the smallest of them."""
 LARGEST_WEIGHT = 5e-3
-"""Largest weight of one set in a reliable sample.
+"""Largest weight of one point in a reliable sample, as a share of the sum of all weights.
 
 Above it, 1000 draws would contain the set more than five times.
 """
@@ -52,14 +56,18 @@ SMALLEST_POSITIVE = 1e-300
 """Smallest value of numbers that must stay positive."""
 
 Mixture = list[tuple[Array, Array]]
-"""Mean (d,) and Cholesky factor (d, d) of the covariance of each t-distribution in a mixture."""
+"""Centre (d,) and scale (d, d) of each t-distribution in a mixture.
+
+The scale is the Cholesky factor of the covariance that the distribution represents. The d coordinates are those of all parameters except b_c and b_v.
+"""
 
 
 @record
 class PosteriorSample:
     """Weighted parameter sets of one friction law, which represent its posterior.
 
-    Each point of the sequence gives one set for each fraction c of `SHARED_FRACTIONS`.
+    Each point of the quasirandom sequence gives one set for each fraction c of `SHARED_FRACTIONS`.
+    The length of the first axis of the arrays, `shares`, is the number of these fractions.
     """
 
     model: MapModel
@@ -117,15 +125,23 @@ class PosteriorSample:
 def sample_posterior(model: MapModel, z: Array, shift: float = 0.5) -> PosteriorSample:
     """Sample the posterior of a friction law.
 
+    Rounds with `ADAPTATION_POINTS` points adapt the mixture to the posterior. The result contains
+    the points of the final round only.
+
     Parameters
     ----------
     model : MapModel
         Friction law with the data.
-    z : (k,)
-        Most likely coordinates, at which the adaptation starts.
+    z : (k,) array
+        Most likely coordinates of the k parameters, at which the adaptation starts.
     shift : float
-        Start of the sequence in [0, 1). It changes the result only within the accuracy of the
-        sample.
+        Start of the quasirandom sequence in [0, 1). It changes the result only within the accuracy
+        of the sample.
+
+    Returns
+    -------
+    PosteriorSample
+        Weighted parameter sets.
     """
     curved = np.flatnonzero(~model.linear)
     covariance = approximate_covariance(model, z)[np.ix_(curved, curved)]
@@ -140,7 +156,20 @@ def sample_posterior(model: MapModel, z: Array, shift: float = 0.5) -> Posterior
 
 
 def weighted_interval(values: Array, weight: Array) -> Range:
-    """Return the central 95 % interval (low, high) of values (sets,) with weights (sets,)."""
+    """Return the central 95 % interval of weighted values.
+
+    Parameters
+    ----------
+    values : (sets,) array
+        Values of one quantity.
+    weight : (sets,) array
+        Weights ≥ 0, whose sum is arbitrary.
+
+    Returns
+    -------
+    low, high : float
+        Ends of the interval, in the unit of the values.
+    """
     order = np.argsort(values)
     cumulative = np.cumsum(weight[order])
     tail = (1 - CONFIDENCE) / 2
@@ -149,7 +178,24 @@ def weighted_interval(values: Array, weight: Array) -> Range:
 
 
 def _sample_mixture(model: MapModel, mixture: Mixture, count: int, shift: float) -> PosteriorSample:
-    """Evaluate the posterior at `count` points of a mixture, and return them with their weights."""
+    """Draw points from a mixture, and weight them such that they represent the posterior.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+    mixture : Mixture
+        t-distributions of all parameters except b_c and b_v.
+    count : int
+        Number of points.
+    shift : float
+        Start of the quasirandom sequence in [0, 1).
+
+    Returns
+    -------
+    PosteriorSample
+        Weighted parameter sets.
+    """
     blocks = np.split(np.arange(count), range(POINTS_PER_BLOCK, count, POINTS_PER_BLOCK))
     samples = [_draw_weighted_sets(model, mixture, block, shift) for block in blocks]
     z, log_weight, square = np.split(np.concatenate(samples, axis=1), [-2, -1], axis=2)
@@ -157,11 +203,25 @@ def _sample_mixture(model: MapModel, mixture: Mixture, count: int, shift: float)
 
 
 def _quasirandom_points(index: Indices, dimensions: int, shift: float) -> Array:
-    """Return evenly distributed points (points, dimensions) in the unit cube.
+    """Return evenly distributed points in the unit cube.
 
-    They form an additive recurrence: point i is the fractional part of shift + (i + 1) · step. The
-    entries of the step are the powers of 1/φ, where φ^(dimensions + 1) = φ + 1 [3]. `index`
-    (points,) contains the indices i.
+    They form an additive recurrence [3]: point i is the fractional part of shift + (i + 1) · step.
+    The entries of the vector `step` are φ⁻¹, φ⁻², …, where φ is the root of φ^(dimensions + 1) = φ
+    + 1.
+
+    Parameters
+    ----------
+    index : (points,) array of int
+        Indices i of the points.
+    dimensions : int
+        Number of dimensions of the cube.
+    shift : float
+        Start of the sequence in [0, 1).
+
+    Returns
+    -------
+    (points, dimensions) array
+        Points in [0, 1).
     """
     phi = 2.0
     for _ in range(60):
@@ -174,23 +234,25 @@ def _draw_weighted_sets(model: MapModel, mixture: Mixture, index: Indices, shift
     """Draw parameter sets from a mixture, and weight them such that they represent the posterior.
 
     The points belong in turn to the prior and to each t-distribution of the mixture. These have two
-    degrees of freedom, because their quantiles then have a closed form.
+    degrees of freedom, because their quantiles then have a closed form. The weight of a set is the
+    ratio of the posterior to the density with which the set was drawn.
 
     Parameters
     ----------
     model : MapModel
         Friction law with the data.
     mixture : Mixture
-        Distribution of all parameters except b_c and b_v.
-    index : (points,)
-        Indices of the points in the sequence.
+        t-distributions of all parameters except b_c and b_v.
+    index : (points,) array of int
+        Indices of the points in the quasirandom sequence.
     shift : float
-        Start of the sequence.
+        Start of the sequence in [0, 1).
 
     Returns
     -------
-    (shares, points, k + 2)
-        The fields z, log_weight and square of a `PosteriorSample` side by side.
+    (shares, points, k + 2) array
+        The fields `z` (k columns), `log_weight` and `square` of a `PosteriorSample` side by side.
+        The weights are not yet divided by the number of points.
     """
     from scipy.special import ndtri
 
@@ -223,29 +285,30 @@ def _draw_bearing_friction(
 ) -> Array:
     """Draw the bearing friction b_c and b_v of every point, given its other parameters.
 
-    The torque is linear in b_c and b_v, so their posterior is a product of Student's
-    t-distributions. They are truncated to positive values.
+    The torque is linear in x = (b_c, b_v). The whitened slopes are decomposed into Q R, so the sum
+    of squared errors is a constant plus |R x − best_fit|². Backward substitution draws b_v first
+    and then b_c given b_v, each from a t-distribution that is truncated to positive values.
 
     Parameters
     ----------
     model : MapModel
         Friction law with the data.
-    z : (points, k)
+    z : (points, k) array
         Coordinates of the parameters. Those of b_c and b_v are replaced.
-    residual : (points, recordings)
-        Weighted error of the torque without bearing friction, N·m.
-    u : (points, k)
-        Quantiles in (0, 1) that determine the draw.
-    whitener : (recordings, recordings)
-        Matrix that makes the errors of the recordings independent.
+    residual : (points, recordings) array
+        Weighted error of the torque without bearing friction (N·m).
+    u : (points, k) array
+        Quantiles in [0, 1) that determine the draw.
+    whitener : (recordings, recordings) array
+        Matrix of `MapModel.whiteners` that makes the errors of the recordings independent.
     log_share : float
-        Logarithm of the prior probability of this correlation of the errors.
+        Logarithm of p(c) |R_c|^(−1/2), which belongs to the whitener.
 
     Returns
     -------
-    (points, k + 2)
-        Columns: z with the drawn b_c and b_v, the logarithm of the ratio between the posterior and
-        the density of the draw, and the sum of squared errors.
+    (points, k + 2) array
+        Columns: z with the drawn b_c and b_v (k columns), the logarithm of the ratio between the
+        posterior and the density of the draw, and the sum of squared errors (N²·m²).
     """
     from scipy.special import stdtr, stdtrit
 
@@ -273,9 +336,19 @@ def _draw_bearing_friction(
 
 
 def _bearing_slopes(model: MapModel) -> Array:
-    """Return the weighted derivatives of the torque with respect to b_c and b_v, (2, recordings).
+    """Compute the weighted derivatives of the torque with respect to b_c and b_v.
 
-    There is no row for a parameter that the user fixed.
+    The derivatives are the sign of the motor speed and the motor speed itself.
+
+    Parameters
+    ----------
+    model : MapModel
+        Friction law with the data.
+
+    Returns
+    -------
+    (linear parameters, recordings) array
+        One row for each of b_c and b_v that the user did not fix.
     """
     slopes = {"b_c": np.sign(model.w), "b_v": model.w}
     rows = [slopes[name] * model.weight for name in model.names if name in slopes]
@@ -283,19 +356,24 @@ def _bearing_slopes(model: MapModel) -> Array:
 
 
 def _fit_mixture(y: Array, weight: Array, divisions: int) -> Mixture:
-    """Approximate weighted points by 2^divisions normal distributions, and return their moments.
+    """Approximate weighted points by 2^divisions normal distributions.
 
     The points are repeatedly divided into two groups of equal weight across their longest principal
-    axis. The mixture can therefore represent a curved ridge.
+    axis, and each group gives one distribution. The mixture can therefore represent a curved ridge.
 
     Parameters
     ----------
-    y : (points, d)
+    y : (points, d) array
         Coordinates of the points.
-    weight : (points,)
+    weight : (points,) array
         Weights of the points.
     divisions : int
         Number of times that every group is divided.
+
+    Returns
+    -------
+    Mixture
+        Mean and Cholesky factor of the widened covariance of each distribution.
     """
     groups = [np.arange(len(y))]
     for _ in range(divisions):
@@ -308,7 +386,19 @@ def _fit_mixture(y: Array, weight: Array, divisions: int) -> Mixture:
 def _halve_group(group: Indices, y: Array, weight: Array) -> list[Indices]:
     """Divide a group of points into two groups of equal weight across its longest principal axis.
 
-    `group` contains the indices of its points in `y` (points, d) and `weight` (points,).
+    Parameters
+    ----------
+    group : (members,) array of int
+        Indices of the points of the group.
+    y : (points, d) array
+        Coordinates of all points.
+    weight : (points,) array
+        Weights of all points.
+
+    Returns
+    -------
+    list of two arrays of int
+        Indices of the points of both groups.
     """
     group = group[_principal_order(y[group], weight[group])]
     cumulative = np.cumsum(weight[group])
@@ -316,7 +406,11 @@ def _halve_group(group: Indices, y: Array, weight: Array) -> list[Indices]:
 
 
 def _principal_order(y: Array, weight: Array) -> Indices:
-    """Return the indices that sort points (points, d) along their longest principal axis."""
+    """Return the indices (points,) that sort points along their longest principal axis.
+
+    The axis is the eigenvector of the covariance of the points y (points, d), with weights
+    (points,), that has the largest eigenvalue.
+    """
     return np.argsort(y @ np.linalg.eigh(_weighted_moments(y, weight)[1])[1][:, -1:].sum(axis=1))
 
 
