@@ -36,9 +36,9 @@ SHORTEST_RECORDING = 10.0
 FEWEST_TURNS = 3
 """Smallest number of motor turns in a recording."""
 TORQUE_SCATTER = 0.01
-"""Standard deviation of the mean torque from recording to recording, as a share of the torque.
+"""Simulated standard deviation of the mean torque from recording to recording.
 
-It is 0.3 to 2 % on the rigs of the paper.
+It is a share of the torque. It is 0.3 to 2 % on the rigs of the paper.
 """
 
 
@@ -56,13 +56,14 @@ class SessionDesign:
     """
 
     speeds: Array
-    """Motor speeds, (count,), rad/s."""
+    """Motor speeds of the recordings in rad/s, (count,). The sign is the direction of motion."""
     durations: Array
-    """Durations at constant speed, (count,), s."""
+    """Durations of the recordings at constant speed in s, (count,)."""
     law: str
-    """Friction law that the simulated session gives."""
+    """Friction law that the identification selects for the simulated session."""
     expected: Mapping[str, Estimate]
-    """Parameters with the 95 % intervals that a simulated session gives."""
+    """Estimates with the 95 % intervals that the simulated session gives, by name of the parameter.
+    """
 
     def to_dict(self) -> JsonObject:
         """Return the output of `identify --design --json`, in SI units."""
@@ -78,9 +79,23 @@ class SessionDesign:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write the recordings as CSV in their order, and return the path.
+        """Write the recordings as CSV in their order.
 
-        Raises ExportError if the file cannot be written.
+        Parameters
+        ----------
+        path : str or Path
+            File that is written. Its columns are the number of the recording, the speed in rpm, the
+            duration in s and the number of motor turns.
+
+        Returns
+        -------
+        Path
+            The path of the file.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written.
         """
         lines = ["recording,speed_rpm,duration_s,motor_turns"]
         rows = zip((RPM * self.speeds).tolist(), self.durations.tolist(), strict=True)
@@ -97,15 +112,20 @@ def design_session(
 ) -> SessionDesign:
     """Design a session of recordings at constant speed, and simulate its identification.
 
+    The simulation shows, before anything is recorded, how precise the parameters will be. The
+    torque of each recording is that of the drive's friction with a random scatter of
+    `TORQUE_SCATTER`, and `fit_map` is applied to these torques.
+
     Parameters
     ----------
     drive : str or Path
-        Drive file, or the name of a shipped drive. Its friction, or else the friction that the
-        table of its figures gives, is used for the simulation.
+        Drive file, or the name of a shipped drive. The simulation uses its friction. If the file
+        omits the friction, it is fitted to the table of mean speeds and torques in the folder of
+        the file.
     count : int
         Number of recordings, an even number of at least 12.
     top_speed : float, optional
-        Largest speed of the motor, rad/s. The default is that of the table of figures.
+        Largest motor speed (rad/s). The default is the largest speed in the table.
 
     Returns
     -------
@@ -115,8 +135,8 @@ def design_session(
     Raises
     ------
     RecordingError
-        If the number of recordings or the speed is out of range, or if neither `top_speed` nor a
-        table is given.
+        If the number of recordings or the speed is out of range, or if a table is needed for the
+        friction or the speed and does not exist.
 
     Examples
     --------
@@ -160,14 +180,24 @@ def design_session(
 
 
 def _session_speeds(top_speed: float, count: int) -> Array:
-    """Return the speeds of a session in their order, (count,), rad/s.
+    """Choose the speeds of a session in the order of recording.
+
+    The speeds are spaced logarithmically, from `SMALLEST_SPEED_RATIO` times the top speed to the
+    top speed, in both directions. The middle speed is recorded `MIDDLE_SPEED_RECORDINGS` times in
+    both directions: at the beginning, in the middle and at the end. All other speeds are recorded
+    once in each direction, in random order between these recordings.
 
     Parameters
     ----------
     top_speed : float
-        Largest speed, rad/s.
+        Largest motor speed (rad/s).
     count : int
-        Number of recordings.
+        Number of recordings, which is even.
+
+    Returns
+    -------
+    (count,) array
+        Motor speeds (rad/s), negative in the negative direction.
     """
     half = count // 2
     different = (

@@ -1,7 +1,11 @@
 """Fit breakaway, growth of friction at rest and frictional memory to start–stop recordings.
 
-The parameter vector θ (3,) contains the excess of the static over the sliding friction coefficient,
-the time constant of the growth at rest in s, and the delay of friction behind the speed in s.
+These effects do not appear at constant speed, so a torque–velocity map cannot show them.
+`fit_dynamic` is the main function, and `identify` calls it after the fit of the map.
+
+The parameter vector θ (3,) contains the excess of the static over the sliding friction coefficient
+(dimensionless), the time constant of the growth at rest in s, and the delay of friction behind the
+speed in s. They become the friction parameters mu_static − mu, dwell_constant and memory.
 """
 
 import itertools
@@ -28,7 +32,7 @@ PARAMETERS = ("mu_static", "dwell_constant", "memory")
 """Names of the fitted parameters in drive files, in the order of θ."""
 
 UPPER_BOUNDS = np.array([0.3, 20.0, 0.5])
-"""Upper bounds of θ."""
+"""Upper bounds of θ: excess of the friction coefficient, and two times in s."""
 
 _GRID_VALUES = (
     (0.0, 0.01, 0.02, 0.04, 0.07, 0.1, 0.15),
@@ -70,7 +74,20 @@ class _LeastSquaresProblem:
     """Least-squares problem of the start–stop recordings.
 
     The residuals of a recording are the errors of its predicted torque, divided by the range of its
-    torque.
+    measured torque. The cost is the sum of the squared residuals of all recordings. The correction
+    of the friction law and the reaction of the speed controller do not depend on θ, so they are
+    subtracted from the measured torque once.
+
+    Parameters
+    ----------
+    drive : Drive
+        Drive with the friction of the torque–velocity map.
+    recordings : sequence of Recording
+        Start–stop recordings.
+    load : float
+        Constant effort on the output (N·m or N).
+    load_inertia : float
+        Inertia of the payload at the output (kg·m² or kg).
     """
 
     def __init__(
@@ -85,14 +102,23 @@ class _LeastSquaresProblem:
             - controller_reaction(drive, m, speed_deviation(r.w, m.direction))
             for r, m in zip(recordings, self.motions, strict=True)
         ]
-        """Torques (samples,) that the friction law must explain, N·m."""
+        """Torque (samples,) of each recording that the friction law must explain, N·m."""
         base = required_friction(drive)
         self.default = np.array([base.mu_static - base.mu, base.dwell_constant or 0.0, base.memory])
 
     def model(self, theta: Array) -> Drive:
-        """Return the drive with the parameters θ (3,): mu_static − mu, dwell_constant and memory.
+        """Return the drive with the parameters of the vector θ.
 
-        A dwell constant of 0 s means that friction does not grow at rest.
+        Parameters
+        ----------
+        theta : (3,) array
+            mu_static − mu, dwell_constant (s) and memory (s). A dwell constant of 0 s means that
+            friction does not grow at rest.
+
+        Returns
+        -------
+        Drive
+            Drive whose other parameters are unchanged.
         """
         base = required_friction(self.drive)
         rise, dwell, memory = theta.tolist()
@@ -128,9 +154,11 @@ def fit_dynamic(
     """Fit the static friction, its growth at rest and frictional memory to start–stop recordings.
 
     The parameters of the torque–velocity map do not change. The Akaike criterion selects which of
-    the three parameters are fitted. Neighbouring residuals are correlated, so the criterion uses
-    the number of independent samples that their autocorrelation implies. The 95 % intervals are
-    asymptotic.
+    the three parameters are fitted: N ln(cost) + 2 k is smallest, where the cost is the sum of
+    squared residuals, and k the number of fitted parameters. The criterion is evaluated at the best
+    points of a grid. N is the number of independent samples. It is smaller than the number of
+    samples, because the residuals of neighbouring samples are correlated. The 95 % intervals are
+    asymptotic, that is, they follow from a linearised model.
 
     Parameters
     ----------
@@ -139,9 +167,9 @@ def fit_dynamic(
     recordings : sequence of Recording
         Start–stop recordings.
     load : float
-        Constant effort on the output, N·m or N.
+        Constant effort on the output (N·m or N).
     load_inertia : float
-        Inertia of the payload at the output, kg·m² or kg.
+        Inertia of the payload at the output (kg·m² or kg).
 
     Returns
     -------
@@ -177,9 +205,21 @@ def fit_dynamic(
 
 
 def _best_grid_point(problem: _LeastSquaresProblem, subset: tuple[int, ...]) -> Array:
-    """Return the point θ (3,) with the smallest cost, among a grid and the values of the drive.
+    """Find the point with the smallest cost among a grid and the parameters of the drive.
 
-    Only the parameters with the indices `subset` vary. The others keep the values of the drive.
+    The search of `_minimise_cost` starts at this point.
+
+    Parameters
+    ----------
+    problem : _LeastSquaresProblem
+        Least-squares problem.
+    subset : tuple of int
+        Indices in θ of the parameters that vary. The others keep the values of the drive.
+
+    Returns
+    -------
+    (3,) array
+        Parameters θ of the best point.
     """
     axes = [
         values if k in subset else (problem.default[k],) for k, values in enumerate(_GRID_VALUES)
@@ -191,10 +231,24 @@ def _best_grid_point(problem: _LeastSquaresProblem, subset: tuple[int, ...]) -> 
 def _minimise_cost(
     problem: _LeastSquaresProblem, theta: Array, free: list[int]
 ) -> tuple[Array, Array]:
-    """Minimise the cost over some parameters by least squares.
+    """Minimise the cost over some of the parameters by a bounded least-squares search.
 
-    The search starts at `theta` (3,). Only the parameters with the indices `free` vary. Returns θ
-    (3,) and the derivatives of the residuals by the free parameters, (all samples, free).
+    Parameters
+    ----------
+    problem : _LeastSquaresProblem
+        Least-squares problem.
+    theta : (3,) array
+        Parameters θ at which the search starts.
+    free : list of int
+        Indices in θ of the parameters that vary.
+
+    Returns
+    -------
+    theta : (3,) array
+        Parameters with the smallest cost. They are those of the start if the search does not
+        improve them.
+    jacobian : (all samples, free) array
+        Derivatives of the residuals with respect to the free parameters, at the end of the search.
     """
     from scipy.optimize import least_squares
 
@@ -220,10 +274,21 @@ def _minimise_cost(
 
 
 def _independent_samples(residual: Array) -> float:
-    """Return the number of independent samples to which correlated residuals (samples,) correspond.
+    """Compute the number of independent samples to which correlated residuals correspond.
 
     It is N (1 − ρ) / (1 + ρ), with the number N of samples and the correlation ρ between
-    neighbours.
+    neighbours, which is limited to 0 … 0.99. This is the formula for an autoregressive process of
+    first order.
+
+    Parameters
+    ----------
+    residual : (samples,) array
+        Residuals in the order of time.
+
+    Returns
+    -------
+    float
+        Number of independent samples.
     """
     centred = residual - residual.mean()
     rho = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred**2)), 1e-300))
@@ -238,20 +303,29 @@ def _estimates(
     jacobian: Array,
     independent: float,
 ) -> dict[str, Estimate]:
-    """Return the estimates of the parameters by name, with asymptotic 95 % intervals.
+    """Return the estimates of the three parameters, with asymptotic 95 % intervals.
+
+    The covariance of the parameters is the inverse of their Fisher information, which is reduced by
+    the ratio of independent to all samples.
 
     Parameters
     ----------
     problem : _LeastSquaresProblem
         Least-squares problem.
-    theta : (3,)
-        Fitted parameters.
+    theta : (3,) array
+        Fitted parameters θ.
     free : list of int
-        Indices of the fitted parameters. The others have an interval of length 0.
-    jacobian : (all samples, free)
-        Derivatives of the residuals by the fitted parameters.
+        Indices in θ of the fitted parameters. The others have an interval of length 0.
+    jacobian : (all samples, free) array
+        Derivatives of the residuals with respect to the fitted parameters.
     independent : float
         Number of independent samples.
+
+    Returns
+    -------
+    dict
+        Estimates by name of the parameter in the drive file (`mu_static`, `dwell_constant`,
+        `memory`).
     """
     from scipy.special import ndtri
 

@@ -1,9 +1,11 @@
 """Fit the part of the torque that repeats with the angle of the motor, and with that of the wheel.
 
-The torque is a sum of harmonics of one turn of the screw or worm, and of one turn of the wheel. If
-the recordings contain the angle, all recordings in one direction are fitted together. Otherwise,
-the angle is the integral of the speed from an unknown start. The harmonics of such recordings are
-rotated until they agree, so only their amplitudes are valid.
+`fit_harmonics` is the main function. The torque is a sum of harmonics: sines and cosines with 1, 2
+and 3 periods in one turn of the screw or worm, and in one turn of the wheel. If the recordings
+contain the motor angle, all recordings in one direction are fitted together. Otherwise, the angle
+is the integral of the speed from an unknown start. The harmonics of such recordings are rotated,
+that is, their angle is counted from another zero, until they agree. Only their amplitudes are then
+valid.
 """
 
 from collections.abc import Sequence
@@ -25,9 +27,17 @@ _ALIGNMENT_ITERATIONS = 5
 
 
 def motor_angle(recording: Recording) -> Array:
-    """Return the motor angle of a recording, (samples,) in rad.
+    """Return the motor angle of a recording.
 
-    It is the recorded angle or, without one, the integral of the speed.
+    Parameters
+    ----------
+    recording : Recording
+        Recording of the speed, with or without the angle.
+
+    Returns
+    -------
+    (samples,) array
+        Recorded angles (rad) or, without these, the integral of the speed from the first sample.
     """
     if recording.angle is not None:
         return recording.angle
@@ -35,16 +45,22 @@ def motor_angle(recording: Recording) -> Array:
 
 
 def ripple_rms(angle: Array, tau: Array) -> float:
-    """Return the RMS of the harmonics in a torque, N·m, without the contribution of noise.
+    """Compute the RMS of the torque that repeats with the motor angle, without that of noise.
 
-    The result is NaN if the angle spans less than two turns.
+    It is √(variance of the torque − variance of the noise), or 0 if the noise is larger. The noise
+    is what remains of the torque when its mean and its harmonics of the motor angle are subtracted.
 
     Parameters
     ----------
-    angle : (samples,)
-        Motor angle, rad.
-    tau : (samples,)
-        Motor torque, N·m.
+    angle : (samples,) array
+        Motor angles (rad).
+    tau : (samples,) array
+        Motor torques (N·m).
+
+    Returns
+    -------
+    float
+        RMS (N·m). NaN if the angle spans less than two turns.
     """
     if np.ptp(angle) < 2 * FULL_TURN:
         return float("nan")
@@ -98,8 +114,18 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
     """Compute the mean harmonics of recordings whose angles start at unknown positions.
 
     The harmonics of every recording are rotated until they agree best with the mean, and the mean
-    is computed again. The weights are the ranges of the angles. `series` contains angle in rad and
-    torque in N·m of each recording, (samples,) each.
+    is computed again. The first mean is that of the recording with the most turns.
+
+    Parameters
+    ----------
+    series : sequence of ((samples,) array, (samples,) array)
+        Motor angles (rad) and torques (N·m) of each recording.
+
+    Returns
+    -------
+    Harmonics
+        Mean harmonics, in which recordings with more turns have more weight. Their phases are not
+        valid.
     """
     single = [_fit_orders([curve], _harmonic_orders(None), phased=False) for curve in series]
     turns = np.array([np.ptp(angle) for angle, _ in series])
@@ -115,11 +141,18 @@ def _aligned_mean(series: Sequence[tuple[Array, Array]]) -> Harmonics:
 
 
 def _harmonic_orders(ratio: float | None) -> tuple[float, ...]:
-    """Return the orders of the harmonics: periods in one turn of the motor.
+    """Return the orders of the harmonics, which are their periods in one turn of the motor.
 
-    The orders of the wheel come first.
+    Parameters
+    ----------
+    ratio : float, optional
+        Number of motor turns per turn of the wheel. None for a drive without a wheel.
 
-    `ratio` is the number of motor turns per turn of the wheel. None means a drive without a wheel.
+    Returns
+    -------
+    tuple of float
+        The orders 1, 2, …, `HARMONICS` of the motor. Those of the wheel precede them, and are
+        1/ratio, 2/ratio, ….
     """
     motor = tuple(float(k) for k in range(1, HARMONICS + 1))
     return motor if ratio is None else (*(k / ratio for k in motor), *motor)
@@ -132,12 +165,17 @@ def _fit_orders(
 
     Parameters
     ----------
-    curves : sequence of ((samples,), (samples,))
-        Motor angle in rad and torque in N·m of each recording.
+    curves : sequence of ((samples,) array, (samples,) array)
+        Motor angles (rad) and torques (N·m) of each recording.
     orders : tuple of float
-        Periods of each harmonic in one turn of the motor.
+        Number of periods of each harmonic in one turn of the motor.
     phased : bool
-        True if the angles of all recordings have the same origin.
+        True if the angles of all recordings are counted from the same zero of the motor.
+
+    Returns
+    -------
+    Harmonics
+        The harmonics that all recordings have in common, without the mean torques.
     """
     means = np.repeat(np.eye(len(curves)), [len(tau) for _, tau in curves], axis=0)
     waves = np.outer(np.concatenate([angle for angle, _ in curves]), orders)
@@ -149,14 +187,23 @@ def _fit_orders(
 
 
 def _aligning_angle(reference: Any, coefficients: Any) -> float:
-    """Return the angle in rad by which harmonics must be rotated to agree best with others.
+    """Find the angle by which harmonics lag behind reference harmonics.
+
+    The result φ maximises Re Σ_k conj(r_k) c_k exp(−i k φ) among `_TRIAL_ANGLES` angles, with the
+    coefficients r_k of the reference and c_k of the others. If the others are rotated by −φ, they
+    agree best with the reference.
 
     Parameters
     ----------
-    reference : (orders,)
-        Complex coefficients that are rotated, of the orders 1, 2, ….
-    coefficients : (orders,)
-        Complex coefficients of the other harmonics.
+    reference : (orders,) array of complex
+        Coefficients r_k of the orders k = 1, 2, ….
+    coefficients : (orders,) array of complex
+        Coefficients c_k of the same orders.
+
+    Returns
+    -------
+    float
+        Angle φ (rad), from 0 to 2π.
     """
     angles = np.linspace(0, FULL_TURN, _TRIAL_ANGLES, endpoint=False)
     rotated = np.exp(-1j * np.outer(angles, np.arange(1, len(reference) + 1)))

@@ -58,7 +58,8 @@ SMALLEST_POSITIVE = 1e-300
 Mixture = list[tuple[Array, Array]]
 """Centre (d,) and scale (d, d) of each t-distribution in a mixture.
 
-The scale is the Cholesky factor of the covariance that the distribution represents. The d coordinates are those of all parameters except b_c and b_v.
+The scale is the Cholesky factor of the covariance that the distribution represents. The d
+coordinates are those of all parameters except b_c and b_v.
 """
 
 

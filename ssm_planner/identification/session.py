@@ -22,15 +22,22 @@ LONG_PAUSE = 1800.0
 
 
 def session_progress(times: Array) -> Array:
-    """Return the times of recordings as shares of their session, (recordings,), from 0 to 1.
+    """Return the times of recordings as shares of their session, from 0 to 1.
 
-    The result is NaN if fewer than `FEWEST_DATED_RECORDINGS` recordings have a date.
+    A pause longer than `LONG_PAUSE` counts as `LONG_PAUSE`. The shares are the times at which a
+    change of friction during the session is evaluated, see `MapModel.change`.
 
     Parameters
     ----------
-    times : (recordings,)
-        Time of each recording in s. NaN without a date. Pauses longer than `LONG_PAUSE` count as
-        `LONG_PAUSE`.
+    times : (recordings,) array
+        Time of each recording (s since 1970). NaN without a date.
+
+    Returns
+    -------
+    (recordings,) array
+        Shares, 0 for the first and 1 for the last recording. They are NaN without a date, and for
+        all recordings if fewer than `FEWEST_DATED_RECORDINGS` have a date or if all dates are
+        equal.
     """
     share = np.full(len(times), np.nan)
     order = np.argsort(times)[: np.isfinite(times).sum()]
@@ -42,7 +49,7 @@ def session_progress(times: Array) -> Array:
 
 
 def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]:
-    """Yield remarks on the order of recordings, on missing dates, and on pauses.
+    """Yield notes on the order of recordings, on missing dates, and on pauses.
 
     Parameters
     ----------
@@ -50,6 +57,11 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]
         Map of the recordings at constant speed.
     moving : sequence of Recording
         Recordings with starts and stops.
+
+    Yields
+    ------
+    str
+        One sentence for each finding.
     """
     is_dated = np.isfinite(data.times)
     if is_dated.sum() < FEWEST_DATED_RECORDINGS:
@@ -81,7 +93,11 @@ def session_notes(data: TorqueMap, moving: Sequence[Recording]) -> Iterator[str]
 
 
 def _rank_correlation(a: Array, b: Array) -> float:
-    """Return Spearman's rank correlation of two quantities (n,). It is 0 if one is constant."""
+    """Return Spearman's rank correlation of two quantities a and b, (n,) each.
+
+    It is ±1 if one quantity rises or falls whenever the other one rises. It is 0 if one is
+    constant.
+    """
     from scipy.stats import spearmanr
 
     if not (np.ptp(a) and np.ptp(b)):
@@ -90,7 +106,10 @@ def _rank_correlation(a: Array, b: Array) -> float:
 
 
 def _duration_text(seconds: float) -> str:
-    """Describe a duration of minutes, hours or days."""
+    """Describe a duration in s in the unit that suits it: minutes, hours or days.
+
+    A unit is used for at least two of it. Shorter durations are in minutes.
+    """
     for unit, size in (("days", 86400.0), ("hours", 3600.0)):
         if seconds >= 2 * size:
             return f"{seconds / size:.0f} {unit}"
